@@ -1,0 +1,6 @@
+"""Cameras: from pixels to rays and back, and the calibration files they come from."""
+
+from farpoint.camera.camera import Camera, CameraModel
+from farpoint.camera.pinhole import Pinhole
+
+__all__ = ["Camera", "CameraModel", "Pinhole"]

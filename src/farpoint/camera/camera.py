@@ -1,0 +1,133 @@
+"""A calibrated camera: one class in front of every lens model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from farpoint.camera.pinhole import Pinhole
+from farpoint.errors import InputError
+from farpoint.geometry.sphere import tangent_basis
+
+__all__ = ["Camera", "CameraModel"]
+
+
+class CameraModel(Protocol):
+    """What a lens model must know; every model of this package is a frozen dataclass of floats.
+
+    Pixels are OpenCV's: the centre of the top-left pixel is (0, 0).
+    """
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (N, 2) of points in camera axes (N, 3); NaN rows where the lens sees none."""
+        ...
+
+    def unproject(self, pixels: np.ndarray) -> np.ndarray:
+        """Unit rays (N, 3) of pixels (N, 2); NaN rows where no ray exists."""
+        ...
+
+    def project_jacobian(self, points: np.ndarray) -> np.ndarray:
+        """Derivative of `project` by the point, shape (N, 2, 3)."""
+        ...
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every parameter by name, in the order people write them."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """A lens model with the size of its images.
+
+    Attributes
+    ----------
+    model : CameraModel
+        The lens.
+    size : (width, height) or None
+        Pixels; None where the calibration gives none, until the first frame fixes it.
+    name : str
+        Name within its calibration file, or of the file.
+    """
+
+    model: CameraModel
+    size: tuple[int, int] | None = None
+    name: str = "camera"
+
+    @classmethod
+    def pinhole(
+        cls,
+        width: int,
+        height: int,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        distortion: Sequence[float] = (),
+    ) -> Camera:
+        """Pinhole camera with radial-tangential distortion ``(k1, k2, p1, p2[, k3...])``.
+
+        Parameters
+        ----------
+        width, height : int
+            Image size, px.
+        fx, fy, cx, cy : float
+            Focal lengths and principal point, px; the centre of the top-left pixel is (0, 0).
+        distortion : sequence of float
+            OpenCV's coefficients in OpenCV's order; empty for none.
+
+        Examples
+        --------
+        >>> Camera.pinhole(640, 480, 500, 500, 319.5, 239.5).unproject([[319.5, 239.5]])
+        array([[0., 0., 1.]])
+        """
+        model = Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, distortion=tuple(distortion))
+        return cls(model=model, size=_checked_size(width, height))
+
+    def with_size(self, width: int, height: int) -> Camera:
+        """The same camera for images of this size; an InputError if it has another size."""
+        if self.size is not None and self.size != (width, height):
+            raise InputError(
+                f"images are {width}x{height} but the calibration is for "
+                f"{self.size[0]}x{self.size[1]}",
+                field="camera",
+            )
+        return replace(self, size=_checked_size(width, height))
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (N, 2) of rays or points in camera axes (N, 3).
+
+        NaN rows where the lens sees none (behind a pinhole, beyond the field where the model
+        holds). Pixels outside the image rectangle are returned as they are.
+        """
+        return self.model.project(_as_rows(points, 3, "points"))
+
+    def unproject(self, pixels: np.ndarray) -> np.ndarray:
+        """Unit rays (N, 3) in camera axes of pixels (N, 2); NaN rows where no ray exists."""
+        return self.model.unproject(_as_rows(pixels, 2, "pixels"))
+
+    def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
+        """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px, at unit rays (N, 3).
+
+        The inverse of the projection's Jacobian on the tangent plane of the ray, so it holds for
+        every lens model.
+        """
+        basis = tangent_basis(_as_rows(rays, 3, "rays"))
+        return basis @ np.linalg.inv(self.model.project_jacobian(rays) @ basis)
+
+
+def _checked_size(width: int, height: int) -> tuple[int, int]:
+    for name, value in (("width", width), ("height", height)):
+        if not (isinstance(value, int | np.integer) and value > 0):
+            raise InputError(f"expected a positive whole number of pixels, got {value!r}", field=name)
+    return int(width), int(height)
+
+
+def _as_rows(values: np.ndarray, columns: int, name: str) -> np.ndarray:
+    rows = np.asarray(values, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != columns:
+        raise InputError(f"expected shape (N, {columns}), got {rows.shape}", field=name)
+    return rows

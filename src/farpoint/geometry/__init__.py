@@ -1,0 +1,1 @@
+"""Rotations and directions: SO(3) and the unit sphere."""

@@ -1,0 +1,38 @@
+"""Directions: unit vectors, their tangent planes and the steps within them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["angle_between", "normalize", "retract", "tangent_basis"]
+
+
+def normalize(v: np.ndarray) -> np.ndarray:
+    """Unit vectors along the last axis of ``v`` (..., 3)."""
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def tangent_basis(direction: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (..., 3, 2) of the plane perpendicular to unit vectors (..., 3).
+
+    Without branches or singularities but for a sign at z = 0: Duff et al., "Building an
+    Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+    """
+    x, y, z = np.moveaxis(direction, -1, 0)
+    sign = np.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    first = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
+    second = np.stack([b, sign + y * y * a, -y], axis=-1)
+    return np.stack([first, second], axis=-1)
+
+
+def retract(direction: np.ndarray, basis: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Unit vector ``normalize(direction + basis @ step)``: (3,), (3, 2), (2,) -> (3,)."""
+    return normalize(direction + basis @ step)
+
+
+def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Angle, rad, between unit vectors (..., 3); accurate near 0 and near pi."""
+    cross = np.linalg.norm(np.cross(a, b), axis=-1)
+    return np.arctan2(cross, np.sum(a * b, axis=-1))

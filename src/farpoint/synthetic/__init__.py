@@ -1,0 +1,1 @@
+"""Scenes with exact truth: point sets and rendered image sequences."""
