@@ -1,0 +1,19 @@
+"""What every test may ask for."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of real sequences with truth; tests that need it skip where it is absent."""
+    folder = Path(
+        os.environ.get("FARPOINT_DATA", Path(__file__).parents[1] / ".." / "shared" / "data")
+    ).resolve()
+    if not folder.is_dir():
+        pytest.skip(f"real sequences not found at {folder} (set FARPOINT_DATA)")
+    return folder
