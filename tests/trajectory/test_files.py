@@ -1,0 +1,126 @@
+"""Trajectory files: exact round trips, evo as the oracle, and damage that names its line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evo.tools import file_interface
+from scipy.spatial.transform import Rotation
+
+from farpoint.errors import InputError
+from farpoint.trajectory import files
+
+
+def some_trajectory(count: int = 7) -> files.Trajectory:
+    rng = np.random.default_rng(3)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = Rotation.random(count, random_state=5).as_matrix()
+    poses[:, :3, 3] = rng.normal(scale=40.0, size=(count, 3))
+    stamps = 1403715273.262142976 + np.arange(count) / 30.0
+    return files.Trajectory(timestamps=stamps, world_from_body=poses)
+
+
+def test_tum_round_trip_keeps_times_and_positions_to_the_last_bit(tmp_path: Path) -> None:
+    written = some_trajectory()
+    files.write_tum(tmp_path / "a.tum", written)
+    read = files.read_tum(tmp_path / "a.tum")
+    np.testing.assert_array_equal(read.timestamps, written.timestamps)
+    np.testing.assert_array_equal(read.world_from_body[:, :3, 3], written.world_from_body[:, :3, 3])
+    np.testing.assert_allclose(read.world_from_body, written.world_from_body, atol=1e-15)
+
+
+def test_kitti_round_trip_is_exact(tmp_path: Path) -> None:
+    written = some_trajectory()
+    files.write_kitti(tmp_path / "poses.txt", written)
+    read = files.read_kitti(tmp_path / "poses.txt")
+    assert read.timestamps is None
+    np.testing.assert_array_equal(read.world_from_body, written.world_from_body)
+
+
+def test_evo_reads_what_we_write(tmp_path: Path) -> None:
+    written = some_trajectory()
+    files.write_tum(tmp_path / "a.tum", written)
+    files.write_kitti(tmp_path / "a.txt", written)
+    tum = file_interface.read_tum_trajectory_file(tmp_path / "a.tum")
+    kitti = file_interface.read_kitti_poses_file(tmp_path / "a.txt")
+    np.testing.assert_array_equal(tum.timestamps, written.timestamps)
+    np.testing.assert_allclose(np.stack(tum.poses_se3), written.world_from_body, atol=1e-14)
+    np.testing.assert_allclose(np.stack(kitti.poses_se3), written.world_from_body, atol=1e-14)
+
+
+def test_euroc_quaternion_is_wxyz_and_time_is_nanoseconds(tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(
+        "#timestamp, p_x, p_y, p_z, q_w, q_x, q_y, q_z, v_x\n"
+        "1403715273262142976,1.0,2.0,3.0,0.5,0.1,-0.7,0.5,9.9\n"
+    )
+    read = files.read_euroc(path)
+    assert read.timestamps is not None
+    assert read.timestamps[0] == 1403715273.262142976
+    np.testing.assert_allclose(
+        read.world_from_body[0, :3, :3],
+        Rotation.from_quat([0.1, -0.7, 0.5, 0.5]).as_matrix(),
+        atol=1e-12,
+    )
+    np.testing.assert_array_equal(read.world_from_body[0, :3, 3], [1.0, 2.0, 3.0])
+
+
+def test_real_truth_of_every_kind_is_recognised_and_read_as_evo_reads_it(
+    shared_data: Path,
+) -> None:
+    tum = shared_data / "tum_fr1_rpy" / "groundtruth.txt"
+    kitti = shared_data / "kitti_00" / "poses.txt"
+    euroc = shared_data / "euroc_v101_micro" / "groundtruth_openvins_V1_01_easy.csv"
+    for path, oracle in (
+        (tum, file_interface.read_tum_trajectory_file(tum).poses_se3),
+        (kitti, file_interface.read_kitti_poses_file(kitti).poses_se3),
+        (euroc, file_interface.read_euroc_csv_trajectory(euroc).poses_se3),
+    ):
+        read = files.read_trajectory(path)
+        np.testing.assert_allclose(read.world_from_body, np.stack(oracle), atol=1e-5)
+    assert len(files.read_trajectory(shared_data / "hololens" / "poses.txt")) == 373
+
+
+GOOD_TUM = "0.0 0 0 0 0 0 0 1\n"
+GOOD_KITTI = "1 0 0 0 0 1 0 0 0 0 1 0\n"
+DAMAGED = {
+    "cell is a word": (GOOD_TUM + "1.0 0 0 x 0 0 0 1\n", "line 2: expected a number, got 'x'"),
+    "row cut off": (GOOD_TUM + "1.0 0 0 0\n", "line 2: expected 8 numbers"),
+    "not finite": (GOOD_TUM + "1.0 0 nan 0 0 0 0 1\n", "line 2: expected finite"),
+    "no unit quaternion": ("# head\n0.0 0 0 0 0 0 0 0\n", "line 2: expected a unit quaternion"),
+    "time goes back": ("5.0 0 0 0 0 0 0 1\n" + GOOD_TUM, "line 2: expected a time of at least"),
+    "mirror": (GOOD_KITTI + "-1 0 0 0 0 1 0 0 0 0 1 0\n", "line 2: expected a rotation"),
+    "kitti row cut off": (GOOD_KITTI + "1 0 0\n", "line 2: expected 12 numbers"),
+    "other columns": ("1 2 3\n", "line 1: expected 8 numbers (TUM)"),
+    "no row": ("# only a comment\n\n", "found no row of numbers"),
+    "euroc cut off": ("1,2,3\n", "line 1: expected 8 numbers (t[ns]"),
+    "euroc in seconds": ("1.5,0,0,0,1,0,0,0\n", "line 1: expected whole nanoseconds"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
+def test_damage_names_file_and_line(tmp_path: Path, damage: str) -> None:
+    text, message = DAMAGED[damage]
+    path = tmp_path / "truth.txt"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        files.read_trajectory(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_and_binary_files_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nowhere\.txt: cannot be read: No such file"):
+        files.read_trajectory(tmp_path / "nowhere.txt")
+    (tmp_path / "image.png").write_bytes(b"\x89PNG\r\n\xff\xfe\x00")
+    with pytest.raises(InputError, match="expected a text file"):
+        files.read_trajectory(tmp_path / "image.png")
+
+
+def test_a_trajectory_without_times_cannot_be_written_as_tum(tmp_path: Path) -> None:
+    timeless = files.Trajectory(timestamps=None, world_from_body=some_trajectory().world_from_body)
+    with pytest.raises(InputError, match="expected time stamps"):
+        files.write_tum(tmp_path / "a.tum", timeless)
