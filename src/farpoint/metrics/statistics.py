@@ -1,0 +1,226 @@
+"""How errors spread, and whether the covariances that came with them are believable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import betaincinv, gammaincinv
+
+from farpoint.errors import InputError
+
+__all__ = [
+    "Consistency",
+    "Coverage",
+    "Summary",
+    "binomial_interval",
+    "chi2_quantile",
+    "consistency",
+    "coverage",
+    "nees",
+    "summarize",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """Figures of one kind of error, in the unit of the errors; NaN where ``count`` is 0.
+
+    Attributes
+    ----------
+    count : int
+        Number of errors.
+    mean, median, rmse, p95, max : float
+        ``p95`` is the smallest error that at least 95 % of the errors do not exceed.
+    """
+
+    count: int
+    mean: float
+    median: float
+    rmse: float
+    p95: float
+    max: float
+
+    def scaled(self, factor: float) -> Summary:
+        """The same figures in another unit."""
+        return Summary(
+            count=self.count,
+            mean=self.mean * factor,
+            median=self.median * factor,
+            rmse=self.rmse * factor,
+            p95=self.p95 * factor,
+            max=self.max * factor,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coverage:
+    """How often the truth lay inside the regions that were to hold it.
+
+    Attributes
+    ----------
+    level : float
+        Promised probability of each region.
+    inside, count : int
+        Regions that held the truth, and all regions.
+    low, high : float
+        95 % Clopper-Pearson interval of the probability behind ``inside / count``.
+    """
+
+    level: float
+    inside: int
+    count: int
+    low: float
+    high: float
+
+    @property
+    def share(self) -> float:
+        """``inside / count``; NaN where there is no region."""
+        return self.inside / self.count if self.count else float("nan")
+
+    @property
+    def kept(self) -> bool:
+        """Whether the promised level lies within the interval."""
+        return self.low <= self.level <= self.high
+
+
+@dataclass(frozen=True, kw_only=True)
+class Consistency:
+    """Whether errors are as large as their covariances say.
+
+    Attributes
+    ----------
+    dof : int
+        Degrees of freedom of each error; the mean NEES of honest Gaussian covariances.
+    count : int
+        Number of errors.
+    mean_nees, median_nees : float
+        Of the normalised estimation error squared.
+    nees_low, nees_high : float
+        Where ``mean_nees`` lies in 95 % of cases if covariances are honest and errors Gaussian and
+        independent.
+    coverage68, coverage95 : Coverage
+        Of the 68 % and 95 % ellipsoids.
+    median_sigma : float
+        Sharpness: median of ``sqrt(trace(covariance))``, in the unit of the errors. Of two honest
+        estimators the sharper is the better.
+    rms_sigma_over_error : float
+        Root of mean ``trace(covariance)`` over mean ``|error|^2``: 1 when the claimed size of the
+        errors is their true size, above 1 when too much is claimed.
+    """
+
+    dof: int
+    count: int
+    mean_nees: float
+    median_nees: float
+    nees_low: float
+    nees_high: float
+    coverage68: Coverage
+    coverage95: Coverage
+    median_sigma: float
+    rms_sigma_over_error: float
+
+
+def summarize(errors: np.ndarray) -> Summary:
+    """`Summary` of the errors that are defined (NaN means undefined; infinite ones count)."""
+    e = np.asarray(errors, dtype=np.float64)
+    e = e[~np.isnan(e)]
+    if not e.size:
+        nan = float("nan")
+        return Summary(count=0, mean=nan, median=nan, rmse=nan, p95=nan, max=nan)
+    return Summary(
+        count=e.size,
+        mean=float(np.mean(e)),
+        median=float(np.median(e)),
+        rmse=float(np.sqrt(np.mean(e**2))),
+        p95=float(np.quantile(e, 0.95, method="inverted_cdf")),
+        max=float(np.max(e)),
+    )
+
+
+def chi2_quantile(probability: float, dof: int) -> float:
+    """Value that a chi-square variable of ``dof`` degrees stays below with this probability."""
+    return float(2.0 * gammaincinv(0.5 * dof, probability))
+
+
+def binomial_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Clopper-Pearson interval of a probability, seen ``successes`` times in ``trials``.
+
+    Clopper and Pearson, Biometrika 26(4), 1934, doi:10.1093/biomet/26.4.404. It holds at least
+    its confidence for every number of trials, 0 included, where it is (0, 1).
+    """
+    tail = 0.5 * (1.0 - confidence)
+    k, n = successes, trials
+    low = float(betaincinv(k, n - k + 1, tail)) if k > 0 else 0.0
+    high = float(betaincinv(k + 1, n - k, 1.0 - tail)) if k < n else 1.0
+    return low, high
+
+
+def nees(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """Normalised estimation error squared, ``e^T C^-1 e``.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (N, D)
+        Error vectors; NaN rows are undefined, infinite ones lie outside of every region.
+    covariances : ndarray, shape (N, D, D)
+        Their covariances; NaN where there is none.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        NaN where error or covariance is undefined, infinite where the error is.
+
+    Raises
+    ------
+    InputError
+        If a covariance is not positive definite.
+    """
+    squared = np.full(len(errors), np.nan)
+    known = ~np.isnan(errors).any(axis=1) & ~np.isnan(covariances).any(axis=(1, 2))
+    squared[known] = np.inf
+    finite = known & np.isfinite(errors).all(axis=1)
+    for row in np.flatnonzero(known):
+        if np.linalg.eigvalsh(covariances[row])[0] <= 0.0:
+            raise InputError("expected a positive definite matrix", field=f"covariances[{row}]")
+    solved = np.linalg.solve(covariances[finite], errors[finite, :, None])[..., 0]
+    squared[finite] = np.sum(errors[finite] * solved, axis=1)
+    return squared
+
+
+def coverage(nees_values: np.ndarray, dof: int, level: float) -> Coverage:
+    """`Coverage` of the ellipsoids of probability ``level``; NaN values are left out."""
+    values = nees_values[~np.isnan(nees_values)]
+    inside = int(np.count_nonzero(values <= chi2_quantile(level, dof)))
+    low, high = binomial_interval(inside, values.size)
+    return Coverage(level=level, inside=inside, count=values.size, low=low, high=high)
+
+
+def consistency(errors: np.ndarray, covariances: np.ndarray) -> Consistency:
+    """`Consistency` of errors (N, D) with covariances (N, D, D); undefined rows are left out."""
+    values = nees(errors, covariances)
+    used = ~np.isnan(values)
+    dof, count = errors.shape[1], int(np.count_nonzero(used))
+    figures = summarize(values)
+    sigma_squared = np.trace(covariances[used], axis1=1, axis2=2)
+    error_squared = np.sum(errors[used] ** 2, axis=1)
+    total = count * dof
+    return Consistency(
+        dof=dof,
+        count=count,
+        mean_nees=figures.mean,
+        median_nees=figures.median,
+        nees_low=chi2_quantile(0.025, total) / count if count else float("nan"),
+        nees_high=chi2_quantile(0.975, total) / count if count else float("nan"),
+        coverage68=coverage(values, dof, 0.68),
+        coverage95=coverage(values, dof, 0.95),
+        median_sigma=summarize(np.sqrt(sigma_squared)).median,
+        rms_sigma_over_error=_root_ratio(sigma_squared, error_squared),
+    )
+
+
+def _root_ratio(numerator: np.ndarray, denominator: np.ndarray) -> float:
+    if not numerator.size:
+        return float("nan")
+    below = float(np.sum(denominator))
+    return float(np.sqrt(np.sum(numerator) / below)) if below > 0.0 else float("inf")
