@@ -1,0 +1,83 @@
+"""Laying one trajectory on another before they are compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.errors import InputError
+
+__all__ = ["Similarity", "align_se3", "align_sim3"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Similarity:
+    """A similarity transform of points, ``x -> scale * rotation @ x + translation``.
+
+    Attributes
+    ----------
+    scale : float
+        Positive; 1 for a rigid motion.
+    rotation : ndarray, shape (3, 3)
+        Proper rotation.
+    translation : ndarray, shape (3,)
+        In the unit of the target.
+    """
+
+    scale: float
+    rotation: np.ndarray
+    translation: np.ndarray
+
+    def apply_to_poses(self, world_from_cam: np.ndarray) -> np.ndarray:
+        """Poses (N, 4, 4) carried over: positions transformed, orientations turned."""
+        moved = np.array(world_from_cam, dtype=np.float64)
+        moved[:, :3, :3] = self.rotation @ moved[:, :3, :3]
+        moved[:, :3, 3] = self.scale * moved[:, :3, 3] @ self.rotation.T + self.translation
+        return moved
+
+
+def align_sim3(source: np.ndarray, target: np.ndarray) -> Similarity:
+    """Similarity that carries points ``source`` (N, 3) nearest to ``target`` (N, 3).
+
+    Least squares in closed form: Umeyama, "Least-Squares Estimation of Transformation Parameters
+    Between Two Point Patterns", PAMI 13(4), 1991, doi:10.1109/34.88573, eqs. 40-42.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, or the points lie on one line, so that no single rotation is best.
+    """
+    rotation, singular, variance = _umeyama(source, target)
+    return _completed(singular / variance, rotation, source, target)
+
+
+def align_se3(source: np.ndarray, target: np.ndarray) -> Similarity:
+    """Rigid motion that carries ``source`` (N, 3) nearest to ``target``; see `align_sim3`."""
+    rotation, _, _ = _umeyama(source, target)
+    return _completed(1.0, rotation, source, target)
+
+
+def _umeyama(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Rotation, signed sum of singular values ``tr(D S)`` and variance of the source."""
+    if source.shape != target.shape or source.ndim != 2 or source.shape[1] != 3:
+        raise InputError(
+            f"expected two arrays of shape (N, 3), got {source.shape} and {target.shape}",
+            field="source, target",
+        )
+    if len(source) < 3:
+        raise InputError(f"expected at least 3 positions, got {len(source)}", field="source")
+    x, y = source - source.mean(axis=0), target - target.mean(axis=0)
+    U, D, Vt = np.linalg.svd(y.T @ x / len(x))
+    # Two directions must stand out of the rounding, else the rotation about the line is arbitrary.
+    if not D[1] > 1e-12 * max(D[0], np.finfo(float).tiny):
+        raise InputError("positions lie on one line: no unique alignment", field="source, target")
+    S = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
+    return (U * S) @ Vt, float(D @ S), float(np.mean(np.sum(x**2, axis=1)))
+
+
+def _completed(
+    scale: float, rotation: np.ndarray, source: np.ndarray, target: np.ndarray
+) -> Similarity:
+    translation = target.mean(axis=0) - scale * rotation @ source.mean(axis=0)
+    return Similarity(scale=scale, rotation=rotation, translation=translation)
