@@ -1,0 +1,174 @@
+"""The split-half test: does the covariance hold, where nobody knows the truth?
+
+The matches of a pair are dealt at random into two halves and the motion is estimated from each.
+Their noise is independent, so the difference of the two must be as large as the sum of their
+covariances says. What both halves share (a wrong calibration, a moving object that is tracked in
+both, errors that neighbouring tracks have in common) cancels in the difference: the test can show
+that a covariance is too small, not that nothing is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.geometry import so3
+from farpoint.metrics.pairs import direction_error
+from farpoint.metrics.statistics import chi2_quantile, nees
+from farpoint.pose import PoseStatus, RelativePose
+
+__all__ = ["ConsistencyRatio", "SplitHalf", "consistency_ratio", "pose_difference", "split_half"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SplitHalf:
+    """Two estimates of one motion, from disjoint halves of its matches.
+
+    Attributes
+    ----------
+    statuses : tuple of two PoseStatus
+        Verdicts on the halves.
+    difference : ndarray, shape (dof,)
+        ``[dtheta, dbeta]`` from the first estimate to the second, rad; ``dtheta`` alone where only
+        the rotations can be compared, empty where nothing can.
+    nees : float
+        Normalised square of the difference; 0 where ``dof`` is 0.
+    """
+
+    statuses: tuple[PoseStatus, PoseStatus]
+    difference: np.ndarray
+    nees: float
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of the difference: 5, 3 or 0."""
+        return len(self.difference)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConsistencyRatio:
+    """Normalised squares summed over many differences, against their expectation.
+
+    Attributes
+    ----------
+    count : int
+        Differences that were compared.
+    dof : int
+        Their degrees of freedom in all.
+    ratio : float
+        Sum of the normalised squares over `dof`: 1 for honest covariances, above 1 where they are
+        too small. NaN where nothing was compared.
+    low, high : float
+        Where `ratio` lies in 95 % of cases if covariances are honest, errors Gaussian and the
+        differences independent.
+    """
+
+    count: int
+    dof: int
+    ratio: float
+    low: float
+    high: float
+
+
+def split_half(
+    matches: Sequence[np.ndarray], estimate: Callable[..., RelativePose], *, seed: int
+) -> SplitHalf:
+    """Estimate one motion from two random disjoint halves of its matches and compare.
+
+    Parameters
+    ----------
+    matches : sequence of ndarray
+        Arrays whose rows belong together, such as ``(points0, points1)`` or ``(rays0, rays1)``,
+        with covariances behind them where the estimator takes them.
+    estimate : callable
+        Called as ``estimate(*arrays)`` with half of the rows of each array.
+    seed : int
+        Of the deal; the same seed gives the same halves.
+
+    Raises
+    ------
+    InputError
+        If the arrays differ in length.
+
+    Examples
+    --------
+    >>> import farpoint as fp  # doctest: +SKIP
+    >>> halves = [
+    ...     split_half(pair, lambda p0, p1: fp.estimate_relative_pose(p0, p1, camera), seed=k)
+    ...     for k, pair in enumerate(pairs)
+    ... ]  # doctest: +SKIP
+    >>> consistency_ratio(halves).ratio  # doctest: +SKIP
+    """
+    lengths = [len(rows) for rows in matches]
+    if not lengths or min(lengths) != max(lengths):
+        raise InputError(f"expected arrays of one length, got {lengths}", field="matches")
+    order = np.random.default_rng(seed).permutation(lengths[0])
+    # In their old order, so that an estimator that looks at the order sees nothing unusual.
+    first, second = (np.sort(half) for half in np.array_split(order, 2))
+    return pose_difference(
+        estimate(*(rows[first] for rows in matches)),
+        estimate(*(rows[second] for rows in matches)),
+    )
+
+
+def pose_difference(a: RelativePose, b: RelativePose) -> SplitHalf:
+    """Compare two independent estimates of one motion, as far as both know it.
+
+    With ``R_true = Exp(dtheta_a) R_a = Exp(dtheta_b) R_b`` the difference of rotation ``log(R_b
+    R_a^T)`` is ``dtheta_a - dtheta_b`` to first order; the direction of b is seen in the tangent
+    plane of a. Independent errors add their covariances, b's carried into a's tangent plane.
+    """
+    difference, covariance = np.empty(0), np.empty((0, 0))
+    if a.covariance is not None and b.covariance is not None:
+        difference, covariance = _full_difference(a, b)
+    elif a.rotation_covariance is not None and b.rotation_covariance is not None:
+        difference = _rotation_difference(a, b)
+        covariance = a.rotation_covariance + b.rotation_covariance
+    squared = float(nees(difference[None], covariance[None])[0]) if difference.size else 0.0
+    return SplitHalf(statuses=(a.status, b.status), difference=difference, nees=squared)
+
+
+def consistency_ratio(halves: Sequence[SplitHalf]) -> ConsistencyRatio:
+    """`ConsistencyRatio` of many differences; those without degrees of freedom do not count."""
+    compared = [half for half in halves if half.dof]
+    dof = sum(half.dof for half in compared)
+    nan = float("nan")
+    return ConsistencyRatio(
+        count=len(compared),
+        dof=dof,
+        ratio=sum(half.nees for half in compared) / dof if dof else nan,
+        low=chi2_quantile(0.025, dof) / dof if dof else nan,
+        high=chi2_quantile(0.975, dof) / dof if dof else nan,
+    )
+
+
+def _rotation_difference(a: RelativePose, b: RelativePose) -> np.ndarray:
+    assert a.rotation_cam1_from_cam0 is not None
+    assert b.rotation_cam1_from_cam0 is not None
+    return so3.log(b.rotation_cam1_from_cam0 @ a.rotation_cam1_from_cam0.T)
+
+
+def _full_difference(a: RelativePose, b: RelativePose) -> tuple[np.ndarray, np.ndarray]:
+    direction_a, basis_a, covariance_a = _direction_of(a)
+    direction_b, basis_b, covariance_b = _direction_of(b)
+    dbeta = direction_error(direction_a[None], basis_a[None], direction_b[None])[0]
+    along = float(direction_a @ direction_b)
+    if along <= 0.0:
+        # Opposite hemispheres: an infinite difference, whatever the covariances say.
+        return np.concatenate([_rotation_difference(a, b), dbeta]), covariance_a + covariance_b
+    # Derivative of the central projection on a's tangent plane, by b's own tangent coordinates.
+    projection = (basis_a.T - np.outer(dbeta, direction_a)) / along
+    carry = np.eye(5)
+    carry[3:, 3:] = projection @ basis_b
+    difference = np.concatenate([_rotation_difference(a, b), dbeta])
+    return difference, covariance_a + carry @ covariance_b @ carry.T
+
+
+def _direction_of(pose: RelativePose) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    assert pose.direction_cam1_from_cam0 is not None
+    assert pose.direction_basis is not None
+    assert pose.covariance is not None
+    return pose.direction_cam1_from_cam0, pose.direction_basis, pose.covariance

@@ -1,0 +1,151 @@
+"""The split-half test: it must pass honest estimators and catch the others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from farpoint.errors import InputError
+from farpoint.geometry import so3, sphere
+from farpoint.metrics import consistency_ratio, pose_difference, split_half
+from farpoint.pose import PoseStats, PoseStatus, RelativePose
+
+TRUE_R = so3.exp([0.1, -0.2, 0.05])
+TRUE_DIRECTION = sphere.normalize(np.array([0.3, -0.1, 1.0]))
+STATS = PoseStats(
+    matches=0,
+    far=0,
+    near=0,
+    outliers=0,
+    iterations=0,
+    cost=1.0,
+    sign_probability=None,
+    search_s=0.0,
+    refinement_s=0.0,
+    covariance_s=0.0,
+)
+MIXING = np.array(
+    [
+        [2e-3, 0.0, 0.0, 0.0, 0.0],
+        [1e-3, 1e-3, 0.0, 0.0, 0.0],
+        [0.0, 1e-3, 3e-3, 0.0, 0.0],
+        [1e-2, 0.0, 2e-2, 3e-2, 0.0],
+        [0.0, 2e-2, 0.0, 1e-2, 4e-2],
+    ]
+)
+"""Square root of the covariance that one match gives: rotation and direction correlated."""
+
+
+def pose_from(error: np.ndarray, covariance: np.ndarray, turn: float = 0.0) -> RelativePose:
+    """An estimate with this error; its tangent basis turned by an angle, as no two need agree."""
+    basis = sphere.tangent_basis(TRUE_DIRECTION)
+    direction = sphere.retract(TRUE_DIRECTION, basis, -error[3:])
+    c, s = np.cos(turn), np.sin(turn)
+    own_basis = sphere.tangent_basis(direction) @ np.array([[c, -s], [s, c]])
+    carry = np.eye(5)
+    carry[3:, 3:] = own_basis.T @ basis
+    return RelativePose(
+        status=PoseStatus.OK,
+        reason="simulated",
+        rotation_cam1_from_cam0=so3.exp(-error[:3]) @ TRUE_R,
+        rotation_covariance=covariance[:3, :3],
+        direction_cam1_from_cam0=direction,
+        direction_basis=own_basis,
+        covariance=carry @ covariance @ carry.T,
+        labels=np.empty(0, np.uint8),
+        noise_px=None,
+        stats=STATS,
+    )
+
+
+def mean_estimator(sigma_factor: float):
+    """The mean of the matches' own errors, with its covariance times a factor squared."""
+
+    def estimate(errors: np.ndarray, weights: np.ndarray) -> RelativePose:
+        assert len(errors) == len(weights)
+        covariance = MIXING @ MIXING.T / len(errors)
+        turn = float(np.sum(weights))
+        return pose_from(errors.mean(axis=0), sigma_factor**2 * covariance, turn)
+
+    return estimate
+
+
+def halves_of(sigma_factor: float, pairs: int = 400):
+    rng = np.random.default_rng(11)
+    return [
+        split_half(
+            (rng.normal(size=(100, 5)) @ MIXING.T, rng.normal(size=100)),
+            mean_estimator(sigma_factor),
+            seed=k,
+        )
+        for k in range(pairs)
+    ]
+
+
+def test_an_honest_estimator_passes():
+    found = consistency_ratio(halves_of(1.0))
+    assert (found.count, found.dof) == (400, 2000)
+    assert found.low < found.ratio < found.high
+    assert (found.low, found.high) == pytest.approx((0.94, 1.06), abs=0.01)
+
+
+@pytest.mark.parametrize("sigma_factor", [0.9, 1.1])
+def test_ten_per_cent_of_sigma_is_noticed(sigma_factor: float):
+    found = consistency_ratio(halves_of(sigma_factor))
+    assert found.ratio == pytest.approx(sigma_factor**-2, rel=0.06)
+    assert not found.low < found.ratio < found.high
+
+
+def test_halves_are_disjoint_complete_and_follow_the_seed():
+    seen: list[np.ndarray] = []
+
+    def estimate(rows: np.ndarray) -> RelativePose:
+        seen.append(rows)
+        return pose_from(np.zeros(5), MIXING @ MIXING.T)
+
+    split_half((np.arange(7),), estimate, seed=1)
+    split_half((np.arange(7),), estimate, seed=1)
+    split_half((np.arange(7),), estimate, seed=2)
+    assert sorted(np.concatenate(seen[:2])) == list(range(7))
+    assert [len(half) for half in seen[:2]] == [4, 3]
+    np.testing.assert_array_equal(seen[0], seen[2])
+    assert not np.array_equal(seen[0], seen[4])
+
+
+def test_only_what_both_know_is_compared():
+    C = MIXING @ MIXING.T
+    full = pose_from(np.full(5, 1e-3), C)
+    turned = replace(
+        pose_from(np.zeros(5), C),
+        status=PoseStatus.ROTATION_ONLY,
+        direction_cam1_from_cam0=None,
+        direction_basis=None,
+        covariance=None,
+    )
+    lost = replace(
+        turned, status=PoseStatus.FAILED, rotation_cam1_from_cam0=None, rotation_covariance=None
+    )
+    rotation = pose_difference(full, turned)
+    assert rotation.statuses == (PoseStatus.OK, PoseStatus.ROTATION_ONLY)
+    assert rotation.dof == 3
+    expected = np.full(3, 1e-3) @ np.linalg.solve(2.0 * C[:3, :3], np.full(3, 1e-3))
+    assert rotation.nees == pytest.approx(expected, rel=1e-4)
+    nothing = pose_difference(full, lost)
+    assert (nothing.dof, nothing.nees) == (0, 0.0)
+    ratio = consistency_ratio([rotation, nothing])
+    assert (ratio.count, ratio.dof) == (1, 3)
+    assert np.isnan(consistency_ratio([nothing]).ratio)
+
+
+def test_opposite_directions_are_infinitely_apart():
+    C = MIXING @ MIXING.T
+    pose = pose_from(np.zeros(5), C)
+    flipped = replace(pose, direction_cam1_from_cam0=-TRUE_DIRECTION)
+    assert pose_difference(pose, flipped).nees == np.inf
+
+
+def test_arrays_of_different_length_are_refused():
+    with pytest.raises(InputError, match=r"^matches: expected arrays of one length, got \[3, 4\]"):
+        split_half((np.zeros(3), np.zeros(4)), mean_estimator(1.0), seed=0)
