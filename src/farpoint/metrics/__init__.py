@@ -1,0 +1,95 @@
+"""How far estimates are from the truth, and whether their covariances say so.
+
+Plain arrays in, records out; see `farpoint.evaluate` for files.
+"""
+
+from farpoint.metrics.alignment import Similarity, align_se3, align_sim3
+from farpoint.metrics.association import AssociationOptions, poses_at_frames, poses_at_times
+from farpoint.metrics.evaluation import (
+    Evaluation,
+    MotionEvaluation,
+    SegmentFigures,
+    TrajectoryEvaluation,
+    evaluate_motions,
+    evaluate_trajectory,
+)
+from farpoint.metrics.halves import (
+    ConsistencyRatio,
+    SplitHalf,
+    consistency_ratio,
+    pose_difference,
+    split_half,
+)
+from farpoint.metrics.pairs import (
+    PairErrors,
+    direction_error,
+    pair_errors,
+    relative_motions,
+    rotation_error,
+)
+from farpoint.metrics.report import PAIR_COLUMNS, pair_rows, to_json, to_text
+from farpoint.metrics.statistics import (
+    Consistency,
+    Coverage,
+    Summary,
+    binomial_interval,
+    chi2_quantile,
+    consistency,
+    coverage,
+    nees,
+    summarize,
+)
+from farpoint.metrics.trajectories import (
+    KITTI_LENGTHS_M,
+    RelativeErrors,
+    SegmentErrors,
+    absolute_errors,
+    kitti_segment_errors,
+    path_length,
+    relative_errors,
+)
+
+__all__ = [
+    "KITTI_LENGTHS_M",
+    "PAIR_COLUMNS",
+    "AssociationOptions",
+    "Consistency",
+    "ConsistencyRatio",
+    "Coverage",
+    "Evaluation",
+    "MotionEvaluation",
+    "PairErrors",
+    "RelativeErrors",
+    "SegmentErrors",
+    "SegmentFigures",
+    "Similarity",
+    "SplitHalf",
+    "Summary",
+    "TrajectoryEvaluation",
+    "absolute_errors",
+    "align_se3",
+    "align_sim3",
+    "binomial_interval",
+    "chi2_quantile",
+    "consistency",
+    "consistency_ratio",
+    "coverage",
+    "direction_error",
+    "evaluate_motions",
+    "evaluate_trajectory",
+    "kitti_segment_errors",
+    "nees",
+    "pair_errors",
+    "pair_rows",
+    "path_length",
+    "pose_difference",
+    "poses_at_frames",
+    "poses_at_times",
+    "relative_errors",
+    "relative_motions",
+    "rotation_error",
+    "split_half",
+    "summarize",
+    "to_json",
+    "to_text",
+]

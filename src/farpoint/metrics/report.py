@@ -1,0 +1,180 @@
+"""An evaluation as text for people, as JSON for programs, and pair by pair for tables."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+
+import numpy as np
+
+from farpoint.metrics.evaluation import Evaluation, MotionEvaluation, TrajectoryEvaluation
+from farpoint.metrics.pairs import PairErrors
+from farpoint.metrics.statistics import Consistency, Coverage, Summary
+
+__all__ = ["PAIR_COLUMNS", "pair_rows", "to_json", "to_text"]
+
+PAIR_COLUMNS = (
+    "status",
+    "true_rotation_deg",
+    "true_translation",
+    "rotation_error_deg",
+    "direction_error_deg",
+    "dtheta_x_rad",
+    "dtheta_y_rad",
+    "dtheta_z_rad",
+    "dbeta_0_rad",
+    "dbeta_1_rad",
+    "rotation_nees",
+    "direction_nees",
+    "pose_nees",
+)
+"""Names of what `pair_rows` yields."""
+
+DEG = 180.0 / math.pi
+
+
+def pair_rows(errors: PairErrors) -> Iterator[list[str]]:
+    """Rows for a CSV file, a pair each, under `PAIR_COLUMNS`; undefined fields are empty."""
+    numbers = np.column_stack(
+        [
+            errors.true_rotation_angle_rad * DEG,
+            errors.true_translation,
+            errors.rotation_angle_rad * DEG,
+            errors.direction_angle_rad * DEG,
+            errors.errors,
+            errors.rotation_nees,
+            errors.direction_nees,
+            errors.pose_nees,
+        ]
+    )
+    for status, row in zip(errors.statuses, numbers, strict=True):
+        yield [status.value, *("" if math.isnan(value) else f"{value:.9g}" for value in row)]
+
+
+def to_json(evaluation: Evaluation) -> str:
+    """JSON of the whole record, units in the names; a number that is not finite is null."""
+    return json.dumps(_finite(asdict(evaluation)), indent=2, allow_nan=False)
+
+
+def to_text(evaluation: Evaluation) -> str:
+    """Aligned tables, to be read in a terminal."""
+    lines = _motion_lines(evaluation.motions)
+    lines += ["", *_consistency_lines(evaluation.motions), ""]
+    if evaluation.trajectory is None:
+        lines.append(f"trajectory not compared: {evaluation.trajectory_fault}")
+    else:
+        lines += _trajectory_lines(evaluation.trajectory)
+    return "\n".join(lines) + "\n"
+
+
+def _motion_lines(motions: MotionEvaluation) -> list[str]:
+    counts = "   ".join(f"{name} {count}" for name, count in motions.statuses.items())
+    lines = [f"pairs {motions.pairs} ({motions.pairs_with_truth} with truth)   {counts}"]
+    if motions.directions_not_counted:
+        lines.append(
+            f"direction not counted for {motions.directions_not_counted} pairs: "
+            f"true translation below {motions.min_translation:g}"
+        )
+    if motions.directions_opposed:
+        lines.append(f"direction 90 deg or more off for {motions.directions_opposed} pairs")
+    return lines + _table(
+        ("error", *_SUMMARY_HEAD),
+        [
+            ("rotation, deg", *_summary_cells(motions.rotation_rad.scaled(DEG))),
+            ("direction, deg", *_summary_cells(motions.direction_rad.scaled(DEG))),
+        ],
+    )
+
+
+def _consistency_lines(motions: MotionEvaluation) -> list[str]:
+    head = ("covariance", "dof", "pairs", "NEES mean", "95 % bounds", "median")
+    head += ("in 68 %", "in 95 %", "sigma, deg", "sigma/error")
+    kinds = (("rotation", motions.rotation), ("direction", motions.direction))
+    rows = [(name, *_consistency_cells(kind)) for name, kind in (*kinds, ("pose", motions.pose))]
+    return [
+        *_table(head, rows),
+        "In n %: share of truths inside the n % region [95 % interval of that share].",
+        "Sigma: median of the claimed root mean square error (the pose's: of all 5 components).",
+    ]
+
+
+def _trajectory_lines(trajectory: TrajectoryEvaluation) -> list[str]:
+    t = trajectory
+    lines = [f"trajectory: {t.poses} poses, true path {t.path_length:.3f}, scale {t.scale:.6g}"]
+    lines += _table(
+        ("error", *_SUMMARY_HEAD),
+        [
+            ("ATE, Sim(3) aligned", *_summary_cells(t.ate_sim3)),
+            ("ATE, SE(3) aligned", *_summary_cells(t.ate_se3)),
+            (f"RPE over {t.delta_frames}, translation", *_summary_cells(t.rpe_translation)),
+            (f"RPE over {t.delta_frames}, deg", *_summary_cells(t.rpe_rotation_rad.scaled(DEG))),
+        ],
+    )
+    if t.segments:
+        rows = [
+            (
+                "all" if s.length is None else f"{s.length:g}",
+                str(s.count),
+                _number(100.0 * s.translation_ratio),
+                _number(DEG * s.rotation_rad_per_length),
+            )
+            for s in t.segments
+        ]
+        head = ("KITTI segments", "count", "translation, %", "rotation, deg/m")
+        lines += ["", *_table(head, rows)]
+    return [*lines, "Lengths in the unit of the truth; RPE and segments after the Sim(3) scale."]
+
+
+_SUMMARY_HEAD = ("count", "median", "mean", "rmse", "95 %", "max")
+
+
+def _summary_cells(summary: Summary) -> tuple[str, ...]:
+    s = summary
+    return (str(s.count), *(_number(v) for v in (s.median, s.mean, s.rmse, s.p95, s.max)))
+
+
+def _consistency_cells(c: Consistency) -> tuple[str, ...]:
+    return (
+        str(c.dof),
+        str(c.count),
+        _number(c.mean_nees),
+        f"[{_number(c.nees_low)}, {_number(c.nees_high)}]",
+        _number(c.median_nees),
+        _coverage_cell(c.coverage68),
+        _coverage_cell(c.coverage95),
+        _number(c.median_sigma * DEG),
+        _number(c.rms_sigma_over_error),
+    )
+
+
+def _coverage_cell(c: Coverage) -> str:
+    return f"{c.share:.3f} [{c.low:.3f}, {c.high:.3f}]" if c.count else "-"
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.4g}"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines with the first column to the left and the others to the right."""
+    cells = [head, *rows]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
+    return [
+        "  ".join(
+            cell.ljust(width) if k == 0 else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in cells
+    ]
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
