@@ -3,40 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
+from farpoint.camera.values import as_rows
 from farpoint.errors import InputError
-from farpoint.geometry.sphere import tangent_basis
+from farpoint.geometry.sphere import normalize, tangent_basis
 
 __all__ = ["Camera", "CameraModel"]
-
-
-class CameraModel(Protocol):
-    """What a lens model must know; every model of this package is a frozen dataclass of floats.
-
-    Pixels are OpenCV's: the centre of the top-left pixel is (0, 0).
-    """
-
-    def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (N, 2) of points in camera axes (N, 3); NaN rows where the lens sees none."""
-        ...
-
-    def unproject(self, pixels: np.ndarray) -> np.ndarray:
-        """Unit rays (N, 3) of pixels (N, 2); NaN rows where no ray exists."""
-        ...
-
-    def project_jacobian(self, points: np.ndarray) -> np.ndarray:
-        """Derivative of `project` by the point, shape (N, 2, 3)."""
-        ...
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,11 +28,14 @@ class Camera:
         Pixels; None where the calibration gives none, until the first frame fixes it.
     name : str
         Name within its calibration file, or of the file.
+    source : str or None
+        The kind of file it was read from, and its path; None for one made in code.
     """
 
     model: CameraModel
     size: tuple[int, int] | None = None
     name: str = "camera"
+    source: str | None = field(default=None, compare=False)
 
     @classmethod
     def pinhole(
@@ -98,36 +78,42 @@ class Camera:
         return replace(self, size=_checked_size(width, height))
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (N, 2) of rays or points in camera axes (N, 3).
+        """Pixels (N, 2) of rays or points in camera axes (N, 3), any length.
 
         NaN rows where the lens sees none (behind a pinhole, beyond the field where the model
         holds). Pixels outside the image rectangle are returned as they are.
         """
-        return self.model.project(_as_rows(points, 3, "points"))
+        return self.model.project(as_rows(points, 3, "points"))
 
     def unproject(self, pixels: np.ndarray) -> np.ndarray:
         """Unit rays (N, 3) in camera axes of pixels (N, 2); NaN rows where no ray exists."""
-        return self.model.unproject(_as_rows(pixels, 2, "pixels"))
+        return self.model.unproject(as_rows(pixels, 2, "pixels"))
 
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px, at unit rays (N, 3).
 
         The inverse of the projection's Jacobian on the tangent plane of the ray, so it holds for
-        every lens model.
+        every lens model. NaN where the lens does not see the ray.
         """
-        basis = tangent_basis(_as_rows(rays, 3, "rays"))
-        return basis @ np.linalg.inv(self.model.project_jacobian(rays) @ basis)
+        rays = normalize(as_rows(rays, 3, "rays"))
+        basis = tangent_basis(rays)
+        return basis @ _inverse_2x2(self.model.project_jacobian(rays) @ basis)
+
+
+def _inverse_2x2(M: np.ndarray) -> np.ndarray:
+    """Inverses of matrices (N, 2, 2); not finite where there is none."""
+    adjugate = np.empty_like(M)
+    adjugate[:, 0, 0], adjugate[:, 1, 1] = M[:, 1, 1], M[:, 0, 0]
+    adjugate[:, 0, 1], adjugate[:, 1, 0] = -M[:, 0, 1], -M[:, 1, 0]
+    with np.errstate(all="ignore"):
+        determinant = M[:, 0, 0] * M[:, 1, 1] - M[:, 0, 1] * M[:, 1, 0]
+        return adjugate / determinant[:, None, None]
 
 
 def _checked_size(width: int, height: int) -> tuple[int, int]:
     for name, value in (("width", width), ("height", height)):
         if not (isinstance(value, int | np.integer) and value > 0):
-            raise InputError(f"expected a positive whole number of pixels, got {value!r}", field=name)
+            raise InputError(
+                f"expected a positive whole number of pixels, got {value!r}", field=name
+            )
     return int(width), int(height)
-
-
-def _as_rows(values: np.ndarray, columns: int, name: str) -> np.ndarray:
-    rows = np.asarray(values, dtype=np.float64)
-    if rows.ndim != 2 or rows.shape[1] != columns:
-        raise InputError(f"expected shape (N, {columns}), got {rows.shape}", field=name)
-    return rows

@@ -1,0 +1,114 @@
+"""The part all lenses with a focal length share: from the lens's plane to pixels and back."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.camera.values import finite, in_blocks, positive
+
+__all__ = ["FocalModel", "PlaneJacobian", "rays_from_plane"]
+
+PlaneJacobian = tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]
+"""Rows of d(a, b) / d(x, y, z): two triples of arrays (N,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FocalModel(ABC):
+    """A lens that maps points to a plane (a, b), and the plane to pixels by four numbers.
+
+    ``u = fx * a + cx`` and ``v = fy * b + cy``; what lies between points and plane is the model.
+
+    Attributes
+    ----------
+    fx, fy : float
+        Focal lengths, px.
+    cx, cy : float
+        Principal point, px; the centre of the top-left pixel is (0, 0).
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def __post_init__(self) -> None:
+        for name in ("fx", "fy"):
+            object.__setattr__(self, name, positive(name, getattr(self, name)))
+        for name in ("cx", "cy"):
+            object.__setattr__(self, name, finite(name, getattr(self, name)))
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """What people call this lens."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every parameter by name, in the order people write them."""
+        return {"fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy}
+
+    @abstractmethod
+    def _to_plane(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Plane coordinates of points; NaN where the lens sees none."""
+
+    @abstractmethod
+    def _to_plane_jacobian(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneJacobian:
+        """Derivative of `_to_plane` by the point; what it is where that is NaN does not matter."""
+
+    @abstractmethod
+    def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Unit rays (N, 3) of plane coordinates; NaN rows where no ray exists."""
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (N, 2) of points in camera axes (N, 3); NaN rows where the lens sees none."""
+        return in_blocks(self._project, points, 2)
+
+    def unproject(self, pixels: np.ndarray) -> np.ndarray:
+        """Unit rays (N, 3) of pixels (N, 2); NaN rows where no ray exists."""
+        return in_blocks(self._unproject, pixels, 3)
+
+    def project_jacobian(self, points: np.ndarray) -> np.ndarray:
+        """Derivative of `project` by the point, shape (N, 2, 3); NaN where `project` is."""
+        return in_blocks(self._project_jacobian, points, 6).reshape(-1, 2, 3)
+
+    def _project(self, points: np.ndarray) -> np.ndarray:
+        a, b = self._to_plane(*points.T)
+        pixels = np.empty((len(points), 2))
+        pixels[:, 0] = self.fx * a + self.cx
+        pixels[:, 1] = self.fy * b + self.cy
+        return pixels
+
+    def _unproject(self, pixels: np.ndarray) -> np.ndarray:
+        return self._from_plane(
+            (pixels[:, 0] - self.cx) / self.fx, (pixels[:, 1] - self.cy) / self.fy
+        )
+
+    def _project_jacobian(self, points: np.ndarray) -> np.ndarray:
+        x, y, z = points.T
+        unseen = np.isnan(self._to_plane(x, y, z)[0])
+        flat = np.empty((len(points), 6))
+        for row, (focal, gradient) in enumerate(
+            zip((self.fx, self.fy), self._to_plane_jacobian(x, y, z), strict=True)
+        ):
+            for column, derivative in enumerate(gradient):
+                flat[:, 3 * row + column] = focal * derivative
+        flat[unseen] = np.nan
+        return flat
+
+
+def rays_from_plane(x: np.ndarray, y: np.ndarray, z: np.ndarray | float) -> np.ndarray:
+    """Unit vectors (N, 3) along (x, y, z); rows of NaN where that has no finite direction."""
+    square = x * x + y * y + z * z
+    scale = 1.0 / np.sqrt(square)
+    if not np.max(square, initial=0.0) < np.inf:
+        scale[~(square < np.inf)] = np.nan
+    rays = np.empty((len(x), 3))
+    rays[:, 0] = x * scale
+    rays[:, 1] = y * scale
+    rays[:, 2] = z * scale
+    return rays

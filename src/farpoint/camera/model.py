@@ -1,0 +1,39 @@
+"""What every lens model knows: the protocol the rest of farpoint works with."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+__all__ = ["CameraModel"]
+
+
+class CameraModel(Protocol):
+    """What a lens model must know; every model of this package is a frozen dataclass of floats.
+
+    Pixels are OpenCV's: the centre of the top-left pixel is (0, 0). Camera axes are x right,
+    y down, z forward.
+    """
+
+    @property
+    def title(self) -> str:
+        """What people call this lens, such as ``"pinhole, radial-tangential distortion"``."""
+        ...
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every parameter by name, in the order people write them."""
+        ...
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (N, 2) of points in camera axes (N, 3); NaN rows where the lens sees none."""
+        ...
+
+    def unproject(self, pixels: np.ndarray) -> np.ndarray:
+        """Unit rays (N, 3) of pixels (N, 2); NaN rows where no ray exists."""
+        ...
+
+    def project_jacobian(self, points: np.ndarray) -> np.ndarray:
+        """Derivative of `project` by the point, shape (N, 2, 3); NaN where `project` is."""
+        ...

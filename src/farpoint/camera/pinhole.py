@@ -1,0 +1,87 @@
+"""The pinhole with radial-tangential distortion: what OpenCV's `calibrateCamera` estimates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from farpoint.camera.focal import FocalModel, PlaneJacobian, rays_from_plane
+from farpoint.camera.radtan import COEFFICIENT_NAMES, RadialTangential
+
+__all__ = ["Pinhole"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pinhole(FocalModel):
+    """Pinhole camera with OpenCV's radial, tangential, thin-prism and tilt distortion.
+
+    With ``x = X/Z`` and ``y = Y/Z``, distorted to (a, b) by `RadialTangential`,
+    ``u = fx a + cx`` and ``v = fy b + cy``. Points with ``Z <= 0`` are not seen, nor are those
+    beyond the radius at which the distortion folds over.
+
+    Attributes
+    ----------
+    fx, fy : float
+        Focal lengths, px.
+    cx, cy : float
+        Principal point, px; the centre of the top-left pixel is (0, 0).
+    distortion : tuple of float
+        ``k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tauX tauY]]]]``, empty for none.
+
+    Raises
+    ------
+    InputError
+        For a focal length that is not positive, a number that is not finite, or another count of
+        coefficients than 0, 4, 5, 8, 12 or 14; it names the field.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> lens = Pinhole(fx=500, fy=500, cx=320, cy=240, distortion=(-0.28, 0.07, 0, 0))
+    >>> lens.project(np.array([[0.5, 0.0, 1.0]])).round(3)
+    array([[553.594, 240.   ]])
+    """
+
+    distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "distortion", RadialTangential(self.distortion).coefficients)
+
+    @property
+    def title(self) -> str:
+        """What people call this lens."""
+        if not self.distortion:
+            return "pinhole without distortion"
+        return f"pinhole with radial-tangential distortion ({len(self.distortion)} coefficients)"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every parameter by name, in the order people write them."""
+        return super().parameters | dict(zip(COEFFICIENT_NAMES, self.distortion, strict=False))
+
+    @cached_property
+    def _lens(self) -> RadialTangential:
+        return RadialTangential(self.distortion)
+
+    def _to_plane(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        depth = np.where(z > 0.0, z, np.nan)
+        return self._lens.distort(x / depth, y / depth)
+
+    def _to_plane_jacobian(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneJacobian:
+        inverse = 1.0 / z
+        x, y = x * inverse, y * inverse
+        lens = self._lens.derivatives(x, y)
+        return (
+            (lens.a_x * inverse, lens.a_y * inverse, -(lens.a_x * x + lens.a_y * y) * inverse),
+            (lens.b_x * inverse, lens.b_y * inverse, -(lens.b_x * x + lens.b_y * y) * inverse),
+        )
+
+    def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        if self._lens.is_identity:
+            return rays_from_plane(a, b, 1.0)
+        return rays_from_plane(*self._lens.undistort(a, b), 1.0)

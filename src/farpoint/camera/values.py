@@ -1,0 +1,66 @@
+"""Checks of what users hand to a lens model: scalars, and rows of numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from farpoint.errors import InputError
+
+__all__ = ["as_rows", "finite", "in_blocks", "positive"]
+
+# Few enough rows that a dozen temporaries stay in the processor's second-level cache: a million
+# pixels then take a quarter of the time they take at once.
+BLOCK_ROWS = 8192
+
+
+def finite(name: str, value: Any) -> float:
+    """The parameter as a finite float, or an InputError naming it."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"expected a number, got {value!r}", field=name) from None
+    if not math.isfinite(number):
+        raise InputError(f"expected a finite number, got {number}", field=name)
+    return number
+
+
+def positive(name: str, value: Any) -> float:
+    """The parameter as a positive finite float, or an InputError naming it."""
+    number = finite(name, value)
+    if number <= 0:
+        raise InputError(f"expected a positive number, got {number:g}", field=name)
+    return number
+
+
+def as_rows(values: Any, columns: int, name: str) -> np.ndarray:
+    """The argument as float64 of shape (N, columns), or an InputError naming it."""
+    try:
+        rows = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"expected numbers of shape (N, {columns})", field=name) from None
+    if rows.ndim != 2 or rows.shape[1] != columns:
+        raise InputError(f"expected shape (N, {columns}), got {rows.shape}", field=name)
+    return rows
+
+
+def in_blocks(
+    function: Callable[[np.ndarray], np.ndarray], rows: np.ndarray, columns: int
+) -> np.ndarray:
+    """Apply a row-by-row function, (N, k) -> (N, columns), to a cache-sized part at a time.
+
+    Floating-point faults are silent: they are how a lens model finds the rows that it answers
+    with NaN.
+    """
+    rows = np.asarray(rows, dtype=np.float64)
+    with np.errstate(all="ignore"):
+        if len(rows) <= BLOCK_ROWS:
+            return function(rows)
+        out = np.empty((len(rows), columns))
+        for start in range(0, len(rows), BLOCK_ROWS):
+            part = slice(start, start + BLOCK_ROWS)
+            out[part] = function(rows[part])
+        return out
