@@ -139,6 +139,15 @@ def test_only_what_both_know_is_compared():
     assert np.isnan(consistency_ratio([nothing]).ratio)
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.5, 2.0])
+def test_tangent_bases_need_not_agree(turn: float):
+    C = MIXING @ MIXING.T
+    error = np.array([1e-4, -2e-4, 1e-4, 3e-3, -2e-3])
+    difference = pose_difference(pose_from(np.zeros(5), C, 0.3), pose_from(error, C, turn))
+    assert difference.dof == 5
+    assert difference.nees == pytest.approx(error @ np.linalg.solve(2.0 * C, error), rel=1e-2)
+
+
 def test_opposite_directions_are_infinitely_apart():
     C = MIXING @ MIXING.T
     pose = pose_from(np.zeros(5), C)

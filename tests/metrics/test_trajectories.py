@@ -86,8 +86,10 @@ def test_alignment_is_exact_on_exact_data_and_never_mirrors():
     np.testing.assert_allclose(found.translation, t, atol=1e-12)
     assert found.scale == pytest.approx(2.5, rel=1e-12)
     mirrored = align_sim3(source, source * [1.0, 1.0, -1.0])
+    R, _, scale = evo_geometry.umeyama_alignment(source.T, (source * [1.0, 1.0, -1.0]).T, True)
     assert np.linalg.det(mirrored.rotation) == pytest.approx(1.0)
-    assert 0.0 < mirrored.scale < 1.0
+    np.testing.assert_allclose(mirrored.rotation, R, atol=1e-12)
+    assert mirrored.scale == pytest.approx(scale, rel=1e-12)
 
 
 @pytest.mark.parametrize("with_scale", [True, False])
@@ -171,6 +173,18 @@ def test_segment_errors_are_kittis():
     figures = evaluate_trajectory(estimate, truth).segments
     assert [s.length for s in figures] == [100.0, 200.0, 300.0, None]
     assert figures[-1].count == len(expected)
+
+
+def test_a_segment_ends_beyond_its_length_not_at_it():
+    truth = np.tile(np.eye(4), (250, 1, 1))
+    truth[:, 2, 3] = np.arange(250.0)
+    estimate = truth.copy()
+    estimate[101, 0, 3] = 7.0
+    ours = kitti_segment_errors(estimate, truth)
+    assert ours.translation_ratio[0] == pytest.approx(0.07)
+    np.testing.assert_array_equal(
+        ours.translation_ratio, np.array(kitti_kit(estimate, truth))[:, 2]
+    )
 
 
 def test_a_short_path_has_no_segments():

@@ -47,7 +47,7 @@ def poses_at_times(
     Parameters
     ----------
     truth_timestamps : ndarray, shape (N,)
-        Strictly increasing, s.
+        Never decreasing, s; of equal ones the first counts.
     truth_poses : ndarray, shape (N, 4, 4)
         Rigid transforms.
     timestamps : ndarray, shape (M,)
@@ -58,19 +58,20 @@ def poses_at_times(
     Raises
     ------
     InputError
-        If the true time stamps do not increase, or no wanted time has a true pose.
+        If the true time stamps decrease, or no wanted time has a true pose.
     """
     options = options or AssociationOptions()
     times, wanted = np.asarray(truth_timestamps, float), np.asarray(timestamps, float)
-    if not np.all(np.diff(times) > 0.0):
-        row = int(np.flatnonzero(~(np.diff(times) > 0.0))[0]) + 1
-        raise InputError("expected increasing time stamps", field=f"truth pose {row}")
+    if not np.all(np.diff(times) >= 0.0):
+        row = int(np.flatnonzero(~(np.diff(times) >= 0.0))[0]) + 1
+        raise InputError("expected time stamps in order", field=f"truth pose {row}")
+    times, first = np.unique(times, return_index=True)
     poses = np.full((len(wanted), 4, 4), np.nan)
     snapped = _snapped(times, wanted, options.tolerance_s)
     known = _covered(times, snapped, options.max_gap_s)
     if not known.any():
         raise InputError(_no_overlap(times, wanted, options), field="timestamps")
-    poses[known] = _interpolated(times, np.asarray(truth_poses, float), snapped[known])
+    poses[known] = _interpolated(times, np.asarray(truth_poses, float)[first], snapped[known])
     return poses
 
 
