@@ -79,13 +79,17 @@ def _motion_lines(motions: MotionEvaluation) -> list[str]:
         )
     if motions.directions_opposed:
         lines.append(f"direction 90 deg or more off for {motions.directions_opposed} pairs")
-    return lines + _table(
-        ("error", *_SUMMARY_HEAD),
-        [
-            ("rotation, deg", *_summary_cells(motions.rotation_rad.scaled(DEG))),
-            ("direction, deg", *_summary_cells(motions.direction_rad.scaled(DEG))),
-        ],
-    )
+    return [
+        *lines,
+        "",
+        *_table(
+            ("error", *_SUMMARY_HEAD),
+            [
+                ("rotation, deg", *_summary_cells(motions.rotation_rad.scaled(DEG))),
+                ("direction, deg", *_summary_cells(motions.direction_rad.scaled(DEG))),
+            ],
+        ),
+    ]
 
 
 def _consistency_lines(motions: MotionEvaluation) -> list[str]:
@@ -127,7 +131,7 @@ def _trajectory_lines(trajectory: TrajectoryEvaluation) -> list[str]:
     return [*lines, "Lengths in the unit of the truth; RPE and segments after the Sim(3) scale."]
 
 
-_SUMMARY_HEAD = ("count", "median", "mean", "rmse", "95 %", "max")
+_SUMMARY_HEAD = ("count", "median", "mean", "rmse", "p95", "max")
 
 
 def _summary_cells(summary: Summary) -> tuple[str, ...]:
