@@ -1,0 +1,79 @@
+"""What every sink is: results go in one by one, and closing leaves a valid file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Protocol, Self
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.odometry import OdometryResult
+
+__all__ = ["Sink", "TextSink", "open_output"]
+
+
+class Sink(Protocol):
+    """Somewhere that results go, in the order of the frames."""
+
+    def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
+        """Add what one frame brought; the image is None where it could not be decoded."""
+        ...
+
+    def close(self) -> None:
+        """Finish the output; a second call does nothing."""
+        ...
+
+
+class TextSink:
+    """A sink of lines, each of them in the file before the next result comes.
+
+    Parameters
+    ----------
+    path : Path
+        Replaced if it exists.
+    header : str
+        Written first, as it is.
+    """
+
+    def __init__(self, path: Path, header: str = "") -> None:
+        self._file = open_output(path)
+        self._put(header)
+
+    def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
+        """Append the lines of one result; the image is not looked at."""
+        del image
+        self._put(self.lines(result))
+
+    def lines(self, result: OdometryResult) -> str:
+        """What is written of a result, with line ends."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _put(self, text: str) -> None:
+        # One write and one flush: a killed run loses no row and leaves none cut in half.
+        self._file.write(text)
+        self._file.flush()
+
+
+def open_output(path: Path) -> IO[str]:
+    """Open a text file for writing, or raise an InputError that names it."""
+    try:
+        return path.open("w", encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=path) from error
