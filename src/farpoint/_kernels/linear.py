@@ -1,0 +1,175 @@
+"""Small linear algebra on fixed sizes: rotations, symmetric systems, and random numbers.
+
+Every function writes into the caller's buffers and allocates nothing, so that the loops above can
+call it a million times. No ``np.linalg``: it would cost seconds of compiling (and a LAPACK call).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import kernel
+
+__all__ = [
+    "apply_rotation_step",
+    "draw_index",
+    "kabsch",
+    "solve_spd",
+    "tangent_basis",
+]
+
+
+@kernel
+def draw_index(state: np.ndarray, n: int) -> int:
+    """Uniform integer in [0, n) from a splitmix64 ``state`` (1,) uint64, which is advanced."""
+    state[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = state[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    # The top 53 bits make a double in [0, 1); its bias over n < 2^32 is beyond notice.
+    return int(float(z >> np.uint64(11)) * 1.1102230246251565e-16 * n)
+
+
+@kernel
+def tangent_basis(d: np.ndarray, basis: np.ndarray) -> None:
+    """Orthonormal basis (3, 2) perpendicular to the unit vector ``d`` (Duff et al., JCGT 2017)."""
+    sign = math.copysign(1.0, d[2])
+    a = -1.0 / (sign + d[2])
+    b = d[0] * d[1] * a
+    basis[0, 0] = 1.0 + sign * d[0] * d[0] * a
+    basis[1, 0] = sign * b
+    basis[2, 0] = -sign * d[0]
+    basis[0, 1] = b
+    basis[1, 1] = sign + d[1] * d[1] * a
+    basis[2, 1] = -d[1]
+
+
+@kernel
+def apply_rotation_step(R: np.ndarray, x: float, y: float, z: float, out: np.ndarray) -> None:
+    """``out = Exp((x, y, z)) @ R``; ``out`` may be ``R`` itself."""
+    angle2 = x * x + y * y + z * z
+    # Unit quaternion of the step; its series at 0 is exact to rounding below 1e-8 rad^2.
+    if angle2 < 1e-8:
+        qw = 1.0 - angle2 / 8.0
+        f = 0.5 - angle2 / 48.0
+    else:
+        angle = math.sqrt(angle2)
+        qw = math.cos(0.5 * angle)
+        f = math.sin(0.5 * angle) / angle
+    qx, qy, qz = f * x, f * y, f * z
+    e00, e01, e02 = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qw * qz), 2 * (qx * qz + qw * qy)
+    e10, e11, e12 = 2 * (qx * qy + qw * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qw * qx)
+    e20, e21, e22 = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
+    for j in range(3):
+        r0, r1, r2 = R[0, j], R[1, j], R[2, j]
+        out[0, j] = e00 * r0 + e01 * r1 + e02 * r2
+        out[1, j] = e10 * r0 + e11 * r1 + e12 * r2
+        out[2, j] = e20 * r0 + e21 * r1 + e22 * r2
+
+
+@kernel
+def solve_spd(H: np.ndarray, g: np.ndarray, damping: float, L: np.ndarray, x: np.ndarray) -> bool:
+    """Solve ``(H + damping * diag(H)) x = g`` by Cholesky; False where H is not positive definite.
+
+    ``H`` (n, n) and ``g`` (n,) are left as they are; ``L`` (n, n) is scratch.
+    """
+    n = g.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            s = H[i, j]
+            if i == j:
+                s += damping * H[i, i]
+            for k in range(j):
+                s -= L[i, k] * L[j, k]
+            if i == j:
+                if not s > 1e-14 * H[i, i] or not s < math.inf:
+                    return False
+                L[i, i] = math.sqrt(s)
+            else:
+                L[i, j] = s / L[j, j]
+    for i in range(n):
+        s = g[i]
+        for k in range(i):
+            s -= L[i, k] * x[k]
+        x[i] = s / L[i, i]
+    for i in range(n - 1, -1, -1):
+        s = x[i]
+        for k in range(i + 1, n):
+            s -= L[k, i] * x[k]
+        x[i] = s / L[i, i]
+    return True
+
+
+@kernel
+def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
+    """Rotation maximising ``trace(R.T @ M)`` for ``M = sum b a^T`` (3, 3): SVD ``M = U S V^T``.
+
+    Cyclic Jacobi on ``M^T M`` gives V; the columns of U follow as ``M v / |M v|``, the weakest one
+    as a cross product, which also makes the determinant +1 (Kabsch 1976,
+    DOI 10.1107/S0567739476001873). False where M has rank below two.
+    """
+    s00 = M[0, 0] * M[0, 0] + M[1, 0] * M[1, 0] + M[2, 0] * M[2, 0]
+    s11 = M[0, 1] * M[0, 1] + M[1, 1] * M[1, 1] + M[2, 1] * M[2, 1]
+    s22 = M[0, 2] * M[0, 2] + M[1, 2] * M[1, 2] + M[2, 2] * M[2, 2]
+    s01 = M[0, 0] * M[0, 1] + M[1, 0] * M[1, 1] + M[2, 0] * M[2, 1]
+    s02 = M[0, 0] * M[0, 2] + M[1, 0] * M[1, 2] + M[2, 0] * M[2, 2]
+    s12 = M[0, 1] * M[0, 2] + M[1, 1] * M[1, 2] + M[2, 1] * M[2, 2]
+    S = np.array([[s00, s01, s02], [s01, s11, s12], [s02, s12, s22]])
+    V = np.eye(3)
+    for _ in range(12):
+        off = S[0, 1] * S[0, 1] + S[0, 2] * S[0, 2] + S[1, 2] * S[1, 2]
+        if off <= 1e-30 * (s00 + s11 + s22) ** 2:
+            break
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if S[p, q] == 0.0:
+                    continue
+                theta = (S[q, q] - S[p, p]) / (2.0 * S[p, q])
+                tangent = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
+                c = 1.0 / math.sqrt(tangent * tangent + 1.0)
+                s = tangent * c
+                for k in range(3):
+                    x, y = S[k, p], S[k, q]
+                    S[k, p], S[k, q] = c * x - s * y, s * x + c * y
+                for k in range(3):
+                    x, y = S[p, k], S[q, k]
+                    S[p, k], S[q, k] = c * x - s * y, s * x + c * y
+                for k in range(3):
+                    x, y = V[k, p], V[k, q]
+                    V[k, p], V[k, q] = c * x - s * y, s * x + c * y
+    first = 0
+    for k in range(1, 3):
+        if S[k, k] > S[first, first]:
+            first = k
+    second = (first + 1) % 3
+    third = (first + 2) % 3
+    if S[third, third] > S[second, second]:
+        second, third = third, second
+    if not S[second, second] > 1e-14 * S[first, first]:
+        return False
+    u = np.empty((2, 3))
+    v = np.empty((2, 3))
+    for row in range(2):
+        column = first if row == 0 else second
+        for i in range(3):
+            v[row, i] = V[i, column]
+        for i in range(3):
+            u[row, i] = M[i, 0] * v[row, 0] + M[i, 1] * v[row, 1] + M[i, 2] * v[row, 2]
+        if row == 1:  # M v is orthogonal only to rounding: make it so.
+            along = u[1, 0] * u[0, 0] + u[1, 1] * u[0, 1] + u[1, 2] * u[0, 2]
+            for i in range(3):
+                u[1, i] -= along * u[0, i]
+        norm = math.sqrt(u[row, 0] ** 2 + u[row, 1] ** 2 + u[row, 2] ** 2)
+        for i in range(3):
+            u[row, i] /= norm
+    for i in range(3):
+        i1, i2 = (i + 1) % 3, (i + 2) % 3
+        u3 = u[0, i1] * u[1, i2] - u[0, i2] * u[1, i1]
+        for j in range(3):
+            j1, j2 = (j + 1) % 3, (j + 2) % 3
+            v3 = v[0, j1] * v[1, j2] - v[0, j2] * v[1, j1]
+            R[i, j] = u[0, i] * v[0, j] + u[1, i] * v[1, j] + u3 * v3
+    return True

@@ -1,0 +1,268 @@
+"""Rotation of direction vectors: residuals, consensus and refinement when translation is absent."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import kernel
+from farpoint._kernels.linear import (
+    apply_rotation_step,
+    draw_index,
+    kabsch,
+    solve_spd,
+    tangent_basis,
+)
+from farpoint._kernels.pairs import RayPairs
+
+__all__ = [
+    "enlarge_rotation",
+    "refine_rotation",
+    "rotation_distance2",
+    "rotation_linearize",
+    "search_rotation",
+]
+
+
+@kernel
+def _fit(pairs: RayPairs, weight: np.ndarray, R: np.ndarray) -> bool:
+    """Rotation of all matches with positive weight; False where they do not fix one."""
+    M = np.zeros((3, 3))
+    for i in range(pairs.rays0.shape[0]):
+        if weight[i] > 0.0:
+            for j in range(3):
+                wb = weight[i] * pairs.rays1[i, j]
+                for k in range(3):
+                    M[j, k] += wb * pairs.rays0[i, k]
+    return kabsch(M, R)
+
+
+@kernel
+def _squared_distance(pairs: RayPairs, precision: np.ndarray, R: np.ndarray, i: int) -> float:
+    """``|b - R a|^2`` in units of the noise of one coordinate (isotropic)."""
+    a0, a1, a2 = pairs.rays0[i, 0], pairs.rays0[i, 1], pairs.rays0[i, 2]
+    d0 = pairs.rays1[i, 0] - (R[0, 0] * a0 + R[0, 1] * a1 + R[0, 2] * a2)
+    d1 = pairs.rays1[i, 1] - (R[1, 0] * a0 + R[1, 1] * a1 + R[1, 2] * a2)
+    d2 = pairs.rays1[i, 2] - (R[2, 0] * a0 + R[2, 1] * a1 + R[2, 2] * a2)
+    return precision[i] * (d0 * d0 + d1 * d1 + d2 * d2)
+
+
+@kernel
+def search_rotation(
+    pairs: RayPairs,
+    precision: np.ndarray,
+    tolerance: float,
+    max_iterations: int,
+    state: np.ndarray,
+    R: np.ndarray,
+) -> int:
+    """Consensus over rotations from three rays each (eqs. 7-13 of the paper); returns iterations.
+
+    Minimises the truncated squares ``sum min(|b - R a|^2 precision / tolerance^2, 1)``. Stops when
+    with 99.9 % one sample of consistent rays has been drawn. ``R`` receives the best rotation.
+    """
+    n = pairs.rays0.shape[0]
+    limit = tolerance * tolerance
+    hypothesis = np.empty((3, 3))
+    M = np.empty((3, 3))
+    best = math.inf
+    needed = max_iterations
+    iteration = 0
+    while iteration < needed:
+        iteration += 1
+        M[:, :] = 0.0
+        for _ in range(3):
+            i = draw_index(state, n)
+            for j in range(3):
+                for k in range(3):
+                    M[j, k] += pairs.rays1[i, j] * pairs.rays0[i, k]
+        if not kabsch(M, hypothesis):
+            continue
+        cost = 0.0
+        for i in range(n):
+            cost += min(_squared_distance(pairs, precision, hypothesis, i), limit)
+            if cost >= best:
+                break
+        if cost < best:
+            best = cost
+            R[:, :] = hypothesis
+            share = 1.0 - best / (limit * n)
+            miss = 1.0 - share * share * share
+            if 1e-3 < miss < 1.0:
+                needed = min(max_iterations, int(math.log(1e-3) / math.log(miss)) + 1)
+            elif miss <= 1e-3:
+                break
+    return iteration
+
+
+@kernel
+def enlarge_rotation(
+    pairs: RayPairs,
+    precision: np.ndarray,
+    tolerance: float,
+    R: np.ndarray,
+    consistent: np.ndarray,
+) -> int:
+    """Enlarge the consistent set step by step, re-fitting after each; returns its size.
+
+    The set grows from half the tolerance to all of it: a rotation from three noisy rays is off by
+    about as much as the far points that it should recognise. ``consistent`` (N,) receives 0 or 1
+    (times the weight of the match in the fit); ``R`` is improved in place.
+    """
+    n = pairs.rays0.shape[0]
+    count = 0
+    for step in range(12):
+        limit = tolerance * tolerance * min(1.0, (0.5 + 0.125 * step) ** 2)
+        previous = count
+        count = 0
+        for i in range(n):
+            inside = _squared_distance(pairs, precision, R, i) <= limit
+            consistent[i] = precision[i] if inside else 0.0
+            count += 1 if inside else 0
+        if step > 4 and count == previous:
+            break
+        if count < 2 or not _fit(pairs, consistent, R):
+            break
+    return count
+
+
+@kernel
+def rotation_distance2(
+    pairs: RayPairs,
+    R: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Squared Mahalanobis distances ``out`` (N,) of ``b`` from ``R a``, in units of the noise.
+
+    Two degrees of freedom each where translation is absent.
+    """
+    H = np.empty((3, 3))
+    g = np.empty(3)
+    w = np.empty(out.shape[0])
+    prior = np.ones(out.shape[0])
+    rotation_linearize(pairs, prior, R, 1.0, 1.0, H, g, out, w)
+
+
+@kernel
+def rotation_linearize(
+    pairs: RayPairs,
+    prior: np.ndarray,
+    R: np.ndarray,
+    variance: float,
+    clutter: float,
+    H: np.ndarray,
+    g: np.ndarray,
+    d2: np.ndarray,
+    w: np.ndarray,
+) -> float:
+    """Robust cost, gradient ``g`` (3,) and Gauss-Newton matrix ``H`` (3, 3) without translation.
+
+    As `epipolar.linearize` with the residual of two dimensions ``E^T (b - R a)`` on the tangent
+    plane of ``b`` and its covariance ``E^T (A_b A_b^T + R A_a A_a^T R^T) E``; ``d2`` (N,) receives
+    its squared Mahalanobis norm for unit noise.
+    """
+    E = np.empty((3, 2))
+    J = np.empty((2, 3))
+    W = np.empty((2, 3))
+    H[:, :] = 0.0
+    g[:] = 0.0
+    cost = 0.0
+    m = np.empty(3)
+    for i in range(pairs.rays0.shape[0]):
+        for j in range(3):
+            m[j] = (
+                R[j, 0] * pairs.rays0[i, 0]
+                + R[j, 1] * pairs.rays0[i, 1]
+                + R[j, 2] * pairs.rays0[i, 2]
+            )
+        tangent_basis(pairs.rays1[i], E)
+        z0 = z1 = s00 = s01 = s11 = 0.0
+        for j in range(3):
+            d = pairs.rays1[i, j] - m[j]
+            z0 += E[j, 0] * d
+            z1 += E[j, 1] * d
+        for c in range(2):
+            x0 = x1 = y0 = y1 = 0.0
+            for j in range(3):
+                turned = (
+                    R[j, 0] * pairs.noise0[i, 0, c]
+                    + R[j, 1] * pairs.noise0[i, 1, c]
+                    + R[j, 2] * pairs.noise0[i, 2, c]
+                )
+                x0 += E[j, 0] * pairs.noise1[i, j, c]
+                x1 += E[j, 1] * pairs.noise1[i, j, c]
+                y0 += E[j, 0] * turned
+                y1 += E[j, 1] * turned
+            s00 += x0 * x0 + y0 * y0
+            s01 += x0 * x1 + y0 * y1
+            s11 += x1 * x1 + y1 * y1
+        det = s00 * s11 - s01 * s01
+        distance2 = (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / det
+        d2[i] = distance2
+        likelihood = prior[i] * math.exp(-0.5 * distance2 / variance)
+        weight = likelihood / (likelihood + clutter)
+        w[i] = weight
+        if prior[i] == 0.0:
+            continue
+        cost -= math.log(likelihood + clutter)
+        # d(b - R a) = m x dtheta, so J = E^T [m]x with rows (e x m).
+        for c in range(2):
+            J[c, 0] = E[1, c] * m[2] - E[2, c] * m[1]
+            J[c, 1] = E[2, c] * m[0] - E[0, c] * m[2]
+            J[c, 2] = E[0, c] * m[1] - E[1, c] * m[0]
+        scaled = weight / (variance * det)
+        for k in range(3):
+            W[0, k] = scaled * (s11 * J[0, k] - s01 * J[1, k])
+            W[1, k] = scaled * (s00 * J[1, k] - s01 * J[0, k])
+            g[k] += W[0, k] * z0 + W[1, k] * z1
+        for k in range(3):
+            for j in range(3):
+                H[k, j] += W[0, k] * J[0, j] + W[1, k] * J[1, j]
+    return cost
+
+
+@kernel
+def refine_rotation(
+    pairs: RayPairs,
+    prior: np.ndarray,
+    spread: float,
+    min_variance: float,
+    max_iterations: int,
+    R: np.ndarray,
+    mixture: np.ndarray,
+    H: np.ndarray,
+    d2: np.ndarray,
+    w: np.ndarray,
+) -> int:
+    """Maximum-likelihood rotation without translation, with noise and wrong matches by EM.
+
+    ``mixture`` (2,) holds the noise variance and the share of wrong matches, in and out; wrong
+    matches fill a disc of radius ``spread`` (in units of the noise's coordinate).
+    """
+    g = np.empty(3)
+    L = np.empty((3, 3))
+    step = np.empty(3)
+    n = 0.0
+    for i in range(prior.shape[0]):
+        n += 1.0 if prior[i] > 0.0 else 0.0
+    iteration = 0
+    while iteration < max_iterations:
+        iteration += 1
+        variance, wrong = mixture[0], mixture[1]
+        clutter = wrong / (1.0 - wrong) * 2.0 * variance / (spread * spread)
+        rotation_linearize(pairs, prior, R, variance, clutter, H, g, d2, w)
+        total = 0.0
+        squares = 0.0
+        for i in range(w.shape[0]):
+            total += w[i]
+            squares += w[i] * d2[i]
+        mixture[0] = max(squares / max(2.0 * total - 3.0, 1.0), min_variance)
+        mixture[1] = min(max(1.0 - total / n, 0.005), 0.95)
+        if not solve_spd(H, g, 0.0, L, step):
+            break
+        apply_rotation_step(R, -step[0], -step[1], -step[2], R)
+        size = H[0, 0] * step[0] ** 2 + H[1, 1] * step[1] ** 2 + H[2, 2] * step[2] ** 2
+        if size < 1e-6 and abs(mixture[0] - variance) < 1e-3 * variance:
+            break
+    return iteration
