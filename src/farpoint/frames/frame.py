@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -37,17 +38,32 @@ class Frame:
 
 
 class FrameSource(Protocol):
-    """A sequence of frames that is read once, from start to end.
+    """A sequence of frames, decoded one at a time while it is iterated.
 
-    Attributes
-    ----------
-    name : str
-        Short name of the source: names the output folder.
-    count : int or None
-        Number of frames if it is known in advance.
+    Files and folders open nothing until they are iterated, close when the iteration ends or is
+    abandoned, and can be iterated again. Cameras and streams are live: they are read once.
     """
 
-    name: str
-    count: int | None
+    @property
+    def name(self) -> str:
+        """Short name of the source: names the output folder."""
+        ...
 
-    def __iter__(self) -> Iterator[Frame]: ...
+    @property
+    def count(self) -> int | None:
+        """Number of frames where it is known in advance; for some videos an estimate."""
+        ...
+
+    @property
+    def timestamp_source(self) -> str:
+        """Where the time stamps come from, for a person: a file, the names, an assumed rate."""
+        ...
+
+    @property
+    def calibration_path(self) -> Path | None:
+        """A file next to the images that looks like their calibration; a hint, never used."""
+        ...
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Frames from start to end."""
+        ...

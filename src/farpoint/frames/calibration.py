@@ -1,0 +1,51 @@
+"""Which file near the images is their calibration? A hint for a person, read by nobody here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from farpoint.frames.files import natural_key
+
+__all__ = ["find_calibration"]
+
+# From the surest name to the least sure: KITTI, EuRoC, Kalibr, then what people call theirs.
+_PATTERNS = (
+    "calib.txt",
+    "sensor.yaml",
+    "cam0_sensor.yaml",
+    "calib_cam_to_cam.txt",
+    "camchain*.yaml",
+    "*calib*.yaml",
+    "*calib*.yml",
+    "*calib*.json",
+    "camera*.yaml",
+    "camera*.yml",
+    "camera*.json",
+    "left*sensor*.yaml",
+    "intrinsics*.*",
+    "K.txt",
+    "cameras.txt",
+)
+
+
+def find_calibration(*folders: Path, stem: str | None = None) -> Path | None:
+    """First file with a calibration's name in `folders` or in a ``calib`` folder inside one.
+
+    Parameters
+    ----------
+    *folders : Path
+        Where to look, nearest first.
+    stem : str, optional
+        Name without suffix of a video: a YAML or JSON file of the same name comes first.
+    """
+    named = () if stem is None else tuple(f"{stem}{end}" for end in (".yaml", ".yml", ".json"))
+    for place in (place for folder in folders for place in (folder, folder / "calib")):
+        files = sorted((file.name for file in place.glob("*") if file.is_file()), key=natural_key)
+        for name in named:
+            if name in files:
+                return place / name
+        for pattern in _PATTERNS:
+            for name in files:
+                if Path(name).match(pattern):
+                    return place / name
+    return None

@@ -1,0 +1,36 @@
+"""Numbers that are times: their unit, and file names made of them."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+__all__ = ["parse_seconds", "seconds_in_name"]
+
+# Unix time in ms, us or ns, or in seconds with decimals; any other number is a counter.
+_STAMP_NAME = re.compile(r"[1-9][0-9]{12}|[1-9][0-9]{15}|[1-9][0-9]{18}|[0-9]{9,10}\.[0-9]+")
+
+
+def parse_seconds(text: str) -> float:
+    """Seconds from a number in seconds, or in ms, us or ns where it is too large for seconds.
+
+    Raises ValueError where the text is no finite number.
+    """
+    # Whole numbers stay whole until they are divided: nanoseconds of today exceed 2^53.
+    value = int(text) if text.isascii() and text.isdigit() else float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    # Unix time in seconds has 10 digits until the year 2286; three more for each smaller unit.
+    for limit, unit in ((1e11, 1), (1e14, 10**3), (1e17, 10**6)):
+        if abs(value) < limit:
+            return value / unit
+    return value / 10**9
+
+
+def seconds_in_name(path: Path) -> float | None:
+    """The time stamp a file name clearly is, s: Unix time in seconds with decimals, ms, us or ns.
+
+    EuRoC names its images by nanoseconds, TUM by seconds; None for counters and everything else.
+    """
+    return parse_seconds(path.stem) if _STAMP_NAME.fullmatch(path.stem) else None

@@ -1,0 +1,63 @@
+"""Finding images on disk, in the order a person would put them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from farpoint.errors import InputError
+from farpoint.frames.clock import seconds_in_name
+
+__all__ = ["in_order", "is_image", "list_images", "natural_key", "read_lines"]
+
+_IMAGE_SUFFIXES = frozenset(
+    {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"}
+)
+
+
+def natural_key(name: str) -> tuple[list[str | int], str]:
+    """Sort key in which numbers count as numbers: ``img2`` comes before ``img10``."""
+    # Splitting at a group of digits puts text at even and digits at odd places, so that keys of
+    # any two names compare text with text and number with number.
+    parts = re.split(r"([0-9]+)", name)
+    return [int(part) if i % 2 else part.casefold() for i, part in enumerate(parts)], name
+
+
+def in_order(images: Iterable[Path]) -> list[Path]:
+    """Images by time where every name is a time stamp, else in natural order of their paths."""
+    stamped = [(seconds_in_name(image), image) for image in images]
+    by_time = [(seconds, image) for seconds, image in stamped if seconds is not None]
+    if len(by_time) == len(stamped):
+        return [image for _, image in sorted(by_time)]
+    return sorted((image for _, image in stamped), key=lambda image: natural_key(str(image)))
+
+
+def is_image(path: str | Path) -> bool:
+    """Whether the name is that of an image; hidden files (such as macOS's ``._1.png``) are not."""
+    path = Path(path)
+    return path.suffix.lower() in _IMAGE_SUFFIXES and not path.name.startswith(".")
+
+
+def list_images(folder: Path) -> list[Path]:
+    """Images directly in `folder`, in order; empty where there is no such folder.
+
+    Links to nowhere are listed: they are images that cannot be read, not images that never were.
+    """
+    try:
+        with os.scandir(folder) as entries:
+            names = [entry.name for entry in entries if is_image(entry.name) and not entry.is_dir()]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    return in_order(folder / name for name in names)
+
+
+def read_lines(path: Path) -> list[tuple[int, str]]:
+    """Number (from 1) and text of every line that is neither blank nor a ``#`` comment."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError("is not a text file in UTF-8", file=path) from error
+    lines = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))
+    return [(number, line) for number, line in lines if line and not line.startswith("#")]

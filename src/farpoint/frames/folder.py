@@ -1,0 +1,76 @@
+"""Plain images: a folder of them, a folder around such a folder, or a pattern of file names."""
+
+from __future__ import annotations
+
+import glob
+from pathlib import Path
+
+from farpoint.errors import InputError
+from farpoint.frames.calibration import find_calibration
+from farpoint.frames.files import in_order, is_image, list_images
+from farpoint.frames.sequence import ImageSequence
+from farpoint.frames.stamps import find_stamps
+
+__all__ = ["open_folder", "open_glob", "sequence_in"]
+
+_USUAL_NAMES = ("images", "image", "rgb", "frames", "data", "img", "imgs")
+
+
+def sequence_in(images_folder: Path, *, root: Path, fps: float | None) -> ImageSequence | None:
+    """The images directly in `images_folder`, named after `root`; None where there are none."""
+    images = list_images(images_folder)
+    if not images:
+        return None
+    return ImageSequence(
+        name=root.resolve().name,
+        images=tuple(images),
+        stamps=find_stamps(images, fps),
+        calibration_path=find_calibration(images_folder, images_folder.absolute().parent),
+    )
+
+
+def open_folder(folder: Path, *, fps: float | None) -> ImageSequence:
+    """Images in `folder`, or in the one folder inside it that holds them.
+
+    Raises
+    ------
+    InputError
+        Where there is no image, or several folders to choose from.
+    """
+    inside = sorted(entry for entry in folder.iterdir() if entry.is_dir())
+    usual = [folder / name for name in _USUAL_NAMES if folder / name in inside]
+    for place in (folder, *usual):
+        if sequence := sequence_in(place, root=folder, fps=fps):
+            return sequence
+    choices = [entry for entry in inside if list_images(entry)]
+    if len(choices) > 1:
+        names = ", ".join(entry.name for entry in choices[:4])
+        raise InputError(f"several folders in it hold images: expected one of {names}", file=folder)
+    sequence = sequence_in(choices[0], root=folder, fps=fps) if choices else None
+    if sequence is None:
+        raise InputError(
+            "holds no images: expected image files, or a KITTI, EuRoC or TUM sequence", file=folder
+        )
+    return sequence
+
+
+def open_glob(pattern: str, *, fps: float | None) -> ImageSequence:
+    """Images that match a pattern (``*``, ``?``, ``[...]``, ``**``), in natural order.
+
+    Raises
+    ------
+    InputError
+        Where no image matches.
+    """
+    # Path.glob takes no absolute pattern.
+    matches = [Path(match) for match in glob.glob(pattern, recursive=True)]  # noqa: PTH207
+    images = in_order(path for path in matches if is_image(path) and not path.is_dir())
+    if not images:
+        raise InputError("matches no images", file=pattern)
+    folder = images[0].absolute().parent
+    return ImageSequence(
+        name=folder.name,
+        images=tuple(images),
+        stamps=find_stamps(images, fps),
+        calibration_path=find_calibration(folder, folder.parent),
+    )

@@ -1,0 +1,81 @@
+"""Text files that list images with their times, as EuRoC, TUM and RPG sequences carry them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from farpoint.errors import InputError
+from farpoint.frames.calibration import find_calibration
+from farpoint.frames.clock import parse_seconds
+from farpoint.frames.files import is_image, read_lines
+from farpoint.frames.sequence import ImageSequence
+from farpoint.frames.stamps import Stamps, require_order
+
+__all__ = ["is_image_list", "sequence_from_list"]
+
+
+@dataclass(frozen=True)
+class _Row:
+    line: int
+    seconds: float
+    file: Path
+
+
+def is_image_list(path: Path) -> bool:
+    """Whether the first row is one of an image list (COLMAP too has an ``images.txt``)."""
+    if not path.is_file():
+        return False
+    try:
+        return any(_parse_row(*line, file=path) for line in read_lines(path)[:1])
+    except InputError:
+        return False
+
+
+def sequence_from_list(path: Path, *, root: Path, folders: tuple[Path, ...]) -> ImageSequence:
+    """The images a list names, with the times it gives them.
+
+    Rows before the first and after the last image that exists are left out, so that a part of a
+    sequence opens; images missing in between stay, and become frames with a fault.
+
+    Parameters
+    ----------
+    path : Path
+        The list, of rows ``[id] time file`` separated by blanks or commas.
+    root : Path
+        The folder of the sequence, which names it.
+    folders : tuple of Path
+        Where the file names may be relative to; the first one that holds any of them counts.
+
+    Raises
+    ------
+    InputError
+        Where a row cannot be read, times go backwards, or no image is there.
+    """
+    rows = [_parse_row(line, text, file=path) for line, text in read_lines(path)]
+    require_order([(row.line, row.seconds) for row in rows], path)
+    for folder in folders:
+        there = [index for index, row in enumerate(rows) if (folder / row.file).is_file()]
+        if there:
+            rows = rows[there[0] : there[-1] + 1]
+            images = tuple(folder / row.file for row in rows)
+            return ImageSequence(
+                name=root.resolve().name,
+                images=images,
+                stamps=Stamps(seconds=tuple(row.seconds for row in rows), source=path.name),
+                calibration_path=find_calibration(images[0].parent, path.parent, root),
+            )
+    raise InputError(f"lists {len(rows)} images, none of which is there", file=path)
+
+
+def _parse_row(line: int, text: str, *, file: Path) -> _Row:
+    words = text.replace(",", " ").split()
+    try:
+        *_, time, name = words
+        if len(words) <= 3 and is_image(name):
+            return _Row(line, parse_seconds(time), Path(name))
+    except ValueError:
+        pass
+    raise InputError(
+        f"expected a time and an image file, got {text[:60]!r}", file=file, field=f"line {line}"
+    )
