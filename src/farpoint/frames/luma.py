@@ -1,0 +1,65 @@
+"""Grey values of a decoded video picture, upright."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+__all__ = ["grey_image"]
+
+# More than 8 bits, little-endian, in the low bits of each sample: not P010, whose bits are high.
+_DEEP_LUMA = re.compile(r"(?:yuv|yuva|gray)[0-9]*p?(?:9|10|12|14|16)le")
+
+
+def grey_image(picture: Any) -> np.ndarray:
+    """Grey values of an ``av.VideoFrame``, uint8 of shape (height, width), upright.
+
+    Where the picture carries luma as a plane of its own that plane is taken as it is: no colour
+    is converted, and limited range (16 to 235) is not stretched, since corners and optical flow
+    do not depend on it. Deeper luma keeps its upper 8 bits. Other formats (RGB, packed or palette
+    colours) are converted by FFmpeg.
+    """
+    return np.ascontiguousarray(_upright(_luma(picture), picture))
+
+
+def _luma(picture: Any) -> np.ndarray:
+    if _is_byte_luma(picture):
+        return _plane(picture, np.dtype(np.uint8)).copy()  # the decoder will reuse its buffer
+    if _DEEP_LUMA.fullmatch(picture.format.name) and picture.planes[0].line_size > 0:
+        bits = picture.format.components[0].bits
+        return (_plane(picture, np.dtype("<u2")) >> (bits - 8)).astype(np.uint8)
+    return _plane(picture.reformat(format="gray"), np.dtype(np.uint8)).copy()
+
+
+def _is_byte_luma(picture: Any) -> bool:
+    """Whether plane 0 is luma of 8 bits and nothing else, its lines going down."""
+    layout = picture.format
+    first, *others = layout.components
+    alone = first.is_luma and first.plane == 0 and all(other.plane != 0 for other in others)
+    return alone and first.bits == 8 and not layout.has_palette and picture.planes[0].line_size > 0
+
+
+def _plane(picture: Any, dtype: np.dtype[Any]) -> np.ndarray:
+    """View of the samples of plane 0, without the padding at the end of each line."""
+    plane = picture.planes[0]
+    samples = np.frombuffer(plane, dtype)
+    stride = plane.line_size // dtype.itemsize
+    return samples.reshape(-1, stride)[: picture.height, : picture.width]
+
+
+def _upright(image: np.ndarray, picture: Any) -> np.ndarray:
+    """Turn and mirror the image as its display matrix says, in steps of 90 degrees.
+
+    The matrix (fixed point, 3 x 3 by rows: ``a b u, c d v, x y w``) maps a pixel of the stored
+    picture to the screen: ``x' = a x + c y``, ``y' = b x + d y`` (libavutil/display.h). Phones
+    store all they record in the sensor's own orientation and write the turn into it.
+    """
+    matrix = picture.side_data.get("DISPLAYMATRIX")
+    if matrix is None:
+        return image
+    a, b, _, c, d = np.frombuffer(matrix, np.int32)[:5].tolist()
+    if abs(a) + abs(d) < abs(b) + abs(c):
+        image, a, d = image.T, c, b
+    return image[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1]

@@ -1,0 +1,132 @@
+"""Video files, by PyAV: true time stamps, variable frame rates, damaged files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from farpoint.errors import InputError, optional_import
+from farpoint.frames.calibration import find_calibration
+from farpoint.frames.frame import Frame
+from farpoint.frames.packets import Moment, decode
+from farpoint.frames.stamps import DEFAULT_FPS
+
+__all__ = ["VideoFile", "frame_count", "frames_of", "open_video", "video_stream"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoFile:
+    """A video file; decodes one picture at a time, and can be iterated again.
+
+    Time stamps are the container's own, not shifted to zero. A picture without one comes a
+    nominal frame interval after the last.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    name : str
+        Its name without suffix.
+    count : int or None
+        Number of frames as the header tells it, or from duration and rate; None where neither is.
+    timestamp_source : str
+        The container, or the rate where it carries no times.
+    nominal_fps : float
+        Frames a second where a picture has no time stamp.
+    calibration_path : Path or None
+        A file beside the video that looks like its calibration.
+    """
+
+    path: Path
+    name: str
+    count: int | None
+    timestamp_source: str
+    nominal_fps: float
+    calibration_path: Path | None = None
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Frames in order of time; what cannot be decoded is a frame with a fault."""
+        with _open(self.path) as container:
+            stream = video_stream(container, self.path)
+            yield from frames_of(decode(container, stream), self.nominal_fps)
+
+
+def open_video(path: Path, *, fps: float | None) -> VideoFile:
+    """Open a video far enough to know that it has a picture.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    fps : float or None
+        Frames a second for a file without time stamps (a raw H.264 stream); None takes the rate
+        its header tells.
+
+    Raises
+    ------
+    InputError
+        Where the file is no video, or not one picture can be decoded.
+    """
+    with _open(path) as container:
+        stream = video_stream(container, path)
+        rate = fps or float(stream.average_rate or DEFAULT_FPS)
+        first = next((moment for moment in decode(container, stream) if not moment.fault), None)
+        if first is None:
+            raise InputError("holds no picture that can be decoded: truncated?", file=path)
+        folder = path.absolute().parent
+        return VideoFile(
+            path=path,
+            name=path.stem,
+            count=frame_count(container, stream),
+            timestamp_source="video" if first.seconds is not None else f"{rate:g} frames a second",
+            nominal_fps=rate,
+            calibration_path=find_calibration(folder, stem=path.stem),
+        )
+
+
+def frames_of(moments: Iterator[Moment], nominal_fps: float) -> Iterator[Frame]:
+    """Number the moments, and give a time to those that have none."""
+    seconds = -1 / nominal_fps
+    for index, moment in enumerate(moments):
+        seconds = seconds + 1 / nominal_fps if moment.seconds is None else moment.seconds
+        yield Frame(
+            index=index,
+            timestamp=seconds,
+            image=moment.image,
+            name=str(index),
+            fault=moment.fault,
+        )
+
+
+def frame_count(container: Any, stream: Any) -> int | None:
+    """Frames of a stream as its header tells, else duration times rate, else None."""
+    if stream.frames > 0:
+        return stream.frames
+    if container.duration is None or stream.average_rate is None:
+        return None
+    return round(container.duration / 1e6 * float(stream.average_rate))  # duration is in us
+
+
+def video_stream(container: Any, source: str | Path) -> Any:
+    """The video stream of an open container; InputError where it has none."""
+    av = optional_import("av", extra="video", purpose="reading video")
+    stream = container.streams.best("video")
+    # The cover of a piece of music is a video stream of one picture.
+    if stream is None or stream.disposition & av.stream.Disposition.attached_pic:
+        raise InputError("holds no video, only sound or data", file=source)
+    return stream
+
+
+def _open(path: Path) -> Any:
+    av = optional_import("av", extra="video", purpose="reading video")
+    try:
+        # "file:" keeps FFmpeg from taking the part of a name before a colon for a protocol.
+        return av.open(f"file:{path}", metadata_errors="ignore")
+    except av.FFmpegError as error:
+        raise InputError(
+            f"cannot be opened as a video, it may be truncated or of another kind "
+            f"({error.strerror})",
+            file=path,
+        ) from error
