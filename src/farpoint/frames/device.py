@@ -1,0 +1,63 @@
+"""A camera attached to this machine, by OpenCV."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from farpoint.errors import InputError, optional_import
+from farpoint.frames.decode import silent_opencv
+from farpoint.frames.frame import Frame
+
+__all__ = ["CameraDevice", "open_device"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraDevice:
+    """A camera, open from the start; read once, until it is unplugged or the reader stops.
+
+    Time stamps are the wall clock when the picture was fetched, s.
+    """
+
+    name: str
+    capture: Any
+    count: int | None = None
+    timestamp_source: str = "wall clock"
+    calibration_path: Path | None = None
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Frames as the camera delivers them; a frame with a fault where it stops to."""
+        cv2 = optional_import("cv2", extra="video", purpose="reading a camera")
+        try:
+            for index in count():
+                with silent_opencv():
+                    delivered, image = self.capture.read()
+                now, name = time.time(), str(index)
+                if not delivered:
+                    fault = "the camera delivers no more pictures"
+                    yield Frame(index=index, timestamp=now, image=None, name=name, fault=fault)
+                    return
+                grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+                yield Frame(index=index, timestamp=now, image=grey, name=name)
+        finally:
+            self.capture.release()
+
+
+def open_device(index: int) -> CameraDevice:
+    """Open the camera of this index.
+
+    Raises
+    ------
+    InputError
+        Where there is none, or another program holds it.
+    """
+    cv2 = optional_import("cv2", extra="video", purpose="reading a camera")
+    with silent_opencv():
+        capture = cv2.VideoCapture(index)
+    if not capture.isOpened():
+        raise InputError(f"no camera of index {index} can be opened", field="source")
+    return CameraDevice(name=f"camera{index}", capture=capture)

@@ -1,0 +1,93 @@
+"""Streams and recordings behind a URL, by PyAV."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from farpoint.errors import InputError, optional_import
+from farpoint.frames.frame import Frame
+from farpoint.frames.packets import Moment, decode
+from farpoint.frames.stamps import DEFAULT_FPS
+from farpoint.frames.video import frame_count, frames_of, video_stream
+
+__all__ = ["NetworkVideo", "in_wall_clock", "open_url"]
+
+_SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt")
+_PATIENCE_S = 10.0
+"""How long a server may keep silent, at the start or later, before it counts as gone."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NetworkVideo:
+    """A video behind a URL, open from the start; read once.
+
+    A live stream has time stamps of the wall clock: the first picture has the time of its
+    arrival, the others follow by the sender's clock, which the network does not disturb. A
+    recording of known duration has its own, like a file.
+    """
+
+    name: str
+    count: int | None
+    timestamp_source: str
+    container: Any
+    stream: Any
+    calibration_path: Path | None = None
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Frames until the stream ends or falls silent; then the connection is closed."""
+        with self.container:
+            moments = decode(self.container, self.stream)
+            if self.container.duration is None:
+                moments = in_wall_clock(moments, time.time)
+            yield from frames_of(moments, float(self.stream.average_rate or DEFAULT_FPS))
+
+
+def in_wall_clock(moments: Iterator[Moment], now: Callable[[], float]) -> Iterator[Moment]:
+    """Shift the sender's clock to the time of arrival, again wherever it jumps back or is lost."""
+    offset, last = None, None
+    for moment in moments:
+        if moment.seconds is None:
+            offset = None
+            yield replace(moment, seconds=now())
+            continue
+        if offset is None or last is None or moment.seconds < last:
+            offset = now() - moment.seconds
+        last = moment.seconds
+        yield replace(moment, seconds=moment.seconds + offset)
+
+
+def open_url(url: str) -> NetworkVideo:
+    """Connect to a stream.
+
+    Raises
+    ------
+    InputError
+        Where the scheme is unknown, or nothing that holds video answers within 10 s.
+    """
+    parts = urlsplit(url)
+    # Neither a password nor a token of the URL may reach a message or a folder's name.
+    public = f"{parts.scheme}://{parts.netloc.rpartition('@')[-1]}{parts.path}"
+    if parts.scheme.lower() not in _SCHEMES:
+        raise InputError(f"unknown kind of stream, expected {', '.join(_SCHEMES)}", file=public)
+    av = optional_import("av", extra="video", purpose="reading streams")
+    # Over UDP, the default of RTSP, lost packets damage picture after picture.
+    options = {"rtsp_transport": "tcp"} if parts.scheme.startswith("rtsp") else {}
+    try:
+        container = av.open(url, options=options, timeout=_PATIENCE_S, metadata_errors="ignore")
+    except av.FFmpegError as error:
+        raise InputError(f"cannot be opened as a stream ({error.strerror})", file=public) from None
+    stream = video_stream(container, public)
+    live = container.duration is None
+    return NetworkVideo(
+        name=re.sub(r"[^\w.-]+", "-", public.partition("://")[-1]).strip("-."),
+        count=None if live else frame_count(container, stream),
+        timestamp_source="wall clock" if live else "video",
+        container=container,
+        stream=stream,
+    )
