@@ -1,0 +1,101 @@
+"""One door to every kind of source."""
+
+from __future__ import annotations
+
+import glob
+import math
+import stat
+from pathlib import Path
+
+from farpoint.errors import InputError
+from farpoint.frames.device import open_device
+from farpoint.frames.euroc import open_euroc
+from farpoint.frames.files import is_image
+from farpoint.frames.folder import open_folder, open_glob
+from farpoint.frames.frame import FrameSource
+from farpoint.frames.kitti import open_kitti
+from farpoint.frames.network import open_url
+from farpoint.frames.tum import open_tum
+from farpoint.frames.video import open_video
+
+__all__ = ["open_frames"]
+
+
+def open_frames(source: str | Path | int, *, fps: float | None = None) -> FrameSource:
+    """Open whatever holds images: the kind is recognised by what is there.
+
+    Parameters
+    ----------
+    source : str, Path or int
+        One of
+
+        - a video file;
+        - a folder of images, or a folder around one (``images``, ``rgb``, ...);
+        - a pattern of image files, such as ``"shots/*.png"``;
+        - a KITTI (odometry or raw), EuRoC, TUM-VI or TUM RGB-D folder, of which the left, grey
+          or only colour camera is read; name the folder of another camera to read that one;
+        - the index of an attached camera, such as ``0`` or ``"0"``;
+        - the URL of a stream, such as ``"rtsp://..."``.
+    fps : float, optional
+        Frames a second, used only where the source carries no time stamps: a video's own, a
+        list, a file ``times.txt`` or names made of times come first, and
+        ``timestamp_source`` of what is returned tells. None assumes 10 for images.
+
+    Returns
+    -------
+    FrameSource
+        Iterate it for `Frame` after `Frame`. A frame that cannot be read has no image and a
+        fault that says why; the ones behind it follow.
+
+    Raises
+    ------
+    InputError
+        Where the source is missing, unreadable, empty, or not of any kind above.
+
+    Examples
+    --------
+    >>> for frame in open_frames("drive.mp4"):  # doctest: +SKIP
+    ...     print(frame.timestamp, frame.image.shape)
+    """
+    if fps is not None and not (math.isfinite(fps) and fps > 0):
+        raise InputError(f"expected a positive number of frames a second, got {fps}", field="fps")
+    if source == "":  # which Path would take for the current folder
+        raise InputError("expected a file, folder, pattern, camera or URL, got ''", field="source")
+    if isinstance(source, int):
+        return open_device(source)
+    if "://" in str(source):
+        return open_url(str(source))
+    try:
+        return _open_path(Path(source).expanduser(), fps)
+    except OSError as error:
+        raise InputError(
+            f"cannot be read: {error.strerror}", file=error.filename or source
+        ) from error
+
+
+def _open_path(path: Path, fps: float | None) -> FrameSource:
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return _open_name(str(path), fps)
+    if stat.S_ISDIR(mode):
+        return (
+            open_euroc(path)
+            or open_tum(path)
+            or open_kitti(path, fps=fps)
+            or open_folder(path, fps=fps)
+        )
+    if not stat.S_ISREG(mode):
+        raise InputError("is neither a file nor a folder", file=path)
+    if is_image(path):
+        raise InputError("is one image: expected a video, a folder or a pattern", file=path)
+    return open_video(path, fps=fps)
+
+
+def _open_name(name: str, fps: float | None) -> FrameSource:
+    """What is no path: the index of a camera, a pattern, or a mistake."""
+    if name.isascii() and name.isdecimal():
+        return open_device(int(name))
+    if glob.has_magic(name):
+        return open_glob(name, fps=fps)
+    raise InputError("no such file or folder", file=name)
