@@ -1,7 +1,18 @@
 """Cameras: from pixels to rays and back, and the calibration files they come from."""
 
 from farpoint.camera.camera import Camera
+from farpoint.camera.describe import describe
+from farpoint.camera.field_of_view import FieldOfView, field_of_view
+from farpoint.camera.files import load_camera
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
 
-__all__ = ["Camera", "CameraModel", "Pinhole"]
+__all__ = [
+    "Camera",
+    "CameraModel",
+    "FieldOfView",
+    "Pinhole",
+    "describe",
+    "field_of_view",
+    "load_camera",
+]

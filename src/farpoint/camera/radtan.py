@@ -31,7 +31,7 @@ RADIAL_NODES = 1024
 AZIMUTH_NODES = 256
 FOLD_NODES = 256
 NEWTON_TOLERANCE = 1e-10
-NEWTON_ITERATIONS = 30
+NEWTON_ITERATIONS = 20
 
 
 @dataclass(frozen=True)
@@ -171,8 +171,8 @@ class RadialTangential:
         """Radii before and after the radial part alone, increasing, evenly spaced in angle."""
         farthest = min(np.arctan(self._radial_fold), FARTHEST_RAD)
         radius = np.tan(np.linspace(0.0, farthest, RADIAL_NODES))
-        # The last node would be a pole where the denominator vanishes.
-        radius[-1] = np.nextafter(radius[-1], 0.0)
+        # Short of a pole, where the denominator vanishes; at a fold the value does not change.
+        radius[-1] *= 1.0 - 1e-9
         return radius, radius * self._radial(radius * radius)[0]
 
     @cached_property

@@ -1,0 +1,50 @@
+"""What a person wants to know of a calibration, in a few lines."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint.camera.camera import Camera
+from farpoint.camera.field_of_view import field_of_view
+
+__all__ = ["describe"]
+
+
+def describe(camera: Camera) -> str:
+    """What was read, the image size, the field of view, and one line for each parameter.
+
+    Examples
+    --------
+    >>> print(describe(Camera.pinhole(640, 480, 320, 320, 319.5, 239.5)))
+    camera: pinhole without distortion
+    image size: 640 x 480 px
+    field of view: horizontal 90.0 deg, vertical 73.7 deg, diagonal 102.7 deg
+    fx = 320
+    fy = 320
+    cx = 319.5
+    cy = 239.5
+    """
+    lines = [f"{camera.name}: {camera.model.title}"]
+    if camera.source is not None:
+        lines.append(f"read from: {camera.source}")
+    lines += _extent(camera)
+    lines += [f"{name} = {value:.12g}" for name, value in camera.model.parameters.items()]
+    return "\n".join(lines)
+
+
+def _extent(camera: Camera) -> list[str]:
+    if camera.size is None:
+        return ["image size: not in the calibration; the first frame fixes it"]
+    field = field_of_view(camera)
+    angles = ", ".join(
+        f"{name} {np.rad2deg(angle):.1f} deg"
+        for name, angle in (
+            ("horizontal", field.horizontal_rad),
+            ("vertical", field.vertical_rad),
+            ("diagonal", field.diagonal_rad),
+        )
+    )
+    lines = [f"image size: {camera.size[0]} x {camera.size[1]} px", f"field of view: {angles}"]
+    if not field.complete:
+        lines.append("no ray exists for part of the image: the lens model does not reach there")
+    return lines

@@ -1,0 +1,67 @@
+"""How much of the world a camera sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.camera.camera import Camera
+from farpoint.errors import InputError
+from farpoint.geometry.sphere import angle_between
+
+__all__ = ["FieldOfView", "field_of_view"]
+
+SAMPLES = 513
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldOfView:
+    """Angles the image spans, rad; they may exceed pi, and count only what the lens images.
+
+    Attributes
+    ----------
+    horizontal_rad, vertical_rad : float
+        Along the row and the column through the principal point, border to border.
+    diagonal_rad : float
+        From corner to corner, the wider of the two diagonals.
+    complete : bool
+        Whether every pixel on those lines has a ray.
+    """
+
+    horizontal_rad: float
+    vertical_rad: float
+    diagonal_rad: float
+    complete: bool
+
+
+def field_of_view(camera: Camera) -> FieldOfView:
+    """Field of view of a camera whose image size is known.
+
+    The angle turned by the ray along each line through the image, summed in small steps, so that
+    lenses beyond 180 degrees are measured as well.
+
+    Raises
+    ------
+    InputError
+        If the camera has no image size.
+    """
+    if camera.size is None:
+        raise InputError("the calibration gives no image size", field="camera")
+    right, bottom = camera.size[0] - 0.5, camera.size[1] - 0.5
+    (cx, cy) = camera.project(np.array([[0.0, 0.0, 1.0]]))[0]
+    lines = [
+        ((-0.5, cy), (right, cy)),
+        ((cx, -0.5), (cx, bottom)),
+        ((-0.5, -0.5), (right, bottom)),
+        ((-0.5, bottom), (right, -0.5)),
+    ]
+    rays = [camera.unproject(np.linspace(start, end, SAMPLES)) for start, end in lines]
+    steps = [angle_between(along[:-1], along[1:]) for along in rays]
+    horizontal, vertical, falling, rising = (float(np.nansum(angles)) for angles in steps)
+    return FieldOfView(
+        horizontal_rad=horizontal,
+        vertical_rad=vertical,
+        diagonal_rad=max(falling, rising),
+        complete=bool(np.all(np.isfinite(rays))),
+    )

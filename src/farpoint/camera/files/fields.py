@@ -1,0 +1,156 @@
+"""Typed access to what a file says: every fault names the file and the field."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from farpoint.errors import InputError
+
+__all__ = ["Fields", "blame"]
+
+
+@dataclass(frozen=True)
+class Fields:
+    """A mapping read from a file.
+
+    Attributes
+    ----------
+    values : mapping
+        From key to text, number, list or mapping.
+    file : Path
+        Named in every error.
+    within : str
+        Prefix of the keys in errors, such as ``"cam0."``.
+    """
+
+    values: Mapping[str, Any]
+    file: Path
+    within: str = ""
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.values
+
+    def place(self, key: str) -> str:
+        """How a key is named in an error."""
+        return self.within + key
+
+    def error(self, key: str, problem: str) -> InputError:
+        """An error about one key."""
+        return InputError(problem, file=self.file, field=self.place(key))
+
+    def first(self, *keys: str) -> str | None:
+        """The first of the keys that is present."""
+        return next((key for key in keys if key in self.values), None)
+
+    def group(self, key: str) -> Fields:
+        """The mapping under a key."""
+        value = self._required(key)
+        if not isinstance(value, Mapping):
+            raise self.error(key, f"expected a group of fields, got {_short(value)}")
+        return Fields(value, self.file, f"{self.place(key)}.")
+
+    def text(self, key: str) -> str:
+        """The text under a key, stripped."""
+        value = self._required(key)
+        if isinstance(value, list | Mapping):
+            raise self.error(key, f"expected a word, got {_short(value)}")
+        return str(value).strip().strip("\"'")
+
+    def number(self, key: str) -> float:
+        """The finite number under a key."""
+        return self._as_number(key, self._required(key))
+
+    def numbers(self, key: str, counts: Collection[int] | None = None) -> list[float]:
+        """The finite numbers under a key, of a list, nested lists, a matrix or one text.
+
+        Parameters
+        ----------
+        key : str
+            Where they stand.
+        counts : collection of int, optional
+            How many there may be; any number by default.
+        """
+        values = [self._as_number(key, item) for item in _flat(self._required(key))]
+        if counts is not None and len(values) not in counts:
+            wanted = " or ".join(map(str, counts))
+            raise self.error(key, f"expected {wanted} numbers, got {len(values)}")
+        return values
+
+    def size(self, width_key: str, height_key: str) -> tuple[int, int] | None:
+        """Image width and height under two keys, px; None if neither is present."""
+        if width_key not in self and height_key not in self:
+            return None
+        return self._as_pixels(width_key, self.number(width_key)), self._as_pixels(
+            height_key, self.number(height_key)
+        )
+
+    def size_pair(self, key: str) -> tuple[int, int] | None:
+        """Image width and height in a list under a key, px; None if it is absent."""
+        if key not in self:
+            return None
+        width, height = self.numbers(key, (2,))
+        return self._as_pixels(key, width), self._as_pixels(key, height)
+
+    def _required(self, key: str) -> Any:
+        if key not in self.values or self.values[key] is None:
+            raise self.error(key, "the field is missing")
+        return self.values[key]
+
+    def _as_number(self, key: str, value: Any) -> float:
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            raise self.error(key, f"expected a number, got {_short(value)}") from None
+        if not math.isfinite(number):
+            raise self.error(key, f"expected a finite number, got {value}")
+        return number
+
+    def _as_pixels(self, key: str, value: float) -> int:
+        if not (value > 0 and value == int(value)):
+            raise self.error(key, f"expected a positive whole number of pixels, got {value:g}")
+        return int(value)
+
+
+@contextmanager
+def blame(fields: Fields, key: str, **keys: str) -> Iterator[None]:
+    """Complete an error about a lens parameter with the file and the field it was read from.
+
+    Parameters
+    ----------
+    fields : Fields
+        What is being read.
+    key : str
+        The field that holds the parameters.
+    **keys : str
+        Fields that hold the parameters of these names instead.
+    """
+    try:
+        yield
+    except InputError as error:
+        if error.file is not None:
+            raise
+        parameter = error.field or ""
+        at = fields.place(keys.get(parameter.split(" ")[0], key))
+        name = f"{at} ({parameter})" if parameter else at
+        raise InputError(error.problem, file=fields.file, field=name) from None
+
+
+def _flat(value: Any) -> list[Any]:
+    """The items of a list, nested lists, a matrix's ``data`` or a text with spaces or commas."""
+    if isinstance(value, Mapping):
+        return _flat(value.get("data", []))
+    if isinstance(value, list):
+        return [item for part in value for item in _flat(part)]
+    if isinstance(value, str):
+        return value.replace(",", " ").split()
+    return [value]
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,0 +1,36 @@
+"""What a calibration format is: a module with these members."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from farpoint.camera.camera import Camera
+from farpoint.camera.files.source import CalibrationFile
+
+__all__ = ["CalibrationFormat"]
+
+
+class CalibrationFormat(Protocol):
+    """Implemented by each format's module."""
+
+    @property
+    def TITLE(self) -> str:
+        """What people call the format."""
+        ...
+
+    @property
+    def FIRST_IS_DEFAULT(self) -> bool:
+        """Whether the first of several cameras is meant when no name is given."""
+        ...
+
+    def matches(self, file: CalibrationFile) -> bool:
+        """Whether the contents are of this format, faulty ones included."""
+        ...
+
+    def names(self, file: CalibrationFile) -> list[str]:
+        """Names of the cameras in the file, in its order; at least one."""
+        ...
+
+    def read(self, file: CalibrationFile, name: str) -> Camera:
+        """The camera of this name; an InputError names the file and the field at fault."""
+        ...

@@ -1,0 +1,59 @@
+"""From the names and numbers of EuRoC and Kalibr files to a lens model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+from farpoint.camera.files.fields import Fields, blame
+from farpoint.camera.model import CameraModel
+from farpoint.camera.pinhole import Pinhole
+from farpoint.errors import InputError
+
+__all__ = ["lens_of_sensor", "unsupported_lens"]
+
+
+def lens_of_sensor(fields: Fields, *, coefficients: str) -> CameraModel:
+    """The lens of a group with ``camera_model``, ``intrinsics`` and ``distortion_model``.
+
+    Parameters
+    ----------
+    fields : Fields
+        The group.
+    coefficients : str
+        Key of the distortion coefficients.
+    """
+    projection = fields.text("camera_model").lower()
+    if projection not in LENSES:
+        raise unsupported_lens(fields, "camera_model", LENSES)
+    distortions = LENSES[projection]
+    distortion = fields.text("distortion_model").lower() if "distortion_model" in fields else "none"
+    if distortion not in distortions:
+        raise unsupported_lens(fields, "distortion_model", distortions)
+    return distortions[distortion](fields, coefficients)
+
+
+def unsupported_lens(fields: Fields, key: str, known: Collection[str]) -> InputError:
+    """The error about a lens model that farpoint does not have."""
+    problem = f"the lens model {fields.text(key)!r} is not supported; expected {' or '.join(known)}"
+    return fields.error(key, problem)
+
+
+def _pinhole(fields: Fields, coefficients: str | None) -> Pinhole:
+    fx, fy, cx, cy = fields.numbers("intrinsics", (4,))
+    distortion = () if coefficients is None else tuple(fields.numbers(coefficients))
+    with blame(fields, "intrinsics", distortion=coefficients or "intrinsics"):
+        return Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, distortion=distortion)
+
+
+def _undistorted_pinhole(fields: Fields, coefficients: str) -> Pinhole:  # noqa: ARG001
+    return _pinhole(fields, None)
+
+
+LENSES: dict[str, dict[str, Callable[[Fields, str], CameraModel]]] = {
+    "pinhole": {
+        "radtan": _pinhole,
+        "radial-tangential": _pinhole,
+        "plumb_bob": _pinhole,
+        "none": _undistorted_pinhole,
+    },
+}

@@ -1,0 +1,81 @@
+"""Reading a camera from whatever file a person has."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from farpoint.camera.camera import Camera
+from farpoint.camera.files import kalibr, kitti, opencv, orbslam, plain, sensor
+from farpoint.camera.files.format import CalibrationFormat
+from farpoint.camera.files.source import CalibrationFile
+from farpoint.errors import InputError
+
+__all__ = ["load_camera"]
+
+# Asked in this order: the more particular before the more general.
+FORMATS: tuple[CalibrationFormat, ...] = (plain, kitti, orbslam, sensor, kalibr, opencv)
+
+
+def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera:
+    """Read a camera calibration, recognised by what is in the file and not by its name.
+
+    Parameters
+    ----------
+    path : str or path
+        KITTI ``calib.txt`` or ``calib_cam_to_cam.txt``, EuRoC ``sensor.yaml``, Kalibr camera
+        chain, ORB-SLAM settings, a camera matrix as OpenCV's FileStorage or ROS write it, or bare
+        numbers ``fx fy cx cy [k1 k2 p1 p2 [k3 ...]]``.
+    name : str, optional
+        Which of several cameras. KITTI's first (``P0``) is meant without it; elsewhere a file of
+        several cameras needs it.
+
+    Returns
+    -------
+    Camera
+        Its ``size`` is None if the file does not tell.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is no calibration, or a field is missing or has no sense; the
+        message names the file and the field.
+    """
+    file = CalibrationFile.open(Path(path))
+    calibration = _recognise(file)
+    camera = calibration.read(file, _choose(file, calibration, name))
+    return replace(camera, source=f"{calibration.TITLE}, {file.path}")
+
+
+def _recognise(file: CalibrationFile) -> CalibrationFormat:
+    for calibration in FORMATS:
+        if calibration.matches(file):
+            return calibration
+    if file.fault is not None and _seems_structured(file.text):
+        raise file.fault
+    known = ", ".join(calibration.TITLE for calibration in FORMATS)
+    raise InputError(f"is not a camera calibration; expected one of: {known}", file=file.path)
+
+
+def _seems_structured(text: str) -> bool:
+    """Whether a person meant this as YAML, JSON or XML."""
+    return re.search(r"\A\s*([{<]|%YAML)|^\s*[\w.]+\s*:\s", text, re.MULTILINE) is not None
+
+
+def _choose(file: CalibrationFile, calibration: CalibrationFormat, name: str | None) -> str:
+    names = calibration.names(file)
+    if name is None:
+        if len(names) == 1 or calibration.FIRST_IS_DEFAULT:
+            return names[0]
+        raise InputError(
+            f"has several cameras; expected a name, one of {', '.join(names)}",
+            file=file.path,
+            field="name",
+        )
+    if name not in names:
+        raise InputError(
+            f"no camera {name!r}; expected one of {', '.join(names)}", file=file.path, field="name"
+        )
+    return name

@@ -1,0 +1,43 @@
+"""Camera matrices: from nine or twelve numbers to focal lengths and principal point."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+import numpy as np
+
+from farpoint.camera.files.fields import Fields
+
+__all__ = ["Intrinsics", "intrinsics_from_matrix"]
+
+
+class Intrinsics(TypedDict):
+    """Focal lengths and principal point, px."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+
+def intrinsics_from_matrix(fields: Fields, key: str, *, columns: int = 3) -> Intrinsics:
+    """Focal lengths and principal point of a 3x3 camera matrix, or a 3x4 one of rectified images.
+
+    Raises
+    ------
+    InputError
+        If it is no camera matrix: wrong count, skew, or another last row than 0 0 1.
+    """
+    matrix = np.reshape(fields.numbers(key, (3 * columns,)), (3, columns))[:, :3]
+    expected = np.array(
+        [[matrix[0, 0], 0, matrix[0, 2]], [0, matrix[1, 1], matrix[1, 2]], [0, 0, 1]]
+    )
+    if np.abs(matrix - expected).max() > 1e-6:
+        rows = "; ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
+        raise fields.error(key, f"expected a matrix fx 0 cx; 0 fy cy; 0 0 1, got {rows}")
+    return Intrinsics(
+        fx=float(matrix[0, 0]),
+        fy=float(matrix[1, 1]),
+        cx=float(matrix[0, 2]),
+        cy=float(matrix[1, 2]),
+    )

@@ -1,0 +1,53 @@
+"""Settings of ORB-SLAM 2 and 3: flat keys such as ``Camera.fx`` or ``Camera1.fx``."""
+
+from __future__ import annotations
+
+import re
+
+from farpoint.camera.camera import Camera
+from farpoint.camera.files.fields import Fields, blame
+from farpoint.camera.files.lens import unsupported_lens
+from farpoint.camera.files.source import CalibrationFile
+from farpoint.camera.pinhole import Pinhole
+
+TITLE = "ORB-SLAM settings"
+FIRST_IS_DEFAULT = False
+
+KEY = re.compile(r"(Camera\d?)\.(fx|fy|cx|cy|type|k1)")
+# Rectified images have no distortion left, and their files give no coefficients.
+PINHOLES = ("PinHole", "Rectified")
+
+
+def matches(file: CalibrationFile) -> bool:
+    """Whether a key like ``Camera.fx`` is present."""
+    return any(KEY.fullmatch(key) for key in file.fields.values)
+
+
+def names(file: CalibrationFile) -> list[str]:
+    """``Camera1`` and ``Camera2`` of version 3; the file's own name for the one of version 2."""
+    found = [KEY.fullmatch(key) for key in file.fields.values]
+    numbered = {hit[1]: None for hit in found if hit and hit[1] != "Camera"}
+    return list(numbered) or [file.path.stem]
+
+
+def read(file: CalibrationFile, name: str) -> Camera:
+    """One camera."""
+    fields = file.fields
+    prefix = name if f"{name}.fx" in fields else "Camera"
+    if "Camera.type" in fields and fields.text("Camera.type") not in PINHOLES:
+        raise unsupported_lens(fields, "Camera.type", PINHOLES)
+    fx, fy, cx, cy = (fields.number(f"{prefix}.{key}") for key in ("fx", "fy", "cx", "cy"))
+    with blame(fields, prefix):
+        model = Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, distortion=_distortion(fields, prefix))
+    size = fields.size("Camera.width", "Camera.height")
+    return Camera(model=model, size=size, name=name)
+
+
+def _distortion(fields: Fields, prefix: str) -> tuple[float, ...]:
+    """Coefficients in OpenCV's order; those left out are zero, none at all is no distortion."""
+    order = [f"{prefix}.{name}" for name in ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")]
+    present = [index for index, key in enumerate(order) if key in fields]
+    if not present:
+        return ()
+    count = next(count for count in (4, 5, 8) if count > present[-1])
+    return tuple(fields.number(key) if key in fields else 0.0 for key in order[:count])

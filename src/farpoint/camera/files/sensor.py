@@ -1,0 +1,32 @@
+"""EuRoC ``sensor.yaml``: one camera with its intrinsics, as the ASL dataset format has it."""
+
+from __future__ import annotations
+
+from farpoint.camera.camera import Camera
+from farpoint.camera.files.lens import lens_of_sensor
+from farpoint.camera.files.source import CalibrationFile
+
+TITLE = "EuRoC sensor.yaml"
+FIRST_IS_DEFAULT = False
+
+
+def matches(file: CalibrationFile) -> bool:
+    """Whether the fields of a sensor stand at the top level."""
+    fields = file.fields
+    return fields.first("sensor_type", "camera_model") is not None or (
+        "intrinsics" in fields and fields.first("distortion_model", "resolution") is not None
+    )
+
+
+def names(file: CalibrationFile) -> list[str]:
+    """The file's own name."""
+    return [file.path.stem]
+
+
+def read(file: CalibrationFile, name: str) -> Camera:
+    """The camera."""
+    fields = file.fields
+    if "sensor_type" in fields and fields.text("sensor_type") != "camera":
+        raise fields.error("sensor_type", f"expected camera, got {fields.text('sensor_type')}")
+    model = lens_of_sensor(fields, coefficients="distortion_coefficients")
+    return Camera(model=model, size=fields.size_pair("resolution"), name=name)

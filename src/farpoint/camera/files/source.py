@@ -1,0 +1,142 @@
+"""A calibration file in memory: its text, and what YAML, JSON or XML make of it."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import yaml
+
+from farpoint.camera.files.fields import Fields
+from farpoint.errors import InputError
+
+__all__ = ["CalibrationFile"]
+
+# Calibrations are a few kilobytes; anything of this size is a video or an image.
+LARGEST_BYTES = 1 << 24
+
+
+@dataclass(frozen=True)
+class CalibrationFile:
+    """The bytes of a file, and the views of it that the formats look at.
+
+    Attributes
+    ----------
+    path : Path
+        Where it lies; its stem names a camera that has no name of its own.
+    data : bytes
+        All of it.
+    """
+
+    path: Path
+    data: bytes
+
+    @classmethod
+    def open(cls, path: Path) -> CalibrationFile:
+        """Read a file, or raise an InputError that says why it cannot be one."""
+        if path.is_dir():
+            raise InputError("is a folder; expected a calibration file", file=path)
+        try:
+            size = path.stat().st_size
+            if size > LARGEST_BYTES:
+                raise InputError(
+                    f"is too large for a calibration ({size >> 20} MB); expected a text file",
+                    file=path,
+                )
+            data = path.read_bytes()
+        except FileNotFoundError:
+            raise InputError("no such file; expected a calibration", file=path) from None
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror}", file=path) from None
+        if not data.strip():
+            raise InputError("the file is empty; expected a calibration", file=path)
+        return cls(path, data)
+
+    @cached_property
+    def text(self) -> str:
+        """The contents as UTF-8; empty if they are not text."""
+        try:
+            return self.data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            return ""
+
+    @cached_property
+    def lines(self) -> list[str]:
+        """Lines of the text without comments after ``#`` and without empty ones."""
+        stripped = (line.split("#", 1)[0].strip() for line in self.text.splitlines())
+        return [line for line in stripped if line]
+
+    @property
+    def fields(self) -> Fields:
+        """The mapping at the top of a YAML, JSON or XML file; empty if it is none of these."""
+        content = self._content
+        return Fields(content if isinstance(content, dict) else {}, self.path)
+
+    @property
+    def fault(self) -> InputError | None:
+        """Why the file could not be parsed, if it is written as YAML, JSON or XML."""
+        return self._content if isinstance(self._content, InputError) else None
+
+    @cached_property
+    def _content(self) -> Any:
+        text = self.text.lstrip()
+        parse = _parse_json if text[:1] == "{" else _parse_xml if text[:1] == "<" else _parse_yaml
+        try:
+            return parse(self.text)
+        except _MalformedError as malformed:
+            return InputError(malformed.problem, file=self.path, field=malformed.place)
+        except RecursionError:
+            return InputError("is nested too deeply; expected a calibration", file=self.path)
+
+
+class _MalformedError(Exception):
+    def __init__(self, problem: str, line: int | None):
+        self.problem = problem
+        self.place = None if line is None else f"line {line}"
+        super().__init__(problem)
+
+
+def _parse_json(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        raise _MalformedError(f"malformed JSON: {error.msg}", error.lineno) from None
+
+
+def _parse_yaml(text: str) -> Any:
+    """YAML with every scalar left a string and every tag ignored, so that nothing is executed.
+
+    OpenCV's dialect is accepted: the header ``%YAML:1.0``, ``key:value`` without the space,
+    tabs, the tag ``!!opencv-matrix``.
+    """
+    text = re.sub(r"\A(\s*)%YAML[^\n]*", r"\1", text).expandtabs(4)
+    text = re.sub(r"(?m)^([ ]*[A-Za-z_][\w.]*):(?=[^\s:/\\])", r"\1: ", text)
+    try:
+        return yaml.load(text, Loader=yaml.BaseLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        raise _MalformedError(
+            f"malformed YAML: {error.problem or error.context}",
+            None if mark is None else mark.line + 1,
+        ) from None
+    except yaml.YAMLError as error:
+        raise _MalformedError(f"malformed YAML: {str(error).splitlines()[0]}", None) from None
+
+
+def _parse_xml(text: str) -> Any:
+    """XML as nested mappings of tag to text, as OpenCV's FileStorage writes it."""
+    try:
+        return _tree(ElementTree.fromstring(text.strip().encode()))
+    except ElementTree.ParseError as error:
+        raise _MalformedError("malformed XML", error.position[0]) from None
+
+
+def _tree(element: ElementTree.Element) -> Any:
+    if len(element) == 0:
+        return (element.text or "").strip()
+    return {child.tag: _tree(child) for child in element}
