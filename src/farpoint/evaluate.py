@@ -1,0 +1,201 @@
+"""A folder that ``farpoint run`` wrote against a file of true poses."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.metrics import (
+    PAIR_COLUMNS,
+    AssociationOptions,
+    Evaluation,
+    PairErrors,
+    TrajectoryEvaluation,
+    evaluate_motions,
+    evaluate_trajectory,
+    pair_errors,
+    pair_rows,
+    poses_at_frames,
+    poses_at_times,
+    relative_motions,
+)
+from farpoint.sinks.motions import Motions, read_motions
+from farpoint.trajectory.files import Trajectory, read_trajectory, read_tum
+
+__all__ = ["EvaluationOptions", "FolderEvaluation", "evaluate_folder", "write_pairs"]
+
+MIN_POSES = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationOptions:
+    """What counts when a run is compared with the truth.
+
+    Attributes
+    ----------
+    min_translation : float
+        Pairs that truly moved less than this have no error of direction, in the unit of the truth.
+    delta_frames : int
+        Poses between the two of each relative pose error.
+    association : AssociationOptions
+        How true poses are found for the times of the estimates.
+    """
+
+    min_translation: float = 0.01
+    delta_frames: int = 1
+    association: AssociationOptions = field(default_factory=AssociationOptions)
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.min_translation) and self.min_translation >= 0.0):
+            raise InputError(
+                f"expected a length, 0 or more, got {self.min_translation}", field="min_translation"
+            )
+        if self.delta_frames < 1:
+            raise InputError(f"expected at least 1, got {self.delta_frames}", field="delta_frames")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FolderEvaluation:
+    """What `evaluate_folder` found.
+
+    Attributes
+    ----------
+    evaluation : Evaluation
+        The figures; `farpoint.metrics.to_text` and `to_json` write them.
+    errors : PairErrors
+        Errors pair by pair, a row of ``motions.csv`` each.
+    motions : Motions
+        Those rows.
+    """
+
+    evaluation: Evaluation
+    errors: PairErrors
+    motions: Motions
+
+
+def evaluate_folder(
+    folder: str | Path,
+    truth: str | Path,
+    options: EvaluationOptions | None = None,
+    *,
+    body_from_cam: np.ndarray | None = None,
+) -> FolderEvaluation:
+    """Compare ``motions.csv`` and ``trajectory.tum`` of a folder with true poses.
+
+    Truth with time stamps (TUM, EuRoC) is interpolated at the times of the run; truth without
+    (KITTI) has one pose a frame of the source.
+
+    Parameters
+    ----------
+    folder : str or Path
+        What ``farpoint run`` wrote.
+    truth : str or Path
+        TUM, KITTI or EuRoC trajectory.
+    options : EvaluationOptions, optional
+        What counts.
+    body_from_cam : ndarray, shape (4, 4), optional
+        Pose of the camera on the body that the truth follows (EuRoC: ``T_BS``); by default the
+        truth follows the camera.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or malformed, or estimates and truth have no frame or time in common.
+    """
+    options = options or EvaluationOptions()
+    folder = Path(folder)
+    motions_file = folder / "motions.csv"
+    motions = read_motions(motions_file)
+    if not len(motions):
+        raise InputError("expected at least one pair of frames", file=motions_file)
+    reference = _of_camera(read_trajectory(truth), body_from_cam)
+    try:
+        errors = _motion_errors(motions, reference, options)
+    except InputError as error:
+        where = motions_file if str(error.field).startswith("covariances") else truth
+        raise InputError(error.problem, file=where, field=error.field) from error
+    trajectory, fault = _evaluated_trajectory(
+        read_tum(folder / "trajectory.tum"), motions, reference, options
+    )
+    evaluation = Evaluation(
+        motions=evaluate_motions(errors), trajectory=trajectory, trajectory_fault=fault
+    )
+    return FolderEvaluation(evaluation=evaluation, errors=errors, motions=motions)
+
+
+def write_pairs(path: str | Path, found: FolderEvaluation) -> None:
+    """Write the errors as CSV: ``timestamp0,timestamp1,frame0,frame1`` and `PAIR_COLUMNS`."""
+    m = found.motions
+    keys = zip(m.timestamp0, m.timestamp1, m.frame0, m.frame1, strict=True)
+    with Path(path).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("timestamp0", "timestamp1", "frame0", "frame1", *PAIR_COLUMNS))
+        for (time0, time1, frame0, frame1), row in zip(keys, pair_rows(found.errors), strict=True):
+            writer.writerow((repr(float(time0)), repr(float(time1)), frame0, frame1, *row))
+
+
+def _of_camera(truth: Trajectory, body_from_cam: np.ndarray | None) -> Trajectory:
+    if body_from_cam is None:
+        return truth
+    return Trajectory(
+        timestamps=truth.timestamps, world_from_body=truth.world_from_body @ body_from_cam
+    )
+
+
+def _true_poses(
+    truth: Trajectory, timestamps: np.ndarray, frames: np.ndarray, options: EvaluationOptions
+) -> np.ndarray:
+    if truth.timestamps is None:
+        return poses_at_frames(truth.world_from_body, frames)
+    return poses_at_times(truth.timestamps, truth.world_from_body, timestamps, options.association)
+
+
+def _motion_errors(motions: Motions, truth: Trajectory, options: EvaluationOptions) -> PairErrors:
+    poses = _true_poses(
+        truth,
+        np.concatenate([motions.timestamp0, motions.timestamp1]),
+        np.concatenate([motions.frame0, motions.frame1]),
+        options,
+    )
+    true_rotations, true_translations = relative_motions(*np.split(poses, 2))
+    return pair_errors(
+        statuses=list(motions.status),
+        rotations=motions.rotation_cam1_from_cam0,
+        directions=motions.direction_cam1_from_cam0,
+        covariances=motions.covariance,
+        true_rotations=true_rotations,
+        true_translations=true_translations,
+        min_translation=options.min_translation,
+        direction_bases=motions.direction_basis,
+    )
+
+
+def _evaluated_trajectory(
+    estimate: Trajectory, motions: Motions, truth: Trajectory, options: EvaluationOptions
+) -> tuple[TrajectoryEvaluation | None, str | None]:
+    """Figures of the trajectory, or why there are none: standing still is no fault of the input."""
+    assert estimate.timestamps is not None  # a TUM file has them
+    frames = _frames_at(estimate.timestamps, motions)
+    poses = _true_poses(truth, estimate.timestamps, frames, options)
+    known = ~np.isnan(poses[:, 0, 0])
+    count = int(np.count_nonzero(known))
+    if count < max(MIN_POSES, options.delta_frames + 1):
+        return None, f"only {count} poses have a true one"
+    try:
+        return evaluate_trajectory(
+            estimate.world_from_body[known], poses[known], delta_frames=options.delta_frames
+        ), None
+    except InputError as error:
+        return None, error.problem
+
+
+def _frames_at(timestamps: np.ndarray, motions: Motions) -> np.ndarray:
+    """Frame numbers of time stamps, as the pairs name them; -1 for a frame in no pair."""
+    frame_of = dict(zip(motions.timestamp0, motions.frame0, strict=True))
+    frame_of |= dict(zip(motions.timestamp1, motions.frame1, strict=True))
+    return np.array([frame_of.get(stamp, -1) for stamp in timestamps])
