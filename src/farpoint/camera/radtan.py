@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from farpoint.camera.plane_map import PlaneMap
 from farpoint.camera.tilt import Tilt
@@ -28,18 +29,17 @@ ALLOWED_COUNTS = (0, 4, 5, 8, 12, 14)
 # Beyond 89.99 degrees off the axis a pinhole's image is 5700 focal lengths away.
 FARTHEST_RAD = np.deg2rad(89.99)
 RADIAL_NODES = 1024
-AZIMUTH_NODES = 256
-FOLD_NODES = 256
+AZIMUTH_NODES = 181
 NEWTON_TOLERANCE = 1e-10
 NEWTON_ITERATIONS = 20
 
 
 @dataclass(frozen=True)
 class RadialTangential:
-    """Distortion of the plane ``(x, y) -> (a, b)``, one-to-one out to where it folds over.
+    """Distortion of the plane ``(x, y) -> (a, b)``, one-to-one within its `fold`.
 
-    Along every direction from the centre the map is used up to the first radius at which its
-    determinant vanishes. Beyond it the formula would put a second, mirrored image over the first.
+    The map is used out to the smallest radius at which its determinant vanishes in any direction.
+    Beyond it the formula would put a second, mirrored image over the first.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class RadialTangential:
     def distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distorted plane coordinates; NaN where (x, y) lies beyond the fold."""
         distorted = self._map(x, y)
-        seen = self._inside(x, y)
+        seen = x * x + y * y < self.fold**2
         a, b = np.where(seen, distorted.a, np.nan), np.where(seen, distorted.b, np.nan)
         return (a, b) if self._tilt is None else self._tilt.apply(a, b)
 
@@ -96,7 +96,7 @@ class RadialTangential:
             if not active.size:
                 break
         x[active] = np.nan
-        outside = ~self._inside(x, y)
+        outside = ~(x * x + y * y < self.fold**2)
         x[outside] = y[outside] = np.nan
         return x, y
 
@@ -160,72 +160,56 @@ class RadialTangential:
     @cached_property
     def _farthest_image(self) -> float:
         """Largest radius of the distorted plane that is reached."""
-        if self._is_radial:
-            return self._radial_table[1][-1] if np.isfinite(self._radial_fold) else np.inf
-        azimuths, folds = self._fold_by_azimuth
-        rim = self._map(folds * np.cos(azimuths), folds * np.sin(azimuths))
-        return 1.001 * float(np.hypot(rim.a, rim.b).max())
+        if np.isinf(self.fold):
+            return np.inf
+        azimuths = np.linspace(-np.pi, np.pi, AZIMUTH_NODES)
+        rim = self._map(self.fold * np.cos(azimuths), self.fold * np.sin(azimuths))
+        return float(np.hypot(rim.a, rim.b).max())
 
     @cached_property
     def _radial_table(self) -> tuple[np.ndarray, np.ndarray]:
         """Radii before and after the radial part alone, increasing, evenly spaced in angle."""
-        farthest = min(np.arctan(self._radial_fold), FARTHEST_RAD)
-        radius = np.tan(np.linspace(0.0, farthest, RADIAL_NODES))
-        # Short of a pole, where the denominator vanishes; at a fold the value does not change.
-        radius[-1] *= 1.0 - 1e-9
+        radius = np.tan(np.linspace(0.0, min(np.arctan(self.fold), FARTHEST_RAD), RADIAL_NODES))
         return radius, radius * self._radial(radius * radius)[0]
+
+    @cached_property
+    def fold(self) -> float:
+        """Radius of the undistorted plane up to which the map is used; infinite if all of it."""
+        radial_fold = self._radial_fold
+        if self._is_radial:
+            return radial_fold
+        farthest = min(np.arctan(radial_fold), FARTHEST_RAD)
+        radii = np.tan(np.linspace(0.0, farthest, RADIAL_NODES))
+        keeps = self._keeps_orientation(radii)
+        if keeps.all():
+            return radii[-1]
+        low, high = radii[np.argmin(keeps) - 1], radii[np.argmin(keeps)]
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._keeps_orientation(middle) else (low, middle)
+        return float(low)
 
     @cached_property
     def _radial_fold(self) -> float:
         """Radius at which the radial part alone stops growing; infinite if it never does."""
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
-        gain, loss = (
-            np.polynomial.Polynomial([1, k1, k2, k3]),
-            np.polynomial.Polynomial([1, k4, k5, k6]),
-        )
-        squared_radius = np.polynomial.Polynomial([0, 1])
+        gain, loss = Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6])
         # Numerator of d(r gain / loss) / dr as a polynomial of r^2.
-        growth = gain * loss + 2 * squared_radius * (gain.deriv() * loss - gain * loss.deriv())
-        return np.sqrt(min(first_positive_root(growth.coef), first_positive_root(loss.coef)))
+        growth = gain * loss + Polynomial([0, 2]) * (gain.deriv() * loss - gain * loss.deriv())
+        end = np.sqrt(min(first_positive_root(growth.coef), first_positive_root(loss.coef)))
+        # Short of a pole, where the denominator vanishes; at a fold the height does not change.
+        return float(end * (1.0 - 1e-9))
 
-    def _inside(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Whether points of the undistorted plane lie before the fold."""
-        r2 = x * x + y * y
-        if self._is_radial:
-            return r2 < self._radial_fold**2
-        azimuths, folds = self._fold_by_azimuth
-        inside = r2 < folds.min() ** 2
-        near = np.flatnonzero(~inside & (r2 < folds.max() ** 2))
-        if near.size:
-            azimuth = np.arctan2(y[near], x[near])
-            inside[near] = np.sqrt(r2[near]) < np.interp(azimuth, azimuths, folds)
-        return inside
-
-    @cached_property
-    def _fold_by_azimuth(self) -> tuple[np.ndarray, np.ndarray]:
-        """Azimuths from -pi to pi, and the radius along each where the determinant vanishes."""
-        azimuths = np.linspace(-np.pi, np.pi, AZIMUTH_NODES + 1)
-        pole = np.sqrt(first_positive_root(np.array([1.0, *self._full[5:8]])))
-        # A pole lies in the last node, where the determinant is no longer a number.
-        radii = np.tan(np.linspace(0.0, min(np.arctan(pole), FARTHEST_RAD), FOLD_NODES))
-        keeps = self._keeps_orientation(radii[:, None], azimuths[None, :])
-        keeps[-1] = False
-        first_bad = np.argmin(keeps, axis=0)
-        low, high = radii[first_bad - 1], radii[first_bad]
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            good = self._keeps_orientation(middle, azimuths)
-            low, high = np.where(good, middle, low), np.where(good, high, middle)
-        return azimuths, low
-
-    def _keeps_orientation(self, radius: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-        with np.errstate(all="ignore"):
-            return self._map(radius * np.cos(azimuth), radius * np.sin(azimuth)).determinant > 0.0
+    def _keeps_orientation(self, radius: np.ndarray | float) -> np.ndarray:
+        """Whether the determinant is positive all along circles of these radii."""
+        azimuths = np.linspace(-np.pi, np.pi, AZIMUTH_NODES)
+        circles = np.multiply.outer(radius, np.array([np.cos(azimuths), np.sin(azimuths)]))
+        return np.all(self._map(circles[..., 0, :], circles[..., 1, :]).determinant > 0.0, axis=-1)
 
 
 def first_positive_root(coefficients: np.ndarray) -> float:
     """Smallest positive real root of a polynomial, lowest power first; infinite if none."""
-    roots = np.polynomial.Polynomial(np.trim_zeros(coefficients, "b")).roots()
+    roots = Polynomial(np.trim_zeros(coefficients, "b")).roots()
     real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0)]
     return float(real.min(initial=np.inf))
 
