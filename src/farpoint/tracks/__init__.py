@@ -1,5 +1,19 @@
 """Tracks: image points followed from frame to frame."""
 
+from farpoint.tracks.options import (
+    CornerOptions,
+    LucasKanadeOptions,
+    RefinementOptions,
+    TrackerOptions,
+)
+from farpoint.tracks.tracker import Tracker
 from farpoint.tracks.tracks import Tracks
 
-__all__ = ["Tracks"]
+__all__ = [
+    "CornerOptions",
+    "LucasKanadeOptions",
+    "RefinementOptions",
+    "Tracker",
+    "TrackerOptions",
+    "Tracks",
+]

@@ -41,3 +41,12 @@ class Tracks:
             points1=np.empty((0, 2)),
             covariance_px2=np.empty((0, 2, 2)),
         )
+
+    def select(self, which: np.ndarray) -> Tracks:
+        """The tracks that a mask of bool (N,) marks, or that indices name."""
+        return Tracks(
+            ids=self.ids[which],
+            points0=self.points0[which],
+            points1=self.points1[which],
+            covariance_px2=self.covariance_px2[which],
+        )

@@ -1,0 +1,86 @@
+"""Matches made precise, each with its covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint._kernels.affine_match import match_windows
+from farpoint.tracks.options import RefinementOptions
+
+__all__ = ["refine", "window_reach"]
+
+# What 8-bit steps and bilinear interpolation leave, 1-sigma, px: the error on noise-free images of
+# known sub-pixel shift, where the residual sees little of it.
+_INTERPOLATION_SIGMA_PX = 0.01
+
+
+def window_reach(options: RefinementOptions) -> int:
+    """Distance from the border, px, that a point needs for its window and its gradients."""
+    return options.window_px // 2 + 2
+
+
+def refine(
+    image0: np.ndarray,
+    image1: np.ndarray,
+    points0: np.ndarray,
+    points1: np.ndarray,
+    options: RefinementOptions,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Precise positions in ``image1``, with what image gradients and residuals say of their errors.
+
+    A window is matched under an affine warp and a change of gain and offset, each held by a prior.
+    Without the warp, points on surfaces that come nearer or turn are off by a tenth of a pixel: on
+    real drives it takes about 40 % off the residuals of the epipolar constraint.
+
+    The covariance is the sandwich of the estimator: the inverse normal matrix of the window's
+    gradients around the moments of gradient times residual, summed over blocks of neighbouring
+    pixels since their residuals are not independent; the share of the priors, and that of the
+    interpolation, are added.
+
+    Parameters
+    ----------
+    image0, image1 : ndarray of uint8, shape (H, W)
+        Grey values.
+    points0 : ndarray of float64, shape (N, 2)
+        Pixels in ``image0``.
+    points1 : ndarray of float64, shape (N, 2)
+        Pixels in ``image1``, right to about a pixel.
+    options : RefinementOptions
+        Window, priors and bounds.
+
+    Returns
+    -------
+    points1 : ndarray of float64, shape (N, 2)
+        Pixels in ``image1``.
+    covariance_px2 : ndarray of float64, shape (N, 2, 2)
+        Covariance of ``points1`` given ``points0``, px^2; NaN where not found.
+    found : ndarray of bool, shape (N,)
+        Whether the windows match.
+    """
+    refined = np.array(points1, dtype=np.float64)
+    covariance_px2 = np.empty((len(points0), 2, 2))
+    correlation = np.empty(len(points0))
+    match_windows(
+        np.ascontiguousarray(image0),
+        np.ascontiguousarray(image1),
+        np.ascontiguousarray(points0, dtype=np.float64),
+        options.window_px // 2,
+        _precision(options),
+        options.noise_floor**2,
+        options.max_iterations,
+        options.tolerance_px,
+        refined,
+        covariance_px2,
+        correlation,
+    )
+    found = correlation >= options.min_correlation
+    found &= np.isfinite(covariance_px2).all(axis=(1, 2))
+    found &= np.linalg.norm(refined - points1, axis=1) <= options.max_shift_px
+    covariance_px2 += _INTERPOLATION_SIGMA_PX**2 * np.eye(2)
+    return refined, covariance_px2, found
+
+
+def _precision(options: RefinementOptions) -> np.ndarray:
+    """Inverse prior variances of displacement (2, unknown), warp (4), gain and offset."""
+    sigma = [np.inf] * 2 + [options.affine_sigma] * 4 + [options.gain_sigma, options.offset_sigma]
+    return 1.0 / np.square(sigma)

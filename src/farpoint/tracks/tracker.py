@@ -1,0 +1,207 @@
+"""Tracks that live from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.tracks.corners import find_corners, thin_out
+from farpoint.tracks.lucas_kanade import follow
+from farpoint.tracks.options import TrackerOptions
+from farpoint.tracks.refinement import refine, window_reach
+from farpoint.tracks.tracks import Tracks
+
+__all__ = ["Tracker"]
+
+Predict = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Reference:
+    """The image that the next one is compared with, and the tracks alive in it."""
+
+    image: np.ndarray
+    ids: np.ndarray
+    points: np.ndarray
+
+
+class Tracker:
+    """Follows corners through a sequence of images.
+
+    Every image is compared with the reference, the last image that was advanced to. Comparing
+    changes nothing, so that the caller decides what becomes of an image: the next reference
+    (`advance`), with the tracks that proved good; the beginning of something new (`restart`); or
+    nothing, and the next image is compared with the same reference again. `track` is `match` and
+    `advance` in one.
+
+    Equal images, options and calls give equal tracks, bit for bit.
+
+    Parameters
+    ----------
+    options : TrackerOptions, optional
+        Number of tracks, spacing, windows and thresholds.
+    mask : ndarray of bool, shape (H, W), optional
+        True where tracks may begin; False on what moves with the camera, such as a bonnet.
+
+    Examples
+    --------
+    >>> tracker = Tracker(TrackerOptions(max_tracks=300))
+    >>> texture = np.random.default_rng(0).integers(0, 255, (60, 80)).astype(np.uint8)
+    >>> len(tracker.track(texture))  # the first image has nothing to be compared with
+    0
+    >>> tracks = tracker.track(texture)
+    >>> len(tracks) > 0 and bool(np.all(tracks.points0 == tracks.points1))
+    True
+    """
+
+    def __init__(self, options: TrackerOptions | None = None, *, mask: np.ndarray | None = None):
+        self.options = TrackerOptions() if options is None else options
+        self._mask = None if mask is None else _checked_mask(mask)
+        self._reference: _Reference | None = None
+        self._next_id = 0
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Identities of the tracks alive in the reference, int64, shape (N,), ascending."""
+        return np.empty(0, np.int64) if self._reference is None else self._reference.ids.copy()
+
+    @property
+    def points(self) -> np.ndarray:
+        """Their pixels, shape (N, 2)."""
+        return np.empty((0, 2)) if self._reference is None else self._reference.points.copy()
+
+    def track(self, image: np.ndarray, predict: Predict | None = None) -> Tracks:
+        """`match`, then `advance` with all tracks found."""
+        tracks = self.match(image, predict)
+        self.advance(image, tracks)
+        return tracks
+
+    def match(self, image: np.ndarray, predict: Predict | None = None) -> Tracks:
+        """Find the reference's tracks in an image; the tracker stays as it is.
+
+        Parameters
+        ----------
+        image : ndarray of uint8, shape (H, W)
+            Grey values.
+        predict : callable, optional
+            Takes pixels (N, 2) in the reference, returns where they are expected (N, 2), such as
+            by the last motion; where it returns NaN nothing is expected. A wrong prediction costs
+            time, not tracks.
+
+        Returns
+        -------
+        Tracks
+            None without a reference, on an image without texture, and where nothing fits.
+
+        Raises
+        ------
+        InputError
+            Where the image is not uint8 of two dimensions, or not of the reference's size.
+        """
+        image = _checked_image(image)
+        reference = self._reference
+        if reference is None:
+            return Tracks.empty()
+        if image.shape != reference.image.shape:
+            raise InputError(
+                f"expected {_size(reference.image)} pixels like the reference, got {_size(image)}",
+                field="image",
+            )
+        start = reference.points if predict is None else _predicted(predict, reference.points)
+        tracks = self._found(reference, image, start)
+        if predict is not None and 2 * len(tracks) < len(reference.ids):
+            # A prediction that loses most tracks may itself be the fault.
+            unpredicted = self._found(reference, image, reference.points)
+            tracks = max(tracks, unpredicted, key=len)
+        return tracks
+
+    def advance(self, image: np.ndarray, tracks: Tracks) -> None:
+        """Make ``image`` the reference: the tracks given live on in it, missing ones are begun.
+
+        Where tracks have run together the oldest goes on.
+
+        Parameters
+        ----------
+        image : ndarray of uint8, shape (H, W)
+            The image that `match` has seen.
+        tracks : Tracks
+            What `match` returned, or the part of it that proved good (`Tracks.select`).
+        """
+        image = _checked_image(image).copy()
+        corners = self.options.corners
+        order = np.argsort(tracks.ids, kind="stable")
+        ids, points = tracks.ids[order], tracks.points1[order]
+        alive = thin_out(points, np.zeros(image.shape, bool), corners.min_distance_px // 2)
+        ids, points = ids[alive], points[alive]
+        new = find_corners(
+            image,
+            points,
+            self.options.max_tracks - len(points),
+            window_reach(self.options.refinement),
+            corners,
+            self._mask_for(image),
+        )
+        new_ids = np.arange(self._next_id, self._next_id + len(new), dtype=np.int64)
+        self._next_id += len(new)
+        self._reference = _Reference(
+            image=image,
+            ids=np.concatenate([ids, new_ids]),
+            points=np.concatenate([points, new]),
+        )
+
+    def restart(self, image: np.ndarray) -> None:
+        """Make ``image``, of any size, the reference; all tracks begin anew, under new ids."""
+        self.advance(image, Tracks.empty())
+
+    def _found(self, reference: _Reference, image: np.ndarray, start: np.ndarray) -> Tracks:
+        options = self.options
+        rough, seen = follow(reference.image, image, reference.points, start, options.matching)
+        ids, points0 = reference.ids[seen], reference.points[seen]
+        points1, covariance_px2, found = refine(
+            reference.image, image, points0, rough[seen], options.refinement
+        )
+        return Tracks(
+            ids=ids, points0=points0, points1=points1, covariance_px2=covariance_px2
+        ).select(found)
+
+    def _mask_for(self, image: np.ndarray) -> np.ndarray | None:
+        if self._mask is not None and self._mask.shape != image.shape:
+            raise InputError(
+                f"expected {_size(image)} pixels like the image, got {_size(self._mask)}",
+                field="mask",
+            )
+        return self._mask
+
+
+def _checked_image(image: np.ndarray) -> np.ndarray:
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 2:
+        given = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image)
+        raise InputError(f"expected grey values, uint8 of shape (H, W), got {given}", field="image")
+    if 0 in image.shape:
+        raise InputError(f"expected at least one pixel, got shape {image.shape}", field="image")
+    return image
+
+
+def _checked_mask(mask: np.ndarray) -> np.ndarray:
+    mask = np.asarray(mask)
+    if mask.dtype != bool or mask.ndim != 2:
+        raise InputError(
+            f"expected bool of shape (H, W), got {mask.dtype} {mask.shape}", field="mask"
+        )
+    return mask.copy()
+
+
+def _size(image: np.ndarray) -> str:
+    return f"{image.shape[1]}x{image.shape[0]}"
+
+
+def _predicted(predict: Predict, points: np.ndarray) -> np.ndarray:
+    predicted = np.asarray(predict(points.copy()), dtype=np.float64)
+    if predicted.shape != points.shape:
+        raise InputError(
+            f"expected it to return shape {points.shape}, got {predicted.shape}", field="predict"
+        )
+    return np.where(np.isfinite(predicted).all(axis=1, keepdims=True), predicted, points)
