@@ -72,8 +72,8 @@ def pairwise_direction(
 
     ``partial[i]`` (N, 3) receives ``sum_j w_i w_j c_ij (n_i x n_j)`` with unit normals, so that a
     pair counts by the sine of the angle at which its circles cross, and the sign c = +-1 that lets
-    both matches flow towards the intersection. Each pair stands in two rows: their sum over all
-    matches is twice the sum over pairs, and leaving one match out subtracts its row twice.
+    both matches flow towards the intersection. Each pair stands in two rows, so
+    the sum over all rows is twice the sum over pairs; leaving a match out takes off its row once.
     """
     n = pairs.rays0.shape[0]
     normal = np.empty((n, 3))

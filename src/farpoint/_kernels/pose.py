@@ -273,8 +273,8 @@ def refine_pose(
     H: np.ndarray,
     r: np.ndarray,
     w: np.ndarray,
-) -> int:
-    """Maximum-likelihood pose, with noise and wrong matches by EM; returns iterations.
+) -> float:
+    """Maximum-likelihood pose, with noise and wrong matches by EM; returns its cost.
 
     Gauss-Newton with the full derivative of the residual. ``mixture`` (2,) holds the noise variance
     and the share of wrong matches, in and out; wrong matches fill a strip of half-width ``spread``
@@ -288,12 +288,11 @@ def refine_pose(
     n = 0.0
     for i in range(prior.shape[0]):
         n += 1.0 if prior[i] > 0.0 else 0.0
-    iteration = 0
-    while iteration < max_iterations:
-        iteration += 1
+    cost = math.inf
+    for _ in range(max_iterations):
         variance, wrong = mixture[0], mixture[1]
         clutter = clutter_density(variance, wrong, spread)
-        linearize(pairs, prior, R, t, basis, variance, clutter, H, g, r, w)
+        cost = linearize(pairs, prior, R, t, basis, variance, clutter, H, g, r, w)
         total = 0.0
         squares = 0.0
         for i in range(w.shape[0]):
@@ -316,7 +315,7 @@ def refine_pose(
         apply_step(R, t, basis, x)
         if decrease < 1e-4 and abs(mixture[0] - variance) < 1e-2 * variance:
             break
-    return iteration
+    return cost
 
 
 @kernel

@@ -234,8 +234,10 @@ def refine_rotation(
     H: np.ndarray,
     d2: np.ndarray,
     w: np.ndarray,
-) -> int:
-    """Maximum-likelihood rotation without translation, with noise and wrong matches by EM.
+) -> float:
+    """Maximum-likelihood rotation without translation; returns its cost.
+
+    The noise and the share of wrong matches are estimated along (EM).
 
     ``mixture`` (2,) holds the noise variance and the share of wrong matches, in and out; wrong
     matches fill a disc of radius ``spread`` (in units of the noise's coordinate).
@@ -246,12 +248,11 @@ def refine_rotation(
     n = 0.0
     for i in range(prior.shape[0]):
         n += 1.0 if prior[i] > 0.0 else 0.0
-    iteration = 0
-    while iteration < max_iterations:
-        iteration += 1
+    cost = math.inf
+    for _ in range(max_iterations):
         variance, wrong = mixture[0], mixture[1]
         clutter = wrong / (1.0 - wrong) * 2.0 * variance / (spread * spread)
-        rotation_linearize(pairs, prior, R, variance, clutter, H, g, d2, w)
+        cost = rotation_linearize(pairs, prior, R, variance, clutter, H, g, d2, w)
         total = 0.0
         squares = 0.0
         for i in range(w.shape[0]):
@@ -265,4 +266,4 @@ def refine_rotation(
         size = H[0, 0] * step[0] ** 2 + H[1, 1] * step[1] ** 2 + H[2, 2] * step[2] ** 2
         if size < 1e-6 and abs(mixture[0] - variance) < 1e-3 * variance:
             break
-    return iteration
+    return cost

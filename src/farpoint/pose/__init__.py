@@ -1,5 +1,18 @@
 """Relative pose of two views with its covariance: the method itself."""
 
+from farpoint.pose.observable import far_distance, observable_motion
+from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.relative_pose import estimate_relative_pose, estimate_relative_pose_from_rays
 from farpoint.pose.result import PoseStats, PoseStatus, RelativePose, TrackLabel
 
-__all__ = ["PoseStats", "PoseStatus", "RelativePose", "TrackLabel"]
+__all__ = [
+    "PoseStats",
+    "PoseStatus",
+    "RelativePose",
+    "RelativePoseOptions",
+    "TrackLabel",
+    "estimate_relative_pose",
+    "estimate_relative_pose_from_rays",
+    "far_distance",
+    "observable_motion",
+]

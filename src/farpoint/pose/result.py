@@ -46,10 +46,10 @@ class PoseStats:
         Number of matches given, and of each label.
     iterations : int
         Hypotheses tried by the consensus search.
-    cost : float
-        Mean robust cost per match at the estimate, in units of the noise variance.
+    cost : float or None
+        Mean negative log likelihood of a match at the estimate; None where nothing was fitted.
     sign_probability : float or None
-        Probability that ``direction`` points forward rather than backward along its line.
+        Probability that ``direction`` points the way it does along its line; None without one.
     search_s, refinement_s, covariance_s : float
         Time spent in each stage, seconds.
     """
@@ -59,7 +59,7 @@ class PoseStats:
     near: int
     outliers: int
     iterations: int
-    cost: float
+    cost: float | None
     sign_probability: float | None
     search_s: float
     refinement_s: float

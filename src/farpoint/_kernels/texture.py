@@ -1,0 +1,78 @@
+"""Textures seen through the footprint of a pixel: mip pyramids, with several taps where it is long.
+
+Trilinear lookups (Williams, "Pyramidal Parametrics", SIGGRAPH 1983) at the scale of the footprint's
+minor axis, averaged along its major axis (McCormack et al., "Feline", SIGGRAPH 1999).
+"""
+
+from __future__ import annotations
+
+import math
+
+from farpoint._kernels.compile import kernel
+
+__all__ = ["filtered"]
+
+MOST_TAPS = 12
+_SHARPNESS = 0.9  # texels of the level that is read, per pixel, at the minor axis
+
+
+@kernel
+def bilinear(texels, start, log2_width, level, u, v):
+    """Level of a pyramid at ``u, v`` in texels of level 0; repeats endlessly."""
+    skipped = ((1 << (2 * log2_width + 2)) - (1 << (2 * (log2_width - level) + 2))) // 3
+    width = 1 << (log2_width - level)
+    x, y = u / (1 << level) - 0.5, v / (1 << level) - 0.5
+    left, top = math.floor(x), math.floor(y)
+    fx, fy = x - left, y - top
+    i0, i1 = int(left) & (width - 1), int(left + 1) & (width - 1)
+    j0 = start + skipped + (int(top) & (width - 1)) * width
+    j1 = start + skipped + (int(top + 1) & (width - 1)) * width
+    upper = texels[j0 + i0] + fx * (texels[j0 + i1] - texels[j0 + i0])
+    lower = texels[j1 + i0] + fx * (texels[j1 + i1] - texels[j1 + i0])
+    return upper + fy * (lower - upper)
+
+
+@kernel
+def trilinear(texels, start, log2_width, level, u, v):
+    """Pyramid between its levels."""
+    below = min(int(level), log2_width)
+    above = min(below + 1, log2_width)
+    fine = bilinear(texels, start, log2_width, below, u, v)
+    coarse = bilinear(texels, start, log2_width, above, u, v)
+    return fine + (level - below) * (coarse - fine)
+
+
+@kernel
+def footprint_axes(ux, uy, vx, vy):
+    """Major axis (u, v) and length of the minor axis of the ellipse that a pixel covers.
+
+    The columns ``(ux, vx)`` and ``(uy, vy)`` are the steps in texture space by one pixel.
+    """
+    uu, uv, vv = ux * ux + uy * uy, ux * vx + uy * vy, vx * vx + vy * vy
+    half_sum, half_difference = 0.5 * (uu + vv), 0.5 * (uu - vv)
+    root = math.sqrt(half_difference * half_difference + uv * uv)
+    major, minor = math.sqrt(half_sum + root), math.sqrt(max(half_sum - root, 0.0))
+    angle = 0.5 * math.atan2(uv, half_difference)
+    return major * math.cos(angle), major * math.sin(angle), minor
+
+
+@kernel
+def filtered(scene, texture, u, v, major_u, major_v, minor):
+    """Mean of a texture over a footprint; all lengths in texels."""
+    start, log2_width = scene.texture[texture, 0], scene.texture[texture, 1]
+    major = math.sqrt(major_u * major_u + major_v * major_v)
+    width = max(minor, major / MOST_TAPS)
+    level = math.log2(max(width * _SHARPNESS, 1.0))
+    taps = max(1, math.ceil(major / width - 0.25))
+    if taps == 1:
+        return trilinear(scene.texels, start, log2_width, level, u, v)
+    total, weights = 0.0, 0.0
+    for k in range(taps):
+        place = (2 * k + 1 - taps) / taps
+        weight = 1.0 - place * place
+        reach = 0.9 * place * (1.0 - width / major)
+        value = trilinear(
+            scene.texels, start, log2_width, level, u + reach * major_u, v + reach * major_v
+        )
+        total, weights = total + weight * value, weights + weight
+    return total / weights

@@ -1,0 +1,104 @@
+"""The paper's own answer: SVD of the far rays, mean of the pairwise intersections, their scatter.
+
+No likelihood, no iteration: what Burschka and Mair (2008) describe, kept whole as the reproduction
+that everything after it is measured against.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint._kernels.pose import search_direction
+from farpoint.pose import conclusion
+from farpoint.pose.conclusion import Course, label_matches, largest_sigma, no_consensus
+from farpoint.pose.epipole import mean_epipole
+from farpoint.pose.far_rotation import FarRotation
+from farpoint.pose.matches import Matches
+from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.result import PoseStatus, RelativePose
+from farpoint.pose.verdict import is_consensus
+
+__all__ = ["estimate_closed_form"]
+
+DIRECTION_SAMPLES = 200
+MAX_DIRECTION_SIGMA = 0.5
+
+
+def estimate_closed_form(
+    matches: Matches,
+    rotation: FarRotation,
+    tolerance: float,
+    options: RelativePoseOptions,
+    state: np.ndarray,
+    course: Course,
+) -> RelativePose:
+    """Rotation of the far rays, then the direction of the flow of the others."""
+    course.iterations = rotation.iterations
+    R, far = rotation.R_cam1_from_cam0, rotation.consistent
+    area_share = np.pi / 4.0 * (tolerance / matches.spread) ** 2
+    agreeing = int(np.count_nonzero(far))
+    if not is_consensus(agreeing, len(matches), 3, area_share, options.false_alarm_rate):
+        return conclusion.failed(matches, no_consensus(agreeing, len(matches)), course)
+    rotation_covariance, sigma = _scatter_of_rotation(matches, R, far)
+    flowing = matches.select(~far)
+    t = np.empty(3)
+    agree = np.zeros(len(flowing), bool)
+    if len(flowing) >= 3:
+        search_direction(flowing.pairs, tolerance, DIRECTION_SAMPLES, state, R, t)
+        agree = _consistent_with(flowing, R, t, tolerance)
+    near = np.zeros(len(matches), bool)
+    near[~far] = agree
+    course.lap("search_s")
+    epipole = mean_epipole(flowing, R, options.flow_saturation_px, agree)
+    labels = label_matches(matches, far | near, near)
+    chance = 0.5 * tolerance / matches.spread
+    seen = is_consensus(int(agree.sum()), len(flowing), 2, chance, options.false_alarm_rate)
+    if epipole is None or not seen or largest_sigma(epipole.covariance) > MAX_DIRECTION_SIGMA:
+        return conclusion.turned(
+            matches,
+            PoseStatus.ROTATION_ONLY,
+            f"{agreeing} far matches fix the rotation; the {len(flowing)} others flow towards no "
+            "common direction.",
+            R,
+            rotation_covariance,
+            label_matches(matches, far),
+            sigma,
+            course,
+        )
+    covariance = np.zeros((5, 5))
+    covariance[:3, :3] = rotation_covariance
+    covariance[3:, 3:] = epipole.covariance
+    course.lap("covariance_s")
+    return conclusion.observed(
+        matches,
+        R,
+        epipole.direction_cam1_from_cam0,
+        covariance,
+        labels,
+        sigma,
+        course,
+    )
+
+
+def _scatter_of_rotation(
+    matches: Matches, R: np.ndarray, far: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Covariance (3, 3), rad^2, and noise per coordinate, from the residuals of the far rays."""
+    rays1, weight = matches.pairs.rays1[far], matches.precision[far]
+    residual = rays1 - matches.pairs.rays0[far] @ R.T
+    freedom = max(2 * len(rays1) - 3, 1)
+    variance = float(np.sum(weight * np.sum(residual**2, axis=1)) / freedom)
+    # d(b - R a) / dtheta = [b]x to first order, and [b]x^T [b]x = I - b b^T.
+    information = weight.sum() * np.eye(3) - (rays1.T * weight) @ rays1
+    return variance * np.linalg.inv(information), float(np.sqrt(variance))
+
+
+def _consistent_with(
+    matches: Matches, R: np.ndarray, t: np.ndarray, tolerance: float
+) -> np.ndarray:
+    """Mask (N,) of matches that flow towards ``t``, within the tolerance across their circle."""
+    rays1, turned = matches.pairs.rays1, matches.pairs.rays0 @ R.T
+    across = np.einsum("ni,ni->n", rays1, np.cross(t, turned))
+    length = np.linalg.norm(np.cross(t, turned), axis=1)
+    residual = np.abs(across) / length * np.sqrt(matches.precision)
+    return (residual <= tolerance) & ((rays1 - turned) @ t > 0.0)

@@ -1,0 +1,170 @@
+"""Every way an estimate can end: the record for each status, with its words."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import special
+
+from farpoint.geometry.sphere import tangent_basis
+from farpoint.pose.matches import Matches
+from farpoint.pose.result import PoseStats, PoseStatus, RelativePose, TrackLabel
+
+__all__ = [
+    "Course",
+    "failed",
+    "label_matches",
+    "largest_sigma",
+    "no_consensus",
+    "observed",
+    "sign_probability",
+    "turned",
+]
+
+
+@dataclass
+class Course:
+    """How an estimate went, written down along the way.
+
+    A stage's seconds end when the next stage begins.
+    """
+
+    iterations: int = 0
+    cost: float | None = None
+    sign_probability: float | None = None
+    search_s: float = 0.0
+    refinement_s: float = 0.0
+    covariance_s: float = 0.0
+    _since: float = field(default_factory=time.perf_counter)
+
+    def lap(self, stage: str) -> None:
+        """Book the time since the last lap on ``stage``."""
+        now = time.perf_counter()
+        setattr(self, stage, getattr(self, stage) + now - self._since)
+        self._since = now
+
+
+def label_matches(
+    matches: Matches, right: np.ndarray, near: np.ndarray | None = None
+) -> np.ndarray:
+    """Labels (total,) of what the user gave, from masks (N,) over the matches used."""
+    labels = np.full(matches.total, TrackLabel.OUTLIER, np.uint8)
+    labels[matches.index[right]] = TrackLabel.FAR
+    if near is not None:
+        labels[matches.index[right & near]] = TrackLabel.NEAR
+    return labels
+
+
+def sign_probability(parallax_sigma: np.ndarray, probability: np.ndarray) -> float:
+    """Probability that the direction points the way it does, from parallax over noise.
+
+    A far point, with parallax within the noise, votes on nothing. A near point votes by the odds
+    ``Phi(p) / Phi(-p)`` that noise has not turned its flow around, bounded by the chance that it is
+    a wrong match.
+    """
+    trust = np.minimum(probability, 0.99)
+    forward = trust * special.ndtr(parallax_sigma) + 0.5 * (1.0 - trust)
+    backward = trust * special.ndtr(-parallax_sigma) + 0.5 * (1.0 - trust)
+    return float(special.expit(np.sum(np.log(forward / backward))))
+
+
+def largest_sigma(covariance: np.ndarray) -> float:
+    """Square root of the largest eigenvalue: the 1-sigma of the worst direction."""
+    return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0.0)))
+
+
+def no_consensus(agreeing: int, total: int) -> str:
+    """Why a search that found something found nothing."""
+    return (
+        f"No consensus: the best motion explains {agreeing} of {total} matches, "
+        "which chance alone could do."
+    )
+
+
+def observed(
+    matches: Matches,
+    R: np.ndarray,
+    direction: np.ndarray,
+    covariance: np.ndarray,
+    labels: np.ndarray,
+    noise: float,
+    course: Course,
+) -> RelativePose:
+    """Rotation and direction, each with covariance."""
+    stats = _stats(matches, labels, course)
+    sigma_deg = np.rad2deg(largest_sigma(covariance[3:, 3:]))
+    return RelativePose(
+        status=PoseStatus.OK,
+        reason=(
+            f"{stats.near} near and {stats.far} far matches agree on one motion; "
+            f"its direction is known to {sigma_deg:.2g} deg."
+        ),
+        rotation_cam1_from_cam0=R,
+        rotation_covariance=covariance[:3, :3].copy(),
+        direction_cam1_from_cam0=direction,
+        direction_basis=tangent_basis(direction),
+        covariance=covariance,
+        labels=labels,
+        noise_px=noise,
+        stats=stats,
+    )
+
+
+def turned(
+    matches: Matches,
+    status: PoseStatus,
+    reason: str,
+    R: np.ndarray,
+    rotation_covariance: np.ndarray,
+    labels: np.ndarray,
+    noise: float,
+    course: Course,
+) -> RelativePose:
+    """Rotation alone: the camera only turned, stood still, or its direction is not observable."""
+    return RelativePose(
+        status=status,
+        reason=reason,
+        rotation_cam1_from_cam0=R,
+        rotation_covariance=rotation_covariance,
+        direction_cam1_from_cam0=None,
+        direction_basis=None,
+        covariance=None,
+        labels=labels,
+        noise_px=noise,
+        stats=_stats(matches, labels, course),
+    )
+
+
+def failed(matches: Matches, reason: str, course: Course) -> RelativePose:
+    """No rotation can be trusted."""
+    labels = np.full(matches.total, TrackLabel.OUTLIER, np.uint8)
+    return RelativePose(
+        status=PoseStatus.FAILED,
+        reason=reason,
+        rotation_cam1_from_cam0=None,
+        rotation_covariance=None,
+        direction_cam1_from_cam0=None,
+        direction_basis=None,
+        covariance=None,
+        labels=labels,
+        noise_px=None,
+        stats=_stats(matches, labels, course),
+    )
+
+
+def _stats(matches: Matches, labels: np.ndarray, course: Course) -> PoseStats:
+    counts = np.bincount(labels, minlength=3)
+    return PoseStats(
+        matches=matches.total,
+        far=int(counts[TrackLabel.FAR]),
+        near=int(counts[TrackLabel.NEAR]),
+        outliers=int(counts[TrackLabel.OUTLIER]),
+        iterations=course.iterations,
+        cost=course.cost,
+        sign_probability=course.sign_probability,
+        search_s=course.search_s,
+        refinement_s=course.refinement_s,
+        covariance_s=course.covariance_s,
+    )

@@ -1,0 +1,78 @@
+"""Direction of translation from the pairwise intersections of the derotated flow (eqs. 14-17)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint._kernels.direction import pairwise_direction
+from farpoint.geometry.sphere import tangent_basis
+from farpoint.pose.matches import Matches
+
+__all__ = ["EpipoleEstimate", "mean_epipole"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EpipoleEstimate:
+    """Weighted mean of the pairwise intersections and its scatter.
+
+    Attributes
+    ----------
+    direction_cam1_from_cam0 : ndarray, shape (3,)
+        Unit vector that near points flow towards.
+    basis : ndarray, shape (3, 2)
+        Tangent basis at the direction.
+    covariance : ndarray, shape (2, 2)
+        rad^2 in ``basis``, by the jackknife over matches: the intersections that one match takes
+        part in rise and fall together, so their number must not be counted as evidence.
+    """
+
+    direction_cam1_from_cam0: np.ndarray
+    basis: np.ndarray
+    covariance: np.ndarray
+
+
+def mean_epipole(
+    matches: Matches, R_cam1_from_cam0: np.ndarray, saturation: float, supports: np.ndarray
+) -> EpipoleEstimate | None:
+    """Mean of all pairwise great-circle intersections, each with weight and sign.
+
+    The paper intersects lines in the image; on the sphere, an epipole at 90 degrees or behind is an
+    ordinary case, and the cross product weighs a pair by the sine of the angle of its circles.
+
+    Parameters
+    ----------
+    matches : Matches
+    R_cam1_from_cam0 : ndarray, shape (3, 3)
+        Takes the rotation out of the flow.
+    saturation : float
+        Flow length L, in units of the noise's coordinate: weights are ``min(l / L, 1)``.
+    supports : ndarray of bool, shape (N,)
+        Matches to use.
+
+    Returns
+    -------
+    EpipoleEstimate or None
+        None where fewer than three matches flow, or all flow along one great circle.
+    """
+    rays0, rays1 = matches.pairs.rays0, matches.pairs.rays1
+    flow = np.linalg.norm(rays1 - rays0 @ R_cam1_from_cam0.T, axis=1)
+    length = flow * np.sqrt(2.0 * matches.precision)
+    weight = np.where(supports, np.minimum(length / saturation, 1.0), 0.0)
+    used = np.flatnonzero(weight)
+    if len(used) < 3:
+        return None
+    partial = np.empty((len(matches), 3))
+    pairwise_direction(matches.pairs, weight, R_cam1_from_cam0, partial)
+    total = 0.5 * partial.sum(axis=0)
+    norm = np.linalg.norm(total)
+    if not norm > 1e-12:
+        return None
+    direction = total / norm
+    basis = tangent_basis(direction)
+    n = len(used)
+    left_out = (total - partial[used]) @ basis / ((total - partial[used]) @ direction)[:, None]
+    deviation = left_out - left_out.mean(axis=0)
+    covariance = (n - 1) / n * deviation.T @ deviation
+    return EpipoleEstimate(direction_cam1_from_cam0=direction, basis=basis, covariance=covariance)

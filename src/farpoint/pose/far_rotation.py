@@ -1,0 +1,56 @@
+"""Rotation from far points (eqs. 7-13): RANSAC on direction vectors, SVD, stepwise enlargement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint._kernels.rotation import enlarge_rotation, search_rotation
+from farpoint.pose.matches import Matches
+
+__all__ = ["FarRotation", "far_rotation"]
+
+MAX_ITERATIONS = 300
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FarRotation:
+    """The rotation that most matches agree on, and the matches that do.
+
+    Attributes
+    ----------
+    R_cam1_from_cam0 : ndarray, shape (3, 3)
+    consistent : ndarray of bool, shape (N,)
+        Matches that move by the rotation alone, within the tolerance.
+    iterations : int
+        Samples drawn.
+    """
+
+    R_cam1_from_cam0: np.ndarray
+    consistent: np.ndarray
+    iterations: int
+
+
+def far_rotation(matches: Matches, tolerance: float, state: np.ndarray) -> FarRotation:
+    """Rotation of the far points among ``matches``.
+
+    Where there are none it is the rotation that takes most of the flow away, and a start for the
+    joint search.
+
+    Parameters
+    ----------
+    matches : Matches
+        At least three.
+    tolerance : float
+        Largest residual per coordinate of a consistent match, in units of the noise.
+    state : ndarray of uint64, shape (1,)
+        Random state, advanced.
+    """
+    R = np.eye(3)
+    weight = np.empty(len(matches))
+    iterations = search_rotation(
+        matches.pairs, matches.precision, tolerance, MAX_ITERATIONS, state, R
+    )
+    enlarge_rotation(matches.pairs, matches.precision, tolerance, R, weight)
+    return FarRotation(R_cam1_from_cam0=R, consistent=weight > 0.0, iterations=iterations)

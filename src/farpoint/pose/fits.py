@@ -1,0 +1,266 @@
+"""The two models of a motion, each fitted to its maximum likelihood.
+
+*Moving*: rotation and direction; a match is free along its epipolar line. *Turning*: rotation
+alone; a match has no freedom. In both, a match is right with normal noise of unknown size, or wrong
+and anywhere; the noise and the share of wrong matches are estimated along (EM).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint._kernels.pose import (
+    clutter_density,
+    exact_hessian,
+    refine_pose,
+    search_direction,
+    search_pose,
+)
+from farpoint._kernels.rotation import refine_rotation, rotation_distance2
+from farpoint.pose.far_rotation import FarRotation
+from farpoint.pose.matches import Matches
+from farpoint.pose.options import RelativePoseOptions
+
+__all__ = ["MovingFit", "TurningFit", "fit_moving", "fit_turning", "moving_covariance"]
+
+# Noise below a thousandth of a pixel is rounding, not information.
+MIN_VARIANCE = 1e-6
+# A residual beyond three sigma supports no hypothesis of the search.
+GATE_SIGMA = 3.0
+# Share of wrong matches that EM starts from.
+START_WRONG = 0.2
+# Information of one radian on the direction, none on the rotation: the sphere is bounded.
+DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
+MAX_REFINEMENTS = 20
+MAX_ROUNDS = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TurningFit:
+    """Rotation without translation.
+
+    Attributes
+    ----------
+    R_cam1_from_cam0 : ndarray, shape (3, 3)
+    covariance : ndarray, shape (3, 3)
+        rad^2, if the model is true.
+    variance, wrong : float
+        Noise variance per coordinate, and share of wrong matches.
+    distance2 : ndarray, shape (N,)
+        Squared Mahalanobis distance of each match for unit noise, 2 degrees of freedom.
+    probability : ndarray, shape (N,)
+        Of each match to be right.
+    cost : float
+        Mean negative log likelihood of a match.
+    """
+
+    R_cam1_from_cam0: np.ndarray
+    covariance: np.ndarray
+    variance: float
+    wrong: float
+    distance2: np.ndarray
+    probability: np.ndarray
+    cost: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MovingFit:
+    """Rotation and direction of translation.
+
+    Attributes
+    ----------
+    R_cam1_from_cam0 : ndarray, shape (3, 3)
+    direction_cam1_from_cam0 : ndarray, shape (3,)
+    variance, wrong : float
+        Noise variance per coordinate, and share of wrong matches.
+    residual : ndarray, shape (N,)
+        Sampson residual of each match for unit noise.
+    parallax : ndarray, shape (N,)
+        Signed shift along the epipolar line, towards the direction, in units of its own noise for
+        unit noise: what is left of the distance from the rotation's prediction.
+    probability : ndarray, shape (N,)
+        Of each match to be right.
+    iterations : int
+        Joint hypotheses tried.
+    cost : float
+        Mean negative log likelihood of a match.
+    """
+
+    R_cam1_from_cam0: np.ndarray
+    direction_cam1_from_cam0: np.ndarray
+    variance: float
+    wrong: float
+    residual: np.ndarray
+    parallax: np.ndarray
+    probability: np.ndarray
+    iterations: int
+    cost: float
+    prior: np.ndarray
+
+
+def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> TurningFit:
+    """Maximum-likelihood rotation of all matches from a start within its basin."""
+    n = len(matches)
+    R = R_start.copy()
+    mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_WRONG])
+    information, distance2, probability = np.empty((3, 3)), np.empty(n), np.empty(n)
+    cost = refine_rotation(
+        matches.pairs,
+        np.ones(n),
+        matches.spread,
+        MIN_VARIANCE,
+        MAX_REFINEMENTS,
+        R,
+        mixture,
+        information,
+        distance2,
+        probability,
+    )
+    return TurningFit(
+        R_cam1_from_cam0=R,
+        covariance=_inverse(information),
+        variance=float(mixture[0]),
+        wrong=float(mixture[1]),
+        distance2=distance2,
+        probability=probability,
+        cost=cost / n,
+    )
+
+
+def fit_moving(
+    matches: Matches,
+    rotation: FarRotation,
+    tolerance: float,
+    options: RelativePoseOptions,
+    state: np.ndarray,
+) -> MovingFit:
+    """Maximum-likelihood rotation and direction, searched for from the far rotation.
+
+    The direction that the derotated flow suggests is refined jointly with the rotation. Then
+    five-ray hypotheses challenge it, within a gate that the noise found so far sets, until none
+    is better: with no far points, or parallax that a rotation can imitate, the first answer is a
+    local minimum.
+    """
+    n = len(matches)
+    R, t = rotation.R_cam1_from_cam0.copy(), np.empty(3)
+    search_direction(matches.pairs, tolerance, options.min_iterations, state, R, t)
+    prior, residual, probability = np.ones(n), np.empty(n), np.empty(n)
+    information = np.empty((5, 5))
+    mixture = np.empty(2)
+    iterations, cost = 0, 0.0
+    gate = tolerance
+    for _ in range(MAX_ROUNDS):
+        mixture[:] = (gate / GATE_SIGMA) ** 2, START_WRONG
+        cost = refine_pose(
+            matches.pairs,
+            prior,
+            matches.spread,
+            MIN_VARIANCE,
+            MAX_REFINEMENTS,
+            R,
+            t,
+            mixture,
+            information,
+            residual,
+            probability,
+        )
+        gate = GATE_SIGMA * float(np.sqrt(mixture[0]))
+        refined = R.copy()
+        iterations += search_pose(
+            matches.pairs,
+            gate,
+            options.confidence,
+            options.min_iterations,
+            options.max_iterations,
+            state,
+            R,
+            t,
+            rotation.R_cam1_from_cam0,
+        )
+        if np.array_equal(R, refined):
+            break
+    parallax = _parallax(matches, R, t, residual)
+    for _ in range(2):
+        prior = plausible_parallax(parallax, probability, mixture[0], matches.spread)
+        cost = refine_pose(
+            matches.pairs,
+            prior,
+            matches.spread,
+            MIN_VARIANCE,
+            MAX_REFINEMENTS,
+            R,
+            t,
+            mixture,
+            information,
+            residual,
+            probability,
+        )
+        parallax = _parallax(matches, R, t, residual)
+    return MovingFit(
+        prior=prior,
+        R_cam1_from_cam0=R,
+        direction_cam1_from_cam0=t,
+        variance=float(mixture[0]),
+        wrong=float(mixture[1]),
+        residual=residual,
+        parallax=parallax,
+        probability=probability,
+        iterations=iterations,
+        cost=cost / n,
+    )
+
+
+def plausible_parallax(
+    parallax: np.ndarray, probability: np.ndarray, variance: float, spread: float
+) -> np.ndarray:
+    """Prior of each match."""
+    sigma = np.sqrt(variance)
+    p = parallax / sigma
+    bulk = np.abs(p[(probability > 0.5) & (p > -3.0)])
+    reach = 2.5 * max(float(np.quantile(bulk, 0.85)), 2.0) if len(bulk) else np.inf
+    beyond = np.maximum(p - reach, 0.0) / (0.2 * reach)
+    behind = np.maximum(-p - 3.0, 0.0)
+    shape = np.exp(-0.5 * (beyond**2 + behind**2))
+    return shape * max(2.0 * spread / ((reach + 3.0) * sigma), 1.0)
+
+
+def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
+    """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
+
+    The sandwich ``H^-1 V H^-1`` of the exact Hessian H of the likelihood and the variance V of its
+    gradient, which is the Gauss-Newton matrix. Since the depths are estimated along, V counts the
+    noise in the flow as if it were flow; H does not. Where the likelihood has no peak in the
+    direction, H has no information about it, and the prior of one radian is what remains.
+    """
+    hessian, gradient, information = np.empty((5, 5)), np.empty(5), np.empty((5, 5))
+    exact_hessian(
+        matches.pairs,
+        fit.prior,
+        fit.R_cam1_from_cam0,
+        fit.direction_cam1_from_cam0,
+        fit.variance,
+        clutter_density(fit.variance, fit.wrong, matches.spread),
+        hessian,
+        gradient,
+        information,
+    )
+    values, vectors = np.linalg.eigh(hessian)
+    peaked = (vectors * np.maximum(values, 0.0)) @ vectors.T + DIRECTION_PRIOR
+    covariance = _inverse(peaked) @ (information + DIRECTION_PRIOR) @ _inverse(peaked)
+    return 0.5 * (covariance + covariance.T)
+
+
+def _parallax(matches: Matches, R: np.ndarray, t: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    distance2 = np.empty(len(matches))
+    rotation_distance2(matches.pairs, R, distance2)
+    towards = (matches.pairs.rays1 - matches.pairs.rays0 @ R.T) @ t
+    return np.copysign(np.sqrt(np.maximum(distance2 - residual**2, 0.0)), towards)
+
+
+def _inverse(information: np.ndarray) -> np.ndarray:
+    try:
+        return np.linalg.inv(information)
+    except np.linalg.LinAlgError:
+        return np.full(information.shape, np.inf)

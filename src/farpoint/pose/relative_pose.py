@@ -1,0 +1,211 @@
+"""The method on one screen: rotation from far rays, direction of travel from the flow that remains,
+both refined together, and a verdict on what the matches can tell.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError
+from farpoint.pose import conclusion
+from farpoint.pose.closed_form import estimate_closed_form
+from farpoint.pose.conclusion import (
+    Course,
+    label_matches,
+    largest_sigma,
+    no_consensus,
+    sign_probability,
+)
+from farpoint.pose.far_rotation import far_rotation
+from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning, moving_covariance
+from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
+from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.result import PoseStatus, RelativePose
+from farpoint.pose.verdict import NEAR_SIGMA, is_consensus, is_static, is_translating
+
+__all__ = ["estimate_relative_pose", "estimate_relative_pose_from_rays"]
+
+# Five matches fix a motion; a consensus needs a few more that could have disagreed.
+MIN_MATCHES = 8
+# A direction less certain than this (1 sigma, rad) is none: half of the sphere would be in reach.
+MAX_DIRECTION_SIGMA = math.radians(20.0)
+
+
+def estimate_relative_pose(
+    points0: np.ndarray,
+    points1: np.ndarray,
+    camera0: Camera,
+    camera1: Camera | None = None,
+    *,
+    options: RelativePoseOptions | None = None,
+    seed: int = 0,
+    covariance0_px2: np.ndarray | None = None,
+    covariance1_px2: np.ndarray | None = None,
+) -> RelativePose:
+    """Motion between two views of calibrated cameras, with its covariance.
+
+    Parameters
+    ----------
+    points0, points1 : ndarray, shape (N, 2)
+        Matching pixels in image 0 and image 1; the centre of the top-left pixel is (0, 0).
+    camera0 : Camera
+        Camera of image 0, and of image 1 unless ``camera1`` is given.
+    camera1 : Camera, optional
+        Camera of image 1.
+    options : RelativePoseOptions, optional
+        Defaults serve tracks and still matches alike.
+    seed : int
+        Of the random samples; the same inputs, options and seed give the same result, bit for bit.
+    covariance0_px2, covariance1_px2 : ndarray, shape (N, 2, 2), optional
+        Noise of each point, px^2, up to a common factor, which is estimated. An image without is
+        taken to have isotropic noise of the mean variance of the other.
+
+    Returns
+    -------
+    RelativePose
+        With a status: too few or contradicting matches are no error.
+
+    Raises
+    ------
+    ValueError
+        Wrong shapes, unequal counts, NaN or infinite values; names the argument.
+
+    Notes
+    -----
+    Burschka and Mair, "Direct Pose Estimation with a Monocular Camera", Robot Vision 2008,
+    LNCS 4931, then refined to the maximum likelihood.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from farpoint import Camera, estimate_relative_pose
+    >>> camera = Camera.pinhole(640, 480, 500, 500, 319.5, 239.5)
+    >>> estimate_relative_pose(np.empty((0, 2)), np.empty((0, 2)), camera).status
+    <PoseStatus.FAILED: 'FAILED'>
+    """
+    options = options or RelativePoseOptions()
+    matches = matches_from_points(
+        points0, points1, camera0, camera1 or camera0, covariance0_px2, covariance1_px2
+    )
+    return _estimate(matches, options.matching_tolerance_px, options, seed)
+
+
+def estimate_relative_pose_from_rays(
+    rays0: np.ndarray,
+    rays1: np.ndarray,
+    *,
+    noise_rad: float,
+    options: RelativePoseOptions | None = None,
+    seed: int = 0,
+) -> RelativePose:
+    """Motion between two views of any central camera, from rays (N, 3) in camera 0 and camera 1.
+
+    As `estimate_relative_pose` with the 1-sigma noise of a ray in each direction, ``noise_rad``
+    (rad), as the unit: ``noise_px`` of the result is a multiple of it.
+    """
+    options = options or RelativePoseOptions()
+    matches = matches_from_rays(rays0, rays1, noise_rad)
+    return _estimate(matches, max(options.matching_tolerance_px, 3.0), options, seed)
+
+
+def _estimate(
+    matches: Matches, tolerance: float, options: RelativePoseOptions, seed: int
+) -> RelativePose:
+    course = Course()
+    if len(matches) < MIN_MATCHES:
+        return conclusion.failed(
+            matches,
+            f"Too few matches: {len(matches)} usable of {matches.total} given, "
+            f"at least {MIN_MATCHES} are needed.",
+            course,
+        )
+    state = _random_state(seed)
+    rotation = far_rotation(matches, tolerance, state)
+    if not options.refine:
+        return estimate_closed_form(matches, rotation, tolerance, options, state, course)
+    turning = fit_turning(matches, rotation.R_cam1_from_cam0, tolerance)
+    moving = fit_moving(matches, rotation, tolerance, options, state)
+    course.iterations = moving.iterations
+    course.lap("search_s")
+    if is_translating(matches, moving, turning, options.false_alarm_rate):
+        return _conclude_moving(matches, moving, options, course)
+    return _conclude_turning(matches, turning, options, course)
+
+
+def _conclude_moving(
+    matches: Matches, fit: MovingFit, options: RelativePoseOptions, course: Course
+) -> RelativePose:
+    sigma = math.sqrt(fit.variance)
+    right = (fit.probability > 0.5) & (fit.parallax > -NEAR_SIGMA * sigma)
+    agreeing = int(np.count_nonzero(right))
+    chance = 3.0 * sigma / matches.spread
+    if not is_consensus(agreeing, len(matches), 5, chance, options.false_alarm_rate):
+        return conclusion.failed(matches, no_consensus(agreeing, len(matches)), course)
+    covariance = moving_covariance(matches, fit)
+    course.lap("covariance_s")
+    labels = label_matches(matches, right, fit.parallax > NEAR_SIGMA * sigma)
+    direction_sigma = largest_sigma(covariance[3:, 3:])
+    sign = sign_probability(fit.parallax / sigma, fit.probability)
+    course.cost, course.sign_probability = fit.cost, sign
+    if direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate:
+        return conclusion.turned(
+            matches,
+            PoseStatus.ROTATION_ONLY,
+            "The flow beyond the rotation is too short or too parallel: "
+            f"its direction is uncertain by {math.degrees(direction_sigma):.0f} deg, "
+            f"its sign right with {100 * sign:.0f} %.",
+            fit.R_cam1_from_cam0,
+            covariance[:3, :3],
+            labels,
+            sigma,
+            course,
+        )
+    return conclusion.observed(
+        matches,
+        fit.R_cam1_from_cam0,
+        fit.direction_cam1_from_cam0,
+        covariance,
+        labels,
+        sigma,
+        course,
+    )
+
+
+def _conclude_turning(
+    matches: Matches, fit: TurningFit, options: RelativePoseOptions, course: Course
+) -> RelativePose:
+    sigma = math.sqrt(fit.variance)
+    right = fit.probability > 0.5
+    agreeing = int(np.count_nonzero(right))
+    chance = math.pi / 4.0 * (3.0 * sigma / matches.spread) ** 2
+    if not is_consensus(agreeing, len(matches), 2, chance, options.false_alarm_rate):
+        return conclusion.failed(matches, no_consensus(agreeing, len(matches)), course)
+    course.cost = fit.cost
+    if is_static(fit, options.false_alarm_rate):
+        status = PoseStatus.STATIC
+        reason = f"{agreeing} of {len(matches)} matches stand still within the noise."
+    else:
+        status = PoseStatus.ROTATION_ONLY
+        reason = (
+            f"The camera only turned, or saw nothing near enough: {agreeing} of {len(matches)} "
+            "matches move by the rotation alone, within the noise."
+        )
+    return conclusion.turned(
+        matches,
+        status,
+        reason,
+        fit.R_cam1_from_cam0,
+        fit.covariance,
+        label_matches(matches, right),
+        sigma,
+        course,
+    )
+
+
+def _random_state(seed: int) -> np.ndarray:
+    if not isinstance(seed, int | np.integer):
+        raise InputError(f"expected a whole number, got {seed!r}", field="seed")
+    return np.array([int(seed) % 2**64], np.uint64)
