@@ -32,6 +32,8 @@ RADIAL_NODES = 1024
 AZIMUTH_NODES = 181
 NEWTON_TOLERANCE = 1e-10
 NEWTON_ITERATIONS = 20
+# No lens comes near; beyond it the products of coefficients would overflow.
+LARGEST = 1e12
 
 
 @dataclass(frozen=True)
@@ -208,10 +210,14 @@ class RadialTangential:
 
 
 def first_positive_root(coefficients: np.ndarray) -> float:
-    """Smallest positive real root of a polynomial, lowest power first; infinite if none."""
-    roots = Polynomial(np.trim_zeros(coefficients, "b")).roots()
-    real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0)]
-    return float(real.min(initial=np.inf))
+    """Smallest positive real root of a polynomial ``1 + c1 s + ...``; infinite if it has none.
+
+    The reciprocals of the roots are found: they stay finite as the last coefficients vanish.
+    """
+    reciprocals = np.roots(coefficients)
+    real = np.abs(reciprocals.imag) < 1e-9 * np.abs(reciprocals)
+    largest = np.max(reciprocals.real[real], initial=0.0)
+    return float(1.0 / largest) if largest > 1e-300 else np.inf
 
 
 def _checked(coefficients: Sequence[float]) -> tuple[float, ...]:
@@ -222,7 +228,10 @@ def _checked(coefficients: Sequence[float]) -> tuple[float, ...]:
             f"got {len(values)}",
             field="distortion",
         )
-    return tuple(
+    checked = tuple(
         finite(f"distortion {name}", value)
         for name, value in zip(COEFFICIENT_NAMES, values, strict=False)
     )
+    if any(abs(value) > LARGEST for value in checked):
+        raise InputError(f"expected coefficients within +-{LARGEST:g}", field="distortion")
+    return checked

@@ -103,7 +103,8 @@ class Fields:
 
     def _as_number(self, key: str, value: Any) -> float:
         try:
-            number = float(value)
+            # YAML writes .nan and .inf.
+            number = float(str(value).lower().replace(".nan", "nan").replace(".inf", "inf"))
         except (TypeError, ValueError):
             raise self.error(key, f"expected a number, got {_short(value)}") from None
         if not math.isfinite(number):
