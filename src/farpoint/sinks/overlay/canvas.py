@@ -1,0 +1,138 @@
+"""Drawing in pixel coordinates of the camera, whatever the size on the screen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+
+from farpoint.errors import optional_import
+
+__all__ = [
+    "BACKGROUND",
+    "FAR_RED",
+    "FAULT_RED",
+    "HEADING_YELLOW",
+    "NEAR_GREEN",
+    "OUTLIER_GREY",
+    "QUIET_GREY",
+    "WHITE",
+    "Canvas",
+    "Colour",
+    "draw_text",
+    "text_width",
+]
+
+Colour = tuple[int, int, int]
+"""Red, green, blue."""
+
+BACKGROUND: Colour = (22, 24, 28)
+WHITE: Colour = (242, 242, 242)
+QUIET_GREY: Colour = (165, 170, 178)
+FAR_RED: Colour = (255, 72, 60)
+NEAR_GREEN: Colour = (70, 220, 105)
+OUTLIER_GREY: Colour = (150, 150, 150)
+HEADING_YELLOW: Colour = (255, 214, 64)
+FAULT_RED: Colour = (214, 48, 49)
+
+_SHIFT = 4  # bits of a pixel's fraction that OpenCV draws with
+_REACH_PX = 16384.0  # beyond this OpenCV's fixed-point coordinates come near to overflowing
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Canvas:
+    """A pane of the picture that takes the camera's pixel coordinates.
+
+    Attributes
+    ----------
+    pixels : ndarray of uint8, shape (height, width, 3)
+        The pane, drawn on in place.
+    scale : ndarray, shape (2,)
+        Pane pixels per camera pixel, across and down.
+    stroke : int
+        Width of a line, pane pixels.
+    """
+
+    pixels: np.ndarray
+    scale: np.ndarray
+    stroke: int
+
+    def to_pane(self, points_px: np.ndarray) -> np.ndarray:
+        """Pane coordinates of camera pixels (..., 2); both count from the first pixel's centre."""
+        return (points_px + 0.5) * self.scale - 0.5
+
+    def path(self, points_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
+        """A line through camera pixels (K, 2), broken where a point is NaN or far off."""
+        self.segments(np.stack([points_px[:-1], points_px[1:]], axis=1), colour, thickness)
+
+    def segments(self, ends_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
+        """Lines between camera pixels (N, 2, 2); those with NaN or far off are left out."""
+        ends = self.to_pane(ends_px)
+        ends = ends[(np.abs(ends) < _REACH_PX).all(axis=(1, 2))]
+        cv2 = _cv2()
+        lines = _fixed(ends)
+        thickness = thickness or self.stroke
+        cv2.polylines(self.pixels, list(lines), False, colour, thickness, cv2.LINE_AA, _SHIFT)
+
+    def dots(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
+        """Filled discs at camera pixels (N, 2); the radius is in strokes."""
+        self._circles(points_px, colour, radius, -1)
+
+    def rings(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
+        """Circles around camera pixels (N, 2); the radius is in strokes."""
+        self._circles(points_px, colour, radius, self.stroke)
+
+    def crosses(self, points_px: np.ndarray, colour: Colour, reach: float) -> None:
+        """Upright crosses at camera pixels (N, 2); the reach of their arms is in strokes."""
+        arm = reach * self.stroke / self.scale
+        for offset in (arm * [1, 0], arm * [0, 1]):
+            self.segments(np.stack([points_px - offset, points_px + offset], axis=1), colour)
+
+    def _circles(
+        self, points_px: np.ndarray, colour: Colour, radius: float, thickness: int
+    ) -> None:
+        centres = self.to_pane(points_px)
+        centres = centres[(np.abs(centres) < _REACH_PX).all(axis=1)]
+        cv2 = _cv2()
+        size = int(_fixed(radius * self.stroke))
+        for centre in _fixed(centres).tolist():
+            cv2.circle(self.pixels, centre, size, colour, thickness, cv2.LINE_AA, _SHIFT)
+
+
+def draw_text(
+    pixels: np.ndarray,
+    text: str,
+    left: float,
+    baseline: float,
+    height: float,
+    colour: Colour,
+    *,
+    bold: bool = False,
+) -> None:
+    """Write on (H, W, 3) pixels; `height` is that of a capital letter, px."""
+    cv2 = _cv2()
+    font = cv2.FONT_HERSHEY_DUPLEX if bold else cv2.FONT_HERSHEY_SIMPLEX
+    place = (round(left), round(baseline))
+    thickness = max(1, round(height / 14))
+    cv2.putText(pixels, text, place, font, _size(height), colour, thickness, cv2.LINE_AA)
+
+
+def text_width(text: str, height: float, *, bold: bool = False) -> int:
+    """Width in px of a text whose capitals are `height` px high."""
+    cv2 = _cv2()
+    font = cv2.FONT_HERSHEY_DUPLEX if bold else cv2.FONT_HERSHEY_SIMPLEX
+    return cv2.getTextSize(text, font, _size(height), max(1, round(height / 14)))[0][0]
+
+
+def _size(height: float) -> float:
+    """OpenCV's font scale for capitals of this height, px: they are 22 px high at 1."""
+    return height / 22.0
+
+
+def _fixed(values: np.ndarray | float) -> np.ndarray:
+    return np.rint(np.asarray(values) * (1 << _SHIFT)).astype(np.int32)
+
+
+def _cv2() -> ModuleType:
+    return optional_import("cv2", extra="video", purpose="drawing the overlay")

@@ -1,0 +1,144 @@
+"""The values below the panes: verdict, rotation, heading and matches, with their 1-sigma."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from farpoint.odometry import OdometryResult
+from farpoint.pose import PoseStatus, RelativePose
+from farpoint.sinks.angles import heading_angles_deg, rotation_vector_deg
+from farpoint.sinks.overlay.canvas import (
+    FAR_RED,
+    FAULT_RED,
+    NEAR_GREEN,
+    OUTLIER_GREY,
+    QUIET_GREY,
+    WHITE,
+    Colour,
+    draw_text,
+    text_width,
+)
+
+__all__ = ["draw_panel"]
+
+STATUS_COLOURS: dict[PoseStatus, Colour] = {
+    PoseStatus.OK: (30, 140, 75),
+    PoseStatus.ROTATION_ONLY: (176, 112, 10),
+    PoseStatus.STATIC: (50, 105, 190),
+    PoseStatus.FAILED: FAULT_RED,
+}
+
+Row = tuple[str, str, str]
+"""Name, value and its 1-sigma."""
+
+
+def draw_panel(pixels: np.ndarray, result: OdometryResult, line_px: float) -> None:
+    """Fill the panel (H, W, 3) with the values of one pair."""
+    pose = result.pose
+    if pose is None:
+        _write(pixels, "first frame: nothing to compare it with", 0.5, 1.0, line_px, QUIET_GREY)
+        return
+    _draw_verdict(pixels, result, pose, line_px)
+    third = pixels.shape[1] / line_px / 3.0
+    _draw_table(pixels, "rotation vector, deg (1 sigma)", _rotation_rows(pose), 0.5, line_px)
+    _draw_table(pixels, "heading, deg (1 sigma)", _heading_rows(result, pose), 0.5 + third, line_px)
+    _draw_matches(pixels, pose, 0.5 + 2.0 * third, line_px)
+
+
+def _draw_verdict(
+    pixels: np.ndarray, result: OdometryResult, pose: RelativePose, line_px: float
+) -> None:
+    """The status as a coloured label, which frames, and below it the reason."""
+    capital, word = 0.5 * line_px, pose.status.value
+    width = text_width(word, capital, bold=True) + line_px
+    top, left = 0.35 * line_px, 0.4 * line_px
+    pixels[round(top) : round(top + 1.1 * line_px), round(left) : round(left + width)] = (
+        STATUS_COLOURS[pose.status]
+    )
+    draw_text(pixels, word, left + 0.5 * line_px, 1.15 * line_px, capital, WHITE, bold=True)
+    frames = f"{result.frame0} to {result.frame1}"
+    _write(pixels, frames, (left + width) / line_px + 0.5, 1.15, line_px, QUIET_GREY)
+    used = (left + width) / line_px + 1.5 + text_width(frames, 0.46 * line_px) / line_px
+    reason = _shortened(pose.reason, pixels.shape[1] - (used + 0.5) * line_px, 0.46 * line_px)
+    _write(pixels, reason, used, 1.15, line_px, WHITE)
+
+
+def _rotation_rows(pose: RelativePose) -> list[Row]:
+    if pose.rotation_cam1_from_cam0 is None or pose.rotation_covariance is None:
+        return [(axis, "-", "") for axis in "xyz"]
+    vector, sigma = rotation_vector_deg(pose.rotation_cam1_from_cam0, pose.rotation_covariance)
+    return [
+        (axis, f"{value:+.3f}", f"{spread:.3f}")
+        for axis, value, spread in zip("xyz", vector, sigma, strict=True)
+    ]
+
+
+def _heading_rows(result: OdometryResult, pose: RelativePose) -> list[Row]:
+    names = ("right", "up")
+    if pose.heading_cam0 is None or pose.heading_covariance is None:
+        return [(name, "-", "") for name in names]
+    angles, sigma = heading_angles_deg(pose.heading_cam0, pose.heading_covariance)
+    rows = [
+        (name, f"{value:+.2f}", f"{spread:.2f}")
+        for name, value, spread in zip(names, angles, sigma, strict=True)
+    ]
+    if result.scale is not None and result.scale_sigma is not None:
+        rows.append(("length", f"{result.scale:.3f}", f"{result.scale_sigma:.3f}"))
+    return rows
+
+
+def _draw_table(
+    pixels: np.ndarray, title: str, rows: Sequence[Row], left: float, line_px: float
+) -> None:
+    _write(pixels, title, left, 2.75, line_px, QUIET_GREY)
+    for index, (name, value, sigma) in enumerate(rows):
+        line = 3.85 + index
+        _write(pixels, name, left, line, line_px, QUIET_GREY)
+        # Numbers end on one line, so that the eye finds the digits that change.
+        _write(pixels, value, left + 6.0, line, line_px, WHITE, to_the_left=True)
+        if sigma:
+            _write(pixels, "+-", left + 6.4, line, line_px, QUIET_GREY)
+            _write(pixels, sigma, left + 9.2, line, line_px, WHITE, to_the_left=True)
+
+
+def _draw_matches(pixels: np.ndarray, pose: RelativePose, left: float, line_px: float) -> None:
+    noise = "" if pose.noise_px is None else f", noise {pose.noise_px:.2f} px"
+    stats = pose.stats
+    _write(pixels, f"{stats.matches} matches{noise}", left, 2.75, line_px, QUIET_GREY)
+    counts = (
+        ("far", stats.far, FAR_RED),
+        ("near", stats.near, NEAR_GREEN),
+        ("outliers", stats.outliers, OUTLIER_GREY),
+    )
+    for index, (name, count, colour) in enumerate(counts):
+        line = 3.85 + index
+        _write(pixels, name, left, line, line_px, colour)
+        _write(pixels, str(count), left + 6.0, line, line_px, WHITE, to_the_left=True)
+
+
+def _write(
+    pixels: np.ndarray,
+    text: str,
+    left: float,
+    line: float,
+    line_px: float,
+    colour: Colour,
+    *,
+    to_the_left: bool = False,
+) -> None:
+    """Text whose baseline and left (or right) end are given in lines."""
+    capital = 0.46 * line_px
+    start = left * line_px - (text_width(text, capital) if to_the_left else 0)
+    draw_text(pixels, text, start, line * line_px, capital, colour)
+
+
+def _shortened(text: str, room_px: float, capital: float) -> str:
+    """The text, cut at a word where it is wider than the room."""
+    if text_width(text, capital) <= room_px:
+        return text
+    words = text.split()
+    while words and text_width(" ".join(words) + " ...", capital) > room_px:
+        words.pop()
+    return " ".join(words) + " ..."

@@ -1,0 +1,97 @@
+"""The sink ``overlay.mp4``: H.264 that browsers and phones play, readable at any moment."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.errors import optional_import
+from farpoint.odometry import OdometryResult
+from farpoint.sinks.overlay.layout import Layout
+from farpoint.sinks.overlay.picture import draw_overlay
+from farpoint.sinks.sink import open_output
+
+__all__ = ["KEYFRAME_INTERVAL", "OverlayVideo"]
+
+KEYFRAME_INTERVAL = 15
+"""Frames between key frames; a killed run loses at most these, and reports show these."""
+
+_TICK = Fraction(1, 90_000)  # s: exact for 24, 25, 30 and 60 frames a second
+_NOMINAL_RATE = 30  # frames a second, for the encoder's book-keeping only: time stamps are true
+
+# A fragment at every key frame, each complete in itself: a file that was never closed plays.
+_CONTAINER = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
+# No look-ahead and no B-frames: every picture is in the file as soon as it can be.
+_ENCODER = {"preset": "veryfast", "tune": "zerolatency", "crf": "23"}
+
+
+class OverlayVideo:
+    """Draws every frame and encodes it with its own time stamp.
+
+    Parameters
+    ----------
+    path : Path
+        Replaced if it exists.
+    camera : Camera
+        Camera of the frames; its image size, or else the first image, fixes the picture's size.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    MissingExtraError
+        If PyAV or OpenCV is not installed.
+    """
+
+    def __init__(self, path: Path, camera: Camera) -> None:
+        self._av = optional_import("av", extra="video", purpose="writing overlay.mp4")
+        optional_import("cv2", extra="video", purpose="drawing overlay.mp4")
+        self._camera = camera
+        self._stream: Any = None
+        self._start_s = 0.0
+        self._last_tick = -1
+        open_output(path).close()  # PyAV opens it only with the first frame: too late to say no
+        self._container: Any = self._av.open(str(path), "w", format="mp4", options=_CONTAINER)
+
+    def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
+        """Draw and encode one frame; a frame without an image keeps its values and its time."""
+        if self._camera.size is None:
+            if image is None:
+                return  # the size of the picture is not known yet
+            self._camera = self._camera.with_size(image.shape[1], image.shape[0])
+        stream = self._stream or self._open_stream(result.timestamp)
+        picture = draw_overlay(image, result, self._camera)
+        frame = self._av.VideoFrame.from_ndarray(picture, format="rgb24")
+        # A clock that stands still or runs back must not stop the film.
+        tick = max(round((result.timestamp - self._start_s) / _TICK), self._last_tick + 1)
+        frame.pts, frame.time_base = tick, _TICK
+        self._last_tick = tick
+        self._container.mux(stream.encode(frame))
+
+    def close(self) -> None:
+        """Write what the encoder still holds and close the file."""
+        container, self._container = self._container, None
+        if container is None:
+            return
+        try:
+            if self._stream is not None:
+                container.mux(self._stream.encode(None))
+        finally:
+            container.close()
+
+    def _open_stream(self, start_s: float) -> Any:
+        assert self._camera.size is not None
+        layout = Layout.of_image(*self._camera.size)
+        stream = self._container.add_stream("libx264", rate=_NOMINAL_RATE, options=_ENCODER)
+        stream.width, stream.height, stream.pix_fmt = layout.width, layout.height, "yuv420p"
+        stream.time_base = stream.codec_context.time_base = _TICK
+        stream.codec_context.gop_size = KEYFRAME_INTERVAL
+        # Said aloud, or players would take the colours of tall pictures for BT.709.
+        stream.codec_context.colorspace = self._av.video.reformatter.Colorspace.ITU601
+        stream.codec_context.color_range = self._av.video.reformatter.ColorRange.MPEG
+        self._stream, self._start_s = stream, start_s
+        return stream
