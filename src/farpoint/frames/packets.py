@@ -61,43 +61,32 @@ def decode(container: Any, stream: Any) -> Iterator[Moment]:
 def _decode_in_storage_order(container: Any, stream: Any) -> Iterator[Moment]:
     """Pictures as they leave the decoder, faults as they occur, and why the stream ends early."""
     av = optional_import("av", extra="video", purpose="reading video")
-    packets, read, end = container.demux(stream), 0, 0.0
+    packets, incomplete, end_s = container.demux(stream), set(), 0.0
     while True:
         try:
             packet = next(packets)
         except StopIteration:
             break
         except av.FFmpegError as error:
-            yield from _decode_packet(stream, None)  # what the decoder still holds
+            yield from _decode_packet(stream, None, incomplete)  # what the decoder still holds
             yield Moment(seconds=None, fault=f"reading stopped: {error.strerror}")
             return
-        read += packet.size > 0  # the last packet is empty: it makes the decoder finish
+        if packet.is_corrupt:
+            incomplete.add(packet.pts)
         if packet.pts is not None:
-            end = max(end, float((packet.pts + (packet.duration or 0)) * stream.time_base))
-        yield from _decode_packet(stream, packet)
-    if fault := _find_truncation(container, stream, read, end):
+            end_s = max(end_s, float((packet.pts + (packet.duration or 0)) * stream.time_base))
+        yield from _decode_packet(stream, packet, incomplete)
+    if fault := _find_truncation(container, stream, end_s):
         yield Moment(seconds=None, fault=fault)
 
 
-def _find_truncation(container: Any, stream: Any, read: int, end_s: float) -> str | None:
-    """What is missing at the end by the account of the header, where it gives one."""
-    if read < stream.frames:
-        return f"the video ends after {read} of the {stream.frames} frames its header announces"
-    if stream.frames == 0 and container.duration is not None:
-        announced_s = ((container.start_time or 0) + container.duration) / 1e6  # from us
-        # Sound may go on a little longer than the pictures, and both count.
-        if announced_s - end_s > max(1.0, 0.02 * announced_s):
-            return (
-                f"the video ends at {end_s:.1f} s of the {announced_s:.1f} s its header announces"
-            )
-    return None
-
-
-def _decode_packet(stream: Any, packet: Any) -> Iterator[Moment]:
+def _decode_packet(stream: Any, packet: Any, incomplete: set[int | None]) -> Iterator[Moment]:
+    """Pictures that the decoder gives out on a packet, or at the end (None), or its complaint."""
     av = optional_import("av", extra="video", purpose="reading video")
     try:
         for picture in stream.decode(packet):
-            if picture.is_corrupt:  # partly made up by the decoder: worse than no picture
+            # What the decoder made up to fill a picture is worse than no picture.
+            if picture.is_corrupt or picture.pts in incomplete:
                 yield Moment(seconds=picture.time, fault="decoded only in part: data is damaged")
             else:
                 yield Moment(seconds=picture.time, image=grey_image(picture))
@@ -105,3 +94,22 @@ def _decode_packet(stream: Any, packet: Any) -> Iterator[Moment]:
         pts = None if packet is None else packet.pts
         seconds = None if pts is None else float(pts * stream.time_base)
         yield Moment(seconds=seconds, fault=f"cannot be decoded: {error.strerror}")
+
+
+def _find_truncation(container: Any, stream: Any, end_s: float) -> str | None:
+    """What is missing at the end by the account of the header, where it gives one.
+
+    Times are compared, not counts: an AVI counts the pictures it leaves out as well.
+    """
+    if stream.frames > 0 and stream.average_rate:
+        frame_s = float(1 / stream.average_rate)
+        duration_s, tolerance_s = stream.frames * frame_s, 1.5 * frame_s
+    elif container.duration is not None:
+        duration_s = container.duration / 1e6  # from us
+        tolerance_s = max(1.0, 0.02 * duration_s)  # sound, which counts here, may go on longer
+    else:
+        return None
+    announced_s = (container.start_time or 0) / 1e6 + duration_s
+    if announced_s - end_s <= tolerance_s:
+        return None
+    return f"the video ends at {end_s:.2f} s of the {announced_s:.2f} s its header announces"

@@ -123,10 +123,15 @@ def _open(path: Path) -> Any:
     av = optional_import("av", extra="video", purpose="reading video")
     try:
         # "file:" keeps FFmpeg from taking the part of a name before a colon for a protocol.
-        return av.open(f"file:{path}", metadata_errors="ignore")
+        container = av.open(f"file:{path}", metadata_errors="ignore")
     except av.FFmpegError as error:
         raise InputError(
             f"cannot be opened as a video, it may be truncated or of another kind "
             f"({error.strerror})",
             file=path,
         ) from error
+    # FFmpeg makes a film even of a text (a terminal that prints it) and of a single image.
+    if container.format.name == "tty" or container.format.name.endswith("_pipe"):
+        container.close()
+        raise InputError("is a text or one image: expected a video", file=path)
+    return container

@@ -218,8 +218,11 @@ def plausible_parallax(
     """Prior of each match."""
     sigma = np.sqrt(variance)
     p = parallax / sigma
-    bulk = np.abs(p[(probability > 0.5) & (p > -3.0)])
-    reach = 2.5 * max(float(np.quantile(bulk, 0.85)), 2.0) if len(bulk) else np.inf
+    right = probability > 0.5
+    bulk = np.sort(np.abs(p[right & (p > -3.0)]))
+    wrong = len(p) - len(bulk)
+    captured = 3 + int(np.ceil(2.0 * wrong * 3.0 * sigma / spread))
+    reach = 2.0 * max(float(bulk[-captured - 1]), 3.0) if len(bulk) > captured else np.inf
     beyond = np.maximum(p - reach, 0.0) / (0.2 * reach)
     behind = np.maximum(-p - 3.0, 0.0)
     shape = np.exp(-0.5 * (beyond**2 + behind**2))
