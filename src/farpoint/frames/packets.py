@@ -61,7 +61,8 @@ def decode(container: Any, stream: Any) -> Iterator[Moment]:
 def _decode_in_storage_order(container: Any, stream: Any) -> Iterator[Moment]:
     """Pictures as they leave the decoder, faults as they occur, and why the stream ends early."""
     av = optional_import("av", extra="video", purpose="reading video")
-    packets, incomplete, end_s = container.demux(stream), set(), 0.0
+    packets, end_s = container.demux(stream), 0.0
+    incomplete: set[int] = set()  # pts of packets cut short
     while True:
         try:
             packet = next(packets)
@@ -71,29 +72,34 @@ def _decode_in_storage_order(container: Any, stream: Any) -> Iterator[Moment]:
             yield from _decode_packet(stream, None, incomplete)  # what the decoder still holds
             yield Moment(seconds=None, fault=f"reading stopped: {error.strerror}")
             return
-        if packet.is_corrupt:
+        if packet.is_corrupt and packet.pts is not None:
             incomplete.add(packet.pts)
-        if packet.pts is not None:
-            end_s = max(end_s, float((packet.pts + (packet.duration or 0)) * stream.time_base))
+        if (start_s := _seconds(packet.pts, stream)) is not None:
+            end_s = max(end_s, start_s + float((packet.duration or 0) * stream.time_base))
         yield from _decode_packet(stream, packet, incomplete)
     if fault := _find_truncation(container, stream, end_s):
         yield Moment(seconds=None, fault=fault)
 
 
-def _decode_packet(stream: Any, packet: Any, incomplete: set[int | None]) -> Iterator[Moment]:
+def _decode_packet(stream: Any, packet: Any, incomplete: set[int]) -> Iterator[Moment]:
     """Pictures that the decoder gives out on a packet, or at the end (None), or its complaint."""
     av = optional_import("av", extra="video", purpose="reading video")
     try:
         for picture in stream.decode(packet):
+            seconds = _seconds(picture.pts, stream)
             # What the decoder made up to fill a picture is worse than no picture.
             if picture.is_corrupt or picture.pts in incomplete:
-                yield Moment(seconds=picture.time, fault="decoded only in part: data is damaged")
+                yield Moment(seconds=seconds, fault="decoded only in part: data is damaged")
             else:
-                yield Moment(seconds=picture.time, image=grey_image(picture))
+                yield Moment(seconds=seconds, image=grey_image(picture))
     except av.FFmpegError as error:
-        pts = None if packet is None else packet.pts
-        seconds = None if pts is None else float(pts * stream.time_base)
+        seconds = None if packet is None else _seconds(packet.pts, stream)
         yield Moment(seconds=seconds, fault=f"cannot be decoded: {error.strerror}")
+
+
+def _seconds(pts: int | None, stream: Any) -> float | None:
+    # Not picture.time: pictures that the decoder held until the end have lost their time base.
+    return None if pts is None else float(pts * stream.time_base)
 
 
 def _find_truncation(container: Any, stream: Any, end_s: float) -> str | None:
@@ -103,7 +109,7 @@ def _find_truncation(container: Any, stream: Any, end_s: float) -> str | None:
     """
     if stream.frames > 0 and stream.average_rate:
         frame_s = float(1 / stream.average_rate)
-        duration_s, tolerance_s = stream.frames * frame_s, 1.5 * frame_s
+        duration_s, tolerance_s = stream.frames * frame_s, max(0.1, 1.5 * frame_s)
     elif container.duration is not None:
         duration_s = container.duration / 1e6  # from us
         tolerance_s = max(1.0, 0.02 * duration_s)  # sound, which counts here, may go on longer
