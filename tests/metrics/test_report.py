@@ -15,6 +15,7 @@ from farpoint.metrics import (
     PAIR_COLUMNS,
     Evaluation,
     PairErrors,
+    chi2_quantile,
     evaluate_motions,
     evaluate_trajectory,
     pair_errors,
@@ -75,7 +76,7 @@ def test_the_figures_themselves(evaluation: Evaluation):
     assert motions.directions_not_counted == 1
     assert motions.rotation.median_nees == pytest.approx(1.0)
     assert motions.rotation.median_sigma == pytest.approx(np.sqrt(3.0) * TURN_RAD)
-    assert motions.rotation.rms_sigma_over_error == pytest.approx(np.sqrt(3.0))
+    assert motions.rotation.sigma_over_error == pytest.approx(np.sqrt(chi2_quantile(0.5, 3)))
     assert evaluation.trajectory is not None
     assert evaluation.trajectory.scale == pytest.approx(4.0)
     assert evaluation.trajectory.ate_sim3.rmse < 1e-9

@@ -99,8 +99,9 @@ def _consistency_lines(motions: MotionEvaluation) -> list[str]:
     rows = [(name, *_consistency_cells(kind)) for name, kind in (*kinds, ("pose", motions.pose))]
     return [
         *_table(head, rows),
-        "In n %: share of truths inside the n % region [95 % interval of that share].",
-        "Sigma: median of the claimed root mean square error (the pose's: of all 5 components).",
+        "in n %: share of truths inside the n % region [95 % interval of that share].",
+        "sigma: median of the claimed root mean square error (the pose's: of all 5 components).",
+        "sigma/error: claimed over true size of the errors, from the median NEES; 1 is honest.",
     ]
 
 
@@ -149,7 +150,7 @@ def _consistency_cells(c: Consistency) -> tuple[str, ...]:
         _coverage_cell(c.coverage68),
         _coverage_cell(c.coverage95),
         _number(c.median_sigma * DEG),
-        _number(c.rms_sigma_over_error),
+        _number(c.sigma_over_error),
     )
 
 

@@ -104,9 +104,9 @@ class Consistency:
     median_sigma : float
         Sharpness: median of ``sqrt(trace(covariance))``, in the unit of the errors. Of two honest
         estimators the sharper is the better.
-    rms_sigma_over_error : float
-        Root of mean ``trace(covariance)`` over mean ``|error|^2``: 1 when the claimed size of the
-        errors is their true size, above 1 when too much is claimed.
+    sigma_over_error : float
+        Root of the median that NEES should have over the median it has: the factor by which the
+        covariances' sigmas are too large (above 1) or too small. A few wild errors do not move it.
     """
 
     dof: int
@@ -118,7 +118,7 @@ class Consistency:
     coverage68: Coverage
     coverage95: Coverage
     median_sigma: float
-    rms_sigma_over_error: float
+    sigma_over_error: float
 
 
 def summarize(errors: np.ndarray) -> Summary:
@@ -203,7 +203,6 @@ def consistency(errors: np.ndarray, covariances: np.ndarray) -> Consistency:
     dof, count = errors.shape[1], int(np.count_nonzero(used))
     figures = summarize(values)
     sigma_squared = np.trace(covariances[used], axis1=1, axis2=2)
-    error_squared = np.sum(errors[used] ** 2, axis=1)
     total = count * dof
     return Consistency(
         dof=dof,
@@ -215,12 +214,9 @@ def consistency(errors: np.ndarray, covariances: np.ndarray) -> Consistency:
         coverage68=coverage(values, dof, 0.68),
         coverage95=coverage(values, dof, 0.95),
         median_sigma=summarize(np.sqrt(sigma_squared)).median,
-        rms_sigma_over_error=_root_ratio(sigma_squared, error_squared),
+        sigma_over_error=_root_ratio(chi2_quantile(0.5, dof), figures.median),
     )
 
 
-def _root_ratio(numerator: np.ndarray, denominator: np.ndarray) -> float:
-    if not numerator.size:
-        return float("nan")
-    below = float(np.sum(denominator))
-    return float(np.sqrt(np.sum(numerator) / below)) if below > 0.0 else float("inf")
+def _root_ratio(expected: float, found: float) -> float:
+    return float(np.sqrt(expected / found)) if found != 0.0 else float("inf")
