@@ -16,8 +16,9 @@ __all__ = ["Tilt"]
 class Tilt:
     """Central projection of the plane onto one turned about the x and then the y axis.
 
-    The equations stand in OpenCV's calib3d documentation; Louhichi et al., "Self-calibration of
-    Scheimpflug cameras", Measurement Science and Technology 18(8), 2007, doi:10.1088/0957-0233.
+    The equations stand in OpenCV's calib3d documentation, after Louhichi et al.,
+    "Self-calibration of Scheimpflug cameras: an easy protocol", Measurement Science and
+    Technology 18, 2616, 2007.
 
     Attributes
     ----------
