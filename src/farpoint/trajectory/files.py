@@ -17,6 +17,7 @@ from farpoint.geometry import so3
 
 __all__ = [
     "Trajectory",
+    "iter_tum",
     "read_euroc",
     "read_kitti",
     "read_trajectory",
@@ -75,12 +76,17 @@ def read_trajectory(path: str | Path) -> Trajectory:
 
 def read_tum(path: str | Path) -> Trajectory:
     """Read rows of ``timestamp tx ty tz qx qy qz qw``, the time in seconds."""
+    return _stacked(iter_tum(path), path)
+
+
+def iter_tum(path: str | Path) -> Iterator[tuple[float, np.ndarray]]:
+    """Time and pose (4, 4) of each row of a TUM file, so that its length costs no memory."""
 
     def parse(text: str) -> tuple[float, np.ndarray]:
         row = _numbers(text.split(), 8, "timestamp tx ty tz qx qy qz qw")
         return row[0], _pose(_rotation(np.array(row[4:8])), row[1:4])
 
-    return _read_stamped(Path(path), parse)
+    return _stamped(Path(path), parse)
 
 
 def read_euroc(path: str | Path) -> Trajectory:
@@ -93,7 +99,7 @@ def read_euroc(path: str | Path) -> Trajectory:
         seconds = _nanoseconds(cells[0]) / 1e9
         return seconds, _pose(_rotation(np.roll(row[4:8], -1)), row[1:4])
 
-    return _read_stamped(Path(path), parse)
+    return _stacked(_stamped(Path(path), parse), path)
 
 
 def read_kitti(path: str | Path) -> Trajectory:
@@ -138,15 +144,24 @@ def tum_line(timestamp: float, world_from_body: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in values) + "\n"
 
 
-def _read_stamped(path: Path, parse: Callable[[str], tuple[float, np.ndarray]]) -> Trajectory:
-    stamps, poses = [], []
+def _stamped(
+    path: Path, parse: Callable[[str], tuple[float, np.ndarray]]
+) -> Iterator[tuple[float, np.ndarray]]:
+    last = -np.inf
     for line, text in _rows(path):
         try:
             stamp, pose = parse(text)
-            if stamps and stamp < stamps[-1]:
-                raise ValueError(f"expected a time of at least {stamps[-1]!r} s, got {stamp!r}")
+            if stamp < last:
+                raise ValueError(f"expected a time of at least {last!r} s, got {stamp!r}")
         except ValueError as error:
             raise InputError(str(error), file=path, field=f"line {line}") from error
+        last = stamp
+        yield stamp, pose
+
+
+def _stacked(rows: Iterator[tuple[float, np.ndarray]], path: str | Path) -> Trajectory:
+    stamps, poses = [], []
+    for stamp, pose in rows:
         stamps.append(stamp)
         poses.append(pose)
     if not poses:
