@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from lens_checks import round_trip_px
 
-from farpoint.camera import Camera, Pinhole, load_camera
+from farpoint.camera import Camera, KannalaBrandt, Pinhole, load_camera
 from farpoint.errors import InputError
 
 K = "500.5 0 320.25\n0 501.5 240.75\n0 0 1\n"
@@ -246,7 +246,32 @@ def test_orbslam_coefficients_left_out_are_zero(write) -> None:
     assert load_camera(write(text)).model == Pinhole(**EXPECTED)
 
 
+FISHEYE = KannalaBrandt(**EXPECTED, k1=-0.3, k2=0.1, k3=0.001, k4=-0.002)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        SENSOR.replace(": radial-tangential", ": equidistant"),
+        ORBSLAM2.replace(".p1", ".k3").replace(".p2", ".k4") + 'Camera.type: "KannalaBrandt8"\n',
+        OPENCV + "fisheye_model: 1\n",
+        ROS.replace("plumb_bob", "equidistant").replace("-0.002, 0]", "-0.002]"),
+    ],
+)
+def test_fisheyes_by_the_name_of_their_model(write, text: str) -> None:
+    camera = load_camera(write(text))
+    assert camera.model == FISHEYE
+    assert camera.size == (640, 480)
+
+
 FAULTS = [
+    (
+        SENSOR.replace(": radial-tangential", ": equidistant").replace(", -2e-3", ""),
+        None,
+        "distortion_coefficients",
+        "expected 4 numbers, got 3",
+    ),
+    (OPENCV + "xi: 1.2\n", None, "xi", "'omnidirectional' is not supported"),
     (SENSOR.replace("intrinsics", "intrinsic"), None, "intrinsics", "missing"),
     (SENSOR.replace("camera_model", "model"), None, "camera_model", "missing"),
     (
@@ -365,6 +390,12 @@ REAL = [
     ("kitti_a/calib.txt", None, (1226, 370)),
     ("euroc_v101_micro/calib/cam0_sensor.yaml", None, (752, 480)),
     ("tum_fr1_rpy/calib_TUM1_orbslam2.yaml", None, (640, 480)),
+    ("calibrations/kalibr_tumvi.yaml", "cam0", (512, 512)),
+    ("calibrations/kalibr_tumvi.yaml", "cam1", (512, 512)),
+    ("calibrations/kalibr_uzhfpv.yaml", "cam0", (640, 480)),
+    ("calibrations/kalibr_uzhfpv.yaml", "cam1", (640, 480)),
+    ("calibrations/left_sensor_fisheye.yaml", None, (752, 480)),
+    ("calibrations/right_sensor_fisheye.yaml", None, (752, 480)),
     ("davis_slider_depth/calib.txt", None, (240, 180)),
     ("hololens/K.txt", None, (540, 360)),
 ]

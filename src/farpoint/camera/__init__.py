@@ -4,6 +4,7 @@ from farpoint.camera.camera import Camera
 from farpoint.camera.describe import describe
 from farpoint.camera.field_of_view import FieldOfView, field_of_view
 from farpoint.camera.files import load_camera
+from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
 
@@ -11,6 +12,7 @@ __all__ = [
     "Camera",
     "CameraModel",
     "FieldOfView",
+    "KannalaBrandt",
     "Pinhole",
     "describe",
     "field_of_view",

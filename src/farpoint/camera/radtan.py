@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from farpoint.camera.curve import first_positive_root
 from farpoint.camera.plane_map import PlaneMap
 from farpoint.camera.tilt import Tilt
 from farpoint.camera.values import finite
@@ -202,17 +203,6 @@ class RadialTangential:
         azimuths = np.linspace(-np.pi, np.pi, AZIMUTH_NODES)
         circles = np.multiply.outer(radius, np.array([np.cos(azimuths), np.sin(azimuths)]))
         return np.all(self._map(circles[..., 0, :], circles[..., 1, :]).determinant > 0.0, axis=-1)
-
-
-def first_positive_root(coefficients: np.ndarray) -> float:
-    """Smallest positive real root of a polynomial ``1 + c1 s + ...``; infinite if it has none.
-
-    The reciprocals of the roots are found: they stay finite as the last coefficients vanish.
-    """
-    reciprocals = np.roots(coefficients)
-    real = np.abs(reciprocals.imag) < 1e-9 * np.abs(reciprocals)
-    largest = np.max(reciprocals.real[real], initial=0.0)
-    return float(1.0 / largest) if largest > 1e-300 else np.inf
 
 
 def _checked(coefficients: Sequence[float]) -> tuple[float, ...]:

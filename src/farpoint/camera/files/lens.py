@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from farpoint.camera.files.fields import Fields, blame
+from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
 from farpoint.errors import InputError
@@ -49,11 +50,19 @@ def _undistorted_pinhole(fields: Fields, coefficients: str) -> Pinhole:  # noqa:
     return _pinhole(fields, None)
 
 
+def _fisheye(fields: Fields, coefficients: str) -> KannalaBrandt:
+    fx, fy, cx, cy = fields.numbers("intrinsics", (4,))
+    k1, k2, k3, k4 = fields.numbers(coefficients, (4,))
+    with blame(fields, "intrinsics"):
+        return KannalaBrandt(fx=fx, fy=fy, cx=cx, cy=cy, k1=k1, k2=k2, k3=k3, k4=k4)
+
+
 LENSES: dict[str, dict[str, Callable[[Fields, str], CameraModel]]] = {
     "pinhole": {
         "radtan": _pinhole,
         "radial-tangential": _pinhole,
         "plumb_bob": _pinhole,
+        "equidistant": _fisheye,
         "none": _undistorted_pinhole,
     },
 }

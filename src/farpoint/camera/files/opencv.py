@@ -11,6 +11,8 @@ from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.matrix import intrinsics_from_matrix
 from farpoint.camera.files.source import CalibrationFile
+from farpoint.camera.kannala_brandt import KannalaBrandt
+from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
 
 TITLE = "OpenCV camera matrix"
@@ -25,6 +27,7 @@ DISTORTION = re.compile(
 SIZES = (("imagewidth", "imageheight"), ("width", "height"), ("cols", "rows"))
 SIZE_PAIRS = ("imagesize", "imgsize", "resolution", "size")
 PINHOLES = ("plumb_bob", "rational_polynomial", "radtan", "pinhole", "none")
+FISHEYES = ("equidistant", "fisheye")
 
 
 @dataclass(frozen=True)
@@ -54,12 +57,18 @@ def read(file: CalibrationFile, name: str) -> Camera:
     fields = file.fields
     cameras = _cameras(fields)
     keys = next((keys for keys in cameras if keys.matrix == name), cameras[0])
-    _require_pinhole(fields)
+    return Camera(model=_lens(fields, keys), size=_size(fields), name=name)
+
+
+def _lens(fields: Fields, keys: _Keys) -> CameraModel:
     intrinsics = intrinsics_from_matrix(fields, keys.matrix)
-    distortion = () if keys.distortion is None else tuple(fields.numbers(keys.distortion))
     with blame(fields, keys.matrix, distortion=keys.distortion or keys.matrix):
-        model = Pinhole(**intrinsics, distortion=distortion)
-    return Camera(model=model, size=_size(fields), name=name)
+        if _is_fisheye(fields):
+            at = keys.distortion or "distortion_coefficients"
+            k1, k2, k3, k4 = fields.numbers(at, (4,))
+            return KannalaBrandt(**intrinsics, k1=k1, k2=k2, k3=k3, k4=k4)
+        distortion = () if keys.distortion is None else tuple(fields.numbers(keys.distortion))
+        return Pinhole(**intrinsics, distortion=distortion)
 
 
 def _cameras(fields: Fields) -> list[_Keys]:
@@ -73,16 +82,16 @@ def _cameras(fields: Fields) -> list[_Keys]:
     ]
 
 
-def _require_pinhole(fields: Fields) -> None:
-    if "distortion_model" in fields and fields.text("distortion_model").lower() not in (
-        "",
-        *PINHOLES,
-    ):
-        raise unsupported_lens(fields, "distortion_model", PINHOLES)
-    for flag in ("fisheye_model", "xi"):
-        if flag in fields and fields.number(flag) != 0:
-            model = "fisheye" if flag == "fisheye_model" else "omnidirectional"
-            raise fields.error(flag, f"the lens model {model!r} is not supported; expected pinhole")
+def _is_fisheye(fields: Fields) -> bool:
+    """Whether the coefficients are a fisheye's; an InputError for a lens that is unknown here."""
+    if "xi" in fields and fields.number("xi") != 0:
+        raise fields.error("xi", "the lens model 'omnidirectional' is not supported")
+    if "fisheye_model" in fields and fields.number("fisheye_model") != 0:
+        return True
+    named = fields.text("distortion_model").lower() if "distortion_model" in fields else ""
+    if named not in ("", *PINHOLES, *FISHEYES):
+        raise unsupported_lens(fields, "distortion_model", (*PINHOLES, *FISHEYES))
+    return named in FISHEYES
 
 
 def _size(fields: Fields) -> tuple[int, int] | None:

@@ -8,6 +8,8 @@ from farpoint.camera.camera import Camera
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.source import CalibrationFile
+from farpoint.camera.kannala_brandt import KannalaBrandt
+from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
 
 TITLE = "ORB-SLAM settings"
@@ -16,6 +18,7 @@ FIRST_IS_DEFAULT = False
 KEY = re.compile(r"(Camera\d?)\.(fx|fy|cx|cy|type|k1)")
 # Rectified images have no distortion left, and their files give no coefficients.
 PINHOLES = ("PinHole", "Rectified")
+FISHEYE = "KannalaBrandt8"
 
 
 def matches(file: CalibrationFile) -> bool:
@@ -34,13 +37,20 @@ def read(file: CalibrationFile, name: str) -> Camera:
     """One camera."""
     fields = file.fields
     prefix = name if f"{name}.fx" in fields else "Camera"
-    if "Camera.type" in fields and fields.text("Camera.type") not in PINHOLES:
-        raise unsupported_lens(fields, "Camera.type", PINHOLES)
+    size = fields.size("Camera.width", "Camera.height")
+    return Camera(model=_lens(fields, prefix), size=size, name=name)
+
+
+def _lens(fields: Fields, prefix: str) -> CameraModel:
+    kind = fields.text("Camera.type") if "Camera.type" in fields else PINHOLES[0]
+    if kind not in (*PINHOLES, FISHEYE):
+        raise unsupported_lens(fields, "Camera.type", (*PINHOLES, FISHEYE))
     fx, fy, cx, cy = (fields.number(f"{prefix}.{key}") for key in ("fx", "fy", "cx", "cy"))
     with blame(fields, prefix):
-        model = Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, distortion=_distortion(fields, prefix))
-    size = fields.size("Camera.width", "Camera.height")
-    return Camera(model=model, size=size, name=name)
+        if kind == FISHEYE:
+            k1, k2, k3, k4 = (fields.number(f"{prefix}.k{index}") for index in (1, 2, 3, 4))
+            return KannalaBrandt(fx=fx, fy=fy, cx=cx, cy=cy, k1=k1, k2=k2, k3=k3, k4=k4)
+        return Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, distortion=_distortion(fields, prefix))
 
 
 def _distortion(fields: Fields, prefix: str) -> tuple[float, ...]:

@@ -1,0 +1,61 @@
+"""A radial curve that grows up to some point, and its inverse: the heart of a symmetric lens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+__all__ = ["GrowingCurve", "first_positive_root"]
+
+NODES = 1024
+TOLERANCE = 1e-10
+ITERATIONS = 20
+
+
+@dataclass(frozen=True)
+class GrowingCurve:
+    """A function of one variable that grows from 0 to `end`.
+
+    Attributes
+    ----------
+    function : callable
+        Values and slopes of the curve, ``(N,) -> (N,), (N,)``.
+    end : float
+        Where it stops growing, finite.
+    """
+
+    function: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+    end: float
+
+    @cached_property
+    def table(self) -> tuple[np.ndarray, np.ndarray]:
+        """Arguments, evenly spaced, and values."""
+        arguments = np.linspace(0.0, self.end, NODES)
+        return arguments, self.function(arguments)[0]
+
+    def invert(self, values: np.ndarray) -> np.ndarray:
+        """Arguments of values, by Newton to 1e-10 from the table; NaN outside of its values."""
+        arguments, known = self.table
+        x = np.interp(values, known, arguments, left=np.nan, right=np.nan)
+        for _ in range(ITERATIONS):
+            value, slope = self.function(x)
+            step = (values - value) / slope
+            # At the very end the slope vanishes.
+            x = np.clip(x + np.where(slope > 0.0, step, 0.0), 0.0, self.end)
+            if not np.any(np.abs(step) > TOLERANCE):
+                break
+        return x
+
+
+def first_positive_root(coefficients: np.ndarray) -> float:
+    """Smallest positive real root of a polynomial ``1 + c1 s + ...``; infinite if it has none.
+
+    The reciprocals of the roots are found: they stay finite as the last coefficients vanish.
+    """
+    reciprocals = np.roots(coefficients)
+    real = np.abs(reciprocals.imag) < 1e-9 * np.abs(reciprocals)
+    largest = np.max(reciprocals.real[real], initial=0.0)
+    return float(1.0 / largest) if largest > 1e-300 else np.inf
