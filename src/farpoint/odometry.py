@@ -2,14 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from farpoint.pose import RelativePose
-from farpoint.tracks import Tracks
+from farpoint.camera import Camera
+from farpoint.frames import Frame
+from farpoint.pose import (
+    PoseStatus,
+    RelativePose,
+    RelativePoseOptions,
+    TrackLabel,
+    estimate_relative_pose,
+    failed_pose,
+)
+from farpoint.tracks import Tracker, TrackerOptions, Tracks
+from farpoint.trajectory.chain import chain
+from farpoint.trajectory.prediction import predict_points
 
-__all__ = ["OdometryResult"]
+__all__ = ["Odometry", "OdometryOptions", "OdometryResult"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryOptions:
+    """Options of `Odometry`, one record for each stage.
+
+    Attributes
+    ----------
+    tracker : TrackerOptions
+        How points are found and followed.
+    pose : RelativePoseOptions
+        How the motion is estimated from them.
+    seed : int
+        Of the random samples.
+    """
+
+    tracker: TrackerOptions = field(default_factory=TrackerOptions)
+    pose: RelativePoseOptions = field(default_factory=RelativePoseOptions)
+    seed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,3 +76,176 @@ class OdometryResult:
     world_from_cam: np.ndarray
     scale: float | None
     scale_sigma: float | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Reference:
+    """The frame that the next one is compared with, and the motion that led to it."""
+
+    index: int
+    timestamp: float
+    motion: RelativePose | None
+    tracks: Tracks
+
+
+class Odometry:
+    """Motion of a calibrated camera from frame to frame.
+
+    Each frame is compared with the last one that was of use. A frame of no use (not decoded, of
+    another size, without texture) gives a FAILED result and is passed over. Where the matches of a
+    textured frame have no consensus, as at a cut, the sequence begins anew from that frame.
+
+    Parameters
+    ----------
+    camera : Camera
+        Without a size, the first frame fixes it.
+    options : OdometryOptions, optional
+        One record for each stage.
+
+    Attributes
+    ----------
+    camera : Camera
+        With the size of the frames, once there was one.
+    seconds : dict
+        Time spent so far in ``"tracks"`` and ``"pose"``.
+
+    Examples
+    --------
+    >>> odometry = Odometry(Camera.pinhole(1241, 376, 718.9, 718.9, 607.2, 185.2))
+    >>> for result in odometry.run(open_frames("drive.mp4")):  # doctest: +SKIP
+    ...     print(result.timestamp, result.pose.status if result.pose else "first frame")
+    """
+
+    def __init__(self, camera: Camera, options: OdometryOptions | None = None) -> None:
+        self.camera = camera
+        self.options = options or OdometryOptions()
+        self.seconds = {"tracks": 0.0, "pose": 0.0}
+        self._tracker = Tracker(self.options.tracker)
+        self._reference: _Reference | None = None
+        self._world_from_cam = np.eye(4)
+        self._next_index = 0
+
+    def run(self, frames: Iterable[Frame]) -> Iterator[OdometryResult]:
+        """Results of frames, one for each, as they come."""
+        for frame in frames:
+            yield self.process(frame.image, frame.timestamp, fault=frame.fault)
+
+    def process(
+        self, image: np.ndarray | None, timestamp: float, *, fault: str | None = None
+    ) -> OdometryResult:
+        """Compare one image with the one before.
+
+        Parameters
+        ----------
+        image : ndarray of uint8, shape (H, W), or None
+            Grey values; None for a frame that could not be decoded.
+        timestamp : float
+            Seconds.
+        fault : str, optional
+            Why there is no image.
+
+        Raises
+        ------
+        InputError
+            Where the image is not of grey uint8 values, or the first image is not of the
+            calibration's size.
+        """
+        index, self._next_index = self._next_index, self._next_index + 1
+        if image is None:
+            return self._pass_over(index, timestamp, f"The frame cannot be decoded: {fault}.")
+        width, height = image.shape[::-1]
+        if self._reference is None:
+            self.camera = self.camera.with_size(width, height)
+        elif self.camera.size != (width, height):
+            return self._pass_over(
+                index,
+                timestamp,
+                f"The frame is {width}x{height}, the sequence "
+                f"{self.camera.size[0]}x{self.camera.size[1]}.",
+            )
+        if self._reference is None:
+            if not self._tracker.sees_texture(image):
+                return self._pass_over(index, timestamp, "The frame shows nothing to track.")
+            return self._begin(image, index, timestamp)
+        return self._compare(self._reference, image, index, timestamp)
+
+    def _compare(
+        self, reference: _Reference, image: np.ndarray, index: int, timestamp: float
+    ) -> OdometryResult:
+        start = time.perf_counter()
+        tracks = self._tracker.match(image, self._prediction(reference))
+        matched = time.perf_counter()
+        # The covariance is that of the displacement: each end carries half of it.
+        covariance_px2 = 0.5 * tracks.covariance_px2
+        pose = estimate_relative_pose(
+            tracks.points0,
+            tracks.points1,
+            self.camera,
+            options=self.options.pose,
+            seed=self.options.seed,
+            covariance0_px2=covariance_px2,
+            covariance1_px2=covariance_px2,
+        )
+        estimated = time.perf_counter()
+        if pose.status is not PoseStatus.FAILED:
+            good = tracks.select(pose.labels != TrackLabel.OUTLIER)
+            self._tracker.advance(image, good)
+            self._reference = _Reference(index=index, timestamp=timestamp, motion=pose, tracks=good)
+        elif self._tracker.sees_texture(image):
+            # A cut, or a motion too large to follow: what comes next resembles this frame.
+            self._restart(image, index, timestamp)
+        else:
+            return self._pass_over(index, timestamp, "The frame shows nothing to track.")
+        self.seconds["tracks"] += matched - start + time.perf_counter() - estimated
+        self.seconds["pose"] += estimated - matched
+        # Until the scale is estimated, every translation has the length of one unit.
+        scale = 1.0 if pose.status is PoseStatus.OK else None
+        self._world_from_cam = chain(self._world_from_cam, pose, scale)
+        return OdometryResult(
+            frame0=reference.index,
+            frame1=index,
+            timestamp0=reference.timestamp,
+            timestamp=timestamp,
+            pose=pose,
+            tracks=tracks,
+            world_from_cam=self._world_from_cam.copy(),
+            scale=scale,
+            scale_sigma=None,
+        )
+
+    def _prediction(self, reference: _Reference) -> Callable[[np.ndarray], np.ndarray] | None:
+        """Where the tracks of the reference go if the last motion is repeated."""
+        motion = reference.motion
+        if motion is None:
+            return None
+        ids = self._tracker.ids
+        return lambda points: predict_points(self.camera, motion, reference.tracks, ids, points)
+
+    def _begin(self, image: np.ndarray, index: int, timestamp: float) -> OdometryResult:
+        self._restart(image, index, timestamp)
+        return self._without_motion(index, timestamp, None)
+
+    def _restart(self, image: np.ndarray, index: int, timestamp: float) -> None:
+        self._tracker.restart(image)
+        self._reference = _Reference(
+            index=index, timestamp=timestamp, motion=None, tracks=Tracks.empty()
+        )
+
+    def _pass_over(self, index: int, timestamp: float, reason: str) -> OdometryResult:
+        return self._without_motion(index, timestamp, failed_pose(reason))
+
+    def _without_motion(
+        self, index: int, timestamp: float, pose: RelativePose | None
+    ) -> OdometryResult:
+        reference = self._reference
+        return OdometryResult(
+            frame0=index if reference is None else reference.index,
+            frame1=index,
+            timestamp0=timestamp if reference is None else reference.timestamp,
+            timestamp=timestamp,
+            pose=pose,
+            tracks=Tracks.empty(),
+            world_from_cam=self._world_from_cam.copy(),
+            scale=None,
+            scale_sigma=None,
+        )

@@ -1,5 +1,6 @@
 """Relative pose of two views with its covariance: the method itself."""
 
+from farpoint.pose.conclusion import failed_pose
 from farpoint.pose.observable import far_distance, observable_motion
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.relative_pose import estimate_relative_pose, estimate_relative_pose_from_rays
@@ -13,6 +14,7 @@ __all__ = [
     "TrackLabel",
     "estimate_relative_pose",
     "estimate_relative_pose_from_rays",
+    "failed_pose",
     "far_distance",
     "observable_motion",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from farpoint._kernels.pose import search_direction
 from farpoint.pose import conclusion
-from farpoint.pose.conclusion import Course, label_matches, largest_sigma, no_consensus
+from farpoint.pose.conclusion import Course, label_matches, largest_sigma
 from farpoint.pose.epipole import mean_epipole
 from farpoint.pose.far_rotation import FarRotation
 from farpoint.pose.matches import Matches
@@ -38,7 +38,7 @@ def estimate_closed_form(
     area_share = np.pi / 4.0 * (tolerance / matches.spread) ** 2
     agreeing = int(np.count_nonzero(far))
     if not is_consensus(agreeing, len(matches), 3, area_share, options.false_alarm_rate):
-        return conclusion.failed(matches, no_consensus(agreeing, len(matches)), course)
+        return conclusion.no_consensus(matches, agreeing, course)
     rotation_covariance, sigma = _scatter_of_rotation(matches, R, far)
     flowing = matches.select(~far)
     t = np.empty(3)
@@ -55,7 +55,6 @@ def estimate_closed_form(
     seen = is_consensus(int(agree.sum()), len(flowing), 2, chance, options.false_alarm_rate)
     if epipole is None or not seen or largest_sigma(epipole.covariance) > MAX_DIRECTION_SIGMA:
         return conclusion.turned(
-            matches,
             PoseStatus.ROTATION_ONLY,
             f"{agreeing} far matches fix the rotation; the {len(flowing)} others flow towards no "
             "common direction.",
@@ -70,7 +69,6 @@ def estimate_closed_form(
     covariance[3:, 3:] = epipole.covariance
     course.lap("covariance_s")
     return conclusion.observed(
-        matches,
         R,
         epipole.direction_cam1_from_cam0,
         covariance,

@@ -14,7 +14,7 @@ from farpoint.pose.result import PoseStats, PoseStatus, RelativePose, TrackLabel
 
 __all__ = [
     "Course",
-    "failed",
+    "failed_pose",
     "label_matches",
     "largest_sigma",
     "no_consensus",
@@ -75,16 +75,17 @@ def largest_sigma(covariance: np.ndarray) -> float:
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0.0)))
 
 
-def no_consensus(agreeing: int, total: int) -> str:
-    """Why a search that found something found nothing."""
-    return (
-        f"No consensus: the best motion explains {agreeing} of {total} matches, "
-        "which chance alone could do."
+def no_consensus(matches: Matches, agreeing: int, course: Course) -> RelativePose:
+    """The best motion found is one that chance alone could have made."""
+    return failed_pose(
+        f"No consensus: the best motion explains {agreeing} of {len(matches)} matches, "
+        "which chance alone could do.",
+        matches.total,
+        course,
     )
 
 
 def observed(
-    matches: Matches,
     R: np.ndarray,
     direction: np.ndarray,
     covariance: np.ndarray,
@@ -93,7 +94,7 @@ def observed(
     course: Course,
 ) -> RelativePose:
     """Rotation and direction, each with covariance."""
-    stats = _stats(matches, labels, course)
+    stats = _stats(labels, course)
     sigma_deg = np.rad2deg(largest_sigma(covariance[3:, 3:]))
     return RelativePose(
         status=PoseStatus.OK,
@@ -113,7 +114,6 @@ def observed(
 
 
 def turned(
-    matches: Matches,
     status: PoseStatus,
     reason: str,
     R: np.ndarray,
@@ -133,13 +133,13 @@ def turned(
         covariance=None,
         labels=labels,
         noise_px=noise,
-        stats=_stats(matches, labels, course),
+        stats=_stats(labels, course),
     )
 
 
-def failed(matches: Matches, reason: str, course: Course) -> RelativePose:
-    """No rotation can be trusted."""
-    labels = np.full(matches.total, TrackLabel.OUTLIER, np.uint8)
+def failed_pose(reason: str, total: int = 0, course: Course | None = None) -> RelativePose:
+    """No rotation can be trusted: ``total`` matches were given, all of them OUTLIER."""
+    labels = np.full(total, TrackLabel.OUTLIER, np.uint8)
     return RelativePose(
         status=PoseStatus.FAILED,
         reason=reason,
@@ -150,14 +150,14 @@ def failed(matches: Matches, reason: str, course: Course) -> RelativePose:
         covariance=None,
         labels=labels,
         noise_px=None,
-        stats=_stats(matches, labels, course),
+        stats=_stats(labels, course or Course()),
     )
 
 
-def _stats(matches: Matches, labels: np.ndarray, course: Course) -> PoseStats:
+def _stats(labels: np.ndarray, course: Course) -> PoseStats:
     counts = np.bincount(labels, minlength=3)
     return PoseStats(
-        matches=matches.total,
+        matches=len(labels),
         far=int(counts[TrackLabel.FAR]),
         near=int(counts[TrackLabel.NEAR]),
         outliers=int(counts[TrackLabel.OUTLIER]),

@@ -16,7 +16,6 @@ from farpoint.pose.conclusion import (
     Course,
     label_matches,
     largest_sigma,
-    no_consensus,
     sign_probability,
 )
 from farpoint.pose.far_rotation import far_rotation
@@ -116,10 +115,10 @@ def _estimate(
 ) -> RelativePose:
     course = Course()
     if len(matches) < MIN_MATCHES:
-        return conclusion.failed(
-            matches,
+        return conclusion.failed_pose(
             f"Too few matches: {len(matches)} usable of {matches.total} given, "
             f"at least {MIN_MATCHES} are needed.",
+            matches.total,
             course,
         )
     state = _random_state(seed)
@@ -143,7 +142,7 @@ def _conclude_moving(
     agreeing = int(np.count_nonzero(right))
     chance = 3.0 * sigma / matches.spread
     if not is_consensus(agreeing, len(matches), 5, chance, options.false_alarm_rate):
-        return conclusion.failed(matches, no_consensus(agreeing, len(matches)), course)
+        return conclusion.no_consensus(matches, agreeing, course)
     covariance = moving_covariance(matches, fit)
     course.lap("covariance_s")
     labels = label_matches(matches, right, fit.parallax > NEAR_SIGMA * sigma)
@@ -152,7 +151,6 @@ def _conclude_moving(
     course.cost, course.sign_probability = fit.cost, sign
     if direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate:
         return conclusion.turned(
-            matches,
             PoseStatus.ROTATION_ONLY,
             "The flow beyond the rotation is too short or too parallel: "
             f"its direction is uncertain by {math.degrees(direction_sigma):.0f} deg, "
@@ -164,7 +162,6 @@ def _conclude_moving(
             course,
         )
     return conclusion.observed(
-        matches,
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
         covariance,
@@ -182,7 +179,7 @@ def _conclude_turning(
     agreeing = int(np.count_nonzero(right))
     chance = math.pi / 4.0 * (3.0 * sigma / matches.spread) ** 2
     if not is_consensus(agreeing, len(matches), 2, chance, options.false_alarm_rate):
-        return conclusion.failed(matches, no_consensus(agreeing, len(matches)), course)
+        return conclusion.no_consensus(matches, agreeing, course)
     course.cost = fit.cost
     if is_static(fit, options.false_alarm_rate):
         status = PoseStatus.STATIC
@@ -194,7 +191,6 @@ def _conclude_turning(
             "matches move by the rotation alone, within the noise."
         )
     return conclusion.turned(
-        matches,
         status,
         reason,
         fit.R_cam1_from_cam0,

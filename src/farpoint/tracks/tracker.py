@@ -118,6 +118,12 @@ class Tracker:
             tracks = max(tracks, unpredicted, key=len)
         return tracks
 
+    def sees_texture(self, image: np.ndarray) -> bool:
+        """Whether an image has corners enough, a hundredth of the tracks wanted, to begin with."""
+        image = _checked_image(image)
+        wanted = max(self.options.max_tracks // 100, 8)
+        return len(self._new_corners(image, np.empty((0, 2)), wanted)) == wanted
+
     def advance(self, image: np.ndarray, tracks: Tracks) -> None:
         """Make ``image`` the reference: the tracks given live on in it, missing ones are begun.
 
@@ -131,19 +137,13 @@ class Tracker:
             What `match` returned, or the part of it that proved good (`Tracks.select`).
         """
         image = _checked_image(image).copy()
-        corners = self.options.corners
         order = np.argsort(tracks.ids, kind="stable")
         ids, points = tracks.ids[order], tracks.points1[order]
-        alive = thin_out(points, np.zeros(image.shape, bool), corners.min_distance_px // 2)
-        ids, points = ids[alive], points[alive]
-        new = find_corners(
-            image,
-            points,
-            self.options.max_tracks - len(points),
-            window_reach(self.options.refinement),
-            corners,
-            self._mask_for(image),
+        alive = thin_out(
+            points, np.zeros(image.shape, bool), self.options.corners.min_distance_px // 2
         )
+        ids, points = ids[alive], points[alive]
+        new = self._new_corners(image, points, self.options.max_tracks - len(points))
         new_ids = np.arange(self._next_id, self._next_id + len(new), dtype=np.int64)
         self._next_id += len(new)
         self._reference = _Reference(
@@ -155,6 +155,11 @@ class Tracker:
     def restart(self, image: np.ndarray) -> None:
         """Make ``image``, of any size, the reference; all tracks begin anew, under new ids."""
         self.advance(image, Tracks.empty())
+
+    def _new_corners(self, image: np.ndarray, points: np.ndarray, count: int) -> np.ndarray:
+        reach = window_reach(self.options.refinement)
+        corners = self.options.corners
+        return find_corners(image, points, count, reach, corners, self._mask_for(image))
 
     def _found(self, reference: _Reference, image: np.ndarray, start: np.ndarray) -> Tracks:
         options = self.options

@@ -1,0 +1,34 @@
+"""From one pose of the camera in the world to the next."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint.pose import RelativePose
+
+__all__ = ["chain"]
+
+
+def chain(world_from_cam0: np.ndarray, pose: RelativePose, scale: float | None) -> np.ndarray:
+    """``world_from_cam1`` (4, 4) of ``world_from_cam0`` (4, 4) and the motion between the two.
+
+    Parameters
+    ----------
+    world_from_cam0 : ndarray, shape (4, 4)
+        Rigid motion.
+    pose : RelativePose
+        What cannot be observed is taken not to have happened: FAILED leaves the camera where it
+        was.
+    scale : float or None
+        Length of the translation in units of the world; None for none.
+    """
+    if pose.rotation_cam1_from_cam0 is None:
+        return world_from_cam0
+    cam1_from_cam0 = np.eye(4)
+    cam1_from_cam0[:3, :3] = pose.rotation_cam1_from_cam0
+    if scale is not None and pose.direction_cam1_from_cam0 is not None:
+        cam1_from_cam0[:3, 3] = scale * pose.direction_cam1_from_cam0
+    cam0_from_cam1 = np.eye(4)
+    cam0_from_cam1[:3, :3] = cam1_from_cam0[:3, :3].T
+    cam0_from_cam1[:3, 3] = -cam1_from_cam0[:3, :3].T @ cam1_from_cam0[:3, 3]
+    return world_from_cam0 @ cam0_from_cam1

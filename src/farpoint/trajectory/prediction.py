@@ -1,0 +1,64 @@
+"""Where tracks go next if the camera moves on as it did."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.pose import RelativePose
+from farpoint.tracks import Tracks
+
+__all__ = ["inverse_depths", "predict_points"]
+
+
+def inverse_depths(
+    rays0: np.ndarray, rays1: np.ndarray, R_cam1_from_cam0: np.ndarray, direction: np.ndarray
+) -> np.ndarray:
+    """Inverse distances (N,) from camera 1, in units of the translation, of matched rays (N, 3).
+
+    From ``l1 b = l0 R a + t`` and its cross product with ``R a``; negative behind the camera.
+    """
+    turned = rays0 @ R_cam1_from_cam0.T
+    plane_of_motion = np.cross(direction, turned)
+    plane_of_match = np.cross(rays1, turned)
+    square = np.maximum(np.sum(plane_of_motion**2, axis=1), 1e-12)
+    return np.sum(plane_of_match * plane_of_motion, axis=1) / square
+
+
+def predict_points(
+    camera: Camera, motion: RelativePose, tracks: Tracks, ids: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """Pixels (N, 2) of the tracks ``ids`` at ``points`` (N, 2) after the same motion once more.
+
+    Parameters
+    ----------
+    camera : Camera
+        Of both images.
+    motion : RelativePose
+        The last motion; one that FAILED predicts nothing.
+    tracks : Tracks
+        The matches behind it; they give the depths. A track without is taken to be far.
+    ids : ndarray of int64, shape (N,)
+        Ascending.
+    points : ndarray, shape (N, 2)
+        Pixels now.
+
+    Returns
+    -------
+    ndarray, shape (N, 2)
+        NaN rows where the lens sees none.
+    """
+    R, direction = motion.rotation_cam1_from_cam0, motion.direction_cam1_from_cam0
+    if R is None:
+        return points
+    rays = camera.unproject(points)
+    moved = rays @ R.T
+    if direction is not None:
+        rays0, rays1 = camera.unproject(tracks.points0), camera.unproject(tracks.points1)
+        depths = np.maximum(inverse_depths(rays0, rays1, R, direction), 0.0)
+        order = np.argsort(tracks.ids)
+        found = np.searchsorted(tracks.ids[order], ids)
+        row = order[np.minimum(found, len(order) - 1)]
+        known = tracks.ids[row] == ids
+        moved[known] += depths[row[known], None] * direction
+    return camera.project(moved)
