@@ -21,6 +21,9 @@ __all__ = ["match_windows"]
 
 PARAMETERS = 8
 _SUMS = {"reassoc", "contract"}
+# Variance of Scharr's gradients over that of the residual, both of white noise sampled between
+# pixels: 0.23 s^2 shrunk to 0.13 s^2, over the two images' 0.88 s^2.
+_GRADIENT_NOISE = 0.15
 _BLOCK = 3  # px: residuals are taken as independent from here on (see `_covariance`)
 
 
@@ -291,6 +294,30 @@ def _covariance(jacobian, residual, factor, prior, variance, half, covariance):
             for c in range(PARAMETERS):
                 covariance[a, b] += rows[a, c] * rows[b, c] * variance * prior[c]
     covariance[1, 0] = covariance[0, 1]
+    _undo_attenuation(rows, variance * count, covariance)
+
+
+@numba.njit(cache=True)
+def _undo_attenuation(rows, power, covariance):
+    """Allow for noise in the gradients, which makes a window seem to hold more than it does.
+
+    With ``D`` (2, 2) the information on the displacement and ``nu`` the noise's part of it, the
+    covariance is ``S C S``, ``S = inv(D - nu I) D = I + nu inv(D - nu I)``. ``nu`` stays below a
+    third of the smallest eigenvalue of D, since not all of a residual is noise.
+    """
+    # inv(D) is the displacement's block of the inverse normal matrix.
+    mean = 0.5 * (rows[0, 0] + rows[1, 1])
+    largest = mean + np.hypot(0.5 * (rows[0, 0] - rows[1, 1]), rows[0, 1])
+    nu = min(_GRADIENT_NOISE * power, 1.0 / (3.0 * largest))
+    # S = inv(I - nu inv(D))
+    a, b, c = 1.0 - nu * rows[0, 0], -nu * rows[0, 1], 1.0 - nu * rows[1, 1]
+    scale = 1.0 / (a * c - b * b)
+    a, b, c = scale * c, -scale * b, scale * a
+    p, q, r = covariance[0, 0], covariance[0, 1], covariance[1, 1]
+    covariance[0, 0] = a * a * p + 2.0 * a * b * q + b * b * r
+    covariance[0, 1] = a * b * p + (a * c + b * b) * q + b * c * r
+    covariance[1, 0] = covariance[0, 1]
+    covariance[1, 1] = b * b * p + 2.0 * b * c * q + c * c * r
 
 
 @numba.njit(cache=True)
