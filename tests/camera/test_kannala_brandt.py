@@ -81,7 +81,7 @@ def test_jacobians_match_central_differences_everywhere() -> None:
     assert np.rad2deg(np.arccos(CAMERA.unproject(pixels)[:, 2].min())) > 100
     assert_jacobians_hold(CAMERA, pixels)
     steps = np.array([[1e-2, 0], [0, 1e-5], [1e-8, 1e-8], [0, 0]])
-    assert_jacobians_hold(CAMERA, steps + [TUMVI.cx, TUMVI.cy])
+    assert_jacobians_hold(CAMERA, steps + np.array([TUMVI.cx, TUMVI.cy]))
 
 
 def test_field_ends_where_the_height_stops_growing() -> None:
@@ -95,6 +95,17 @@ def test_field_ends_where_the_height_stops_growing() -> None:
     rays = lens.unproject(np.array([[top_px - 1e-6, 0], [top_px + 1e-6, 0], [-5000, 0]]))
     assert np.isfinite(rays[:, 0]).tolist() == [True, False, False]
     assert np.isnan(lens.project_jacobian(np.array([[0.0, 0.1, -5.0]]))).all()
+
+
+def test_every_coefficient_moves_the_end_of_the_field() -> None:
+    for k in np.random.default_rng(7).uniform(-0.02, 0.01, (20, 4)):
+        lens = KannalaBrandt(fx=1, fy=1, cx=0, cy=0, k1=k[0], k2=k[1], k3=k[2], k4=k[3])
+        theta = np.linspace(1e-3, np.pi - 1e-3, 20001)
+        height = theta + sum(k[i] * theta ** (2 * i + 3) for i in range(4))
+        end = np.argmax(np.diff(height) <= 0) or len(theta)
+        rays = np.column_stack([np.sin(theta), np.zeros(len(theta)), np.cos(theta)])
+        seen = np.isfinite(lens.project(rays)[:, 0])
+        assert abs(seen.sum() - end) <= 1
 
 
 def test_whole_sphere_but_the_point_behind() -> None:

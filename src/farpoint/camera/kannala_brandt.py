@@ -88,8 +88,7 @@ class KannalaBrandt(FocalModel):
         radius = np.sqrt(x * x + y * y)
         theta = np.arctan2(radius, z)
         scale = self._height(theta)[0] / radius
-        # On the axis itself; straight behind there is no direction to go.
-        scale = np.where(radius > 0.0, scale, np.where(z > 0.0, 1.0 / z, np.nan))
+        scale = np.where(radius > 0.0, scale, 1.0 / z)
         scale = np.where(theta < self._curve.end, scale, np.nan)
         return x * scale, y * scale
 
