@@ -1,0 +1,154 @@
+"""All outputs of a run in one folder: opened together, closed together."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.odometry import OdometryResult
+from farpoint.sinks.motions import MotionsFile
+from farpoint.sinks.overlay import OverlayVideo
+from farpoint.sinks.report import REPORT_NAME, write_report
+from farpoint.sinks.run_record import RunDescription, RunRecord, RunState
+from farpoint.sinks.sink import Sink
+from farpoint.sinks.trajectory import TrajectoryFile
+
+__all__ = ["OutputFolder", "OutputOptions"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions:
+    """Which of the costly outputs are made; the text files always are.
+
+    Attributes
+    ----------
+    overlay : bool
+        Write ``overlay.mp4`` (about 20 ms a frame); the report shows pictures only if it is there.
+    report : bool
+        Write ``report.html`` at the end.
+    """
+
+    overlay: bool = True
+    report: bool = True
+
+
+class OutputFolder:
+    """``motions.csv``, ``trajectory.tum``, ``overlay.mp4``, ``run.json`` and ``report.html``.
+
+    Used as a context manager it ends as the block does: done, interrupted by Ctrl-C, or failed
+    with the error's message; the files are valid each time.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Made if it is not there; outputs of an earlier run in it are replaced.
+    run : RunDescription
+        What is run.
+    options : OutputOptions, optional
+
+    Raises
+    ------
+    InputError
+        If the folder or a file in it cannot be written.
+
+    Attributes
+    ----------
+    path : Path
+        The folder.
+    """
+
+    def __init__(
+        self, folder: str | Path, run: RunDescription, options: OutputOptions | None = None
+    ) -> None:
+        self.path = Path(folder)
+        self._options = options or OutputOptions()
+        self._closed = False
+        _prepare(self.path)
+        with ExitStack() as opened:  # closes what is open already if a later one cannot be
+            self._record = RunRecord(self.path / "run.json", run)
+            self._sinks: dict[str, Sink] = {"motions": MotionsFile(self.path / "motions.csv")}
+            opened.callback(self._sinks["motions"].close)
+            self._sinks["trajectory"] = TrajectoryFile(self.path / "trajectory.tum")
+            opened.callback(self._sinks["trajectory"].close)
+            if self._options.overlay:
+                self._sinks["overlay"] = OverlayVideo(self.path / "overlay.mp4", run.camera)
+            opened.pop_all()
+
+    def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
+        """Add what one frame brought to every output."""
+        for name, sink in self._sinks.items():
+            start = time.perf_counter()
+            sink.write(result, image)
+            self._record.add_time(name, time.perf_counter() - start)
+        self._record.write(result, image)
+
+    def add_time(self, stage: str, seconds: float) -> None:
+        """Add to the time spent in a stage that happens elsewhere, such as reading."""
+        self._record.add_time(stage, seconds)
+
+    def close(self, state: RunState = RunState.DONE, error: str | None = None) -> None:
+        """Finish every output, each even if another one fails; a second call does nothing.
+
+        Raises
+        ------
+        BaseException
+            The first of the errors met on the way, a second Ctrl-C included.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        steps: list[Callable[[], object]] = [sink.close for sink in self._sinks.values()]
+        steps.append(lambda: self._record.finish(state, error))
+        if self._options.report:
+            steps.append(lambda: write_report(self.path))
+        met: list[BaseException] = []
+        for step in steps:
+            try:
+                step()
+            except BaseException as problem:
+                met.append(problem)
+        if met:
+            raise met[0]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is None:
+            self.close()
+            return
+        interrupted = isinstance(error, KeyboardInterrupt)
+        try:
+            if interrupted:
+                self.close(RunState.INTERRUPTED)
+            else:
+                self.close(RunState.FAILED, _one_line(error))
+        except Exception as problem:  # the error that ended the run matters more
+            error.add_note(f"and while closing the outputs: {_one_line(problem)}")
+
+
+def _prepare(folder: Path) -> None:
+    """Make the folder and take away what only the end of a run writes again."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in (REPORT_NAME, "overlay.mp4"):
+            (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=folder) from error
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())

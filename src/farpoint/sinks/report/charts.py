@@ -1,0 +1,265 @@
+"""Charts as inline SVG whose curves stretch with the page and whose words do not.
+
+The SVG holds curves alone, in a unit square stretched over the plot (strokes keep their width);
+numbers stand around it as HTML, so that they are as large on a phone as on a desk.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from farpoint.pose import PoseStatus
+from farpoint.sinks.report.digest import Digest, Series
+
+__all__ = ["Chart", "Curve", "draw_chart", "path_map", "status_strip"]
+
+_WIDTH, _HEIGHT = 1000, 300  # units of the stretched square
+_WRAP_DEG = 180.0  # a jump beyond this is an angle passing 180 deg, not a motion
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """A curve of a chart.
+
+    Attributes
+    ----------
+    name : str
+        For the legend and the readout.
+    style : str
+        CSS class that gives the colour.
+    values : Series
+        What is drawn.
+    sigma : ndarray, shape (B,), or None
+        1-sigma of the first values: the band.
+    """
+
+    name: str
+    style: str
+    values: Series
+    sigma: np.ndarray | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chart:
+    """Curves over time that share an axis.
+
+    Attributes
+    ----------
+    title, unit : str
+        Words above it.
+    curves : list of Curve
+        What it shows.
+    log : bool
+        Draw on a logarithmic axis.
+    """
+
+    title: str
+    unit: str
+    curves: list[Curve]
+    log: bool = False
+
+
+def draw_chart(chart: Chart, digest: Digest, number: int) -> str:
+    """A figure; `number` is its place among the charts, by which the cursor finds its values."""
+    low, high = _log_range(chart.curves) if chart.log else _range(chart.curves)
+    height = _height_map(low, high, log=chart.log)
+    span_s = max(float(digest.time_s[-1]), 1e-9)
+    across = digest.time_s / span_s * _WIDTH
+    ticks = _ticks(low, high, log=chart.log)
+    shapes = [
+        f'<line class="grid" x1="0" x2="{_WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>'
+        for y in map(height, ticks)
+    ]
+    for curve in chart.curves:
+        shapes += _shapes(curve, across, height, thinned=digest.stride > 1)
+    labels = [
+        f'<span class="y" style="top:{100 * height(tick) / _HEIGHT:.2f}%">{tick:g}</span>'
+        for tick in ticks
+    ]
+    labels += [
+        f'<span class="x" style="left:{100 * tick / span_s:.2f}%">{_clock(tick, span_s)}</span>'
+        for tick in _ticks(0.0, span_s)
+    ]
+    legend = " ".join(
+        f'<span class="key {curve.style}">{escape(curve.name)}</span>' for curve in chart.curves
+    )
+    title = escape(chart.title)
+    return (
+        f"<figure><figcaption><b>{title}</b> <small>{escape(chart.unit)}</small> {legend}"
+        f'<output data-chart="{number}"></output></figcaption><div class="plot">'
+        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none" role="img" '
+        f'aria-label="{title} over time">{"".join(shapes)}</svg>{"".join(labels)}'
+        f'<i class="cursor"></i></div></figure>\n'
+    )
+
+
+def _shapes(
+    curve: Curve, across: np.ndarray, height: Callable[[ArrayLike], Any], *, thinned: bool
+) -> list[str]:
+    """A curve over its band over its envelope."""
+    first, shapes = curve.values.first, []
+    if thinned:
+        envelope = _band(across, height(curve.values.low), height(curve.values.high))
+        shapes.append(f'<path class="envelope {curve.style}" d="{envelope}"/>')
+    if curve.sigma is not None:
+        band = _band(across, height(first - curve.sigma), height(first + curve.sigma))
+        shapes.append(f'<path class="band {curve.style}" d="{band}"/>')
+    shapes.append(f'<path class="curve {curve.style}" d="{_line(across, height(first), first)}"/>')
+    return shapes
+
+
+def status_strip(digest: Digest) -> str:
+    """A bar over the run's time, coloured by the worst status of each stretch."""
+    edges = np.append(digest.time_s, digest.time_s[-1:] + _last_step(digest.time_s))
+    scale = _WIDTH / max(float(edges[-1] - edges[0]), 1e-9) if len(edges) else 1.0
+    rects, start = [], 0
+    for index in range(1, len(digest.worst) + 1):
+        if index < len(digest.worst) and digest.worst[index] is digest.worst[start]:
+            continue
+        x, right = ((edges[i] - edges[0]) * scale for i in (start, index))
+        name = digest.worst[start].value
+        rects.append(
+            f'<rect class="{name}" x="{x:.2f}" width="{right - x:.2f}" height="10">'
+            f"<title>{name}</title></rect>"
+        )
+        start = index
+    keys = " ".join(f'<span class="key {s.value}">{s.value}</span>' for s in PoseStatus)
+    return (
+        f"<figure><figcaption><b>Status</b> {keys}</figcaption>"
+        f'<div class="plot strip"><svg viewBox="0 0 {_WIDTH} 10" preserveAspectRatio="none" '
+        f'role="img" aria-label="status over time">{"".join(rects)}</svg>'
+        f'<i class="cursor"></i></div></figure>\n'
+    )
+
+
+def path_map(x_z: np.ndarray) -> str:
+    """The path from above, x to the right and z up the page, with a grid of round lengths."""
+    low, high = x_z.min(axis=0), x_z.max(axis=0)
+    extent = max(float((high - low).max()), 1e-6)
+    step = _nice_step(extent / 6.0)
+    left, bottom = np.floor(low / step - 0.5) * step
+    right, top = np.ceil(high / step + 0.5) * step
+    grid = "".join(
+        f'<line class="grid" x1="{x:g}" x2="{x:g}" y1="{-bottom:g}" y2="{-top:g}"/>'
+        for x in np.arange(left, right + step / 2.0, step)
+    ) + "".join(
+        f'<line class="grid" x1="{left:g}" x2="{right:g}" y1="{-z:g}" y2="{-z:g}"/>'
+        for z in np.arange(bottom, top + step / 2.0, step)
+    )
+    digits = max(0, 3 - math.floor(math.log10(extent)))
+    points = " ".join(f"{x:.{digits}f},{-z:.{digits}f}" for x, z in x_z)
+
+    def dot(style: str, place: np.ndarray) -> str:
+        # A line of no length with round ends: a dot whose size does not stretch.
+        return f'<path class="dot {style}" d="M{place[0]:.{digits}f} {-place[1]:.{digits}f}h0"/>'
+
+    return (
+        f'<svg class="map" viewBox="{left:g} {-top:g} {right - left:g} {top - bottom:g}" '
+        f'role="img" aria-label="path from above">{grid}'
+        f'<polyline class="curve c1" points="{points}"/>{dot("start", x_z[0])}{dot("end", x_z[-1])}'
+        f"</svg><p>A square of the grid is {step:g} wide. "
+        f'<span class="key start">start</span> <span class="key end">end</span>; the first '
+        f"camera looks up the page.</p>"
+    )
+
+
+def _range(curves: list[Curve]) -> tuple[float, float]:
+    """Limits that hold every value, and nearly every band."""
+    values = [np.zeros(0)]
+    for curve in curves:
+        series, sigma = curve.values, curve.sigma
+        values += [series.low, series.high]
+        if sigma is not None and np.isfinite(sigma).any():
+            usual = float(np.nanpercentile(sigma, 95.0))
+            values += [series.low - usual, series.high + usual]
+    known = np.concatenate(values)
+    known = known[np.isfinite(known)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    margin = 0.05 * (high - low) or 0.5 * abs(high) or 0.5
+    return low - margin if low < 0.0 else max(0.0, low - margin), high + margin
+
+
+def _log_range(curves: list[Curve]) -> tuple[float, float]:
+    """Whole decades that hold every positive value."""
+    known = np.concatenate([curve.values.first for curve in curves] or [np.zeros(0)])
+    known = known[np.isfinite(known) & (known > 0.0)]
+    if not known.size:
+        return 0.1, 1.0
+    low, high = math.floor(math.log10(known.min())), math.ceil(math.log10(known.max()))
+    return 10.0**low, 10.0 ** max(high, low + 1)
+
+
+def _height_map(low: float, high: float, *, log: bool) -> Callable[[ArrayLike], Any]:
+    """Function from values to heights in the square, downwards; far outside is cut."""
+
+    def height(value: ArrayLike) -> Any:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            part = (
+                np.log(np.divide(value, low)) / np.log(high / low)
+                if log
+                else (np.subtract(value, low) / (high - low))
+            )
+        return np.clip(_HEIGHT * (1.0 - part), -_HEIGHT, 2.0 * _HEIGHT)
+
+    return height
+
+
+def _ticks(low: float, high: float, *, log: bool = False) -> list[float]:
+    if log:
+        return [10.0**k for k in range(round(math.log10(low)), round(math.log10(high)) + 1)]
+    step = _nice_step((high - low) / 4.0)
+    first, last = math.ceil(low / step), math.floor(high / step)
+    return [round(k * step, 12) for k in range(first, last + 1)]
+
+
+def _nice_step(rough: float) -> float:
+    """The least of 1, 2, 5 times a power of ten that is at least `rough`."""
+    decade = 10.0 ** math.floor(math.log10(rough))
+    return next(m * decade for m in (1.0, 2.0, 5.0, 10.0) if m * decade >= rough * (1 - 1e-9))
+
+
+def _clock(seconds: float, span_s: float) -> str:
+    if span_s < 120.0:
+        return f"{seconds:g} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}"
+
+
+def _line(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> str:
+    """Path through the points, broken at gaps and where an angle wraps around."""
+    words, joined = [], False
+    for index in range(len(x)):
+        if not np.isfinite(y[index]):
+            joined = False
+            continue
+        wraps = joined and abs(values[index] - values[index - 1]) > _WRAP_DEG
+        starts = not joined or wraps
+        words.append(f"{'M' if starts else 'L'}{x[index]:.1f} {y[index]:.1f}")
+        # A lone point is a line of no length: its round ends show it.
+        if starts:
+            words.append("h0")
+        joined = True
+    return "".join(words)
+
+
+def _band(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> str:
+    """Closed paths between two curves, one for each stretch without gaps."""
+    known = np.isfinite(low) & np.isfinite(high)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
+    words = []
+    for start, end in edges.reshape(-1, 2):
+        there = [f"{x[i]:.1f} {high[i]:.1f}" for i in range(start, end)]
+        back = [f"{x[i]:.1f} {low[i]:.1f}" for i in reversed(range(start, end))]
+        words.append("M" + "L".join(there + back) + "Z")
+    return "".join(words)
+
+
+def _last_step(time_s: np.ndarray) -> float:
+    return float(time_s[-1] - time_s[-2]) if len(time_s) > 1 else 1.0

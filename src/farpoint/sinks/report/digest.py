@@ -1,0 +1,169 @@
+"""A run of any length as a bounded number of points that can be drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.pose import PoseStatus
+from farpoint.sinks.angles import heading_angles_deg, rotation_vector_deg
+from farpoint.sinks.motions import Motions, iter_motions
+from farpoint.trajectory.files import iter_tum
+
+__all__ = ["Digest", "Series", "digest_motions", "path_from_above"]
+
+MAX_POINTS = 600
+"""Points of a curve; longer runs are drawn as the first, lowest and highest of each bin."""
+
+_MAX_PATH_POINTS = 2000
+_BINS_AT_ONCE = 50
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Series:
+    """One quantity over time, NaN where it is not known; all arrays of shape (B,).
+
+    Attributes
+    ----------
+    first, low, high : ndarray
+        The first, lowest and highest value of each bin.
+    """
+
+    first: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Digest:
+    """What a page shows of a ``motions.csv``.
+
+    Attributes
+    ----------
+    start_s : float
+        Time stamp of the first frame; 0 when there is no row.
+    time_s : ndarray, shape (B,)
+        Start of each bin, seconds since the first frame.
+    stride : int
+        Pairs in a bin.
+    worst : list of PoseStatus
+        The least useful status within each bin.
+    counts : dict of PoseStatus to int
+        Pairs of each status, of the whole run.
+    series : dict of str to Series
+        Curves by name: degrees, pixels and counts.
+    """
+
+    start_s: float
+    time_s: np.ndarray
+    stride: int
+    worst: list[PoseStatus]
+    counts: dict[PoseStatus, int]
+    series: dict[str, Series]
+
+
+_WORSE = {status: rank for rank, status in enumerate(PoseStatus)}
+
+
+def digest_motions(path: Path) -> Digest:
+    """Read ``motions.csv`` in parts and keep at most `MAX_POINTS` bins of it."""
+    stride = max(1, -(-_count_lines(path) // MAX_POINTS))
+    counts = dict.fromkeys(PoseStatus, 0)
+    times: list[np.ndarray] = [np.empty(0)]
+    worst: list[PoseStatus] = []
+    parts: list[dict[str, Series]] = []
+    start_s: float | None = None
+    for motions in iter_motions(path, chunk_rows=stride * _BINS_AT_ONCE):
+        start_s = float(motions.timestamp0[0]) if start_s is None else start_s
+        starts = np.arange(0, len(motions), stride)
+        for status in PoseStatus:
+            counts[status] += int(np.sum(motions.status == status))
+        times.append(motions.timestamp1[starts] - start_s)
+        worst += [
+            max(motions.status[start : start + stride], key=_WORSE.__getitem__) for start in starts
+        ]
+        parts.append({name: _binned(row, starts) for name, row in _quantities(motions).items()})
+    return Digest(
+        start_s=start_s or 0.0,
+        time_s=np.concatenate(times),
+        stride=stride,
+        worst=worst,
+        counts=counts,
+        series={name: _joined(part[name] for part in parts) for name in parts[0]} if parts else {},
+    )
+
+
+def path_from_above(path: Path) -> np.ndarray:
+    """Positions x, z of a ``trajectory.tum``, thinned to a bounded number, shape (P, 2)."""
+    stride = max(1, -(-_count_lines(path) // _MAX_PATH_POINTS))
+    kept = [pose[[0, 2], 3] for row, (_, pose) in enumerate(iter_tum(path)) if row % stride == 0]
+    return np.array(kept).reshape(-1, 2)
+
+
+def _quantities(motions: Motions) -> dict[str, np.ndarray]:
+    """Every curve of the page, a value per pair."""
+    R, covariance = motions.rotation_cam1_from_cam0, motions.rotation_covariance
+    rotation, rotation_sigma = rotation_vector_deg(R, covariance)
+    heading, heading_covariance = _headings(motions, R)
+    angles, angles_sigma = heading_angles_deg(heading, heading_covariance)
+    return {
+        **{f"rotation_{axis}": rotation[:, k] for k, axis in enumerate("xyz")},
+        **{f"rotation_{axis}_sigma": rotation_sigma[:, k] for k, axis in enumerate("xyz")},
+        "right": angles[:, 0],
+        "right_sigma": angles_sigma[:, 0],
+        "up": angles[:, 1],
+        "up_sigma": angles_sigma[:, 1],
+        "rotation_sigma": _largest_sigma_deg(covariance),
+        "direction_sigma": _largest_sigma_deg(motions.covariance[:, 3:, 3:]),
+        "noise_px": motions.noise_px,
+        "far": motions.far.astype(float),
+        "near": motions.near.astype(float),
+        "outliers": motions.outliers.astype(float),
+    }
+
+
+def _headings(motions: Motions, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Headings in camera 0 (M, 3) with covariances (M, 3, 3), as `RelativePose` defines them."""
+    direction = motions.direction_cam1_from_cam0
+    skew = np.swapaxes(np.cross(direction[:, None, :], np.eye(3)), 1, 2)
+    R_T = np.swapaxes(R, 1, 2)
+    jacobian = -R_T @ np.concatenate([skew, motions.direction_basis], axis=2)
+    covariance = jacobian @ motions.covariance @ np.swapaxes(jacobian, 1, 2)
+    return -np.einsum("mij,mj->mi", R_T, direction), covariance
+
+
+def _largest_sigma_deg(covariance: np.ndarray) -> np.ndarray:
+    """1-sigma along the longest axis, deg: (M, K, K) -> (M,)."""
+    sigma = np.full(len(covariance), np.nan)
+    known = np.isfinite(covariance).all(axis=(1, 2))
+    sigma[known] = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance[known])[:, -1], 0.0))
+    return np.rad2deg(sigma)
+
+
+def _binned(values: np.ndarray, starts: np.ndarray) -> Series:
+    return Series(
+        first=values[starts],
+        low=np.fmin.reduceat(values, starts),
+        high=np.fmax.reduceat(values, starts),
+    )
+
+
+def _joined(parts: Iterable[Series]) -> Series:
+    parts = list(parts)
+    return Series(
+        first=np.concatenate([part.first for part in parts]),
+        low=np.concatenate([part.low for part in parts]),
+        high=np.concatenate([part.high for part in parts]),
+    )
+
+
+def _count_lines(path: Path) -> int:
+    try:
+        with path.open("rb") as file:
+            return sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b""))
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from error

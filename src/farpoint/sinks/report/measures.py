@@ -1,0 +1,62 @@
+"""Which quantities a report draws over time, and how each is called."""
+
+from __future__ import annotations
+
+from farpoint.sinks.report.charts import Chart, Curve
+from farpoint.sinks.report.digest import Digest
+
+__all__ = ["charts_of"]
+
+
+def charts_of(digest: Digest) -> list[Chart]:
+    """Rotation and direction with their bands, the sigmas, the noise and the matches."""
+    if not digest.series:
+        return []
+    series = digest.series
+
+    def curve(name: str, key: str, style: str, *, band: bool = False) -> Curve:
+        sigma = series[f"{key}_sigma"].first if band else None
+        return Curve(name=name, style=style, values=series[key], sigma=sigma)
+
+    rotations = [
+        Chart(
+            title=f"Rotation about {axis} ({hint})",
+            unit="deg per pair",
+            curves=[curve(axis, f"rotation_{axis}", f"c{number}", band=True)],
+        )
+        for number, (axis, hint) in enumerate(
+            (("x", "pitch"), ("y", "yaw"), ("z", "roll")), start=1
+        )
+    ]
+    return [
+        *rotations,
+        Chart(
+            title="Direction of travel, to the right",
+            unit="deg from the optical axis",
+            curves=[curve("right", "right", "c1", band=True)],
+        ),
+        Chart(
+            title="Direction of travel, upwards",
+            unit="deg",
+            curves=[curve("up", "up", "c2", band=True)],
+        ),
+        Chart(
+            title="1-sigma",
+            unit="deg, along the longest axis",
+            curves=[
+                curve("rotation", "rotation_sigma", "c1"),
+                curve("direction", "direction_sigma", "c2"),
+            ],
+            log=True,
+        ),
+        Chart(title="Track noise", unit="px", curves=[curve("noise", "noise_px", "c3")]),
+        Chart(
+            title="Matches",
+            unit="per pair",
+            curves=[
+                curve("far", "far", "far"),
+                curve("near", "near", "near"),
+                curve("outliers", "outliers", "grey"),
+            ],
+        ),
+    ]
