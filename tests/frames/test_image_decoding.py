@@ -16,6 +16,7 @@ from farpoint.frames.integrity import find_damage
 
 PNG = encode(picture(0), ".png")
 JPEG = encode(picture(0), ".jpg")
+THUMBNAIL = b"\xff\xe1\x00\x0c" + b"\xff\xd8\xff\xda\x00\x02zz\xff\xd9"
 
 
 @pytest.mark.parametrize("suffix", [".png", ".pgm", ".tif", ".bmp"])
@@ -47,7 +48,7 @@ def test_colour_becomes_luma(tmp_path: Path):
         (PNG[:500] + bytes(20) + PNG[520:], "PNG is damaged"),
         (JPEG[: len(JPEG) // 2], "JPEG is truncated"),
         # A thumbnail, which has an end of its own, in front of a scan that breaks off.
-        (JPEG[:2] + b"\xff\xe1\x00\x06\xff\xd8\xff\xd9" + JPEG[2:-300], "JPEG is truncated"),
+        (JPEG[:2] + THUMBNAIL + JPEG[2:-300], "JPEG is truncated"),
         (encode(picture(0), ".pgm")[:900], "cannot be decoded"),
         # A header that promises 10^5 x 10^5 pixels: OpenCV raises where it otherwise returns None.
         (b"P5 100000 100000 255\n", "cannot be decoded"),
@@ -58,11 +59,11 @@ def test_damage_has_a_reason_and_makes_no_noise(
 ):
     path = tmp_path / "a.png"
     path.write_bytes(data)
-    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_WARNING)
     with pytest.raises(UnreadableImageError, match=why):
         read_grey(path)
     assert capfd.readouterr().err == ""
-    assert cv2.utils.logging.getLogLevel() == level
+    assert cv2.utils.logging.getLogLevel() == cv2.utils.logging.LOG_LEVEL_WARNING
 
 
 def test_files_that_cannot_be_read_have_a_reason(tmp_path: Path):
@@ -79,6 +80,7 @@ def test_files_that_cannot_be_read_have_a_reason(tmp_path: Path):
 def test_whole_files_are_not_suspected():
     assert find_damage(PNG) is None
     assert find_damage(JPEG) is None
+    assert find_damage(JPEG[:2] + THUMBNAIL + JPEG[2:]) is None
     assert find_damage(JPEG + b"what a camera appends") is None
     assert find_damage(encode(picture(0), ".tif")) is None
 

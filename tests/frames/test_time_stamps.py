@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -36,7 +37,7 @@ def test_without_any_the_rate_decides_and_says_so(write_images: WriteImages):
     [
         (["0.0", "1.04e-1", "0.25"], [0, 0.104, 0.25]),
         (["# seconds", "5", "", "6", "7.5"], [5, 6, 7.5]),
-        # KITTI raw: local date and time with nanoseconds; the 26th is the 15243rd day of Unix time.
+        # KITTI raw: date and time with nanoseconds; the 26th is the 15243rd day of Unix time.
         (
             [f"2011-09-26 00:00:0{second}.250000000" for second in (1, 2, 3)],
             [15243 * 86400 + second + 0.25 for second in (1, 2, 3)],
@@ -50,7 +51,7 @@ def test_without_any_the_rate_decides_and_says_so(write_images: WriteImages):
 def test_files_of_times(
     write_images: WriteImages, name: str, place: str, rows: list[str], expected: list[float] | None
 ):
-    folder = write_images("drive/image_0", NAMES)
+    folder = write_images("drive/image_0", ["a.png", "b.png", "c.png"])
     (folder / place / name).write_text("\n".join(rows) + "\n")
     seconds, source = times(folder, fps=99)
     if expected is None:
@@ -59,6 +60,19 @@ def test_files_of_times(
         expected = [start + step * number for number in range(3)]
     assert seconds == pytest.approx(expected, abs=1e-6)
     assert source == name
+
+
+def test_dates_do_not_depend_on_where_one_is(
+    write_images: WriteImages, monkeypatch: pytest.MonkeyPatch
+):
+    folder = write_images("drive", ["a.png"])
+    (folder / "timestamps.txt").write_text("2011-09-26 00:00:00.000000000\n")
+    with monkeypatch.context() as patch:
+        patch.setenv("TZ", "Asia/Tokyo")
+        time.tzset()
+        seconds, _ = times(folder)
+    time.tzset()
+    assert seconds == [15243 * 86400]
 
 
 def test_a_file_of_times_that_does_not_fit_is_another_ones(write_images: WriteImages):

@@ -21,16 +21,17 @@ def grey_image(picture: Any) -> np.ndarray:
     do not depend on it. Deeper luma keeps its upper 8 bits. Other formats (RGB, packed or palette
     colours) are converted by FFmpeg.
     """
-    return np.ascontiguousarray(_upright(_luma(picture), picture))
+    # A copy, so that a frame someone keeps does not hold the decoder's memory.
+    return np.array(_upright(_luma(picture), picture), order="C")
 
 
 def _luma(picture: Any) -> np.ndarray:
     if _is_byte_luma(picture):
-        return _plane(picture, np.dtype(np.uint8)).copy()  # the decoder will reuse its buffer
+        return _plane(picture, np.dtype(np.uint8))
     if _DEEP_LUMA.fullmatch(picture.format.name) and picture.planes[0].line_size > 0:
         bits = picture.format.components[0].bits
         return (_plane(picture, np.dtype("<u2")) >> (bits - 8)).astype(np.uint8)
-    return _plane(picture.reformat(format="gray"), np.dtype(np.uint8)).copy()
+    return _plane(picture.reformat(format="gray"), np.dtype(np.uint8))
 
 
 def _is_byte_luma(picture: Any) -> bool:
