@@ -156,8 +156,12 @@ def test_sources_that_are_not_there(tmp_path: Path, write_images: WriteImages):
             open_frames(source)
         assert caught.value.file == str(source)
         assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("source", ["", None, True, 1.5])
+def test_what_is_no_source_is_refused(source: object):
     with pytest.raises(InputError, match="source: expected a file"):
-        open_frames("")
+        open_frames(source)  # type: ignore[arg-type]
 
 
 def test_a_folder_without_rights_is_named(write_images: WriteImages):

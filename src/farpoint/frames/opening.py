@@ -59,8 +59,11 @@ def open_frames(source: str | Path | int, *, fps: float | None = None) -> FrameS
     """
     if fps is not None and not (math.isfinite(fps) and fps > 0):
         raise InputError(f"expected a positive number of frames a second, got {fps}", field="fps")
-    if source == "":  # which Path would take for the current folder
-        raise InputError("expected a file, folder, pattern, camera or URL, got ''", field="source")
+    # Path would take "" for the current folder, and True is an int.
+    if not isinstance(source, str | Path | int) or isinstance(source, bool) or source == "":
+        raise InputError(
+            f"expected a file, folder, pattern, camera index or URL, got {source!r}", field="source"
+        )
     if isinstance(source, int):
         return open_device(source)
     if "://" in str(source):
