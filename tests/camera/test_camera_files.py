@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 from lens_checks import round_trip_px
 
-from farpoint.camera import Camera, KannalaBrandt, Pinhole, load_camera
+from farpoint.camera import (
+    Camera,
+    CameraModel,
+    DoubleSphere,
+    ExtendedUnified,
+    KannalaBrandt,
+    Pinhole,
+    load_camera,
+)
 from farpoint.errors import InputError
 
 K = "500.5 0 320.25\n0 501.5 240.75\n0 0 1\n"
@@ -262,6 +270,21 @@ def test_fisheyes_by_the_name_of_their_model(write, text: str) -> None:
     camera = load_camera(write(text))
     assert camera.model == FISHEYE
     assert camera.size == (640, 480)
+
+
+@pytest.mark.parametrize(
+    ("kind", "first", "model"),
+    [
+        ("ds", "-0.2, 0.6", DoubleSphere(**EXPECTED, xi=-0.2, alpha=0.6)),
+        ("eucm", "0.6, 1.1", ExtendedUnified(**EXPECTED, alpha=0.6, beta=1.1)),
+    ],
+)
+def test_kalibrs_wide_lenses(write, kind: str, first: str, model: CameraModel) -> None:
+    text = CHAIN.replace(": pinhole", f": {kind}", 1).replace(": radtan", ": none", 1)
+    text = text.replace("[500.5,", f"[{first}, 500.5,")
+    assert load_camera(write(text), "cam0").model == model
+    with pytest.raises(InputError, match=r"cam0.intrinsics: expected 6 numbers, got 5"):
+        load_camera(write(text.replace(first, "0.6")), "cam0")
 
 
 FAULTS = [

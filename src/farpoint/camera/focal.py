@@ -9,7 +9,7 @@ import numpy as np
 
 from farpoint.camera.values import finite, in_blocks, positive
 
-__all__ = ["FocalModel", "PlaneJacobian", "rays_from_plane"]
+__all__ = ["FocalModel", "PlaneJacobian", "quotient_jacobian", "rays_from_plane"]
 
 PlaneJacobian = tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]
 """Rows of d(a, b) / d(x, y, z): two triples of arrays (N,)."""
@@ -99,6 +99,19 @@ class FocalModel(ABC):
                 flat[:, 3 * row + column] = focal * derivative
         flat[unseen] = np.nan
         return flat
+
+
+def quotient_jacobian(
+    x: np.ndarray, y: np.ndarray, divisor: np.ndarray, gradient: tuple[np.ndarray, ...]
+) -> PlaneJacobian:
+    """Derivative of ``(x, y) / divisor`` by (x, y, z), from the gradient of the divisor."""
+    inverse = 1.0 / divisor
+    a, b = x * inverse, y * inverse
+    by_x, by_y, by_z = gradient
+    return (
+        ((1.0 - a * by_x) * inverse, -a * by_y * inverse, -a * by_z * inverse),
+        (-b * by_x * inverse, (1.0 - b * by_y) * inverse, -b * by_z * inverse),
+    )
 
 
 def rays_from_plane(x: np.ndarray, y: np.ndarray, z: np.ndarray | float) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from farpoint.errors import InputError
 
-__all__ = ["as_rows", "finite", "in_blocks", "positive"]
+__all__ = ["as_rows", "finite", "in_blocks", "positive", "within"]
 
 # Few enough rows that a dozen temporaries stay in the processor's second-level cache: a million
 # pixels then take a quarter of the time they take at once.
@@ -33,6 +33,14 @@ def positive(name: str, value: Any) -> float:
     number = finite(name, value)
     if number <= 0:
         raise InputError(f"expected a positive number, got {number:g}", field=name)
+    return number
+
+
+def within(name: str, value: Any, low: float, high: float) -> float:
+    """The parameter as a float between two bounds, or an InputError naming it."""
+    number = finite(name, value)
+    if not low <= number <= high:
+        raise InputError(f"expected a number from {low:g} to {high:g}, got {number:g}", field=name)
     return number
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
+from farpoint.camera.double_sphere import DoubleSphere
+from farpoint.camera.extended_unified import ExtendedUnified
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
@@ -57,6 +59,18 @@ def _fisheye(fields: Fields, coefficients: str) -> KannalaBrandt:
         return KannalaBrandt(fx=fx, fy=fy, cx=cx, cy=cy, k1=k1, k2=k2, k3=k3, k4=k4)
 
 
+def _extended_unified(fields: Fields, coefficients: str) -> ExtendedUnified:  # noqa: ARG001
+    alpha, beta, fx, fy, cx, cy = fields.numbers("intrinsics", (6,))
+    with blame(fields, "intrinsics"):
+        return ExtendedUnified(fx=fx, fy=fy, cx=cx, cy=cy, alpha=alpha, beta=beta)
+
+
+def _double_sphere(fields: Fields, coefficients: str) -> DoubleSphere:  # noqa: ARG001
+    xi, alpha, fx, fy, cx, cy = fields.numbers("intrinsics", (6,))
+    with blame(fields, "intrinsics"):
+        return DoubleSphere(fx=fx, fy=fy, cx=cx, cy=cy, xi=xi, alpha=alpha)
+
+
 LENSES: dict[str, dict[str, Callable[[Fields, str], CameraModel]]] = {
     "pinhole": {
         "radtan": _pinhole,
@@ -65,4 +79,6 @@ LENSES: dict[str, dict[str, Callable[[Fields, str], CameraModel]]] = {
         "equidistant": _fisheye,
         "none": _undistorted_pinhole,
     },
+    "eucm": {"none": _extended_unified},
+    "ds": {"none": _double_sphere},
 }
