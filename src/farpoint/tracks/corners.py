@@ -51,14 +51,13 @@ def find_corners(
     if count <= 0 or min(image.shape) <= 2 * border:
         return empty
     candidates, strength = _local_maxima(image, border, options, mask)
-    if len(candidates) == 0:
-        return empty
+    taken = _surroundings(points, image.shape, options.min_distance_px - 1)
+    free = ~taken[candidates[:, 1], candidates[:, 0]]
+    candidates, strength = candidates[free], strength[free]
     rank = _rank_in_cell(candidates, strength, points, image.shape, options.cell_px)
     candidates = candidates[np.lexsort((-strength, rank))]
-    taken = np.zeros(image.shape, bool)
-    thin_out(points, taken, options.min_distance_px - 1)
-    free = thin_out(candidates, taken, options.min_distance_px - 1, count)
-    return candidates[free].astype(np.float64)
+    chosen = thin_out(candidates, taken, options.min_distance_px - 1, count)
+    return candidates[chosen].astype(np.float64)
 
 
 def thin_out(
@@ -78,6 +77,15 @@ def thin_out(
             kept.append(index)
             taken[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1] = True
     return np.array(kept, dtype=np.intp)
+
+
+def _surroundings(points: np.ndarray, shape: tuple[int, int], reach: int) -> np.ndarray:
+    """Mask (H, W) of the pixels within ``reach`` of a point along either axis."""
+    cv2 = optional_import("cv2", extra="video", purpose="tracking")
+    mask = np.zeros(shape, np.uint8)
+    x, y = np.rint(points).astype(np.intp).T
+    mask[y, x] = 1
+    return cv2.dilate(mask, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)).astype(bool)
 
 
 def _local_maxima(
