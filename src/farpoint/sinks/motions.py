@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from itertools import islice
@@ -251,10 +252,10 @@ def _parsed(cells: list[str], path: Path, line: int) -> tuple[PoseStatus, list[f
                 numbers[index] = float(cell)
             except ValueError:
                 raise fault(f"expected a number, got {cell!r}", COLUMNS[index]) from None
-            if not np.isfinite(numbers[index]):
+            if not math.isfinite(numbers[index]):
                 raise fault(f"expected a finite number, got {cell!r}", COLUMNS[index])
     for first, last in (("qx", "qw"), ("dx", "dz")):
-        norm = float(np.linalg.norm(numbers[_INDEX[first] : _INDEX[last] + 1]))
+        norm = math.hypot(*numbers[_INDEX[first] : _INDEX[last] + 1])
         if abs(norm - 1.0) > _UNIT_TOLERANCE:  # a NaN norm, which is no number at all, passes
             raise fault(f"expected a unit vector, got one of norm {norm:.4g}", f"{first}..{last}")
     return status, numbers

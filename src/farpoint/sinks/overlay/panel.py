@@ -70,7 +70,7 @@ def _rotation_rows(pose: RelativePose) -> list[Row]:
         return [(axis, "-", "") for axis in "xyz"]
     vector, sigma = rotation_vector_deg(pose.rotation_cam1_from_cam0, pose.rotation_covariance)
     return [
-        (axis, f"{value:+.3f}", f"{spread:.3f}")
+        (axis, f"{value:+.4f}", f"{spread:.4f}")
         for axis, value, spread in zip("xyz", vector, sigma, strict=True)
     ]
 
@@ -81,7 +81,7 @@ def _heading_rows(result: OdometryResult, pose: RelativePose) -> list[Row]:
         return [(name, "-", "") for name in names]
     angles, sigma = heading_angles_deg(pose.heading_cam0, pose.heading_covariance)
     rows = [
-        (name, f"{value:+.2f}", f"{spread:.2f}")
+        (name, f"{value:+.3f}", f"{spread:.3f}")
         for name, value, spread in zip(names, angles, sigma, strict=True)
     ]
     if result.scale is not None and result.scale_sigma is not None:

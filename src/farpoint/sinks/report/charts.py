@@ -21,7 +21,7 @@ from farpoint.sinks.report.digest import Digest, Series
 __all__ = ["Chart", "Curve", "draw_chart", "path_map", "status_strip"]
 
 _WIDTH, _HEIGHT = 1000, 300  # units of the stretched square
-_WRAP_DEG = 180.0  # a jump beyond this is an angle passing 180 deg, not a motion
+_MINUTE_STEPS_S = (30, 60, 120, 300, 600, 900, 1800, 3600)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,12 +38,15 @@ class Curve:
         What is drawn.
     sigma : ndarray, shape (B,), or None
         1-sigma of the first values: the band.
+    period : float
+        Values this far apart are the same, as 360 deg are for an angle; infinite for most.
     """
 
     name: str
     style: str
     values: Series
     sigma: np.ndarray | None = None
+    period: float = math.inf
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,10 +88,12 @@ def draw_chart(chart: Chart, digest: Digest, number: int) -> str:
     ]
     labels += [
         f'<span class="x" style="left:{100 * tick / span_s:.2f}%">{_clock(tick, span_s)}</span>'
-        for tick in _ticks(0.0, span_s)
+        for tick in _time_ticks(span_s)
     ]
     legend = " ".join(
-        f'<span class="key {curve.style}">{escape(curve.name)}</span>' for curve in chart.curves
+        f'<span class="key {curve.style}">{escape(curve.name)}</span>'
+        for curve in chart.curves
+        if len(chart.curves) > 1
     )
     title = escape(chart.title)
     return (
@@ -111,7 +116,8 @@ def _shapes(
     if curve.sigma is not None:
         band = _band(across, height(first - curve.sigma), height(first + curve.sigma))
         shapes.append(f'<path class="band {curve.style}" d="{band}"/>')
-    shapes.append(f'<path class="curve {curve.style}" d="{_line(across, height(first), first)}"/>')
+    line = _line(across, height(first), np.abs(np.diff(first)) > curve.period / 2.0)
+    shapes.append(f'<path class="curve {curve.style}" d="{line}"/>')
     return shapes
 
 
@@ -146,6 +152,8 @@ def path_map(x_z: np.ndarray) -> str:
     step = _nice_step(extent / 6.0)
     left, bottom = np.floor(low / step - 0.5) * step
     right, top = np.ceil(high / step + 0.5) * step
+    aside = step * np.ceil(max(0.0, 1.5 * (top - bottom) - (right - left)) / (2.0 * step))
+    left, right = left - aside, right + aside  # a narrow path gets a page of grid around it
     grid = "".join(
         f'<line class="grid" x1="{x:g}" x2="{x:g}" y1="{-bottom:g}" y2="{-top:g}"/>'
         for x in np.arange(left, right + step / 2.0, step)
@@ -214,9 +222,16 @@ def _height_map(low: float, high: float, *, log: bool) -> Callable[[ArrayLike], 
 def _ticks(low: float, high: float, *, log: bool = False) -> list[float]:
     if log:
         return [10.0**k for k in range(round(math.log10(low)), round(math.log10(high)) + 1)]
-    step = _nice_step((high - low) / 4.0)
+    step = _nice_step((high - low) / 6.0)
     first, last = math.ceil(low / step), math.floor(high / step)
     return [round(k * step, 12) for k in range(first, last + 1)]
+
+
+def _time_ticks(span_s: float) -> list[float]:
+    """Seconds to mark on an axis of this length: whole minutes where there are many."""
+    step = next((s for s in _MINUTE_STEPS_S if span_s > 120.0 and span_s <= 7 * s), 0)
+    step = step or _nice_step(span_s / 7.0)
+    return [round(k * step, 12) for k in range(math.floor(span_s / step) + 1)]
 
 
 def _nice_step(rough: float) -> float:
@@ -232,20 +247,18 @@ def _clock(seconds: float, span_s: float) -> str:
     return f"{minutes}:{rest:02d}"
 
 
-def _line(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> str:
-    """Path through the points, broken at gaps and where an angle wraps around."""
+def _line(x: np.ndarray, y: np.ndarray, wraps: np.ndarray) -> str:
+    """Path through the points, broken at gaps and where a step (B - 1,) wraps around."""
     words, joined = [], False
     for index in range(len(x)):
         if not np.isfinite(y[index]):
             joined = False
-            continue
-        wraps = joined and abs(values[index] - values[index - 1]) > _WRAP_DEG
-        starts = not joined or wraps
-        words.append(f"{'M' if starts else 'L'}{x[index]:.1f} {y[index]:.1f}")
-        # A lone point is a line of no length: its round ends show it.
-        if starts:
-            words.append("h0")
-        joined = True
+        elif joined and not wraps[index - 1]:
+            words.append(f"L{x[index]:.1f} {y[index]:.1f}")
+        else:
+            # A lone point is a line of no length: its round ends show it.
+            words.append(f"M{x[index]:.1f} {y[index]:.1f}h0")
+            joined = True
     return "".join(words)
 
 

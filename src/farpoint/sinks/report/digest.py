@@ -20,7 +20,7 @@ MAX_POINTS = 600
 """Points of a curve; longer runs are drawn as the first, lowest and highest of each bin."""
 
 _MAX_PATH_POINTS = 2000
-_BINS_AT_ONCE = 50
+_BINS_AT_ONCE = 10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from farpoint.sinks.report.charts import Chart, Curve
 from farpoint.sinks.report.digest import Digest
 
@@ -14,15 +16,18 @@ def charts_of(digest: Digest) -> list[Chart]:
         return []
     series = digest.series
 
-    def curve(name: str, key: str, style: str, *, band: bool = False) -> Curve:
-        sigma = series[f"{key}_sigma"].first if band else None
-        return Curve(name=name, style=style, values=series[key], sigma=sigma)
+    def curve(name: str, key: str, style: str) -> Curve:
+        return Curve(name=name, style=style, values=series[key])
+
+    def with_band(name: str, key: str, style: str, period: float = math.inf) -> Curve:
+        sigma = series[f"{key}_sigma"].first
+        return Curve(name=name, style=style, values=series[key], sigma=sigma, period=period)
 
     rotations = [
         Chart(
             title=f"Rotation about {axis} ({hint})",
             unit="deg per pair",
-            curves=[curve(axis, f"rotation_{axis}", f"c{number}", band=True)],
+            curves=[with_band(axis, f"rotation_{axis}", f"c{number}")],
         )
         for number, (axis, hint) in enumerate(
             (("x", "pitch"), ("y", "yaw"), ("z", "roll")), start=1
@@ -33,12 +38,12 @@ def charts_of(digest: Digest) -> list[Chart]:
         Chart(
             title="Direction of travel, to the right",
             unit="deg from the optical axis",
-            curves=[curve("right", "right", "c1", band=True)],
+            curves=[with_band("right", "right", "c1", period=360.0)],
         ),
         Chart(
             title="Direction of travel, upwards",
             unit="deg",
-            curves=[curve("up", "up", "c2", band=True)],
+            curves=[with_band("up", "up", "c2")],
         ),
         Chart(
             title="1-sigma",

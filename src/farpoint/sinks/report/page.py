@@ -147,7 +147,8 @@ def _charts_section(charts: list[Chart], digest: Digest) -> str:
         return "<section><h2>Over time</h2><p>No pair of frames was finished.</p></section>\n"
     drawn = "".join(draw_chart(chart, digest, number) for number, chart in enumerate(charts))
     thinned = (
-        f" Each point is the first of {digest.stride} pairs; the pale area spans all of them."
+        f" Each point is the first of {digest.stride} pairs, the pale area spans all of them, and "
+        f"the bar shows the worst status among them."
         if digest.stride > 1
         else ""
     )
@@ -184,19 +185,21 @@ def _reasons_section(run: Mapping[str, Any]) -> str:
     reasons = run["reasons"]
     if not reasons:
         return ""
+    start_s = float(run.get("first_timestamp") or 0.0)
     rows = "".join(
         f'<tr><td class="n">{int(item["frame0"])}–{int(item["frame1"])}</td>'
-        f'<td class="n">{float(item["timestamp1"]):.3f}</td>'
+        f'<td class="n">{float(item["timestamp1"]) - start_s:.2f} s</td>'
         f'<td><span class="key {escape(item["status"])}">{escape(item["status"])}</span></td>'
         f'<td class="word">{escape(item["reason"])}</td></tr>'
         for item in reasons
     )
+    noun = "pair" if len(reasons) == 1 else "pairs"
     omitted = run.get("reasons_omitted", 0)
     more = f'<p class="quiet">{omitted} more are not listed here.</p>' if omitted else ""
     return (
         f"<section><h2>Pairs that are not OK</h2><details{' open' if len(reasons) <= 20 else ''}>"
-        f'<summary>{len(reasons)} pairs with their reasons</summary><div class="wide"><table>'
-        f'<thead><tr><th class="n">Frames</th><th class="n">Time, s</th><th>Status</th>'
+        f'<summary>{len(reasons)} {noun} with the reason</summary><div class="wide"><table>'
+        f'<thead><tr><th class="n">Frames</th><th class="n">Time</th><th>Status</th>'
         f"<th>Reason</th></tr></thead><tbody>{rows}</tbody></table></div>{more}</details>"
         f"</section>\n"
     )

@@ -46,7 +46,7 @@ def stills_of(path: Path, count: int) -> list[Still]:
             stream = film.streams.video[0]
             packets = _spread(film.demux(stream), count)
             return [_still(packet, stream, cv2) for packet in packets]
-    except (OSError, IndexError):  # no film, or one that ended before its first picture
+    except (av.FFmpegError, OSError, IndexError):  # no film, or none with a picture in it
         return []
 
 

@@ -1,0 +1,239 @@
+"""report.html: one file that asks for nothing, tells the truth, and does not grow with the run."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError
+from farpoint.odometry import OdometryResult
+from farpoint.pose import PoseStatus
+from farpoint.sinks.angles import heading_angles_deg
+from farpoint.sinks.motions import COLUMNS
+from farpoint.sinks.output_folder import OutputFolder, OutputOptions
+from farpoint.sinks.overlay.video import KEYFRAME_INTERVAL
+from farpoint.sinks.report import write_report
+from farpoint.sinks.report.charts import Chart, Curve, draw_chart, path_map
+from farpoint.sinks.report.digest import MAX_POINTS, Digest, Series, digest_motions
+from farpoint.sinks.report.stills import stills_of
+from farpoint.sinks.run_record import RunDescription
+
+MakeResult = Callable[..., OdometryResult]
+IMAGE = np.full((480, 640), 60, np.uint8)
+VOID = {"meta", "img", "line", "br"}
+
+
+class WellFormed(HTMLParser):
+    """Fails on tags that do not match; keeps what the page refers to."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.references: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.references += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        del tag, attrs
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def run(camera: Camera) -> RunDescription:
+    return RunDescription(
+        source="/a/<script>alert(1)</script>.mp4",
+        source_name="drive & <b>more</b>",
+        camera=camera,
+        options={"odometry": {"tracker": {"corners": 700}}},
+        notes=("Positions have unit steps.",),
+    )
+
+
+@pytest.fixture(scope="module")
+def page(
+    tmp_path_factory: pytest.TempPathFactory, run: RunDescription, make_result: MakeResult
+) -> str:
+    path = tmp_path_factory.mktemp("out")
+    with OutputFolder(path, run) as folder:
+        for k in range(60):
+            status = PoseStatus.FAILED if k == 30 else PoseStatus.OK
+            folder.write(make_result(k, status, reason="a hard cut <here>"), IMAGE)
+    return (path / "report.html").read_text()
+
+
+def test_it_is_well_formed_and_asks_nothing_of_the_network(page: str) -> None:
+    parser = WellFormed()
+    parser.feed(page)
+    assert parser.open == []
+    assert parser.references
+    assert all(value.startswith("data:image/jpeg;base64,") for value in parser.references)
+    assert "http" not in page
+    assert "@import" not in page
+    assert "url(" not in page
+
+
+def test_it_tells_what_was_run_and_what_came_of_it(page: str) -> None:
+    assert "<b>58 of 59</b> pairs" in page
+    assert "Positions have unit steps." in page
+    assert "odometry.tracker.corners" in page
+    assert re.search(r"29–30</td>.*?a hard cut &lt;here&gt;", page)
+    assert "<script>alert" not in page
+    assert "drive &amp; &lt;b&gt;more&lt;/b&gt;" in page
+
+
+def test_the_pictures_are_spread_over_the_run(page: str) -> None:
+    pictures = re.findall(r"base64,([^\"]+)\"><figcaption>([\d.]+) s<", page)
+    times = [float(seconds) for _, seconds in pictures]
+    assert times[0] > 0.0  # the first frame has nothing to show
+    np.testing.assert_allclose(np.diff(times), KEYFRAME_INTERVAL * 0.1, atol=0.011)
+    assert times[-1] > 4.0
+    for data, _ in pictures:
+        jpeg = np.frombuffer(base64.b64decode(data), np.uint8)
+        assert cv2.imdecode(jpeg, cv2.IMREAD_COLOR).shape[1] == 960
+
+
+def test_the_curves_are_those_of_the_poses(page: str, make_result: MakeResult) -> None:
+    found = re.search(r'id="curves">(.*?)</script>', page)
+    assert found
+    curves = json.loads(found.group(1))
+    right = next(c for chart in curves["charts"] for c in chart if c["name"] == "right")
+    assert len(right["values"]) == 59
+    assert right["values"][29] is None
+    for index in (0, 17, 58):
+        pose = make_result(index + 1).pose
+        assert pose is not None
+        assert pose.heading_cam0 is not None
+        assert pose.heading_covariance is not None
+        angles, sigma = heading_angles_deg(pose.heading_cam0, pose.heading_covariance)
+        assert right["values"][index] == pytest.approx(angles[0], rel=1e-3)
+        assert right["sigma"][index] == pytest.approx(sigma[0], rel=1e-3)
+
+
+def test_an_interrupted_folder_gives_a_page(
+    tmp_path: Path, run: RunDescription, make_result: MakeResult
+) -> None:
+    killed = OutputFolder(tmp_path, run)
+    for k in range(40):
+        killed.write(make_result(k), IMAGE)
+    path = write_report(tmp_path)  # nothing was closed
+    text = path.read_text()
+    assert "<b>39 of 39</b>" in text
+    assert "killed before it could end" in text
+    assert "data:image/jpeg" in text
+    killed.close()
+
+
+def write_long_run(folder: Path, run: RunDescription, result: OdometryResult, rows: int) -> None:
+    """The rows that OutputFolder would write, many times over; one pair in the middle is off."""
+    with OutputFolder(folder, run, OutputOptions(overlay=False, report=False)) as outputs:
+        outputs.write(result, None)
+    header, row = (folder / "motions.csv").read_text().splitlines()
+    pose = (folder / "trajectory.tum").read_text().split(" ", 1)[1]
+    cells = row.split(",")
+    noisy = [*cells]
+    noisy[COLUMNS.index("noise_px")] = "9.5"
+    with (
+        (folder / "motions.csv").open("w") as motions,
+        (folder / "trajectory.tum").open("w") as tum,
+    ):
+        motions.write(header + "\n")
+        for k in range(rows):
+            body = noisy if k == rows // 2 + 1 else cells
+            motions.write(",".join([repr(k / 30), repr((k + 1) / 30), *body[2:]]) + "\n")
+            tum.write(f"{k / 30} {pose}")
+
+
+def test_neither_size_nor_curves_grow_with_the_run_and_no_spike_is_lost(
+    tmp_path: Path, run: RunDescription, make_result: MakeResult
+) -> None:
+    sizes = []
+    for rows in (3_000, 12_000):
+        folder = tmp_path / str(rows)
+        write_long_run(folder, run, make_result(1), rows)
+        sizes.append(write_report(folder).stat().st_size)
+        digest = digest_motions(folder / "motions.csv")
+        assert MAX_POINTS / 2 < len(digest.time_s) <= MAX_POINTS
+        assert digest.counts[PoseStatus.OK] == rows
+        assert digest.series["noise_px"].high.max() == 9.5
+        assert digest.series["noise_px"].first.max() < 1.0
+    assert max(sizes) < 600_000
+
+
+def test_the_worst_status_of_a_bin_is_the_one_shown(
+    tmp_path: Path, run: RunDescription, make_result: MakeResult
+) -> None:
+    with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
+        for k in range(1, 2 * MAX_POINTS + 1):
+            status = PoseStatus.FAILED if k == 500 else PoseStatus.OK
+            folder.write(replace(make_result(1, status), frame1=k, timestamp=100 + k / 10), None)
+    digest = digest_motions(tmp_path / "motions.csv")
+    assert digest.stride == 3
+    assert [index for index, s in enumerate(digest.worst) if s is not PoseStatus.OK] == [499 // 3]
+
+
+def one_curve(values: list[float], period: float = np.inf) -> str:
+    first = np.array(values)
+    series = Series(first=first, low=first, high=first)
+    digest = Digest(
+        start_s=0.0, time_s=np.arange(len(first), dtype=float), stride=1,
+        worst=[PoseStatus.OK] * len(first), counts={}, series={},
+    )  # fmt: skip
+    curve = Curve(name="a", style="c1", values=series, period=period)
+    svg = draw_chart(Chart(title="t", unit="u", curves=[curve]), digest, 0)
+    return re.findall(r'class="curve c1" d="([^"]*)"', svg)[0]
+
+
+def test_curves_break_at_gaps_and_where_angles_wrap() -> None:
+    assert one_curve([1.0, 2.0, 3.0, 4.0]).count("M") == 1
+    assert one_curve([1.0, np.nan, 3.0, 4.0]).count("M") == 2
+    assert one_curve([170.0, 179.0, -179.0, -170.0], period=360.0).count("M") == 2
+    assert one_curve([0.0, 700.0, 0.0]).count("M") == 1
+    assert one_curve([np.nan, np.nan]) == ""
+    assert one_curve([5.0]) == "M0.0 150.0h0"
+
+
+def test_the_map_keeps_the_shape_of_the_path() -> None:
+    x_z = np.array([[0.0, 0.0], [0.0, 30.0], [10.0, 30.0]])
+    svg = ElementTree.fromstring(path_map(x_z).split("<p>")[0])
+    left, top, width, height = map(float, svg.attrib["viewBox"].split())
+    line = svg.find("polyline")
+    assert line is not None
+    points = np.array([pair.split(",") for pair in line.attrib["points"].split()], float)
+    np.testing.assert_allclose(points, x_z * [1, -1])  # ahead is up
+    assert np.all(points >= [left, top])
+    assert np.all(points <= [left + width, top + height])
+
+
+def test_without_a_film_there_are_no_pictures(tmp_path: Path) -> None:
+    assert stills_of(tmp_path / "overlay.mp4", 4) == []
+    (tmp_path / "overlay.mp4").write_bytes(b"")
+    assert stills_of(tmp_path / "overlay.mp4", 4) == []
+    (tmp_path / "overlay.mp4").write_bytes(b"no film at all" * 100)
+    assert stills_of(tmp_path / "overlay.mp4", 4) == []
+
+
+@pytest.mark.parametrize("name", ["run.json", "motions.csv", "trajectory.tum"])
+def test_a_missing_file_is_named(
+    tmp_path: Path, run: RunDescription, make_result: MakeResult, name: str
+) -> None:
+    with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
+        folder.write(make_result(1), IMAGE)
+    (tmp_path / name).unlink()
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: cannot be read"):
+        write_report(tmp_path)
