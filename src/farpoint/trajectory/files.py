@@ -6,6 +6,7 @@ IMU in EuRoC's. Positions keep the unit of the file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -191,7 +192,7 @@ def _numbers(cells: list[str], count: int, expected: str) -> list[float]:
             row.append(float(cell))
         except ValueError:
             raise ValueError(f"expected a number, got {cell!r}") from None
-    if not np.isfinite(row).all():
+    if not all(map(math.isfinite, row)):
         raise ValueError("expected finite numbers")
     return row
 
@@ -204,7 +205,7 @@ def _nanoseconds(cell: str) -> int:
 
 
 def _rotation(quat_xyzw: np.ndarray) -> np.ndarray:
-    norm = float(np.linalg.norm(quat_xyzw))
+    norm = math.hypot(*quat_xyzw)
     if abs(norm - 1.0) > _UNIT_TOLERANCE:
         raise ValueError(f"expected a unit quaternion, got one of norm {norm:.4g}")
     return so3.matrix_from_quat_xyzw(quat_xyzw)
