@@ -17,10 +17,10 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
+from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.pairs import RayPairs
 
-__all__ = ["linearize", "sampson", "sampson_jacobian"]
+__all__ = ["sampson", "sampson_curvature", "sampson_jacobian"]
 
 
 @kernel
@@ -106,51 +106,119 @@ def sampson_jacobian(
 
 
 @kernel
-def linearize(
+def sampson_curvature(
     pairs: RayPairs,
-    prior: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
     basis: np.ndarray,
-    variance: float,
-    clutter: float,
-    H: np.ndarray,
-    g: np.ndarray,
-    r: np.ndarray,
-    w: np.ndarray,
+    i: int,
+    D: np.ndarray,
+    J: np.ndarray,
+    K: np.ndarray,
 ) -> float:
-    """Robust cost, gradient ``g`` (5,) and Gauss-Newton matrix ``H`` (5, 5) of all matches.
+    """Residual of match ``i`` with first and second derivative ``J`` (5,), ``K`` (5, 5).
 
-    A match is an inlier with a normal residual or clutter with a uniform one:
-
-        cost = -sum log(prior exp(-r^2 / 2 variance) + clutter),
-
-    where ``prior`` (N,) scales the inlier's share match by match (0 leaves it out) and ``clutter``
-    is the density of wrong matches over that of inliers at r = 0. ``r`` (N,) receives the residuals
-    and ``w`` (N,) the posterior probabilities of being an inlier, the weights of this step.
+    By ``[dtheta, dbeta]`` through ``Exp(dtheta) R`` and ``normalize(t + basis dbeta)``. ``D``
+    (6, 5) is scratch: the gradients of e, of g / 2 and of the four terms whose squares make g.
     """
-    J = np.empty(5)
-    H[:, :] = 0.0
-    g[:] = 0.0
-    cost = 0.0
-    for i in range(pairs.rays0.shape[0]):
-        if prior[i] == 0.0:
-            r[i] = 0.0
-            w[i] = 0.0
-            continue
-        residual = sampson_jacobian(pairs, R, t, basis, i, J)
-        likelihood = prior[i] * math.exp(-0.5 * residual * residual / variance)
-        weight = likelihood / (likelihood + clutter)
-        cost -= math.log(likelihood + clutter)
-        r[i] = residual
-        w[i] = weight
-        scaled = weight / variance
-        for k in range(5):
-            sJ = scaled * J[k]
-            g[k] += sJ * residual
-            for m in range(k + 1):
-                H[k, m] += sJ * J[m]
+    a0, a1, a2 = pairs.rays0[i, 0], pairs.rays0[i, 1], pairs.rays0[i, 2]
+    b = pairs.rays1[i]
+    m = (
+        R[0, 0] * a0 + R[0, 1] * a1 + R[0, 2] * a2,
+        R[1, 0] * a0 + R[1, 1] * a1 + R[1, 2] * a2,
+        R[2, 0] * a0 + R[2, 1] * a1 + R[2, 2] * a2,
+    )
+    q = _cross((b[0], b[1], b[2]), (t[0], t[1], t[2]))
+    n = _cross((t[0], t[1], t[2]), m)
+    bb = (b[0], b[1], b[2])
+    tt = (t[0], t[1], t[2])
+    e = _dot(bb, n)
+    w = (0.0, 0.0, 0.0)
+    z = (0.0, 0.0, 0.0)
+    g = 0.0
+    for c in range(2):
+        A0, A1, A2 = pairs.noise0[i, 0, c], pairs.noise0[i, 1, c], pairs.noise0[i, 2, c]
+        turned = (
+            R[0, 0] * A0 + R[0, 1] * A1 + R[0, 2] * A2,
+            R[1, 0] * A0 + R[1, 1] * A1 + R[1, 2] * A2,
+            R[2, 0] * A0 + R[2, 1] * A1 + R[2, 2] * A2,
+        )
+        column = (pairs.noise1[i, 0, c], pairs.noise1[i, 1, c], pairs.noise1[i, 2, c])
+        u, v = _dot(turned, q), _dot(column, n)
+        g += u * u + v * v
+        w = (w[0] + u * turned[0], w[1] + u * turned[1], w[2] + u * turned[2])
+        z = (z[0] + v * column[0], z[1] + v * column[1], z[2] + v * column[2])
+        _gradient(_cross(turned, q), _cross(turned, bb), basis, D[2 + c])
+        _gradient(_cross(m, _cross(column, tt)), _cross(m, column), basis, D[4 + c])
+    if not g > 0.0:
+        J[:] = 0.0
+        K[:, :] = 0.0
+        return 0.0
+    y = _cross(z, tt)
+    _gradient(_cross(m, q), _cross(m, bb), basis, D[0])
+    wq, my, wb, mz = _cross(w, q), _cross(m, y), _cross(w, bb), _cross(m, z)
+    _gradient(
+        (wq[0] + my[0], wq[1] + my[1], wq[2] + my[2]),
+        (wb[0] + mz[0], wb[1] + mz[1], wb[2] + mz[2]),
+        basis,
+        D[1],
+    )
+    # f = e / g; the second derivatives of e - f g / 2 follow from those of R and t:
+    # R'' m = (m e_ij + ...) / 2 - delta_ij m, and t'' = -delta_ij t.
+    f = e / g
+    inv = 1.0 / math.sqrt(g)
+    h = (q[0] - f * y[0], q[1] - f * y[1], q[2] - f * y[2])
+    straight = e - f * (_dot(w, q) + _dot(z, n))
     for k in range(5):
-        for m in range(k):
-            H[m, k] = H[k, m]
-    return cost
+        J[k] = inv * (D[0, k] - f * D[1, k])
+        for j in range(k + 1):
+            second = -f * (
+                D[2, k] * D[2, j] + D[3, k] * D[3, j] + D[4, k] * D[4, j] + D[5, k] * D[5, j]
+            )
+            second += 3.0 * f * D[1, k] * D[1, j] / g
+            second -= (D[0, k] * D[1, j] + D[1, k] * D[0, j]) / g
+            K[k, j] = second
+    for k in range(3):
+        for j in range(k + 1):
+            K[k, j] += 0.5 * (m[k] * h[j] + m[j] * h[k] - f * (w[k] * q[j] + w[j] * q[k]))
+        K[k, k] -= straight
+    K[3, 3] -= straight
+    K[4, 4] -= straight
+    for k in range(2):
+        column = (basis[0, k], basis[1, k], basis[2, k])
+        bB, zB = _cross(bb, column), _cross(z, column)
+        mixed = _cross(m, (bB[0] - f * zB[0], bB[1] - f * zB[1], bB[2] - f * zB[2]))
+        turn = _cross(w, bB)
+        for j in range(3):
+            K[3 + k, j] += mixed[j] - f * turn[j]
+    for k in range(5):
+        for j in range(k + 1):
+            K[k, j] *= inv
+            K[j, k] = K[k, j]
+    return e * inv
+
+
+@inner_kernel
+def _cross(
+    a: tuple[float, float, float], b: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inner_kernel
+def _dot(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inner_kernel
+def _gradient(
+    by_theta: tuple[float, float, float],
+    by_t: tuple[float, float, float],
+    basis: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Derivative (5,) by ``[dtheta, dbeta]`` from those by rotation and direction."""
+    for k in range(3):
+        out[k] = by_theta[k]
+    for k in range(2):
+        out[3 + k] = basis[0, k] * by_t[0] + basis[1, k] * by_t[1] + basis[2, k] * by_t[2]

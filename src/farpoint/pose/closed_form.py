@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.pose import search_direction
+from farpoint._kernels.search import search_direction
 from farpoint.pose import conclusion
 from farpoint.pose.conclusion import Course, label_matches, largest_sigma
 from farpoint.pose.epipole import mean_epipole
@@ -44,7 +44,9 @@ def estimate_closed_form(
     t = np.empty(3)
     agree = np.zeros(len(flowing), bool)
     if len(flowing) >= 3:
-        search_direction(flowing.pairs, tolerance, DIRECTION_SAMPLES, state, R, t)
+        search_direction(
+            flowing.pairs, np.arange(len(flowing)), tolerance, DIRECTION_SAMPLES, state, R, t
+        )
         agree = _consistent_with(flowing, R, t, tolerance)
     near = np.zeros(len(matches), bool)
     near[~far] = agree

@@ -11,14 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.pose import (
-    clutter_density,
-    exact_hessian,
-    refine_pose,
-    search_direction,
-    search_pose,
-)
+from farpoint._kernels.likelihood import clutter_density, curvature, refine_pose
 from farpoint._kernels.rotation import refine_rotation, rotation_distance2
+from farpoint._kernels.search import GATE_SIGMA, START_WRONG, search_direction, search_pose
 from farpoint.pose.far_rotation import FarRotation
 from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
@@ -27,14 +22,13 @@ __all__ = ["MovingFit", "TurningFit", "fit_moving", "fit_turning", "moving_covar
 
 # Noise below a thousandth of a pixel is rounding, not information.
 MIN_VARIANCE = 1e-6
-# A residual beyond three sigma supports no hypothesis of the search.
-GATE_SIGMA = 3.0
-# Share of wrong matches that EM starts from.
-START_WRONG = 0.2
 # Information of one radian on the direction, none on the rotation: the sphere is bounded.
 DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 MAX_REFINEMENTS = 20
-MAX_ROUNDS = 4
+# The search looks at this many matches: more make it slower, not surer.
+MAX_SEARCHED = 160
+# With fewer matches that the rotation does not explain, all may carry translation.
+MIN_FLOWING = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,48 +133,47 @@ def fit_moving(
     """Maximum-likelihood rotation and direction, searched for from the far rotation.
 
     The direction that the derotated flow suggests is refined jointly with the rotation. Then
-    five-ray hypotheses challenge it, within a gate that the noise found so far sets, until none
-    is better: with no far points, or parallax that a rotation can imitate, the first answer is a
-    local minimum.
+    five-ray hypotheses challenge it: with no far points, or parallax that a rotation can imitate,
+    the first answer is a local minimum.
     """
     n = len(matches)
+    searched, flowing = matches, np.flatnonzero(~rotation.consistent)
+    if n > MAX_SEARCHED:
+        rows = np.arange(MAX_SEARCHED) * n // MAX_SEARCHED
+        searched, flowing = matches.select(rows), np.flatnonzero(~rotation.consistent[rows])
+    if len(flowing) < MIN_FLOWING:
+        flowing = np.arange(len(searched))
     R, t = rotation.R_cam1_from_cam0.copy(), np.empty(3)
-    search_direction(matches.pairs, tolerance, options.min_iterations, state, R, t)
+    mixture = np.empty(2)
+    search_direction(searched.pairs, flowing, tolerance, options.min_iterations, state, R, t)
+    iterations = search_pose(
+        searched.pairs,
+        tolerance,
+        matches.spread,
+        MIN_VARIANCE,
+        options.confidence,
+        options.min_iterations,
+        options.max_iterations,
+        state,
+        R,
+        t,
+        mixture,
+    )
     prior, residual, probability = np.ones(n), np.empty(n), np.empty(n)
     information = np.empty((5, 5))
-    mixture = np.empty(2)
-    iterations, cost = 0, 0.0
-    gate = tolerance
-    for _ in range(MAX_ROUNDS):
-        mixture[:] = (gate / GATE_SIGMA) ** 2, START_WRONG
-        cost = refine_pose(
-            matches.pairs,
-            prior,
-            matches.spread,
-            MIN_VARIANCE,
-            MAX_REFINEMENTS,
-            R,
-            t,
-            mixture,
-            information,
-            residual,
-            probability,
-        )
-        gate = GATE_SIGMA * float(np.sqrt(mixture[0]))
-        refined = R.copy()
-        iterations += search_pose(
-            matches.pairs,
-            gate,
-            options.confidence,
-            options.min_iterations,
-            options.max_iterations,
-            state,
-            R,
-            t,
-            rotation.R_cam1_from_cam0,
-        )
-        if np.array_equal(R, refined):
-            break
+    cost = refine_pose(
+        matches.pairs,
+        prior,
+        matches.spread,
+        MIN_VARIANCE,
+        MAX_REFINEMENTS,
+        R,
+        t,
+        mixture,
+        information,
+        residual,
+        probability,
+    )
     parallax = _parallax(matches, R, t, residual)
     for _ in range(2):
         prior = plausible_parallax(parallax, probability, mixture[0], matches.spread)
@@ -237,8 +230,8 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
     noise in the flow as if it were flow; H does not. Where the likelihood has no peak in the
     direction, H has no information about it, and the prior of one radian is what remains.
     """
-    hessian, gradient, information = np.empty((5, 5)), np.empty(5), np.empty((5, 5))
-    exact_hessian(
+    hessian, information = np.empty((5, 5)), np.empty((5, 5))
+    curvature(
         matches.pairs,
         fit.prior,
         fit.R_cam1_from_cam0,
@@ -246,7 +239,6 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
         fit.variance,
         clutter_density(fit.variance, fit.wrong, matches.spread),
         hessian,
-        gradient,
         information,
     )
     values, vectors = np.linalg.eigh(hessian)

@@ -1,0 +1,323 @@
+"""Search for the pose: directions at a known rotation, and joint hypotheses from five rays."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.direction import intersect_circles
+from farpoint._kernels.epipolar import sampson
+from farpoint._kernels.likelihood import apply_step, refine_pose
+from farpoint._kernels.linear import draw_index, tangent_basis
+from farpoint._kernels.pairs import RayPairs
+
+__all__ = ["iterations_needed", "score_pose", "search_direction", "search_pose", "solve_five"]
+
+# A residual beyond three sigma supports no hypothesis.
+GATE_SIGMA = 3.0
+# Share of wrong matches that EM starts from.
+START_WRONG = 0.2
+
+
+@kernel
+def score_pose(
+    pairs: RayPairs,
+    R: np.ndarray,
+    t: np.ndarray,
+    limit: float,
+    best: float,
+) -> float:
+    """Truncated squares ``sum min(r^2, limit)`` of all matches, at the better sign of ``t``.
+
+    A match that flows away from ``t`` by more than the limit lies behind the camera and costs the
+    full ``limit``. Returns early, with a cost of at least ``best``, once both signs have lost.
+    ``t`` is flipped in place where the other sign is better.
+    """
+    n = pairs.rays0.shape[0]
+    forward = 0.0
+    backward = 0.0
+    for i in range(n):
+        cost = sampson(pairs, R, t, i) ** 2
+        if cost >= limit:
+            forward += limit
+            backward += limit
+        else:
+            # Flow along the epipolar great circle towards t, against its noise.
+            mt = 0.0
+            bt = 0.0
+            variance = 0.0
+            for k in range(3):
+                m = (
+                    R[k, 0] * pairs.rays0[i, 0]
+                    + R[k, 1] * pairs.rays0[i, 1]
+                    + R[k, 2] * pairs.rays0[i, 2]
+                )
+                mt += m * t[k]
+                bt += pairs.rays1[i, k] * t[k]
+                for c in range(2):
+                    variance += pairs.noise0[i, k, c] ** 2 + pairs.noise1[i, k, c] ** 2
+            flow = bt - mt
+            significant = flow * flow > limit * 0.5 * variance * (1.0 - mt * mt)
+            forward += limit if significant and flow < 0.0 else cost
+            backward += limit if significant and flow > 0.0 else cost
+        if forward >= best and backward >= best:
+            return best
+    if backward < forward:
+        for k in range(3):
+            t[k] = -t[k]
+        return backward
+    return forward
+
+
+@kernel
+def search_direction(
+    pairs: RayPairs,
+    candidates: np.ndarray,
+    tolerance: float,
+    iterations: int,
+    state: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+) -> float:
+    """Best direction among intersections of two great circles, at a given rotation; its cost.
+
+    The two are drawn from ``candidates`` (M,), indices of the matches that may carry translation.
+    """
+    limit = tolerance * tolerance
+    hypothesis = np.empty(3)
+    best = limit * pairs.rays0.shape[0]
+    t[0], t[1], t[2] = 0.0, 0.0, 1.0
+    for _ in range(iterations):
+        i = candidates[draw_index(state, candidates.shape[0])]
+        j = candidates[draw_index(state, candidates.shape[0])]
+        if i == j or not intersect_circles(pairs, R, i, j, hypothesis):
+            continue
+        cost = score_pose(pairs, R, hypothesis, limit, best)
+        if cost < best:
+            best = cost
+            t[:] = hypothesis
+    return best
+
+
+@kernel
+def _solve_square(A: np.ndarray, x: np.ndarray) -> bool:
+    """Solve ``A x = x`` (5x5, both overwritten) by elimination with row pivots."""
+    n = x.shape[0]
+    for c in range(n):
+        pivot = c
+        for i in range(c + 1, n):
+            if abs(A[i, c]) > abs(A[pivot, c]):
+                pivot = i
+        if not abs(A[pivot, c]) > 1e-12:
+            return False
+        if pivot != c:
+            for j in range(c, n):
+                A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
+            x[c], x[pivot] = x[pivot], x[c]
+        for i in range(c + 1, n):
+            f = A[i, c] / A[c, c]
+            for j in range(c + 1, n):
+                A[i, j] -= f * A[c, j]
+            x[i] -= f * x[c]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= A[i, j] * x[j]
+        x[i] /= A[i, i]
+    return True
+
+
+@kernel
+def solve_five(pairs: RayPairs, sample: np.ndarray, R: np.ndarray, t: np.ndarray) -> bool:
+    """Pose that satisfies the epipolar constraint of five matches, by Newton from ``R, t``.
+
+    Iterative five-point solver on the manifold (Lui and Drummond, BMVC 2013,
+    DOI 10.5244/C.27.116): ``e = b . (t x m)`` has the rows ``[m x (b x t), B^T (m x b)]``, five
+    equations in five unknowns. False where it does not converge.
+    """
+    A = np.empty((5, 5))
+    x = np.empty(5)
+    basis = np.empty((3, 2))
+    tangent_basis(t, basis)
+    for _ in range(8):
+        largest = 0.0
+        for s in range(5):
+            i = sample[s]
+            b0, b1, b2 = pairs.rays1[i, 0], pairs.rays1[i, 1], pairs.rays1[i, 2]
+            a0, a1, a2 = pairs.rays0[i, 0], pairs.rays0[i, 1], pairs.rays0[i, 2]
+            m0 = R[0, 0] * a0 + R[0, 1] * a1 + R[0, 2] * a2
+            m1 = R[1, 0] * a0 + R[1, 1] * a1 + R[1, 2] * a2
+            m2 = R[2, 0] * a0 + R[2, 1] * a1 + R[2, 2] * a2
+            q0, q1, q2 = b1 * t[2] - b2 * t[1], b2 * t[0] - b0 * t[2], b0 * t[1] - b1 * t[0]
+            d0, d1, d2 = m1 * b2 - m2 * b1, m2 * b0 - m0 * b2, m0 * b1 - m1 * b0
+            A[s, 0] = m1 * q2 - m2 * q1
+            A[s, 1] = m2 * q0 - m0 * q2
+            A[s, 2] = m0 * q1 - m1 * q0
+            A[s, 3] = basis[0, 0] * d0 + basis[1, 0] * d1 + basis[2, 0] * d2
+            A[s, 4] = basis[0, 1] * d0 + basis[1, 1] * d1 + basis[2, 1] * d2
+            e = t[0] * d0 + t[1] * d1 + t[2] * d2
+            # Rows of unit length: a short flow gives a weak row, not a weak equation.
+            norm = 0.0
+            for k in range(5):
+                norm += A[s, k] * A[s, k]
+            norm = 1.0 / math.sqrt(norm) if norm > 0.0 else 0.0
+            for k in range(5):
+                A[s, k] *= norm
+            x[s] = -e * norm
+            largest = max(largest, abs(x[s]))
+        if largest < 1e-7:
+            return True
+        if not _solve_square(A, x):
+            return False
+        size = max(
+            math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]), math.sqrt(x[3] ** 2 + x[4] ** 2)
+        )
+        if not size < 1e3:
+            return False
+        if size > 0.5:
+            for k in range(5):
+                x[k] *= 0.5 / size
+        apply_step(R, t, basis, x)
+        if size < 1e-6:
+            return True
+    return False
+
+
+@kernel
+def iterations_needed(
+    wrong: float, confidence: float, min_iterations: int, max_iterations: int
+) -> int:
+    """Samples of five until one without a wrong match was drawn with this confidence.
+
+    A good sample is taken to converge to the right pose every second time.
+    """
+    hit = 0.5 * max(1.0 - wrong, 0.0) ** 5
+    if hit <= 0.0:
+        return max_iterations
+    needed = math.log(1.0 - confidence) / math.log(1.0 - hit)
+    return int(min(max(needed + 1.0, min_iterations), max_iterations))
+
+
+@inner_kernel
+def _draw_distinct(sample: np.ndarray, n: int, state: np.ndarray) -> None:
+    """Fill ``sample`` with distinct indices below ``n``."""
+    for s in range(sample.shape[0]):
+        fresh = False
+        while not fresh:
+            sample[s] = draw_index(state, n)
+            fresh = True
+            for q in range(s):
+                if sample[q] == sample[s]:
+                    fresh = False
+
+
+@inner_kernel
+def _longest_flow_first(pairs: RayPairs, R: np.ndarray, sample: np.ndarray) -> None:
+    """Bring the two matches with the longest flow after the rotation to the front."""
+    for s in range(2):
+        longest = -1.0
+        first = s
+        for q in range(s, sample.shape[0]):
+            i = sample[q]
+            flow = 0.0
+            for k in range(3):
+                d = pairs.rays1[i, k]
+                for j in range(3):
+                    d -= R[k, j] * pairs.rays0[i, j]
+                flow += d * d
+            if flow > longest:
+                longest = flow
+                first = q
+        sample[s], sample[first] = sample[first], sample[s]
+
+
+@kernel
+def search_pose(
+    pairs: RayPairs,
+    tolerance: float,
+    spread: float,
+    min_variance: float,
+    confidence: float,
+    min_iterations: int,
+    max_iterations: int,
+    state: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+) -> int:
+    """Most likely pose among joint five-ray hypotheses and the start ``R, t``; returns iterations.
+
+    Samples are solved in turn from the best pose so far and from the rotation of the start with a
+    direction from two of their own rays, which keeps other minima within reach. A hypothesis that
+    agrees with more matches than any before it is refined, and judged by its likelihood with the
+    noise that it needs: a wrong minimum looks good only with more noise than there is. ``R``, ``t``
+    and ``mixture`` (variance, share of wrong matches) receive the best.
+    """
+    n = pairs.rays0.shape[0]
+    prior = np.ones(n)
+    H = np.empty((5, 5))
+    r = np.empty(n)
+    w = np.empty(n)
+    start = R.copy()
+    hypothesis_R = np.empty((3, 3))
+    hypothesis_t = np.empty(3)
+    hypothesis_mixture = np.empty(2)
+    sample = np.empty(5, np.int64)
+    first_variance = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
+    mixture[0] = first_variance
+    mixture[1] = START_WRONG
+    cost = refine_pose(pairs, prior, spread, min_variance, 12, R, t, mixture, H, r, w)
+    best = _negative_log_likelihood(cost, mixture, n)
+    limit = GATE_SIGMA * GATE_SIGMA * mixture[0]
+    best_raw = limit * n
+    needed = iterations_needed(mixture[1], confidence, min_iterations, max_iterations)
+    iteration = 0
+    while iteration < needed:
+        iteration += 1
+        _draw_distinct(sample, n, state)
+        if iteration % 2 == 0:
+            hypothesis_R[:, :] = start
+            _longest_flow_first(pairs, hypothesis_R, sample)
+            if not intersect_circles(pairs, hypothesis_R, sample[0], sample[1], hypothesis_t):
+                continue
+        else:
+            hypothesis_R[:, :] = R
+            hypothesis_t[:] = t
+        if not solve_five(pairs, sample, hypothesis_R, hypothesis_t):
+            continue
+        raw = score_pose(pairs, hypothesis_R, hypothesis_t, limit, best_raw)
+        if raw >= best_raw:
+            continue
+        best_raw = raw
+        hypothesis_mixture[0] = mixture[0]
+        hypothesis_mixture[1] = mixture[1]
+        cost = refine_pose(
+            pairs,
+            prior,
+            spread,
+            min_variance,
+            4,
+            hypothesis_R,
+            hypothesis_t,
+            hypothesis_mixture,
+            H,
+            r,
+            w,
+        )
+        likelihood = _negative_log_likelihood(cost, hypothesis_mixture, n)
+        if likelihood < best:
+            best = likelihood
+            R[:, :] = hypothesis_R
+            t[:] = hypothesis_t
+            mixture[:] = hypothesis_mixture
+            needed = iterations_needed(mixture[1], confidence, min_iterations, max_iterations)
+    # The likelihood does not know the sign; the flow does.
+    score_pose(pairs, R, t, GATE_SIGMA * GATE_SIGMA * mixture[0], math.inf)
+    return iteration
+
+
+@inner_kernel
+def _negative_log_likelihood(cost: float, mixture: np.ndarray, n: int) -> float:
+    """What `linearize` leaves out of the cost because it does not move the pose."""
+    return cost + n * (0.5 * math.log(mixture[0]) - math.log(1.0 - mixture[1]))
