@@ -1,0 +1,103 @@
+"""The Sampson residual, its full derivative against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kernels_kit import View, gradient, moved, two_views
+
+from farpoint._kernels import epipolar
+from farpoint._kernels.pairs import RayPairs
+from farpoint.geometry import sphere
+
+quick = settings(max_examples=25, deadline=None)
+seeds = st.integers(0, 2**32)
+
+
+def sampson(pairs: RayPairs, R: np.ndarray, t: np.ndarray, i: int) -> float:
+    return epipolar.sampson(pairs, R, t, i)
+
+
+def sampson_jacobian(view: View, i: int) -> tuple[float, np.ndarray]:
+    J = np.full(5, np.nan)
+    basis = sphere.tangent_basis(view.t)
+    residual = epipolar.sampson_jacobian(view.pairs, view.R, view.t, basis, i, J)
+    return residual, J
+
+
+@quick
+@given(seed=seeds, error_rad=st.sampled_from([0.0, 1e-3, 0.3]))
+def test_the_residual_is_the_constraint_over_its_own_sigma(seed, error_rad):
+    view = two_views(seed, 3, error_rad=error_rad)
+    a, b, A, B = (array[0] for array in view.pairs)
+
+    def constraint(n: np.ndarray) -> float:
+        return (b + B @ n[2:]) @ np.cross(view.t, view.R @ (a + A @ n[:2]))
+
+    # The constraint is linear in each of the four coordinates of noise: differences are exact.
+    sigma = np.linalg.norm(gradient(constraint, 4, 1.0))
+    residual = sampson(view.pairs, view.R, view.t, 0)
+    assert residual == pytest.approx(constraint(np.zeros(4)) / sigma, rel=1e-9, abs=1e-9)
+    if error_rad == 0.0:
+        assert residual == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_residual_of_noise_is_distributed_as_one_coordinate_of_it():
+    view = two_views(5, 4000, noise_rad=1e-4)
+    rng = np.random.default_rng(6)
+    a, b, A, B = view.pairs
+    n = rng.normal(size=(2, len(a), 2))
+    noisy = RayPairs(
+        sphere.normalize(a + np.einsum("nij,nj->ni", A, n[0])),
+        sphere.normalize(b + np.einsum("nij,nj->ni", B, n[1])),
+        A,
+        B,
+    )
+    residual = [sampson(noisy, view.R, view.t, i) for i in range(len(a))]
+    # Three standard errors of a standard deviation from 4000 samples are 3.4 %.
+    assert np.std(residual) == pytest.approx(1.0, abs=0.034)
+
+
+@quick
+@given(
+    seed=seeds,
+    error_rad=st.sampled_from([0.0, 1e-3, 0.1]),
+    baseline_m=st.sampled_from([1e-3, 0.1, 1.0]),
+)
+def test_the_full_derivative_of_the_residual(seed, error_rad, baseline_m):
+    view = two_views(seed, 3, error_rad=error_rad, baseline_m=baseline_m)
+    for i in range(3):
+        residual, J = sampson_jacobian(view, i)
+
+        def along(step: np.ndarray, i: int = i) -> float:
+            return sampson(view.pairs, *moved(view.R, view.t, step), i)
+
+        assert residual == pytest.approx(along(np.zeros(5)), rel=1e-12)
+        # Close to the epipole the residual bends strongly: the step stays well inside.
+        numeric = gradient(along, 5, 1e-4 * baseline_m)
+        scale = np.abs(numeric).max()
+        np.testing.assert_allclose(J, numeric, rtol=1e-4, atol=1e-5 * scale)
+
+
+def test_the_weight_has_a_derivative_that_matters():
+    # With the weight frozen (trap 1), the derivative would be that of the constraint alone.
+    view = two_views(3, 1, error_rad=0.05)
+    a, b, _, _ = (array[0] for array in view.pairs)
+    residual, J = sampson_jacobian(view, 0)
+    m = view.R @ a
+    constraint = b @ np.cross(view.t, m)
+    by_theta = np.cross(m, np.cross(b, view.t)) * residual / constraint
+    assert np.linalg.norm(J[:3] - by_theta) > 0.02 * np.linalg.norm(by_theta)
+
+
+def test_a_match_at_the_epipole_satisfies_every_plane():
+    axis = np.array([[0.0, 0.0, 1.0]])
+    flat = sphere.tangent_basis(axis)
+    # The variance of the constraint is exactly zero there: no division by it.
+    at = View(RayPairs(axis, axis, flat, flat), np.eye(3), axis[0])
+    assert sampson(at.pairs, at.R, at.t, 0) == 0.0
+    residual, J = sampson_jacobian(at, 0)
+    assert residual == 0.0
+    np.testing.assert_array_equal(J, np.zeros(5))

@@ -1,0 +1,208 @@
+"""Rotation of direction vectors: consensus, enlargement, likelihood and its derivative."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kernels_kit import View, gradient, two_views
+
+from farpoint._kernels import rotation
+from farpoint._kernels.pairs import RayPairs
+from farpoint.geometry import so3, sphere
+
+quick = settings(max_examples=20, deadline=None)
+seeds = st.integers(0, 2**32)
+VARIANCE, CLUTTER, SPREAD = 1.3, 0.05, 500.0
+
+
+class Linearized:
+    """The robust cost at a rotation with everything that comes along."""
+
+    def __init__(self, pairs: RayPairs, prior: np.ndarray, R: np.ndarray) -> None:
+        self.H, self.g = np.full((3, 3), np.nan), np.full(3, np.nan)
+        self.d2, self.w = np.full((2, len(prior)), np.nan)
+        self.cost = rotation.rotation_linearize(
+            pairs, prior, R, VARIANCE, CLUTTER, self.H, self.g, self.d2, self.w
+        )
+
+
+def distance2(pairs: RayPairs, R: np.ndarray) -> np.ndarray:
+    out = np.full(len(pairs.rays0), np.nan)
+    rotation.rotation_distance2(pairs, R, out)
+    return out
+
+
+def search(view: View, tolerance: float, seed: int = 0, limit: int = 300) -> np.ndarray:
+    R, state = np.full((3, 3), np.nan), np.array([seed], np.uint64)
+    rotation.search_rotation(view.pairs, precision(view), tolerance, limit, state, R)
+    return R
+
+
+def enlarge(view: View, tolerance: float, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    R, weight = R.copy(), np.full(len(view.pairs.rays0), np.nan)
+    count = rotation.enlarge_rotation(view.pairs, precision(view), tolerance, R, weight)
+    assert count == np.count_nonzero(weight)
+    return R, weight > 0
+
+
+def refine(view: View, prior: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    R, mixture, H = R.copy(), np.array([1.0, 0.2]), np.empty((3, 3))
+    d2, w = np.empty((2, len(prior)))
+    rotation.refine_rotation(view.pairs, prior, SPREAD, 1e-6, 30, R, mixture, H, d2, w)
+    return R, mixture
+
+
+def precision(view: View) -> np.ndarray:
+    _, _, A, B = view.pairs
+    return 2.0 / (np.sum(A**2, axis=(1, 2)) + np.sum(B**2, axis=(1, 2)))
+
+
+def turning(seed: int, matches: int, *, noise: float, wrong: int = 0) -> View:
+    """Rays that only turn, with isotropic noise of 1 mrad times ``noise``, the last ones wrong."""
+    rng = np.random.default_rng(seed)
+    R = so3.exp(rng.normal(size=3) * 0.3)
+    rays0 = sphere.normalize(np.c_[rng.uniform(-1, 1, (matches, 2)), np.ones(matches)])
+    rays1 = rays0 @ R.T
+    rays1[matches - wrong :] = sphere.normalize(rng.normal(size=(wrong, 3)))
+    factors = []
+    noisy = []
+    for rays in (rays0, rays1):
+        A = 1e-3 * sphere.tangent_basis(rays)
+        shift = noise * np.einsum("nij,nj->ni", A, rng.normal(size=(matches, 2)))
+        noisy.append(sphere.normalize(rays + shift))
+        factors.append(np.ascontiguousarray(A))
+    return View(RayPairs(*noisy, *factors), R, np.array([0.0, 0.0, 1.0]))
+
+
+def plain_distance2(pairs: RayPairs, R: np.ndarray) -> np.ndarray:
+    """Mahalanobis distance of ``b - R a`` on the tangent plane of b, matrix by matrix."""
+    out = []
+    for a, b, A, B in zip(*pairs, strict=True):
+        E = sphere.tangent_basis(b)
+        S = E.T @ (B @ B.T + R @ A @ A.T @ R.T) @ E
+        z = E.T @ (b - R @ a)
+        out.append(z @ np.linalg.solve(S, z))
+    return np.array(out)
+
+
+@quick
+@given(seed=seeds)
+def test_distances_are_mahalanobis_distances(seed):
+    view = two_views(seed, 6, error_rad=0.01)
+    np.testing.assert_allclose(
+        distance2(view.pairs, view.R), plain_distance2(view.pairs, view.R), rtol=1e-8
+    )
+
+
+def test_distances_of_noise_are_chi_squared_with_two_degrees_of_freedom():
+    view = turning(0, 3000, noise=1.0)
+    d2 = distance2(view.pairs, view.R)
+    # Three standard errors: the variance of chi^2 with 2 degrees of freedom is 4.
+    assert d2.mean() == pytest.approx(2.0, abs=3 * 2 / math.sqrt(3000))
+
+
+@quick
+@given(seed=seeds)
+def test_the_gradient_of_the_robust_cost_with_the_noise_held(seed):
+    view = turning(seed, 8, noise=1.0)
+    prior = np.random.default_rng(seed).uniform(0.5, 2.0, 8)
+    a, b, A, B = view.pairs
+    E = sphere.tangent_basis(b)
+    S = np.array(
+        [e.T @ (y @ y.T + view.R @ x @ x.T @ view.R.T) @ e for e, x, y in zip(E, A, B, strict=True)]
+    )
+
+    def cost(dtheta: np.ndarray) -> float:
+        z = np.einsum("nij,ni->nj", E, b - a @ (so3.exp(dtheta) @ view.R).T)
+        d2 = np.einsum("ni,nij,nj->n", z, np.linalg.inv(S), z)
+        return -np.log(prior * np.exp(-0.5 * d2 / VARIANCE) + CLUTTER).sum()
+
+    at = Linearized(view.pairs, prior, view.R)
+    numeric = gradient(cost, 3, 1e-6)
+    assert at.cost == pytest.approx(cost(np.zeros(3)), rel=1e-9)
+    np.testing.assert_allclose(at.g, numeric, rtol=1e-5, atol=1e-6 * np.abs(numeric).max())
+
+
+@quick
+@given(seed=seeds)
+def test_the_gradient_is_that_of_the_whole_cost_where_noise_is_isotropic(seed):
+    # The noise turns with the rotation; where it is round that is of second order.
+    view = turning(seed, 8, noise=1.0)
+
+    def cost(dtheta: np.ndarray) -> float:
+        return Linearized(view.pairs, np.ones(8), so3.exp(dtheta) @ view.R).cost
+
+    numeric = gradient(cost, 3, 1e-6)
+    g = Linearized(view.pairs, np.ones(8), view.R).g
+    np.testing.assert_allclose(g, numeric, atol=1e-4 * np.abs(numeric).max())
+
+
+@quick
+@given(seed=seeds)
+def test_the_normal_matrix_is_the_information_of_the_matches(seed):
+    # Far below the noise every match is right, and the cost is a paraboloid of this curvature.
+    view = turning(seed, 12, noise=1e-4)
+    at = Linearized(view.pairs, np.ones(12), view.R)
+
+    def gradient_at(step: np.ndarray) -> np.ndarray:
+        return Linearized(view.pairs, np.ones(12), so3.exp(step) @ view.R).g
+
+    share = 1.0 / (1.0 + CLUTTER)
+    np.testing.assert_allclose(at.w, share, rtol=1e-6)
+    h = 1e-6
+    numeric = np.array([(gradient_at(h * e) - gradient_at(-h * e)) / (2 * h) for e in np.eye(3)])
+    np.testing.assert_allclose(at.H, numeric, rtol=1e-3, atol=1e-3 * at.H.max())
+
+
+def test_a_match_with_no_prior_counts_for_nothing():
+    view = turning(3, 8, noise=1.0, wrong=1)
+    prior = np.ones(8)
+    prior[-1] = 0.0
+    without = View(RayPairs(*(array[:-1] for array in view.pairs)), view.R, view.t)
+    at, expected = (
+        Linearized(view.pairs, prior, view.R),
+        Linearized(without.pairs, np.ones(7), view.R),
+    )
+    assert at.cost == expected.cost
+    np.testing.assert_array_equal(at.g, expected.g)
+    np.testing.assert_array_equal(at.H, expected.H)
+    assert at.w[-1] == 0.0
+
+
+@pytest.mark.parametrize("wrong", [0, 10, 24])
+def test_the_search_finds_the_rotation_of_the_consistent_rays(wrong):
+    view = turning(7, 40, noise=0.3, wrong=wrong)
+    R = search(view, 3.0)
+    assert so3.angle_between(R, view.R) < 3e-3
+    assert so3.angle_between(R, search(view, 3.0)) == 0.0
+    enlarged, consistent = enlarge(view, 3.0, R)
+    np.testing.assert_array_equal(consistent, np.arange(40) < 40 - wrong)
+    assert so3.angle_between(enlarged, view.R) < 5e-4
+
+
+def test_enlarging_grows_the_set_from_a_poor_start_and_ends_at_its_own_fit():
+    view = turning(2, 40, noise=0.3)
+    off = so3.exp(np.array([1.5e-3, -1e-3, 1e-3])) @ view.R
+    inside = np.sqrt(plain_distance2(view.pairs, off)) < 1.5
+    assert 2 < inside.sum() < 30
+    R, consistent = enlarge(view, 3.0, off)
+    assert consistent.all()
+    fit = np.einsum("n,ni,nj->ij", precision(view), view.pairs.rays1, view.pairs.rays0)
+    U, _, Vt = np.linalg.svd(fit)
+    np.testing.assert_allclose(R, U @ Vt, atol=1e-9)
+
+
+def test_the_maximum_of_the_likelihood_is_stationary_and_knows_its_noise():
+    view = turning(4, 300, noise=0.7, wrong=30)
+    R, (variance, wrong) = refine(view, np.ones(300), search(view, 3.0))
+    assert wrong == pytest.approx(0.1, abs=0.02)
+    # The standard error of a variance of 540 coordinates is 6 %.
+    assert variance == pytest.approx(0.49, rel=0.18)
+    # Three standard errors: 0.7 mrad * sqrt(2) in each of 270 matches, over the rays' lever arms.
+    assert so3.angle_between(R, view.R) < 3 * 0.7e-3 * math.sqrt(2 * 3 / 270) / 0.5
+    again, _ = refine(view, np.ones(300), R)
+    assert so3.angle_between(again, R) < 1e-7
