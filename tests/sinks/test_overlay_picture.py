@@ -149,6 +149,14 @@ def test_an_epipole_outside_is_an_arrow_at_the_border(
     assert np.linalg.norm(middle - corner) < 0.12
 
 
+def test_the_arrow_stays_in_the_pane_of_a_lens_that_looks_aside(make_result: MakeResult) -> None:
+    aside = Camera.pinhole(640, 480, 500, 500, 60.0, 239.5)
+    result = make_result(3, heading=(1.0, 0.0, -0.2), scene_camera=aside)
+    drawn = pane(draw_overlay(None, result, aside), 1)
+    _, columns = np.nonzero((drawn == WHITE).all(axis=-1) & caption_mask(drawn))
+    assert columns.max() > 590
+
+
 def caption_mask(drawn: np.ndarray) -> np.ndarray:
     mask = np.ones(drawn.shape[:2], bool)
     mask[:34] = False

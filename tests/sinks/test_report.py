@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import cv2
@@ -26,7 +27,7 @@ from farpoint.sinks.overlay.video import KEYFRAME_INTERVAL
 from farpoint.sinks.report import write_report
 from farpoint.sinks.report.charts import Chart, Curve, draw_chart, path_map
 from farpoint.sinks.report.digest import MAX_POINTS, Digest, Series, digest_motions
-from farpoint.sinks.report.stills import stills_of
+from farpoint.sinks.report.stills import spread_key_packets, stills_of
 from farpoint.sinks.run_record import RunDescription
 
 MakeResult = Callable[..., OdometryResult]
@@ -226,6 +227,16 @@ def test_without_a_film_there_are_no_pictures(tmp_path: Path) -> None:
     assert stills_of(tmp_path / "overlay.mp4", 4) == []
     (tmp_path / "overlay.mp4").write_bytes(b"no film at all" * 100)
     assert stills_of(tmp_path / "overlay.mp4", 4) == []
+
+
+@pytest.mark.parametrize("keys", [2, 9, 40, 5000])
+def test_few_packets_are_held_and_they_are_spread_over_the_film(keys: int) -> None:
+    film = (SimpleNamespace(is_keyframe=pts % 15 == 0, pts=pts) for pts in range(15 * keys))
+    chosen = np.array([packet.pts / 15 for packet in spread_key_packets(film, 8)])
+    assert len(chosen) == min(8, keys - 1)
+    steps = np.diff([0.0, *chosen, keys])
+    assert steps.max() <= 2.6 * max(1.0, keys / 8)
+    assert np.all(np.diff(chosen) > 0)
 
 
 @pytest.mark.parametrize("name", ["run.json", "motions.csv", "trajectory.tum"])

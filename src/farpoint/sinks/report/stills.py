@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from farpoint.errors import MissingExtraError, optional_import
 
-__all__ = ["Still", "stills_of"]
+__all__ = ["Still", "spread_key_packets", "stills_of"]
 
 _MAX_WIDTH_PX = 960
 _JPEG_QUALITY = 78
@@ -44,13 +45,13 @@ def stills_of(path: Path, count: int) -> list[Still]:
     try:
         with av.open(str(path)) as film:
             stream = film.streams.video[0]
-            packets = _spread(film.demux(stream), count)
+            packets = spread_key_packets(film.demux(stream), count)
             return [_still(packet, stream, cv2) for packet in packets]
     except (av.FFmpegError, OSError, IndexError):  # no film, or none with a picture in it
         return []
 
 
-def _spread(packets: Any, count: int) -> list[Any]:
+def spread_key_packets(packets: Iterable[Any], count: int) -> list[Any]:
     """Key packets evenly spread: every k-th is kept, and k doubles when there are too many."""
     kept: list[Any] = []
     step = 1
