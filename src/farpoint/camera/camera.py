@@ -11,7 +11,6 @@ from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
 from farpoint.camera.values import as_rows
 from farpoint.errors import InputError
-from farpoint.geometry.sphere import normalize, tangent_basis
 
 __all__ = ["Camera", "CameraModel"]
 
@@ -90,24 +89,12 @@ class Camera:
         return self.model.unproject(as_rows(pixels, 2, "pixels"))
 
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
-        """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px, at unit rays (N, 3).
+        """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px, at rays (N, 3).
 
-        The inverse of the projection's Jacobian on the tangent plane of the ray, so it holds for
-        every lens model. NaN where the lens does not see the ray.
+        Its columns are perpendicular to the ray: noise of a pixel times this is noise of the ray.
+        NaN where the lens does not see the ray.
         """
-        rays = normalize(as_rows(rays, 3, "rays"))
-        basis = tangent_basis(rays)
-        return basis @ _inverse_2x2(self.model.project_jacobian(rays) @ basis)
-
-
-def _inverse_2x2(M: np.ndarray) -> np.ndarray:
-    """Inverses of matrices (N, 2, 2); not finite where there is none."""
-    adjugate = np.empty_like(M)
-    adjugate[:, 0, 0], adjugate[:, 1, 1] = M[:, 1, 1], M[:, 0, 0]
-    adjugate[:, 0, 1], adjugate[:, 1, 0] = -M[:, 0, 1], -M[:, 1, 0]
-    with np.errstate(all="ignore"):
-        determinant = M[:, 0, 0] * M[:, 1, 1] - M[:, 0, 1] * M[:, 1, 0]
-        return adjugate / determinant[:, None, None]
+        return self.model.unproject_jacobian(as_rows(rays, 3, "rays"))
 
 
 def _checked_size(width: int, height: int) -> tuple[int, int]:

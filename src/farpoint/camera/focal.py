@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint.camera.values import finite, in_blocks, positive
+from farpoint.camera.lens_model import LensModel
+from farpoint.camera.values import finite, positive
 
 __all__ = ["FocalModel", "PlaneJacobian", "quotient_jacobian", "rays_from_plane"]
 
@@ -16,7 +17,7 @@ PlaneJacobian = tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FocalModel(ABC):
+class FocalModel(LensModel):
     """A lens that maps points to a plane (a, b), and the plane to pixels by four numbers.
 
     ``u = fx * a + cx`` and ``v = fy * b + cy``; what lies between points and plane is the model.
@@ -41,11 +42,6 @@ class FocalModel(ABC):
             object.__setattr__(self, name, finite(name, getattr(self, name)))
 
     @property
-    @abstractmethod
-    def title(self) -> str:
-        """What people call this lens."""
-
-    @property
     def parameters(self) -> dict[str, float]:
         """Every parameter by name, in the order people write them."""
         return {"fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy}
@@ -63,18 +59,6 @@ class FocalModel(ABC):
     @abstractmethod
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Unit rays (N, 3) of plane coordinates; NaN rows where no ray exists."""
-
-    def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (N, 2) of points in camera axes (N, 3); NaN rows where the lens sees none."""
-        return in_blocks(self._project, points, 2)
-
-    def unproject(self, pixels: np.ndarray) -> np.ndarray:
-        """Unit rays (N, 3) of pixels (N, 2); NaN rows where no ray exists."""
-        return in_blocks(self._unproject, pixels, 3)
-
-    def project_jacobian(self, points: np.ndarray) -> np.ndarray:
-        """Derivative of `project` by the point, shape (N, 2, 3); NaN where `project` is."""
-        return in_blocks(self._project_jacobian, points, 6).reshape(-1, 2, 3)
 
     def _project(self, points: np.ndarray) -> np.ndarray:
         a, b = self._to_plane(*points.T)

@@ -37,3 +37,10 @@ class CameraModel(Protocol):
     def project_jacobian(self, points: np.ndarray) -> np.ndarray:
         """Derivative of `project` by the point, shape (N, 2, 3); NaN where `project` is."""
         ...
+
+    def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
+        """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px, at rays (N, 3).
+
+        The rays may have any length. NaN where the lens does not see them.
+        """
+        ...

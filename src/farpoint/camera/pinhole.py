@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from farpoint._kernels.lens import pinhole_ray_jacobian, pinhole_rays
 from farpoint.camera.focal import FocalModel, PlaneJacobian, rays_from_plane
 from farpoint.camera.radtan import COEFFICIENT_NAMES, RadialTangential
 
@@ -82,6 +83,21 @@ class Pinhole(FocalModel):
         )
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        if self._lens.is_identity:
-            return rays_from_plane(a, b, 1.0)
         return rays_from_plane(*self._lens.undistort(a, b), 1.0)
+
+    def _unproject(self, pixels: np.ndarray) -> np.ndarray:
+        if not self._lens.is_identity:
+            return super()._unproject(pixels)
+        rays = np.empty((len(pixels), 3))
+        pinhole_rays(np.ascontiguousarray(pixels), self.fx, self.fy, self.cx, self.cy, rays)
+        return rays
+
+    def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
+        """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px; NaN where unseen."""
+        lens = self._lens
+        if lens.is_tilted:
+            return super().unproject_jacobian(rays)
+        rays = np.ascontiguousarray(rays, dtype=np.float64)
+        jacobian = np.empty((len(rays), 3, 2))
+        pinhole_ray_jacobian(lens.untilted, lens.fold, self.fx, self.fy, rays, jacobian)
+        return jacobian

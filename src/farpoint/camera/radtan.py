@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from farpoint._kernels.lens import distort, undistort
 from farpoint.camera.curve import first_positive_root
 from farpoint.camera.plane_map import PlaneMap
 from farpoint.camera.tilt import Tilt
@@ -31,8 +32,6 @@ ALLOWED_COUNTS = (0, 4, 5, 8, 12, 14)
 FARTHEST_RAD = np.deg2rad(89.99)
 RADIAL_NODES = 1024
 AZIMUTH_NODES = 181
-NEWTON_TOLERANCE = 1e-10
-NEWTON_ITERATIONS = 20
 # No lens comes near; beyond it the products of coefficients would overflow.
 LARGEST = 1e12
 
@@ -85,24 +84,19 @@ class RadialTangential:
         """
         if self._tilt is not None:
             a, b = self._tilt.invert(a, b)
-        x, y = self._start(a, b)
-        active = np.arange(len(x))
-        for _ in range(NEWTON_ITERATIONS):
-            here = self._map(x[active], y[active])
-            step_x, step_y = here.newton_step(a[active], b[active])
-            x[active] += step_x
-            y[active] += step_y
-            moved = np.abs(step_x) + np.abs(step_y)
-            # NaN counts as settled: it stays NaN.
-            active = active[
-                moved > NEWTON_TOLERANCE * (1.0 + np.abs(x[active]) + np.abs(y[active]))
-            ]
-            if not active.size:
-                break
-        x[active] = np.nan
-        outside = ~(x * x + y * y < self.fold**2)
-        x[outside] = y[outside] = np.nan
-        return x, y
+        out = np.empty((2, len(a)))
+        undistort(self.untilted, a, b, self._radial_table, self._farthest_image, self.fold, out)
+        return out[0], out[1]
+
+    @cached_property
+    def untilted(self) -> np.ndarray:
+        """The coefficients without the tilt (12,), absent ones zero."""
+        return np.array(self._full[:12])
+
+    @property
+    def is_tilted(self) -> bool:
+        """Whether the sensor is turned against the lens."""
+        return self._tilt is not None
 
     @cached_property
     def _full(self) -> tuple[float, ...]:
@@ -117,49 +111,11 @@ class RadialTangential:
     def _is_radial(self) -> bool:
         return not any(self._full[2:4] + self._full[8:12])
 
-    def _radial(self, r2: np.ndarray) -> tuple[np.ndarray | float, np.ndarray | float]:
-        """Magnification and its derivative by the squared radius."""
-        k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
-        gain = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        gain_slope = k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3))
-        if not (k4 or k5 or k6):
-            return gain, gain_slope
-        loss = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
-        loss_slope = k4 + r2 * (2.0 * k5 + r2 * (3.0 * k6))
-        ratio = gain / loss
-        return ratio, (gain_slope - ratio * loss_slope) / loss
-
     def _map(self, x: np.ndarray, y: np.ndarray) -> PlaneMap:
         """The distortion without tilt, and its derivatives."""
-        p1, p2 = self._full[2:4]
-        s1, s2, s3, s4 = self._full[8:12]
-        xx, yy, xy = x * x, y * y, x * y
-        r2 = xx + yy
-        gain, slope = self._radial(r2)
-        a, b = x * gain, y * gain
-        a_x, b_y = gain + 2.0 * xx * slope, gain + 2.0 * yy * slope
-        a_y = b_x = 2.0 * xy * slope
-        if p1 or p2:
-            a = a + 2.0 * p1 * xy + p2 * (r2 + 2.0 * xx)
-            b = b + p1 * (r2 + 2.0 * yy) + 2.0 * p2 * xy
-            a_x = a_x + 2.0 * p1 * y + 6.0 * p2 * x
-            b_y = b_y + 6.0 * p1 * y + 2.0 * p2 * x
-            a_y = b_x = a_y + 2.0 * p1 * x + 2.0 * p2 * y
-        if s1 or s2 or s3 or s4:
-            a, b = a + r2 * (s1 + s2 * r2), b + r2 * (s3 + s4 * r2)
-            prism_a, prism_b = 2.0 * (s1 + 2.0 * s2 * r2), 2.0 * (s3 + 2.0 * s4 * r2)
-            a_x, a_y = a_x + x * prism_a, a_y + y * prism_a
-            b_x, b_y = b_x + x * prism_b, b_y + y * prism_b
-        return PlaneMap(a, b, a_x, a_y, b_x, b_y)
-
-    def _start(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        radius, distorted = self._radial_table
-        target = np.hypot(a, b)
-        scale = np.interp(target, distorted, radius) / target
-        scale[target == 0.0] = 1.0
-        # Newton would search in vain for what no point is imaged to.
-        scale[target > self._farthest_image] = np.nan
-        return a * scale, b * scale
+        out = np.empty((6, x.size))
+        distort(self.untilted, x.ravel(), y.ravel(), out)
+        return PlaneMap(*out.reshape(6, *x.shape))
 
     @cached_property
     def _farthest_image(self) -> float:
@@ -172,9 +128,14 @@ class RadialTangential:
 
     @cached_property
     def _radial_table(self) -> tuple[np.ndarray, np.ndarray]:
-        """Radii before and after the radial part alone, increasing, evenly spaced in angle."""
+        """Radii after and before the radial part alone, increasing, evenly spaced in angle."""
         radius = np.tan(np.linspace(0.0, min(np.arctan(self.fold), FARTHEST_RAD), RADIAL_NODES))
-        return radius, radius * self._radial(radius * radius)[0]
+        k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
+        r2 = radius * radius
+        gain, loss = (
+            1.0 + r2 * (a + r2 * (b + r2 * c)) for a, b, c in ((k1, k2, k3), (k4, k5, k6))
+        )
+        return radius * gain / loss, radius
 
     @cached_property
     def fold(self) -> float:

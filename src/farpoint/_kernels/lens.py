@@ -1,0 +1,167 @@
+"""Lenses, ray by ray: the derivative of a ray by its pixel, and the pinhole with its distortion.
+
+``k`` holds the first twelve coefficients of radial-tangential distortion in OpenCV's order,
+``k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4``, absent ones zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel, kernel
+
+__all__ = ["distort", "invert_projection", "pinhole_ray_jacobian", "pinhole_rays", "undistort"]
+
+NEWTON_TOLERANCE = 1e-10
+NEWTON_ITERATIONS = 20
+
+
+@kernel
+def pinhole_rays(
+    pixels: np.ndarray, fx: float, fy: float, cx: float, cy: float, rays: np.ndarray
+) -> None:
+    """Unit rays (N, 3) of pixels (N, 2) of a pinhole; rows of NaN where they have no direction."""
+    for i in range(len(pixels)):
+        x = (pixels[i, 0] - cx) / fx
+        y = (pixels[i, 1] - cy) / fy
+        square = x * x + y * y + 1.0
+        scale = 1.0 / np.sqrt(square) if square < np.inf else np.nan
+        rays[i, 0] = x * scale
+        rays[i, 1] = y * scale
+        rays[i, 2] = scale
+
+
+@kernel
+def invert_projection(rays: np.ndarray, forward: np.ndarray, jacobian: np.ndarray) -> None:
+    """Derivative (N, 3, 2) of unit rays by their pixels, from that of pixels by points (N, 2, 3).
+
+    The rows ``u`` and ``v`` of the forward derivative, taken at a ray ``r`` of any length, are
+    perpendicular to it, so its pseudo-inverse has the columns ``v x r`` and ``r x u``, divided by
+    ``r . (u x v)``; that by ``|r|`` is the derivative of the unit ray.
+    """
+    for i in range(len(rays)):
+        rx, ry, rz = rays[i, 0], rays[i, 1], rays[i, 2]
+        ux, uy, uz = forward[i, 0, 0], forward[i, 0, 1], forward[i, 0, 2]
+        vx, vy, vz = forward[i, 1, 0], forward[i, 1, 1], forward[i, 1, 2]
+        volume = rx * (uy * vz - uz * vy) + ry * (uz * vx - ux * vz) + rz * (ux * vy - uy * vx)
+        scaled = volume * np.sqrt(rx * rx + ry * ry + rz * rz)
+        inverse = 1.0 / scaled if scaled != 0.0 else np.nan
+        jacobian[i, 0, 0] = (vy * rz - vz * ry) * inverse
+        jacobian[i, 1, 0] = (vz * rx - vx * rz) * inverse
+        jacobian[i, 2, 0] = (vx * ry - vy * rx) * inverse
+        jacobian[i, 0, 1] = (ry * uz - rz * uy) * inverse
+        jacobian[i, 1, 1] = (rz * ux - rx * uz) * inverse
+        jacobian[i, 2, 1] = (rx * uy - ry * ux) * inverse
+
+
+@inner_kernel
+def _distort_point(k, x, y):
+    """Distorted point (a, b) and its derivatives, a_x, a_y, b_x, b_y."""
+    p1, p2 = k[2], k[3]
+    xx, yy, xy = x * x, y * y, x * y
+    r2 = xx + yy
+    loss = 1.0 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]))
+    loss_slope = k[5] + r2 * (2.0 * k[6] + r2 * (3.0 * k[7]))
+    gain = (1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / loss
+    slope = (k[0] + r2 * (2.0 * k[1] + r2 * (3.0 * k[4])) - gain * loss_slope) / loss
+    a = x * gain + 2.0 * p1 * xy + p2 * (r2 + 2.0 * xx) + r2 * (k[8] + k[9] * r2)
+    b = y * gain + p1 * (r2 + 2.0 * yy) + 2.0 * p2 * xy + r2 * (k[10] + k[11] * r2)
+    prism_a, prism_b = 2.0 * (k[8] + 2.0 * k[9] * r2), 2.0 * (k[10] + 2.0 * k[11] * r2)
+    skewed = 2.0 * (xy * slope + p1 * x + p2 * y)
+    a_x = gain + 2.0 * xx * slope + 2.0 * p1 * y + 6.0 * p2 * x + x * prism_a
+    b_y = gain + 2.0 * yy * slope + 6.0 * p1 * y + 2.0 * p2 * x + y * prism_b
+    return a, b, a_x, skewed + y * prism_a, skewed + x * prism_b, b_y
+
+
+@kernel
+def distort(k: np.ndarray, x: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
+    """Rows (6, N) of distorted points and their derivatives: a, b, a_x, a_y, b_x, b_y."""
+    for i in range(len(x)):
+        out[0, i], out[1, i], out[2, i], out[3, i], out[4, i], out[5, i] = _distort_point(
+            k, x[i], y[i]
+        )
+
+
+@inner_kernel
+def _interpolate(target, arguments, values):
+    """Piecewise linear function through a table of growing arguments, held constant outside."""
+    low, high = 0, len(arguments) - 1
+    if target >= arguments[high]:
+        return values[high]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if arguments[middle] <= target:
+            low = middle
+        else:
+            high = middle
+    share = (target - arguments[low]) / (arguments[high] - arguments[low])
+    return values[low] + share * (values[high] - values[low])
+
+
+@inner_kernel
+def _undistort_point(k, a, b, x, y):
+    """Newton's method from (x, y); NaN where it does not settle."""
+    for _ in range(NEWTON_ITERATIONS):
+        at_a, at_b, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
+        inverse = 1.0 / (a_x * b_y - a_y * b_x)
+        step_x = (b_y * (a - at_a) - a_y * (b - at_b)) * inverse
+        step_y = (a_x * (b - at_b) - b_x * (a - at_a)) * inverse
+        x += step_x
+        y += step_y
+        # NaN counts as settled: it stays NaN.
+        if not abs(step_x) + abs(step_y) > NEWTON_TOLERANCE * (1.0 + abs(x) + abs(y)):
+            return x, y
+    return np.nan, np.nan
+
+
+@kernel
+def undistort(
+    k: np.ndarray,
+    a: np.ndarray,
+    b: np.ndarray,
+    table: tuple[np.ndarray, np.ndarray],
+    farthest: float,
+    fold: float,
+    out: np.ndarray,
+) -> None:
+    """Inverse of `distort`, rows x and y (2, N); NaN where nothing is imaged.
+
+    ``table`` holds radii of the distorted and the undistorted plane, where Newton's method starts;
+    ``farthest`` is the largest distorted radius that is reached, ``fold`` the largest undistorted.
+    """
+    for i in range(len(a)):
+        target = np.sqrt(a[i] * a[i] + b[i] * b[i])
+        x = y = np.nan
+        # Newton would search in vain for what no point is imaged to.
+        if target <= farthest and target < np.inf:
+            scale = _interpolate(target, table[0], table[1]) / target if target > 0.0 else 1.0
+            x, y = _undistort_point(k, a[i], b[i], a[i] * scale, b[i] * scale)
+        if not x * x + y * y < fold * fold:
+            x = y = np.nan
+        out[0, i], out[1, i] = x, y
+
+
+@kernel
+def pinhole_ray_jacobian(
+    k: np.ndarray, fold: float, fx: float, fy: float, rays: np.ndarray, jacobian: np.ndarray
+) -> None:
+    """Derivative (N, 3, 2) of unit rays by the pixels of a distorted pinhole; NaN beyond its fold.
+
+    Rays of any length are taken. With ``v = (x, y, 1)`` and the unit ray ``r = v / |v|``,
+    ``dr = (dv - r (r . dv)) / |v|``.
+    """
+    for i in range(len(rays)):
+        x, y, z = rays[i, 0], rays[i, 1], rays[i, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        rx, ry, rz = x / length, y / length, z / length
+        x, y = x / z, y / z
+        if rz > 0.0 and x * x + y * y < fold * fold:
+            _, _, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
+            scale = rz / (a_x * b_y - a_y * b_x)
+        else:
+            a_x = a_y = b_x = b_y = scale = np.nan
+        for column, by_x, by_y in ((0, b_y / fx, -b_x / fx), (1, -a_y / fy, a_x / fy)):
+            along = rx * by_x + ry * by_y
+            jacobian[i, 0, column] = (by_x - rx * along) * scale
+            jacobian[i, 1, column] = (by_y - ry * along) * scale
+            jacobian[i, 2, column] = -rz * along * scale

@@ -1,0 +1,78 @@
+"""The loops over rays against linear algebra and OpenCV; also run without the compiler."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from farpoint._kernels.lens import distort, invert_projection, pinhole_ray_jacobian, undistort
+
+K = np.array([0.9, 0.2, 1e-3, -5e-4, 0.02, 1.2, 0.4, 0.05, 1e-3, -2e-3, 5e-4, 1e-3])
+
+
+def unit_rows(count: int) -> np.ndarray:
+    rays = np.random.default_rng(0).normal(size=(count, 3))
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+def test_inverse_of_a_projection_is_its_pseudo_inverse() -> None:
+    rays = unit_rows(50)
+    # Rows perpendicular to the ray, as depth changes no pixel.
+    forward = np.random.default_rng(1).normal(size=(50, 2, 3))
+    forward -= (forward @ rays[:, :, None]) * rays[:, None, :]
+    expected = np.linalg.pinv(forward)
+    jacobian = np.empty((50, 3, 2))
+    invert_projection(rays, forward, jacobian)
+    np.testing.assert_allclose(jacobian, expected, rtol=1e-10, atol=1e-12)
+    # Three times as far away, a point moves its pixel by a third.
+    invert_projection(3.0 * rays, forward / 3.0, jacobian)
+    np.testing.assert_allclose(jacobian, expected, rtol=1e-10, atol=1e-12)
+
+
+def test_no_inverse_where_the_projection_is_flat() -> None:
+    jacobian = np.zeros((2, 3, 2))
+    with np.errstate(all="ignore"):
+        invert_projection(
+            unit_rows(2), np.stack([np.zeros((2, 3)), np.full((2, 3), np.nan)]), jacobian
+        )
+    assert np.isnan(jacobian).all()
+
+
+def test_distorts_as_opencv_does_and_back() -> None:
+    x, y = np.random.default_rng(2).uniform(-1.0, 1.0, (2, 200))
+    out = np.empty((6, 200))
+    distort(K, x, y, out)
+    zero = np.zeros(3)
+    points = np.column_stack([x, y, np.ones(200)])
+    expected = cv2.projectPoints(points, zero, zero, np.eye(3), K)[0][:, 0]
+    np.testing.assert_allclose(out[:2].T, expected, rtol=0, atol=1e-12)
+
+    radii = np.linspace(0.0, 2.0, 50)
+    rim = np.empty((6, 50))
+    distort(np.concatenate([K[:2], [0, 0], K[4:8], np.zeros(4)]), radii, np.zeros(50), rim)
+    back = np.empty((2, 200))
+    undistort(K, out[0], out[1], (rim[0], radii), 5.0, 1.2, back)
+    seen = np.hypot(x, y) < 1.2
+    assert 100 < seen.sum() < 200
+    np.testing.assert_allclose(back[:, seen], np.stack([x, y])[:, seen], rtol=0, atol=1e-10)
+    assert np.isnan(back[:, ~seen]).all()
+
+
+@pytest.mark.parametrize(("point", "seen"), [((0.5, 0.2, 1), True), ((2, 0, 1), False)])
+def test_derivative_of_a_pinholes_ray(point: tuple[float, ...], seen: bool) -> None:
+    rays = np.array([point, np.negative(point)], dtype=float)
+    jacobian = np.empty((2, 3, 2))
+    pinhole_ray_jacobian(np.zeros(12), 1.5, 500.0, 400.0, rays, jacobian)
+    assert np.isnan(jacobian[1]).all()
+    assert np.isfinite(jacobian[0]).all() == seen
+    if seen:
+        x, y, _ = point
+        step = 1e-6
+        ahead, behind = (
+            np.array([[x + sign * step / 500, y, 1], [x, y + sign * step / 400, 1]])
+            for sign in (1, -1)
+        )
+        rows = [r / np.linalg.norm(r, axis=1, keepdims=True) for r in (ahead, behind)]
+        expected = (rows[0] - rows[1]).T / (2 * step)
+        np.testing.assert_allclose(jacobian[0], expected, rtol=0, atol=1e-9)
