@@ -1,6 +1,8 @@
-"""The Sampson residual, its full derivative against differences."""
+"""The Sampson residual and its full derivatives against differences."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -25,6 +27,13 @@ def sampson_jacobian(view: View, i: int) -> tuple[float, np.ndarray]:
     basis = sphere.tangent_basis(view.t)
     residual = epipolar.sampson_jacobian(view.pairs, view.R, view.t, basis, i, J)
     return residual, J
+
+
+def sampson_curvature(view: View, i: int) -> tuple[float, np.ndarray, np.ndarray]:
+    scratch, J, K = np.full((6, 5), np.nan), np.full(5, np.nan), np.full((5, 5), np.nan)
+    basis = sphere.tangent_basis(view.t)
+    residual = epipolar.sampson_curvature(view.pairs, view.R, view.t, basis, i, scratch, J, K)
+    return residual, J, K
 
 
 @quick
@@ -81,6 +90,44 @@ def test_the_full_derivative_of_the_residual(seed, error_rad, baseline_m):
         np.testing.assert_allclose(J, numeric, rtol=1e-4, atol=1e-5 * scale)
 
 
+@quick
+@given(
+    seed=seeds,
+    error_rad=st.sampled_from([0.0, 1e-2, 0.1]),
+    baseline_m=st.sampled_from([0.1, 1.0]),
+)
+def test_the_second_derivative_of_the_residual(seed, error_rad, baseline_m):
+    view = two_views(seed, 2, error_rad=error_rad, baseline_m=baseline_m)
+
+    def along(step: np.ndarray) -> float:
+        return sampson(view.pairs, *moved(view.R, view.t, step), 0)
+
+    residual, J, K = sampson_curvature(view, 0)
+    np.testing.assert_array_equal(K, K.T)
+    # Two ways to write the same residual: they may differ in the last digits.
+    expected, first = sampson_jacobian(view, 0)
+    assert residual == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    np.testing.assert_allclose(J, first, rtol=1e-8, atol=1e-8 * np.abs(first).max())
+    for k, axis in enumerate(np.eye(5)):
+        # d2r/dk dj by polarisation: second differences along k + j, and along k and j alone.
+        for j, other in enumerate(np.eye(5)[: k + 1]):
+            direction = axis + other
+            both = second_difference(along, direction, 2e-3 * baseline_m)
+            alone = [second_difference(along, e, 2e-3 * baseline_m) for e in (axis, other)]
+            numeric = 0.5 * (both - sum(alone))
+            assert K[k, j] == pytest.approx(numeric, abs=2e-3 * max(np.abs(K).max(), abs(both)))
+
+
+def second_difference(function: Callable, direction: np.ndarray, step: float) -> float:
+    """Second derivative along a direction, with one Richardson extrapolation."""
+
+    def bend(h: float) -> float:
+        far = function(h * direction) + function(-h * direction)
+        return (far - 2.0 * function(np.zeros(5))) / h**2
+
+    return (4.0 * bend(step / 2) - bend(step)) / 3.0
+
+
 def test_the_weight_has_a_derivative_that_matters():
     # With the weight frozen (trap 1), the derivative would be that of the constraint alone.
     view = two_views(3, 1, error_rad=0.05)
@@ -98,6 +145,6 @@ def test_a_match_at_the_epipole_satisfies_every_plane():
     # The variance of the constraint is exactly zero there: no division by it.
     at = View(RayPairs(axis, axis, flat, flat), np.eye(3), axis[0])
     assert sampson(at.pairs, at.R, at.t, 0) == 0.0
-    residual, J = sampson_jacobian(at, 0)
-    assert residual == 0.0
-    np.testing.assert_array_equal(J, np.zeros(5))
+    for residual, *derivatives in (sampson_jacobian(at, 0), sampson_curvature(at, 0)):
+        assert residual == 0.0
+        assert not any(derivative.any() for derivative in derivatives)

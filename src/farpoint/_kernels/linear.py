@@ -15,6 +15,7 @@ from farpoint._kernels.compile import kernel
 __all__ = [
     "apply_rotation_step",
     "draw_index",
+    "draw_unit",
     "kabsch",
     "solve_spd",
     "tangent_basis",
@@ -22,15 +23,20 @@ __all__ = [
 
 
 @kernel
-def draw_index(state: np.ndarray, n: int) -> int:
-    """Uniform integer in [0, n) from a splitmix64 ``state`` (1,) uint64, which is advanced."""
+def draw_unit(state: np.ndarray) -> float:
+    """Uniform number in [0, 1) from a splitmix64 ``state`` (1,) uint64, which is advanced."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     z = state[0]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     z = z ^ (z >> np.uint64(31))
-    # The top 53 bits make a double in [0, 1); its bias over n < 2^32 is beyond notice.
-    return int(float(z >> np.uint64(11)) * 1.1102230246251565e-16 * n)
+    return float(z >> np.uint64(11)) * 1.1102230246251565e-16
+
+
+@kernel
+def draw_index(state: np.ndarray, n: int) -> int:
+    """Uniform integer in [0, n); its bias over n < 2^32 is beyond notice."""
+    return int(draw_unit(state) * n)
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""What a ray hits first: a walk through the cells of the scene's grid, then the hills.
+"""What a ray hits first: a walk through the cells of a grid of shapes, then the hills.
 
 Directions need not have unit length: distances are counted in lengths of the direction. The grid is
 walked by Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", Eurographics 1987.
@@ -10,95 +10,88 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
-from farpoint._kernels.scene_arrays import BOX, CYLINDER, GROUND, NOTHING, SKY, SceneArrays
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.scene_arrays import (
+    BOX,
+    ELLIPSOID,
+    FIRST_RING,
+    GROUND,
+    NOTHING,
+    SKY,
+    Blocks,
+    Hills,
+)
 
-__all__ = ["cast_rays", "trace"]
+__all__ = ["TOP_FACE", "cast_rays", "trace"]
 
 TOP_FACE = 4
 
 
-@kernel
-def hit_box(shape, ox, oy, oz, dx, dy, dz):
-    """Distance and face (0-3 the sides -x, +x, -z, +z; 4 top, 5 bottom); infinity for a miss."""
-    cos, sin = shape[2], shape[3]
-    px = (ox - shape[0]) * cos + (oz - shape[1]) * sin
-    pz = (oz - shape[1]) * cos - (ox - shape[0]) * sin
-    qx = dx * cos + dz * sin
-    qz = dz * cos - dx * sin
-    near_x, far_x = slab(px, qx, -shape[4], shape[4])
-    near_z, far_z = slab(pz, qz, -shape[5], shape[5])
-    near_y, far_y = slab(oy, dy, shape[6], shape[7])
-    enter, face = near_x, 0 if qx > 0.0 else 1
-    if near_z > enter:
-        enter, face = near_z, 2 if qz > 0.0 else 3
-    if near_y > enter:
-        enter, face = near_y, 4 if dy > 0.0 else 5
-    if enter > 0.0 and enter <= min(far_x, far_y, far_z):
-        return enter, face
-    return math.inf, 0
-
-
-@kernel
-def slab(origin, direction, low, high):
-    """Distances at which a coordinate enters and leaves ``[low, high]``."""
+@inner_kernel
+def slab(origin, direction, half):
+    """Distances at which a coordinate enters and leaves ``[-half, half]``."""
     if direction == 0.0:
-        inside = low <= origin <= high
-        return (-math.inf, math.inf) if inside else (math.inf, -math.inf)
-    a, b = (low - origin) / direction, (high - origin) / direction
-    return min(a, b), max(a, b)
+        return (-math.inf, math.inf) if abs(origin) <= half else (math.inf, -math.inf)
+    centre, reach = -origin / direction, abs(half / direction)
+    return centre - reach, centre + reach
 
 
-@kernel
-def hit_cylinder(shape, ox, oy, oz, dx, dy, dz):
-    """Distance to the outer wall of an upright cylinder without lids."""
-    px, pz, radius = ox - shape[0], oz - shape[1], shape[4]
-    t = first_root(dx * dx + dz * dz, px * dx + pz * dz, px * px + pz * pz - radius * radius)
-    y = oy + t * dy
-    return t if shape[6] <= y <= shape[7] else math.inf
+@inner_kernel
+def hit_box(px, py, pz, dx, dy, dz, half_x, half_y, half_z):
+    """Distance and face (0-3 the sides -x, +x, -z, +z; 4 top, 5 bottom); infinity for a miss.
+
+    The ray is given in the axes of the box, from its centre.
+    """
+    near_x, far_x = slab(px, dx, half_x)
+    near_y, far_y = slab(py, dy, half_y)
+    near_z, far_z = slab(pz, dz, half_z)
+    enter = max(near_x, near_y, near_z)
+    if not 0.0 < enter <= min(far_x, far_y, far_z):
+        return math.inf, 0
+    if enter == near_x:
+        return enter, 0 if dx > 0.0 else 1
+    if enter == near_z:
+        return enter, 2 if dz > 0.0 else 3
+    return enter, TOP_FACE if dy > 0.0 else TOP_FACE + 1
 
 
-@kernel
-def hit_ellipsoid(shape, ox, oy, oz, dx, dy, dz):
-    """Distance to an ellipsoid with a round cross-section."""
-    px, pz, radius = ox - shape[0], oz - shape[1], shape[4]
-    stretch = 2.0 * radius / (shape[7] - shape[6])
-    py, qy = (oy - 0.5 * (shape[6] + shape[7])) * stretch, dy * stretch
-    return first_root(
-        dx * dx + qy * qy + dz * dz,
-        px * dx + py * qy + pz * dz,
-        px * px + py * py + pz * pz - radius * radius,
-    )
-
-
-@kernel
-def first_root(a, half_b, c):
-    """Smaller root of ``a t^2 + 2 half_b t + c``; infinity unless it is positive."""
-    square = half_b * half_b - a * c
+@inner_kernel
+def hit_round(px, py, pz, dx, dy, dz, radius, half_height, stretch):
+    """Distance to the outside of an ellipsoid (stretched to a ball) or a tube (stretch 0)."""
+    qy, sy = py * stretch, dy * stretch
+    a = dx * dx + sy * sy + dz * dz
+    half_b = px * dx + qy * sy + pz * dz
+    square = half_b * half_b - a * (px * px + qy * qy + pz * pz - radius * radius)
     if square < 0.0 or a == 0.0:
         return math.inf
     t = (-half_b - math.sqrt(square)) / a
-    return t if t > 0.0 else math.inf
+    # An ellipsoid lies within its height but for rounding.
+    return t if t > 0.0 and abs(py + t * dy) <= half_height * 1.000001 else math.inf
 
 
-@kernel
-def hit_shape(scene, index, ox, oy, oz, dx, dy, dz):
+@inner_kernel
+def hit_shape(shape, index, ox, oy, oz, dx, dy, dz):
     """Distance to a shape and its face."""
-    shape, kind = scene.shape[index], scene.kind[index]
-    if kind == BOX:
-        return hit_box(shape, ox, oy, oz, dx, dy, dz)
-    if kind == CYLINDER:
-        return hit_cylinder(shape, ox, oy, oz, dx, dy, dz), 0
-    return hit_ellipsoid(shape, ox, oy, oz, dx, dy, dz), 0
+    x, z = ox - shape[index, 0], oz - shape[index, 1]
+    y = oy - 0.5 * (shape[index, 6] + shape[index, 7])
+    half_height = 0.5 * (shape[index, 7] - shape[index, 6])
+    half_x, half_z = shape[index, 4], shape[index, 5]
+    if shape[index, 8] == BOX:
+        cos, sin = shape[index, 2], shape[index, 3]
+        px, pz = x * cos + z * sin, z * cos - x * sin
+        qx, qz = dx * cos + dz * sin, dz * cos - dx * sin
+        return hit_box(px, y, pz, qx, dy, qz, half_x, half_height, half_z)
+    stretch = half_x / half_height if shape[index, 8] == ELLIPSOID else 0.0
+    return hit_round(x, y, z, dx, dy, dz, half_x, half_height, stretch), 0
 
 
-@kernel
-def hit_hills(scene, ox, oy, oz, dx, dy, dz):
+@inner_kernel
+def hit_hills(ring, height, ox, oy, oz, dx, dy, dz):
     """Distance to the nearest ring of hills, and the ring; the origin lies within all of them."""
     a = dx * dx + dz * dz
-    steps = scene.ring_height.shape[1]
-    for k in range(scene.ring.shape[0]):
-        px, pz, radius = ox - scene.ring[k, 0], oz - scene.ring[k, 1], scene.ring[k, 2]
+    steps = height.shape[1]
+    for k in range(ring.shape[0]):
+        px, pz, radius = ox - ring[k, 0], oz - ring[k, 1], ring[k, 2]
         half_b = px * dx + pz * dz
         square = half_b * half_b - a * (px * px + pz * pz - radius * radius)
         if a < 1e-12 or square < 0.0:
@@ -106,16 +99,19 @@ def hit_hills(scene, ox, oy, oz, dx, dy, dz):
         t = (-half_b + math.sqrt(square)) / a
         place = (math.atan2(px + t * dx, pz + t * dz) / (2.0 * math.pi) + 0.5) * steps
         step = int(place)
-        left, right = scene.ring_height[k, step % steps], scene.ring_height[k, (step + 1) % steps]
+        left, right = height[k, step % steps], height[k, (step + 1) % steps]
         if -(oy + t * dy) < left + (place - step) * (right - left):
             return t, k
     return math.inf, -1
 
 
-@kernel
-def cell_walk(origin, direction, corner, size):
-    """First cell along one axis, step to the next, distance to the next wall, and between walls."""
-    cell = math.floor((origin - corner) / size)
+@inner_kernel
+def first_wall(origin, direction, corner, size):
+    """Along one axis: the cell of the origin, the step to the next, and distances to walls.
+
+    The last two are the distance to the first wall and the one between walls.
+    """
+    cell = int(math.floor((origin - corner) / size))
     if direction == 0.0:
         return cell, 0, math.inf, math.inf
     step = 1 if direction > 0.0 else -1
@@ -123,58 +119,82 @@ def cell_walk(origin, direction, corner, size):
     return cell, step, (wall - origin) / direction, size / abs(direction)
 
 
-@kernel
-def hit_shapes(scene, ox, oy, oz, dx, dy, dz, limit):
+@inner_kernel
+def hit_shapes(
+    shape, cell_start, cell_shape, cell_top, grid, ox, oy, oz, dx, dy, dz, limit
+):
     """Nearest shape closer than ``limit``: distance, shape (NOTHING if none) and face."""
-    nx, nz = int(scene.grid[3]), int(scene.grid[4])
-    i, step_i, wall_i, between_i = cell_walk(ox, dx, scene.grid[0], scene.grid[2])
-    j, step_j, wall_j, between_j = cell_walk(oz, dz, scene.grid[1], scene.grid[2])
-    best, shape, face = limit, NOTHING, 0
-    while 0 <= i < nx and 0 <= j < nz:
-        cell = j * nx + i
-        for k in range(scene.cell_start[cell], scene.cell_start[cell + 1]):
-            index = scene.cell_shape[k]
-            t, at = hit_shape(scene, index, ox, oy, oz, dx, dy, dz)
-            if t < best:
-                best, shape, face = t, index, at
-        if best <= min(wall_i, wall_j):
-            break
+    nx, nz = int(grid[3]), int(grid[4])
+    i, step_i, wall_i, between_i = first_wall(ox, dx, grid[0], grid[2])
+    j, step_j, wall_j, between_j = first_wall(oz, dz, grid[1], grid[2])
+    best, found, face, entered = limit, NOTHING, 0, 0.0
+    while 0 <= i < nx and 0 <= j < nz and entered < best:
+        cell, leaves = j * nx + i, min(wall_i, wall_j)
+        lowest = oy + dy * (min(leaves, best) if dy > 0.0 else entered)
+        if lowest >= cell_top[cell]:
+            for k in range(cell_start[cell], cell_start[cell + 1]):
+                t, at = hit_shape(shape, cell_shape[k], ox, oy, oz, dx, dy, dz)
+                if t < best:
+                    best, found, face = t, cell_shape[k], at
         if wall_i < wall_j:
             i, wall_i = i + step_i, wall_i + between_i
         else:
-            if wall_j == math.inf:
-                break
             j, wall_j = j + step_j, wall_j + between_j
-    return best, shape, face
+        entered = leaves
+    return best, found, face
 
 
-@kernel
-def trace(scene, ox, oy, oz, dx, dy, dz):
+@inner_kernel
+def trace(
+    shape, cell_start, cell_shape, cell_top, grid, ring, height, ox, oy, oz, dx, dy, dz
+):
     """Distance along a ray, the surface it hits first, and the face of that surface."""
-    limit, surface, face = math.inf, SKY, 0
     reach = math.inf
     if dy > 0.0:
-        limit, surface = -oy / dy, GROUND
-        reach = limit
+        reach = -oy / dy  # the ground
     elif dy < 0.0:
-        reach = max(0.0, (scene.top_y - oy) / dy)  # above all shapes from there on
-    t, shape, at = hit_shapes(scene, ox, oy, oz, dx, dy, dz, reach)
-    if shape != NOTHING:
-        return t, shape, at
-    t, ring = hit_hills(scene, ox, oy, oz, dx, dy, dz)
-    if ring >= 0 and t < limit:
-        return t, -4 - ring, 0
-    return limit, surface, face
+        reach = max(0.0, (grid[5] - oy) / dy)  # above all shapes from there on
+    t, surface, face = hit_shapes(
+        shape, cell_start, cell_shape, cell_top, grid, ox, oy, oz, dx, dy, dz, reach
+    )
+    if surface != NOTHING:
+        return t, surface, face
+    t, k = hit_hills(ring, height, ox, oy, oz, dx, dy, dz)
+    if dy > 0.0 and reach <= t:
+        return reach, GROUND, 0
+    if k >= 0:
+        return t, FIRST_RING - k, 0
+    return math.inf, SKY, 0
 
 
 @kernel
 def cast_rays(
-    scene: SceneArrays, origin: np.ndarray, directions: np.ndarray, distances: np.ndarray
+    blocks: Blocks,
+    hills: Hills,
+    origin: np.ndarray,
+    directions: np.ndarray,
+    distances: np.ndarray,
 ) -> None:
     """Fill ``distances`` (N,), in lengths of ``directions`` (N, 3), from one origin; inf for sky."""
+    shape, cell_start, cell_shape, cell_top, grid = blocks
+    ring, height = hills
+    ox, oy, oz = origin[0], origin[1], origin[2]
     for i in range(len(directions)):
-        dx, dy, dz = directions[i]
-        if math.isnan(dx + dy + dz):
-            distances[i] = math.nan
-            continue
-        distances[i] = trace(scene, origin[0], origin[1], origin[2], dx, dy, dz)[0]
+        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        distances[i] = math.nan
+        if not math.isnan(dx + dy + dz):
+            distances[i] = trace(
+                shape,
+                cell_start,
+                cell_shape,
+                cell_top,
+                grid,
+                ring,
+                height,
+                ox,
+                oy,
+                oz,
+                dx,
+                dy,
+                dz,
+            )[0]

@@ -1,4 +1,4 @@
-"""Grey values of a scene: one ray per pixel, sixteen where the pixel or a neighbour has an edge.
+"""Images of a scene: one ray per pixel, sixteen where the pixel or a neighbour has an edge.
 
 Textures are filtered over the footprint of the pixel (`farpoint._kernels.texture`), silhouettes by
 supersampling, so that what moves by a fraction of a pixel looks as if it did.
@@ -10,147 +10,33 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
-from farpoint._kernels.raycast import TOP_FACE, trace
-from farpoint._kernels.scene_arrays import BOX, CYLINDER, GROUND, NOTHING, SKY, SceneArrays
-from farpoint._kernels.texture import filtered, footprint_axes
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.raycast import trace
+from farpoint._kernels.scene_arrays import NOTHING, Blocks, Finish, Hills
+from farpoint._kernels.surfaces import ray_grey
 
 __all__ = ["render"]
 
-NOISE = 0  # texture of the noise that lies over every surface, at two scales
-FINE_M = 0.011  # metres per texel
-COARSE_M = 0.23
-EDGE_SAMPLES = 4  # per axis
-EDGE_REACH = 0.66  # px from the centre: with the weights, a filter a little wider than a pixel
+
+def tent_offsets(count: int, half_width: float) -> np.ndarray:
+    """Offsets (count, 2), px, distributed like a tent: a rank-1 lattice, warped.
+
+    All their x differ, and all their y: an edge along rows or columns, too, is met at as many
+    places as there are samples.
+    """
+    lattice = np.stack([np.arange(count), 7 * np.arange(count) % count], axis=1)
+    share = (lattice + 0.5) / count
+    tail = half_width * (1.0 - np.sqrt(2.0 * np.minimum(share, 1.0 - share)))
+    return np.where(share < 0.5, -tail, tail)
 
 
-@kernel
-def box_frame(shape, face, x, y, z):
-    """Normal, unit vectors of texture u and v, and u, v of a point on a box (see `surface_frame`)."""
-    cos, sin = shape[2], shape[3]
-    px = (x - shape[0]) * cos + (z - shape[1]) * sin
-    pz = (z - shape[1]) * cos - (x - shape[0]) * sin
-    if face >= TOP_FACE:
-        return (0.0, 1.0, 0.0), (cos, 0.0, sin), (-sin, 0.0, cos), px, pz
-    down = (0.0, 1.0, 0.0)
-    if face < 2:
-        return (cos, 0.0, sin), (-sin, 0.0, cos), down, pz, y
-    return (-sin, 0.0, cos), (cos, 0.0, sin), down, px, y
+# As wide as the filter of the textures: sigma 1.25 / sqrt(6) = 0.51 px.
+EDGE_OFFSETS = tent_offsets(16, 1.25)
+CENTRE = np.zeros((1, 2))
+EDGE_FOOTPRINT = 0.4  # of the pixel's, for one of the samples
 
 
-@kernel
-def surface_frame(scene, surface, face, x, y, z):
-    """Normal (either sign), unit vectors along texture u and v, and u, v in metres."""
-    down = (0.0, 1.0, 0.0)
-    if surface == GROUND:
-        return down, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), x, z
-    if surface >= 0 and scene.kind[surface] == BOX:
-        return box_frame(scene.shape[surface], face, x, y, z)
-    # Round things: u runs around the axis.
-    if surface >= 0:
-        centre_x, centre_z = scene.shape[surface, 0], scene.shape[surface, 1]
-        radius = scene.shape[surface, 4]
-    else:
-        ring = -4 - surface
-        centre_x, centre_z, radius = scene.ring[ring, 0], scene.ring[ring, 1], scene.ring[ring, 2]
-    px, pz = x - centre_x, z - centre_z
-    across = math.sqrt(px * px + pz * pz) + 1e-12
-    outward = (px / across, 0.0, pz / across)
-    around = (pz / across, 0.0, -px / across)
-    u = radius * math.atan2(px, pz)
-    if surface >= 0 and scene.kind[surface] != CYLINDER:
-        top, bottom = scene.shape[surface, 6], scene.shape[surface, 7]
-        squash = 2.0 * radius / (bottom - top)
-        ny = (y - 0.5 * (top + bottom)) * squash * squash / across
-        return (outward[0], ny, outward[2]), around, down, u, y
-    return outward, around, down, u, y
-
-
-@kernel
-def project_step(normal, axis, direction, step, t, facing):
-    """Shift along ``axis`` of the point hit when the ray's direction changes by ``step``."""
-    slide = (normal[0] * step[0] + normal[1] * step[1] + normal[2] * step[2]) / facing
-    return t * (
-        axis[0] * (step[0] - slide * direction[0])
-        + axis[1] * (step[1] - slide * direction[1])
-        + axis[2] * (step[2] - slide * direction[2])
-    )
-
-
-@kernel
-def sky_grey(scene, direction, step_x, step_y):
-    """Clouds on a plane overhead, bent down towards the horizon; infinitely far away."""
-    depth = 0.35 - direction[1]
-    scale = 260.0  # texels of the noise from the zenith outwards
-    u, v = scale * direction[0] / depth, scale * direction[2] / depth
-    ux = (scale * step_x[0] + u * step_x[1]) / depth
-    vx = (scale * step_x[2] + v * step_x[1]) / depth
-    uy = (scale * step_y[0] + u * step_y[1]) / depth
-    vy = (scale * step_y[2] + v * step_y[1]) / depth
-    major_u, major_v, minor = footprint_axes(ux, uy, vx, vy)
-    clouds = filtered(scene, NOISE, u, v, major_u, major_v, minor)
-    return 205.0 + 25.0 * (direction[1] + 0.3) + 16.0 * clouds
-
-
-@kernel
-def light(normal, surface):
-    """Brightness by orientation: walls that face different ways differ."""
-    if surface < 0:
-        return 1.0
-    length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-    return 0.72 + 0.28 * abs(0.35 * normal[0] - 0.75 * normal[1] + 0.55 * normal[2]) / length
-
-
-@kernel
-def surface_grey(scene, surface, face, t, origin, direction, step_x, step_y):
-    """Grey value of a surface over the footprint that ``step_x``, ``step_y`` span."""
-    x, y, z = (
-        origin[0] + t * direction[0],
-        origin[1] + t * direction[1],
-        origin[2] + t * direction[2],
-    )
-    normal, along_u, along_v, u, v = surface_frame(scene, surface, face, x, y, z)
-    facing = normal[0] * direction[0] + normal[1] * direction[1] + normal[2] * direction[2]
-    facing = math.copysign(max(abs(facing), 0.02), facing)
-    major_u, major_v, minor = footprint_axes(
-        project_step(normal, along_u, direction, step_x, t, facing),
-        project_step(normal, along_u, direction, step_y, t, facing),
-        project_step(normal, along_v, direction, step_x, t, facing),
-        project_step(normal, along_v, direction, step_y, t, facing),
-    )
-    shapes = scene.kind.shape[0]
-    paint = scene.paint[surface if surface >= 0 else shapes + (0 if surface == GROUND else -3 - surface)]
-    u, v = u + paint[5], v + paint[6]
-    grey = paint[0] * light(normal, surface)
-    if paint[3] != 0.0 and (surface < 0 or face < TOP_FACE):
-        scale = 1.0 / paint[2]
-        grey += paint[3] * filtered(
-            scene, int(paint[1]), u * scale, v * scale, major_u * scale, major_v * scale, minor * scale
-        )
-    shift = 7.3 * face  # metres: every face has its own part of the noise
-    for metres in (FINE_M, COARSE_M):
-        scale = 1.0 / metres
-        grey += paint[4] * filtered(
-            scene,
-            NOISE,
-            (u + shift) * scale,
-            (v - shift) * scale,
-            major_u * scale,
-            major_v * scale,
-            minor * scale,
-        )
-    return grey
-
-
-@kernel
-def ray_grey(scene, surface, face, t, origin, direction, step_x, step_y):
-    """Grey value where a ray ended."""
-    if surface == SKY:
-        return sky_grey(scene, direction, step_x, step_y)
-    return surface_grey(scene, surface, face, t, origin, direction, step_x, step_y)
-
-
-@kernel
+@inner_kernel
 def turned(R, x, y, z):
     """``R @ (x, y, z)``."""
     return (
@@ -160,30 +46,7 @@ def turned(R, x, y, z):
     )
 
 
-@kernel
-def cast_pixels(scene, world_from_cam, rays, steps, image, depth, surfaces):
-    """One ray per pixel: grey, distance, and the number of the face it hit."""
-    R, origin = world_from_cam[:3, :3], (world_from_cam[0, 3], world_from_cam[1, 3], world_from_cam[2, 3])
-    for row in range(rays.shape[0]):
-        for column in range(rays.shape[1]):
-            ray, step = rays[row, column], steps[row, column]
-            if math.isnan(ray[0] + step[0, 0] + step[0, 1]):
-                image[row, column], depth[row, column] = 0.0, math.nan
-                surfaces[row, column] = 8 * NOTHING
-                continue
-            direction = turned(R, ray[0], ray[1], ray[2])
-            step_x = turned(R, step[0, 0], step[1, 0], step[2, 0])
-            step_y = turned(R, step[0, 1], step[1, 1], step[2, 1])
-            t, surface, face = trace(
-                scene, origin[0], origin[1], origin[2], direction[0], direction[1], direction[2]
-            )
-            depth[row, column], surfaces[row, column] = t, 8 * surface + face
-            image[row, column] = ray_grey(
-                scene, surface, face, t, origin, direction, step_x, step_y
-            )
-
-
-@kernel
+@inner_kernel
 def is_edge(surfaces, row, column):
     """Whether a pixel or one of its eight neighbours shows another face."""
     here = surfaces[row, column]
@@ -196,34 +59,49 @@ def is_edge(surfaces, row, column):
     return False
 
 
-@kernel
-def edge_grey(scene, R, origin, ray, step):
-    """Mean grey of many rays through one pixel, those near its centre counting most."""
-    total, weights = 0.0, 0.0
-    share = 2.0 * EDGE_REACH / EDGE_SAMPLES
-    step_x = turned(R, share * step[0, 0], share * step[1, 0], share * step[2, 0])
-    step_y = turned(R, share * step[0, 1], share * step[1, 1], share * step[2, 1])
-    centre = turned(R, ray[0], ray[1], ray[2])
-    for k in range(EDGE_SAMPLES * EDGE_SAMPLES):
-        a = k % EDGE_SAMPLES - 0.5 * (EDGE_SAMPLES - 1)
-        b = k // EDGE_SAMPLES - 0.5 * (EDGE_SAMPLES - 1)
-        direction = (
-            centre[0] + a * step_x[0] + b * step_y[0],
-            centre[1] + a * step_x[1] + b * step_y[1],
-            centre[2] + a * step_x[2] + b * step_y[2],
-        )
+@inner_kernel
+def pixel_grey(blocks, hills, finish, pose, ray, step, offsets, footprint):
+    """Mean grey of the rays at ``offsets`` from the pixel's centre, and what the last one hit."""
+    shape, cell_start, cell_shape, cell_top, grid = blocks
+    ring, height = hills
+    paint, texels, texture = finish
+    centre = turned(pose, ray[0], ray[1], ray[2])
+    right = turned(pose, step[0, 0], step[1, 0], step[2, 0])
+    down = turned(pose, step[0, 1], step[1, 1], step[2, 1])
+    step_x = (footprint * right[0], footprint * right[1], footprint * right[2])
+    step_y = (footprint * down[0], footprint * down[1], footprint * down[2])
+    ox, oy, oz = pose[0, 3], pose[1, 3], pose[2, 3]
+    total, t, surface, face = 0.0, 0.0, NOTHING, 0
+    for k in range(len(offsets)):
+        a, b = offsets[k, 0], offsets[k, 1]
+        dx = centre[0] + a * right[0] + b * down[0]
+        dy = centre[1] + a * right[1] + b * down[1]
+        dz = centre[2] + a * right[2] + b * down[2]
         t, surface, face = trace(
-            scene, origin[0], origin[1], origin[2], direction[0], direction[1], direction[2]
+            shape, cell_start, cell_shape, cell_top, grid, ring, height, ox, oy, oz, dx, dy, dz
         )
-        weight = math.exp(-1.5 * share * share * (a * a + b * b))
-        total += weight * ray_grey(scene, surface, face, t, origin, direction, step_x, step_y)
-        weights += weight
-    return total / weights
+        total += ray_grey(
+            shape,
+            ring,
+            paint,
+            texels,
+            texture,
+            surface,
+            face,
+            t,
+            (ox, oy, oz),
+            (dx, dy, dz),
+            step_x,
+            step_y,
+        )
+    return total / len(offsets), t, 8 * surface + face
 
 
 @kernel
 def render(
-    scene: SceneArrays,
+    blocks: Blocks,
+    hills: Hills,
+    finish: Finish,
     world_from_cam: np.ndarray,
     rays: np.ndarray,
     steps: np.ndarray,
@@ -235,7 +113,8 @@ def render(
 
     Parameters
     ----------
-    scene : SceneArrays
+    blocks, hills, finish : Blocks, Hills, Finish
+        The scene.
     world_from_cam : ndarray, shape (4, 4)
     rays : ndarray, shape (H, W, 3)
         Unit rays of the pixel centres in camera axes; NaN where there is none.
@@ -248,11 +127,19 @@ def render(
     surfaces : ndarray of int64, shape (H, W)
         Out: eight times the number of the surface, plus its face.
     """
-    cast_pixels(scene, world_from_cam, rays, steps, image, depth, surfaces)
-    R, origin = world_from_cam[:3, :3], (world_from_cam[0, 3], world_from_cam[1, 3], world_from_cam[2, 3])
-    for row in range(rays.shape[0]):
-        for column in range(rays.shape[1]):
-            if is_edge(surfaces, row, column):
-                image[row, column] = edge_grey(
-                    scene, R, origin, rays[row, column], steps[row, column]
-                )
+    rows, columns = depth.shape
+    for sweep in range(2):  # all pixels by one ray, then the edges again by many
+        offsets, footprint = (CENTRE, 1.0) if sweep == 0 else (EDGE_OFFSETS, EDGE_FOOTPRINT)
+        for row in range(rows):
+            for column in range(columns):
+                ray, step = rays[row, column], steps[row, column]
+                if math.isnan(ray[0] + step[0, 0] + step[0, 1]):
+                    image[row, column], depth[row, column] = 0.0, math.nan
+                    surfaces[row, column] = 8 * NOTHING
+                elif sweep == 0 or is_edge(surfaces, row, column):
+                    grey, t, face = pixel_grey(
+                        blocks, hills, finish, world_from_cam, ray, step, offsets, footprint
+                    )
+                    image[row, column] = grey
+                    if sweep == 0:
+                        depth[row, column], surfaces[row, column] = t, face

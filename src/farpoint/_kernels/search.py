@@ -10,7 +10,13 @@ from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.direction import intersect_circles
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.likelihood import apply_step, refine_pose
-from farpoint._kernels.linear import draw_index, tangent_basis
+from farpoint._kernels.linear import (
+    apply_rotation_step,
+    draw_index,
+    draw_unit,
+    solve_spd,
+    tangent_basis,
+)
 from farpoint._kernels.pairs import RayPairs
 
 __all__ = ["iterations_needed", "score_pose", "search_direction", "search_pose", "solve_five"]
@@ -19,6 +25,8 @@ __all__ = ["iterations_needed", "score_pose", "search_direction", "search_pose",
 GATE_SIGMA = 3.0
 # Share of wrong matches that EM starts from.
 START_WRONG = 0.2
+# Flow after the far rotation, rad, from which on Newton's method starts too far away to be trusted.
+LONG_FLOW = 0.05
 
 
 @kernel
@@ -186,13 +194,15 @@ def solve_five(pairs: RayPairs, sample: np.ndarray, R: np.ndarray, t: np.ndarray
 
 @kernel
 def iterations_needed(
-    wrong: float, confidence: float, min_iterations: int, max_iterations: int
+    wrong: float, flow: float, confidence: float, min_iterations: int, max_iterations: int
 ) -> int:
-    """Samples of five until one without a wrong match was drawn with this confidence.
+    """Samples of five until one without a wrong match led to the pose, with this confidence.
 
-    A good sample is taken to converge to the right pose every second time.
+    A good sample converges to the right pose every second time where the ``flow`` that the rotation
+    leaves is short, and ever more rarely where it is long (rad): the start is then far away.
     """
-    hit = 0.5 * max(1.0 - wrong, 0.0) ** 5
+    converging = 0.5 / (1.0 + (flow / LONG_FLOW) ** 2)
+    hit = converging * max(1.0 - wrong, 0.0) ** 5
     if hit <= 0.0:
         return max_iterations
     needed = math.log(1.0 - confidence) / math.log(1.0 - hit)
@@ -232,6 +242,92 @@ def _longest_flow_first(pairs: RayPairs, R: np.ndarray, sample: np.ndarray) -> N
         sample[s], sample[first] = sample[first], sample[s]
 
 
+@inner_kernel
+def _typical_flow(pairs: RayPairs, R: np.ndarray, scratch: np.ndarray) -> float:
+    """Median angle, rad, that the rotation ``R`` leaves between matched rays."""
+    for i in range(scratch.shape[0]):
+        square = 0.0
+        for k in range(3):
+            d = pairs.rays1[i, k]
+            for j in range(3):
+                d -= R[k, j] * pairs.rays0[i, j]
+            square += d * d
+        scratch[i] = square
+    return math.sqrt(np.median(scratch))
+
+
+@kernel
+def planar_twin(
+    pairs: RayPairs, R: np.ndarray, t: np.ndarray, twin_R: np.ndarray, twin_t: np.ndarray
+) -> bool:
+    """The other motion that a plane through the matches would allow; False where there is none.
+
+    The plane ``n . X = 1`` (camera 0, unit of the translation) is fitted to the inverse distances
+    ``n . a`` of the matches. With ``tau = R^T t`` the plane induces ``R (I + tau n^T)``, and since
+    ``tau n^T - n tau^T = [n x tau]x`` the twin exchanges translation and normal and turns by
+    ``n x tau``: exact for small motions (Longuet-Higgins, Proc. R. Soc. B 227, 1986,
+    DOI 10.1098/rspb.1986.0032), a start for the refinement otherwise.
+    """
+    M = np.zeros((3, 3))
+    v = np.zeros(3)
+    L = np.empty((3, 3))
+    plane = np.empty(3)
+    tau = np.empty(3)
+    for k in range(3):
+        tau[k] = R[0, k] * t[0] + R[1, k] * t[1] + R[2, k] * t[2]
+    back = np.empty(3)
+    for i in range(pairs.rays0.shape[0]):
+        a = pairs.rays0[i]
+        for k in range(3):
+            back[k] = (
+                R[0, k] * pairs.rays1[i, 0]
+                + R[1, k] * pairs.rays1[i, 1]
+                + R[2, k] * pairs.rays1[i, 2]
+            )
+        # l1 b = l0 a + tau in camera 0: cross products with b give a x b / l0' = -(tau x b).
+        x0 = a[1] * back[2] - a[2] * back[1]
+        x1 = a[2] * back[0] - a[0] * back[2]
+        x2 = a[0] * back[1] - a[1] * back[0]
+        y0 = tau[1] * back[2] - tau[2] * back[1]
+        y1 = tau[2] * back[0] - tau[0] * back[2]
+        y2 = tau[0] * back[1] - tau[1] * back[0]
+        square = y0 * y0 + y1 * y1 + y2 * y2
+        if not square > 1e-12:
+            continue
+        inverse_distance = -(x0 * y0 + x1 * y1 + x2 * y2) / square
+        # Each weighs by its own accuracy; a wrong one is bounded by its neighbours.
+        weight = square / (1.0 + inverse_distance * inverse_distance)
+        for k in range(3):
+            v[k] += weight * inverse_distance * a[k]
+            for j in range(3):
+                M[k, j] += weight * a[k] * a[j]
+    norm = 0.0
+    if not solve_spd(M, v, 1e-9, L, plane):
+        return False
+    for k in range(3):
+        norm += plane[k] * plane[k]
+    norm = math.sqrt(norm)
+    if not norm > 1e-9:
+        return False
+    turn = np.empty(3)
+    for k in range(3):
+        k1, k2 = (k + 1) % 3, (k + 2) % 3
+        turn[k] = plane[k1] * tau[k2] - plane[k2] * tau[k1]
+    # R Exp(turn) = Exp(R turn) R.
+    apply_rotation_step(
+        R,
+        R[0, 0] * turn[0] + R[0, 1] * turn[1] + R[0, 2] * turn[2],
+        R[1, 0] * turn[0] + R[1, 1] * turn[1] + R[1, 2] * turn[2],
+        R[2, 0] * turn[0] + R[2, 1] * turn[1] + R[2, 2] * turn[2],
+        twin_R,
+    )
+    for k in range(3):
+        twin_t[k] = 0.0
+        for j in range(3):
+            twin_t[k] += twin_R[k, j] * plane[j] / norm
+    return True
+
+
 @kernel
 def search_pose(
     pairs: RayPairs,
@@ -260,6 +356,7 @@ def search_pose(
     r = np.empty(n)
     w = np.empty(n)
     start = R.copy()
+    flow = _typical_flow(pairs, start, r)
     hypothesis_R = np.empty((3, 3))
     hypothesis_t = np.empty(3)
     hypothesis_mixture = np.empty(2)
@@ -271,13 +368,22 @@ def search_pose(
     best = _negative_log_likelihood(cost, mixture, n)
     limit = GATE_SIGMA * GATE_SIGMA * mixture[0]
     best_raw = limit * n
-    needed = iterations_needed(mixture[1], confidence, min_iterations, max_iterations)
+    needed = iterations_needed(mixture[1], flow, confidence, min_iterations, max_iterations)
     iteration = 0
     while iteration < needed:
         iteration += 1
         _draw_distinct(sample, n, state)
         if iteration % 2 == 0:
-            hypothesis_R[:, :] = start
+            if flow > 0.2 * LONG_FLOW:
+                apply_rotation_step(
+                    start,
+                    flow * (2.0 * draw_unit(state) - 1.0),
+                    flow * (2.0 * draw_unit(state) - 1.0),
+                    flow * (2.0 * draw_unit(state) - 1.0),
+                    hypothesis_R,
+                )
+            else:
+                hypothesis_R[:, :] = start
             _longest_flow_first(pairs, hypothesis_R, sample)
             if not intersect_circles(pairs, hypothesis_R, sample[0], sample[1], hypothesis_t):
                 continue
@@ -311,7 +417,28 @@ def search_pose(
             R[:, :] = hypothesis_R
             t[:] = hypothesis_t
             mixture[:] = hypothesis_mixture
-            needed = iterations_needed(mixture[1], confidence, min_iterations, max_iterations)
+            needed = iterations_needed(mixture[1], flow, confidence, min_iterations, max_iterations)
+    if planar_twin(pairs, R, t, hypothesis_R, hypothesis_t):
+        hypothesis_mixture[0] = mixture[0]
+        hypothesis_mixture[1] = mixture[1]
+        cost = refine_pose(
+            pairs,
+            prior,
+            spread,
+            min_variance,
+            8,
+            hypothesis_R,
+            hypothesis_t,
+            hypothesis_mixture,
+            H,
+            r,
+            w,
+        )
+        likelihood = _negative_log_likelihood(cost, hypothesis_mixture, n)
+        if likelihood < best:
+            R[:, :] = hypothesis_R
+            t[:] = hypothesis_t
+            mixture[:] = hypothesis_mixture
     # The likelihood does not know the sign; the flow does.
     score_pose(pairs, R, t, GATE_SIGMA * GATE_SIGMA * mixture[0], math.inf)
     return iteration

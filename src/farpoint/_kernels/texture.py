@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 
-from farpoint._kernels.compile import kernel
+from farpoint._kernels.compile import inner_kernel
 
 __all__ = ["filtered"]
 
 MOST_TAPS = 12
-_SHARPNESS = 0.9  # texels of the level that is read, per pixel, at the minor axis
+# Width of the texels that are read, px, at the minor axis. Each level is blurred by 0.8 of its
+# texels and interpolation adds 0.4: a filter of 0.6 sqrt(0.8^2 + 0.4^2) = 0.54 px.
+_TEXEL_PX = 0.6
 
 
-@kernel
+@inner_kernel
 def bilinear(texels, start, log2_width, level, u, v):
     """Level of a pyramid at ``u, v`` in texels of level 0; repeats endlessly."""
     skipped = ((1 << (2 * log2_width + 2)) - (1 << (2 * (log2_width - level) + 2))) // 3
@@ -32,7 +34,7 @@ def bilinear(texels, start, log2_width, level, u, v):
     return upper + fy * (lower - upper)
 
 
-@kernel
+@inner_kernel
 def trilinear(texels, start, log2_width, level, u, v):
     """Pyramid between its levels."""
     below = min(int(level), log2_width)
@@ -42,7 +44,7 @@ def trilinear(texels, start, log2_width, level, u, v):
     return fine + (level - below) * (coarse - fine)
 
 
-@kernel
+@inner_kernel
 def footprint_axes(ux, uy, vx, vy):
     """Major axis (u, v) and length of the minor axis of the ellipse that a pixel covers.
 
@@ -56,23 +58,23 @@ def footprint_axes(ux, uy, vx, vy):
     return major * math.cos(angle), major * math.sin(angle), minor
 
 
-@kernel
-def filtered(scene, texture, u, v, major_u, major_v, minor):
+@inner_kernel
+def filtered(texels, texture, index, u, v, major_u, major_v, minor):
     """Mean of a texture over a footprint; all lengths in texels."""
-    start, log2_width = scene.texture[texture, 0], scene.texture[texture, 1]
+    start, log2_width = texture[index, 0], texture[index, 1]
     major = math.sqrt(major_u * major_u + major_v * major_v)
     width = max(minor, major / MOST_TAPS)
-    level = math.log2(max(width * _SHARPNESS, 1.0))
+    level = math.log2(max(width * _TEXEL_PX, 1.0))
     taps = max(1, math.ceil(major / width - 0.25))
     if taps == 1:
-        return trilinear(scene.texels, start, log2_width, level, u, v)
+        return trilinear(texels, start, log2_width, level, u, v)
     total, weights = 0.0, 0.0
     for k in range(taps):
         place = (2 * k + 1 - taps) / taps
         weight = 1.0 - place * place
         reach = 0.9 * place * (1.0 - width / major)
         value = trilinear(
-            scene.texels, start, log2_width, level, u + reach * major_u, v + reach * major_v
+            texels, start, log2_width, level, u + reach * major_u, v + reach * major_v
         )
         total, weights = total + weight * value, weights + weight
     return total / weights

@@ -73,7 +73,7 @@ def draw_chart(chart: Chart, digest: Digest, number: int) -> str:
     """A figure; `number` is its place among the charts, by which the cursor finds its values."""
     low, high = _log_range(chart.curves) if chart.log else _range(chart.curves)
     height = _height_map(low, high, log=chart.log)
-    span_s = max(float(digest.time_s[-1]), 1e-9)
+    span_s = max(digest.span_s, 1e-9)
     across = digest.time_s / span_s * _WIDTH
     ticks = _ticks(low, high, log=chart.log)
     shapes = [
@@ -110,26 +110,27 @@ def _shapes(
 ) -> list[str]:
     """A curve over its band over its envelope."""
     first, shapes = curve.values.first, []
+    wraps = np.abs(np.diff(first)) > curve.period / 2.0
     if thinned:
-        envelope = _band(across, height(curve.values.low), height(curve.values.high))
+        none = np.zeros(len(first) - 1, bool)
+        envelope = _band(across, height(curve.values.low), height(curve.values.high), none)
         shapes.append(f'<path class="envelope {curve.style}" d="{envelope}"/>')
     if curve.sigma is not None:
-        band = _band(across, height(first - curve.sigma), height(first + curve.sigma))
+        band = _band(across, height(first - curve.sigma), height(first + curve.sigma), wraps)
         shapes.append(f'<path class="band {curve.style}" d="{band}"/>')
-    line = _line(across, height(first), np.abs(np.diff(first)) > curve.period / 2.0)
+    line = _line(across, height(first), wraps)
     shapes.append(f'<path class="curve {curve.style}" d="{line}"/>')
     return shapes
 
 
 def status_strip(digest: Digest) -> str:
     """A bar over the run's time, coloured by the worst status of each stretch."""
-    edges = np.append(digest.time_s, digest.time_s[-1:] + _last_step(digest.time_s))
-    scale = _WIDTH / max(float(edges[-1] - edges[0]), 1e-9) if len(edges) else 1.0
+    edges = np.append(digest.begin_s, digest.span_s) * _WIDTH / max(digest.span_s, 1e-9)
     rects, start = [], 0
     for index in range(1, len(digest.worst) + 1):
         if index < len(digest.worst) and digest.worst[index] is digest.worst[start]:
             continue
-        x, right = ((edges[i] - edges[0]) * scale for i in (start, index))
+        x, right = edges[start], edges[index]
         name = digest.worst[start].value
         rects.append(
             f'<rect class="{name}" x="{x:.2f}" width="{right - x:.2f}" height="10">'
@@ -262,17 +263,14 @@ def _line(x: np.ndarray, y: np.ndarray, wraps: np.ndarray) -> str:
     return "".join(words)
 
 
-def _band(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> str:
-    """Closed paths between two curves, one for each stretch without gaps."""
+def _band(x: np.ndarray, low: np.ndarray, high: np.ndarray, wraps: np.ndarray) -> str:
+    """Closed paths between two curves, one for each stretch that `_line` joins."""
     known = np.isfinite(low) & np.isfinite(high)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
+    breaks = np.flatnonzero(~(known[1:] & known[:-1]) | wraps) + 1
     words = []
-    for start, end in edges.reshape(-1, 2):
-        there = [f"{x[i]:.1f} {high[i]:.1f}" for i in range(start, end)]
-        back = [f"{x[i]:.1f} {low[i]:.1f}" for i in reversed(range(start, end))]
-        words.append("M" + "L".join(there + back) + "Z")
+    for stretch in np.split(np.arange(len(x)), breaks):
+        if known[stretch].all():
+            there = [f"{x[i]:.1f} {high[i]:.1f}" for i in stretch]
+            back = [f"{x[i]:.1f} {low[i]:.1f}" for i in stretch[::-1]]
+            words.append("M" + "L".join(there + back) + "Z")
     return "".join(words)
-
-
-def _last_step(time_s: np.ndarray) -> float:
-    return float(time_s[-1] - time_s[-2]) if len(time_s) > 1 else 1.0

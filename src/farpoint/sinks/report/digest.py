@@ -44,10 +44,10 @@ class Digest:
 
     Attributes
     ----------
-    start_s : float
-        Time stamp of the first frame; 0 when there is no row.
-    time_s : ndarray, shape (B,)
-        Start of each bin, seconds since the first frame.
+    span_s : float
+        Seconds from the first frame to the last; 0 when there is no row.
+    begin_s, time_s : ndarray, shape (B,)
+        Times of the two frames of the first pair of each bin, seconds since the first frame.
     stride : int
         Pairs in a bin.
     worst : list of PoseStatus
@@ -58,7 +58,8 @@ class Digest:
         Curves by name: degrees, pixels and counts.
     """
 
-    start_s: float
+    span_s: float
+    begin_s: np.ndarray
     time_s: np.ndarray
     stride: int
     worst: list[PoseStatus]
@@ -73,23 +74,28 @@ def digest_motions(path: Path) -> Digest:
     """Read ``motions.csv`` in parts and keep at most `MAX_POINTS` bins of it."""
     stride = max(1, -(-_count_lines(path) // MAX_POINTS))
     counts = dict.fromkeys(PoseStatus, 0)
-    times: list[np.ndarray] = [np.empty(0)]
+    times: list[np.ndarray] = [np.empty((0, 2))]
     worst: list[PoseStatus] = []
     parts: list[dict[str, Series]] = []
     start_s: float | None = None
+    end_s = 0.0
     for motions in iter_motions(path, chunk_rows=stride * _BINS_AT_ONCE):
         start_s = float(motions.timestamp0[0]) if start_s is None else start_s
         starts = np.arange(0, len(motions), stride)
         for status in PoseStatus:
             counts[status] += int(np.sum(motions.status == status))
-        times.append(motions.timestamp1[starts] - start_s)
+        end_s = float(motions.timestamp1[-1])
+        both = np.stack([motions.timestamp0, motions.timestamp1], axis=1)
+        times.append(both[starts] - start_s)
         worst += [
             max(motions.status[start : start + stride], key=_WORSE.__getitem__) for start in starts
         ]
         parts.append({name: _binned(row, starts) for name, row in _quantities(motions).items()})
+    begin_s, time_s = np.concatenate(times).T
     return Digest(
-        start_s=start_s or 0.0,
-        time_s=np.concatenate(times),
+        span_s=end_s - (start_s or 0.0),
+        begin_s=begin_s,
+        time_s=time_s,
         stride=stride,
         worst=worst,
         counts=counts,

@@ -1,5 +1,5 @@
 // One cursor over all charts: the values at the time under the pointer.
-const { time, charts } = JSON.parse(document.getElementById("curves").textContent);
+const { span, time, charts } = JSON.parse(document.getElementById("curves").textContent);
 const plots = [...document.querySelectorAll(".plot")];
 
 function nearest(seconds) {
@@ -21,7 +21,7 @@ function show(index) {
   for (const plot of plots) {
     const cursor = plot.querySelector(".cursor");
     cursor.style.display = index === null ? "none" : "block";
-    if (index !== null) cursor.style.left = `${100 * time[index] / (time.at(-1) || 1)}%`;
+    if (index !== null) cursor.style.left = `${100 * time[index] / (span || 1)}%`;
     const output = plot.parentElement.querySelector("output");
     if (!output) continue;
     const curves = charts[output.dataset.chart];
@@ -33,7 +33,7 @@ function show(index) {
 for (const plot of plots) {
   plot.addEventListener("pointermove", (event) => {
     const box = plot.getBoundingClientRect();
-    show(nearest((event.clientX - box.left) / box.width * (time.at(-1) || 1)));
+    show(nearest((event.clientX - box.left) / box.width * (span || 1)));
   });
   plot.addEventListener("pointerleave", () => show(null));
 }

@@ -113,7 +113,7 @@ def _facts(page: PageContents) -> Iterator[tuple[str, str]]:
     )
     yield "Camera", ", ".join(part for part in (camera["model"], size, focal) if part)
     if pairs:
-        yield "Duration", f"{digest.time_s[-1]:.2f} s, {pairs + 1} frames"
+        yield "Duration", f"{digest.span_s:.2f} s, {pairs + 1} frames"
     yield "Time stamps", source.get("timestamps") or ""
     typical = [
         f"{name} {np.nanmedian(digest.series[key].first):.3g} {unit}"
@@ -236,6 +236,7 @@ def _script(charts: list[Chart], digest: Digest) -> str:
     if not charts:
         return ""
     curves = {
+        "span": digest.span_s,
         "time": [round(float(value), 3) for value in digest.time_s],
         "charts": [
             [
