@@ -176,6 +176,16 @@ def test_neither_size_nor_curves_grow_with_the_run_and_no_spike_is_lost(
     assert max(sizes) < 600_000
 
 
+def test_the_status_bar_gives_each_pair_its_own_time(page: str) -> None:
+    bars = re.findall(r'<rect class="(\w+)" x="([\d.]+)" width="([\d.]+)"', page)
+    assert [status for status, _, _ in bars] == ["OK", "FAILED", "OK"]
+    edges = np.array([[float(x), float(x) + float(width)] for _, x, width in bars])
+    pair = 1000 / 59
+    times = [[0, 29 * pair], [29 * pair, 30 * pair], [30 * pair, 1000]]
+    np.testing.assert_allclose(edges, times, atol=0.02)
+    assert "5.90 s, 60 frames" in page
+
+
 def test_the_worst_status_of_a_bin_is_the_one_shown(
     tmp_path: Path, run: RunDescription, make_result: MakeResult
 ) -> None:
@@ -192,9 +202,14 @@ def one_curve(values: list[float], period: float = np.inf) -> str:
     first = np.array(values)
     series = Series(first=first, low=first, high=first)
     digest = Digest(
-        start_s=0.0, time_s=np.arange(len(first), dtype=float), stride=1,
-        worst=[PoseStatus.OK] * len(first), counts={}, series={},
-    )  # fmt: skip
+        span_s=len(first) - 1.0,
+        begin_s=np.arange(len(first)) - 1.0,
+        time_s=np.arange(len(first)) * 1.0,
+        stride=1,
+        worst=[PoseStatus.OK] * len(first),
+        counts={},
+        series={},
+    )
     curve = Curve(name="a", style="c1", values=series, period=period)
     svg = draw_chart(Chart(title="t", unit="u", curves=[curve]), digest, 0)
     return re.findall(r'class="curve c1" d="([^"]*)"', svg)[0]
