@@ -1,0 +1,109 @@
+"""A table as text for people and as CSV for programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = ["Cell", "Column", "Table"]
+
+_WRAP = 100
+
+Cell = str | int | float | None
+"""What stands in a table; None and NaN are figures that do not exist: empty fields."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    name : str
+        With the unit; the same in text and CSV. Names that end in ``_ms``, ``_s`` or ``_fps`` or
+        begin with ``time_`` hold times of this machine, which alone differ from run to run.
+    decimals : int
+        Digits behind the point in the text; the CSV carries six significant digits.
+    """
+
+    name: str
+    decimals: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """One table of the benchmark.
+
+    Attributes
+    ----------
+    name : str
+        Stem of its CSV file.
+    title : str
+        What it shows, in one line.
+    command : str
+        The command that makes it.
+    columns : tuple of Column
+    rows : tuple of tuple of Cell
+        One cell for each column.
+    notes : tuple of str
+        What a reader must know to read it right.
+    chart : str or None
+        A picture of it: SVG.
+    """
+
+    name: str
+    title: str
+    command: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    notes: tuple[str, ...] = ()
+    chart: str | None = None
+
+    def to_text(self) -> str:
+        """Title, command, aligned columns (words left, numbers right) and notes."""
+        cells = [[column.name for column in self.columns]]
+        cells += [
+            [_shown(cell, column.decimals) for cell, column in zip(row, self.columns, strict=True)]
+            for row in self.rows
+        ]
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        words = [
+            all(isinstance(row[i], str | None) for row in self.rows)
+            for i in range(len(self.columns))
+        ]
+        lines = [_aligned(row, widths, words) for row in cells]
+        lines.insert(1, "  ".join("-" * width for width in widths))
+        notes = [textwrap.fill(f"- {note}", _WRAP, subsequent_indent="  ") for note in self.notes]
+        return "\n".join([self.title, f"$ {self.command}", "", *lines, *[""][: len(notes)], *notes])
+
+    def to_csv(self) -> str:
+        """A header and a line for each row."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow([column.name for column in self.columns])
+        for row in self.rows:
+            writer.writerow([_written(cell) for cell in row])
+        return text.getvalue()
+
+
+def _written(cell: Cell) -> str:
+    if cell is None or cell != cell:  # only NaN differs from itself
+        return ""
+    return f"{cell:.6g}" if isinstance(cell, float) else str(cell)
+
+
+def _shown(cell: Cell, decimals: int) -> str:
+    if cell is None or cell != cell:
+        return ""
+    return f"{cell:.{decimals}f}" if isinstance(cell, float) else str(cell)
+
+
+def _aligned(row: Sequence[str], widths: Sequence[int], words: Sequence[bool]) -> str:
+    fields = [
+        cell.ljust(width) if word else cell.rjust(width)
+        for cell, width, word in zip(row, widths, words, strict=True)
+    ]
+    return "  ".join(fields).rstrip()
