@@ -1,0 +1,60 @@
+"""OpenCV: findEssentialMat and recoverPose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from farpoint.bench.estimators.estimator import Estimator, Motion, load_peer, pinhole_points
+from farpoint.bench.views import TwoViews
+from farpoint.geometry.sphere import normalize
+
+__all__ = ["opencv_estimators"]
+
+_CONFIDENCE = 0.999
+_THRESHOLD_PX = 1.0  # both the defaults of findEssentialMat
+_DEFAULT_REACH = 50.0  # recoverPose drops points farther than so many baselines
+_FAR_REACH = 1e6  # far points vote on the sign as near ones do: fewer wrong signs
+
+
+def opencv_estimators() -> tuple[Estimator, ...]:
+    """RANSAC at its defaults and the two better searches, or none."""
+    cv2 = load_peer("cv2")
+    if cv2 is None:
+        return ()
+    searches = (
+        ("OpenCV RANSAC", "defaults", cv2.RANSAC, _DEFAULT_REACH),
+        ("OpenCV USAC_ACCURATE", "recoverPose distanceThresh=1e6", cv2.USAC_ACCURATE, _FAR_REACH),
+        ("OpenCV USAC_MAGSAC", "recoverPose distanceThresh=1e6", cv2.USAC_MAGSAC, _FAR_REACH),
+    )
+    return tuple(
+        Estimator(name=name, settings=settings, prepare=_preparation(cv2, method, reach))
+        for name, settings, method, reach in searches
+    )
+
+
+def _preparation(
+    cv2: Any, method: int, reach: float
+) -> Callable[[TwoViews, int], Callable[[], Motion | None]]:
+    def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
+        del seed  # OpenCV draws the same samples every time
+        ideal = pinhole_points(views)
+        points0, points1, K = ideal.points0, ideal.points1, ideal.matrix
+
+        def estimate() -> Motion | None:
+            try:
+                E, mask = cv2.findEssentialMat(
+                    points0, points1, K, method=method, prob=_CONFIDENCE, threshold=_THRESHOLD_PX
+                )
+                if E is None or E.shape != (3, 3):
+                    return None
+                _, R, t, _, _ = cv2.recoverPose(
+                    E, points0, points1, K, distanceThresh=reach, mask=mask
+                )
+            except cv2.error:  # raised where it finds no model
+                return None
+            return Motion(R, normalize(t[:, 0]))
+
+        return estimate
+
+    return prepare

@@ -1,0 +1,113 @@
+"""All estimators on the same matches in turn, so that whatever else the machine does hits all."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.bench.estimators import Estimator, Motion, load_peer
+from farpoint.bench.views import TwoViews
+
+__all__ = ["Course", "one_thread", "race"]
+
+_REPEATED_BELOW_S = 0.02
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Course:
+    """What one estimator made of V pairs of views.
+
+    Attributes
+    ----------
+    estimator : Estimator
+    rotations : ndarray, shape (V, 3, 3)
+        ``R_cam1_from_cam0``; NaN where there is no answer.
+    directions : ndarray, shape (V, 3)
+        ``direction_cam1_from_cam0``, unit; NaN where there is none.
+    seconds : ndarray, shape (V,)
+        Best time of a call on each.
+    """
+
+    estimator: Estimator
+    rotations: np.ndarray
+    directions: np.ndarray
+    seconds: np.ndarray
+
+
+def race(
+    estimators: Sequence[Estimator],
+    views: Sequence[TwoViews],
+    *,
+    seed: int,
+    repeats: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Course]:
+    """Run every estimator on every pair of views, interleaved.
+
+    Conversion of the matches to what a library wants is not timed. Each estimator sees the first
+    views once before anything counts, so that nothing is loaded or compiled within the time.
+
+    Parameters
+    ----------
+    estimators : sequence of Estimator
+    views : sequence of TwoViews
+        At least one.
+    seed : int
+        Given to every estimator on every call.
+    repeats : int
+        Timed calls of each; the shortest counts. Calls of more than 20 ms are not repeated.
+    progress : callable
+        Told after each pair of views how many are done, and how many there are.
+    """
+    shape = (len(estimators), len(views))
+    rotations = np.full((*shape, 3, 3), np.nan)
+    directions = np.full((*shape, 3), np.nan)
+    seconds = np.empty(shape)
+    with one_thread():
+        for estimator in estimators:
+            estimator.prepare(views[0], seed)()
+        for column, pair in enumerate(views):
+            for row, estimator in enumerate(estimators):
+                estimate = estimator.prepare(pair, seed)
+                motion, seconds[row, column] = _timed(estimate, repeats)
+                if motion is not None:
+                    rotations[row, column] = motion.rotation_cam1_from_cam0
+                    if motion.direction_cam1_from_cam0 is not None:
+                        directions[row, column] = motion.direction_cam1_from_cam0
+            if progress is not None:
+                progress(column + 1, len(views))
+    return [
+        Course(estimator=e, rotations=R, directions=t, seconds=s)
+        for e, R, t, s in zip(estimators, rotations, directions, seconds, strict=True)
+    ]
+
+
+def _timed(estimate: Callable[[], Motion | None], repeats: int) -> tuple[Motion | None, float]:
+    best = np.inf
+    motion = None
+    for _ in range(repeats):
+        start = time.perf_counter()
+        motion = estimate()
+        best = min(best, time.perf_counter() - start)
+        if best > _REPEATED_BELOW_S:
+            break
+    return motion, best
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """OpenCV on one thread; the others use one by themselves, farpoint's kernels among them."""
+    cv2 = load_peer("cv2")
+    if cv2 is None:
+        yield
+        return
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)

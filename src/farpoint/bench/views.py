@@ -1,0 +1,45 @@
+"""What every estimator is given: matches of two views, and the motion that is true."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.synthetic import PointScene
+
+__all__ = ["TwoViews", "views_of_scene"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TwoViews:
+    """Matches between two images of one camera, with the truth.
+
+    Attributes
+    ----------
+    camera : Camera
+        Took both images.
+    points0, points1 : ndarray of float64, shape (N, 2)
+        Pixels; the centre of the top-left pixel is (0, 0).
+    rotation_cam1_from_cam0 : ndarray, shape (3, 3)
+    translation_cam1_from_cam0 : ndarray, shape (3,)
+        The true motion, in any unit of length.
+    """
+
+    camera: Camera
+    points0: np.ndarray
+    points1: np.ndarray
+    rotation_cam1_from_cam0: np.ndarray
+    translation_cam1_from_cam0: np.ndarray
+
+
+def views_of_scene(scene: PointScene) -> TwoViews:
+    """The part of a scene that estimators see, and its true motion."""
+    return TwoViews(
+        camera=scene.camera,
+        points0=scene.points0,
+        points1=scene.points1,
+        rotation_cam1_from_cam0=scene.rotation_cam1_from_cam0,
+        translation_cam1_from_cam0=scene.translation_cam1_from_cam0,
+    )
