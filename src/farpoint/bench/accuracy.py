@@ -1,0 +1,101 @@
+"""How far the answers of an estimator are from the truth, and from the best that is possible."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.bench.race import Course
+from farpoint.bench.views import TwoViews
+from farpoint.geometry import sphere
+from farpoint.metrics import chi2_quantile, direction_error, nees, rotation_error
+
+__all__ = ["GROSS_DIRECTION_DEG", "GROSS_ROTATION_DEG", "Errors", "bound_ratios", "errors_of"]
+
+GROSS_ROTATION_DEG = 1.0
+GROSS_DIRECTION_DEG = 30.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Errors:
+    """Errors over V pairs of views; NaN where there is no answer or no truth to hold it against.
+
+    Attributes
+    ----------
+    dtheta_rad : ndarray, shape (V, 3)
+        ``R_true = Exp(dtheta) @ R_est``.
+    rotation_deg, direction_deg : ndarray, shape (V,)
+        Angles between estimate and truth.
+    failed : int
+        Pairs without any answer.
+    undecided : int
+        Pairs with a rotation but no direction.
+    gross : int
+        Answers whose rotation is more than 1 deg off or whose direction is more than 30 deg off.
+    """
+
+    dtheta_rad: np.ndarray
+    rotation_deg: np.ndarray
+    direction_deg: np.ndarray
+    failed: int
+    undecided: int
+    gross: int
+
+
+def errors_of(course: Course, views: Sequence[TwoViews], *, min_translation: float = 0.0) -> Errors:
+    """Compare with the truth, which has no direction where it moves less than `min_translation`."""
+    R_true, directions_true = _truth(views, min_translation)
+    dtheta = rotation_error(course.rotations, R_true)
+    rotation_deg = np.degrees(np.linalg.norm(dtheta, axis=1))
+    direction_deg = np.degrees(sphere.angle_between(course.directions, directions_true))
+    failed = np.isnan(course.rotations[:, 0, 0])
+    gross = (rotation_deg > GROSS_ROTATION_DEG) | (direction_deg > GROSS_DIRECTION_DEG)
+    return Errors(
+        dtheta_rad=dtheta,
+        rotation_deg=rotation_deg,
+        direction_deg=direction_deg,
+        failed=int(np.count_nonzero(failed)),
+        undecided=int(np.count_nonzero(~failed & np.isnan(course.directions[:, 0]))),
+        gross=int(np.count_nonzero(gross)),
+    )
+
+
+def bound_ratios(
+    course: Course, views: Sequence[TwoViews], bounds: np.ndarray
+) -> tuple[float, float]:
+    """Errors of rotation and direction over their Cramer-Rao bounds: 1 is the best possible.
+
+    The median of the error normalised by the bound over the median that the chi distribution has.
+    A missing answer counts as infinitely wrong.
+
+    Parameters
+    ----------
+    course : Course
+    views : sequence of TwoViews, length V
+    bounds : ndarray, shape (V, 5, 5)
+        Of `farpoint.synthetic.cramer_rao_bound`.
+    """
+    R_true, directions_true = _truth(views, 0.0)
+    # The bound lives in the tangent space of the truth, so the truth takes the estimate's place.
+    dtheta = rotation_error(R_true, course.rotations)
+    bases = sphere.tangent_basis(directions_true)
+    dbeta = direction_error(directions_true, bases, course.directions)
+    return _ratio(dtheta, bounds[:, :3, :3]), _ratio(dbeta, bounds[:, 3:, 3:])
+
+
+def _ratio(errors: np.ndarray, bounds: np.ndarray) -> float:
+    squared = nees(errors, bounds)
+    squared[np.isnan(squared)] = np.inf
+    return float(np.sqrt(np.median(squared) / chi2_quantile(0.5, errors.shape[1])))
+
+
+def _truth(views: Sequence[TwoViews], min_translation: float) -> tuple[np.ndarray, np.ndarray]:
+    """True rotations (V, 3, 3) and directions (V, 3), NaN where the translation is too short."""
+    translations = np.array([v.translation_cam1_from_cam0 for v in views])
+    length = np.linalg.norm(translations, axis=1)
+    directions = np.full_like(translations, np.nan)
+    long = (length > 0.0) & (length >= min_translation)
+    directions[long] = translations[long] / length[long, None]
+    return np.array([v.rotation_cam1_from_cam0 for v in views]), directions
