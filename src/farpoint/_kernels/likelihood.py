@@ -1,8 +1,9 @@
 """The likelihood of a pose given matches of which some are wrong, its maximum and its curvature.
 
-A match is right with a normal residual of variance ``variance``, or wrong, with the share
-``wrong``, and anywhere in a strip of half-width ``spread`` about the epipolar line (all in units of
-the noise).
+A match is good, with a normal residual of variance ``variance``; or poor, with `POOR` times its
+sigma; or wrong, and anywhere in a strip of half-width ``spread`` about the epipolar line (all in
+units of the noise). The shares of poor matches among the right ones and of wrong ones among all are
+estimated along, so that normal noise is treated as such and heavy tails lose only what they must.
 """
 
 from __future__ import annotations
@@ -11,12 +12,15 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
+from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.epipolar import sampson_curvature, sampson_jacobian
 from farpoint._kernels.linear import apply_rotation_step, solve_spd, tangent_basis
 from farpoint._kernels.pairs import RayPairs
 
-__all__ = ["apply_step", "clutter_density", "curvature", "linearize", "refine_pose"]
+# Sigma of a poor match over that of a good one.
+POOR = 3.0
+
+__all__ = ["POOR", "apply_step", "clutter_density", "curvature", "linearize", "refine_pose"]
 
 
 @kernel
@@ -46,39 +50,43 @@ def linearize(
     R: np.ndarray,
     t: np.ndarray,
     basis: np.ndarray,
-    variance: float,
+    mixture: np.ndarray,
     clutter: float,
     H: np.ndarray,
     g: np.ndarray,
     r: np.ndarray,
     w: np.ndarray,
+    poor: np.ndarray,
 ) -> float:
     """Robust cost, gradient ``g`` (5,) and Gauss-Newton matrix ``H`` (5, 5) of all matches.
 
-    A match is an inlier with a normal residual or clutter with a uniform one:
-
-        cost = -sum log(prior exp(-r^2 / 2 variance) + clutter),
-
-    where ``prior`` (N,) scales the inlier's share match by match (0 leaves it out) and ``clutter``
-    is the density of wrong matches over that of inliers at r = 0. ``r`` (N,) receives the residuals
-    and ``w`` (N,) the posterior probabilities of being an inlier, the weights of this step.
+    The cost is ``-sum log(prior (good + poor) + clutter)``, where ``prior`` (N,) scales the share
+    of right matches one by one (0 leaves a match out) and ``clutter`` is the density of wrong
+    matches over that of right ones. ``r`` (N,) receives the residuals, ``w`` (N,) the probabilities
+    of being right and ``poor`` (N,) those of being right but poor.
     """
     J = np.empty(5)
     H[:, :] = 0.0
     g[:] = 0.0
     cost = 0.0
+    precision = 1.0 / mixture[0]
+    share = mixture[2]
     for i in range(pairs.rays0.shape[0]):
         if prior[i] == 0.0:
             r[i] = 0.0
             w[i] = 0.0
+            poor[i] = 0.0
             continue
         residual = sampson_jacobian(pairs, R, t, basis, i, J)
-        likelihood = prior[i] * math.exp(-0.5 * residual * residual / variance)
-        weight = likelihood / (likelihood + clutter)
-        cost -= math.log(likelihood + clutter)
+        square = 0.5 * residual * residual * precision
+        good = prior[i] * (1.0 - share) * math.exp(-square)
+        fair = prior[i] * share / POOR * math.exp(-square / (POOR * POOR))
+        total = good + fair + clutter
+        cost -= math.log(total)
         r[i] = residual
-        w[i] = weight
-        scaled = weight / variance
+        w[i] = (good + fair) / total
+        poor[i] = fair / total
+        scaled = precision * (good + fair / (POOR * POOR)) / total
         for k in range(5):
             sJ = scaled * J[k]
             g[k] += sJ * residual
@@ -88,6 +96,17 @@ def linearize(
         for m in range(k):
             H[m, k] = H[k, m]
     return cost
+
+
+@inner_kernel
+def update_mixture(
+    square: float, total: float, poor: float, count: float, minimum: float, mixture: np.ndarray
+) -> None:
+    """EM step of variance, share of wrong and share of poor matches, from weighted sums."""
+    mixture[0] = max(square, minimum)
+    mixture[1] = min(max(1.0 - total / count, 0.005), 0.95)
+    # One poor match in a hundred is taken for granted, to keep the step from locking at none.
+    mixture[2] = min((poor + 0.01) / (total + 1.0), 0.5)
 
 
 @kernel
@@ -103,12 +122,12 @@ def refine_pose(
     H: np.ndarray,
     r: np.ndarray,
     w: np.ndarray,
+    poor: np.ndarray,
 ) -> float:
     """Maximum-likelihood pose, with noise and wrong matches by EM; returns its cost.
 
-    Gauss-Newton with the full derivative of the residual. ``mixture`` (2,) holds the noise variance
-    and the share of wrong matches, in and out; wrong matches fill a strip of half-width ``spread``
-    about the epipolar line (in units of the noise's coordinate).
+    Gauss-Newton with the full derivative of the residual. ``mixture`` (3,) holds the variance of
+    good matches, the share of wrong ones and that of poor ones, in and out.
     """
     g = np.empty(5)
     L = np.empty((5, 5))
@@ -120,16 +139,17 @@ def refine_pose(
         n += 1.0 if prior[i] > 0.0 else 0.0
     cost = math.inf
     for _ in range(max_iterations):
-        variance, wrong = mixture[0], mixture[1]
-        clutter = clutter_density(variance, wrong, spread)
-        cost = linearize(pairs, prior, R, t, basis, variance, clutter, H, g, r, w)
+        variance = mixture[0]
+        clutter = clutter_density(variance, mixture[1], spread)
+        cost = linearize(pairs, prior, R, t, basis, mixture, clutter, H, g, r, w, poor)
         total = 0.0
+        doubtful = 0.0
         squares = 0.0
         for i in range(w.shape[0]):
             total += w[i]
-            squares += w[i] * r[i] * r[i]
-        mixture[0] = max(squares / max(total - 5.0, 1.0), min_variance)
-        mixture[1] = min(max(1.0 - total / n, 0.005), 0.95)
+            doubtful += poor[i]
+            squares += (w[i] - poor[i] + poor[i] / (POOR * POOR)) * r[i] * r[i]
+        update_mixture(squares / max(total - 5.0, 1.0), total, doubtful, n, min_variance, mixture)
         damping = 0.0
         while not solve_spd(H, g, damping, L, x) and damping < 1.0:
             damping = max(10.0 * damping, 1e-9)
@@ -154,7 +174,7 @@ def curvature(
     prior: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
-    variance: float,
+    mixture: np.ndarray,
     clutter: float,
     hessian: np.ndarray,
     information: np.ndarray,
@@ -164,6 +184,7 @@ def curvature(
     The Jacobian holds the noisy flow, so the Gauss-Newton part takes noise for flow: at low
     parallax it pretends to know what it does not. The exact Hessian is free of that share.
     """
+    precision = 1.0 / mixture[0]
     J = np.empty(5)
     K = np.empty((5, 5))
     D = np.empty((6, 5))
@@ -175,15 +196,18 @@ def curvature(
         if prior[i] == 0.0:
             continue
         r = sampson_curvature(pairs, R, t, basis, i, D, J, K)
-        likelihood = prior[i] * math.exp(-0.5 * r * r / variance)
-        weight = likelihood / (likelihood + clutter) / variance
-        # The weight falls with the residual: a doubtful match bends the cost the other way.
-        doubt = 1.0 - clutter / (likelihood + clutter) * r * r / variance
+        square = 0.5 * r * r * precision
+        good = prior[i] * (1.0 - mixture[2]) * math.exp(-square)
+        fair = prior[i] * mixture[2] / POOR * math.exp(-square / (POOR * POOR))
+        total = good + fair + clutter
+        weight = precision * (good + fair / (POOR * POOR)) / total
+        # The weight changes with the residual: a doubtful match bends the cost the other way.
+        fourth = precision * precision * (good + fair / POOR**4) / total
+        bend = weight - (fourth - weight * weight) * r * r
         for k in range(5):
             for m in range(k + 1):
-                square = weight * J[k] * J[m]
-                information[k, m] += square
-                hessian[k, m] += doubt * square + weight * r * K[k, m]
+                information[k, m] += weight * J[k] * J[m]
+                hessian[k, m] += bend * J[k] * J[m] + weight * r * K[k, m]
     for k in range(5):
         for m in range(k):
             information[m, k] = information[k, m]

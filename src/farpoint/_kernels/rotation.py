@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import kernel
+from farpoint._kernels.likelihood import POOR, update_mixture
 from farpoint._kernels.linear import (
     apply_rotation_step,
     draw_index,
@@ -140,8 +141,10 @@ def rotation_distance2(
     H = np.empty((3, 3))
     g = np.empty(3)
     w = np.empty(out.shape[0])
+    poor = np.empty(out.shape[0])
     prior = np.ones(out.shape[0])
-    rotation_linearize(pairs, prior, R, 1.0, 1.0, H, g, out, w)
+    mixture = np.array([1.0, 0.0, 0.0])
+    rotation_linearize(pairs, prior, R, mixture, 1.0, H, g, out, w, poor)
 
 
 @kernel
@@ -149,12 +152,13 @@ def rotation_linearize(
     pairs: RayPairs,
     prior: np.ndarray,
     R: np.ndarray,
-    variance: float,
+    mixture: np.ndarray,
     clutter: float,
     H: np.ndarray,
     g: np.ndarray,
     d2: np.ndarray,
     w: np.ndarray,
+    poor: np.ndarray,
 ) -> float:
     """Robust cost, gradient ``g`` (3,) and Gauss-Newton matrix ``H`` (3, 3) without translation.
 
@@ -169,6 +173,7 @@ def rotation_linearize(
     g[:] = 0.0
     cost = 0.0
     m = np.empty(3)
+    precision = 1.0 / mixture[0]
     for i in range(pairs.rays0.shape[0]):
         for j in range(3):
             m[j] = (
@@ -200,18 +205,23 @@ def rotation_linearize(
         det = s00 * s11 - s01 * s01
         distance2 = (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / det
         d2[i] = distance2
-        likelihood = prior[i] * math.exp(-0.5 * distance2 / variance)
-        weight = likelihood / (likelihood + clutter)
-        w[i] = weight
         if prior[i] == 0.0:
+            w[i] = 0.0
+            poor[i] = 0.0
             continue
-        cost -= math.log(likelihood + clutter)
+        square = 0.5 * distance2 * precision
+        good = prior[i] * (1.0 - mixture[2]) * math.exp(-square)
+        fair = prior[i] * mixture[2] / (POOR * POOR) * math.exp(-square / (POOR * POOR))
+        total = good + fair + clutter
+        cost -= math.log(total)
+        w[i] = (good + fair) / total
+        poor[i] = fair / total
         # d(b - R a) = m x dtheta, so J = E^T [m]x with rows (e x m).
         for c in range(2):
             J[c, 0] = E[1, c] * m[2] - E[2, c] * m[1]
             J[c, 1] = E[2, c] * m[0] - E[0, c] * m[2]
             J[c, 2] = E[0, c] * m[1] - E[1, c] * m[0]
-        scaled = weight / (variance * det)
+        scaled = precision * (good + fair / (POOR * POOR)) / (total * det)
         for k in range(3):
             W[0, k] = scaled * (s11 * J[0, k] - s01 * J[1, k])
             W[1, k] = scaled * (s00 * J[1, k] - s01 * J[0, k])
@@ -234,13 +244,14 @@ def refine_rotation(
     H: np.ndarray,
     d2: np.ndarray,
     w: np.ndarray,
+    poor: np.ndarray,
 ) -> float:
     """Maximum-likelihood rotation without translation; returns its cost.
 
     The noise and the share of wrong matches are estimated along (EM).
 
-    ``mixture`` (2,) holds the noise variance and the share of wrong matches, in and out; wrong
-    matches fill a disc of radius ``spread`` (in units of the noise's coordinate).
+    ``mixture`` (3,) holds the variance of good matches, the share of wrong ones and that of poor
+    ones, in and out; wrong matches fill a disc of radius ``spread`` (in units of the noise).
     """
     g = np.empty(3)
     L = np.empty((3, 3))
@@ -252,14 +263,16 @@ def refine_rotation(
     for _ in range(max_iterations):
         variance, wrong = mixture[0], mixture[1]
         clutter = wrong / (1.0 - wrong) * 2.0 * variance / (spread * spread)
-        cost = rotation_linearize(pairs, prior, R, variance, clutter, H, g, d2, w)
+        cost = rotation_linearize(pairs, prior, R, mixture, clutter, H, g, d2, w, poor)
         total = 0.0
+        doubtful = 0.0
         squares = 0.0
         for i in range(w.shape[0]):
             total += w[i]
-            squares += w[i] * d2[i]
-        mixture[0] = max(squares / max(2.0 * total - 3.0, 1.0), min_variance)
-        mixture[1] = min(max(1.0 - total / n, 0.005), 0.95)
+            doubtful += poor[i]
+            squares += (w[i] - poor[i] + poor[i] / (POOR * POOR)) * d2[i]
+        square = squares / max(2.0 * total - 3.0, 1.0)
+        update_mixture(square, total, doubtful, n, min_variance, mixture)
         if not solve_spd(H, g, 0.0, L, step):
             break
         apply_rotation_step(R, -step[0], -step[1], -step[2], R)

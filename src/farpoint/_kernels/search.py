@@ -25,6 +25,8 @@ __all__ = ["iterations_needed", "score_pose", "search_direction", "search_pose",
 GATE_SIGMA = 3.0
 # Share of wrong matches that EM starts from.
 START_WRONG = 0.2
+# Share of poor matches that EM starts from.
+START_POOR = 0.1
 # Flow after the far rotation, rad, from which on Newton's method starts too far away to be trusted.
 LONG_FLOW = 0.05
 
@@ -348,23 +350,25 @@ def search_pose(
     direction from two of their own rays, which keeps other minima within reach. A hypothesis that
     agrees with more matches than any before it is refined, and judged by its likelihood with the
     noise that it needs: a wrong minimum looks good only with more noise than there is. ``R``, ``t``
-    and ``mixture`` (variance, share of wrong matches) receive the best.
+    and ``mixture`` (3,) receive the best.
     """
     n = pairs.rays0.shape[0]
     prior = np.ones(n)
     H = np.empty((5, 5))
     r = np.empty(n)
     w = np.empty(n)
+    poor = np.empty(n)
     start = R.copy()
     flow = _typical_flow(pairs, start, r)
     hypothesis_R = np.empty((3, 3))
     hypothesis_t = np.empty(3)
-    hypothesis_mixture = np.empty(2)
+    hypothesis_mixture = np.empty(3)
     sample = np.empty(5, np.int64)
     first_variance = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
     mixture[0] = first_variance
     mixture[1] = START_WRONG
-    cost = refine_pose(pairs, prior, spread, min_variance, 12, R, t, mixture, H, r, w)
+    mixture[2] = START_POOR
+    cost = refine_pose(pairs, prior, spread, min_variance, 12, R, t, mixture, H, r, w, poor)
     best = _negative_log_likelihood(cost, mixture, n)
     limit = GATE_SIGMA * GATE_SIGMA * mixture[0]
     best_raw = limit * n
@@ -396,8 +400,7 @@ def search_pose(
         if raw >= best_raw:
             continue
         best_raw = raw
-        hypothesis_mixture[0] = mixture[0]
-        hypothesis_mixture[1] = mixture[1]
+        hypothesis_mixture[:] = mixture
         cost = refine_pose(
             pairs,
             prior,
@@ -410,6 +413,7 @@ def search_pose(
             H,
             r,
             w,
+            poor,
         )
         likelihood = _negative_log_likelihood(cost, hypothesis_mixture, n)
         if likelihood < best:
@@ -419,8 +423,7 @@ def search_pose(
             mixture[:] = hypothesis_mixture
             needed = iterations_needed(mixture[1], flow, confidence, min_iterations, max_iterations)
     if planar_twin(pairs, R, t, hypothesis_R, hypothesis_t):
-        hypothesis_mixture[0] = mixture[0]
-        hypothesis_mixture[1] = mixture[1]
+        hypothesis_mixture[:] = mixture
         cost = refine_pose(
             pairs,
             prior,
@@ -433,6 +436,7 @@ def search_pose(
             H,
             r,
             w,
+            poor,
         )
         likelihood = _negative_log_likelihood(cost, hypothesis_mixture, n)
         if likelihood < best:

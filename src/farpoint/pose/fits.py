@@ -7,13 +7,20 @@ and anywhere; the noise and the share of wrong matches are estimated along (EM).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.likelihood import clutter_density, curvature, refine_pose
+from farpoint._kernels.likelihood import POOR, clutter_density, curvature, refine_pose
 from farpoint._kernels.rotation import refine_rotation, rotation_distance2
-from farpoint._kernels.search import GATE_SIGMA, START_WRONG, search_direction, search_pose
+from farpoint._kernels.search import (
+    GATE_SIGMA,
+    START_POOR,
+    START_WRONG,
+    search_direction,
+    search_pose,
+)
 from farpoint.pose.far_rotation import FarRotation
 from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
@@ -25,10 +32,46 @@ MIN_VARIANCE = 1e-6
 # Information of one radian on the direction, none on the rotation: the sphere is bounded.
 DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 MAX_REFINEMENTS = 20
+# What parallax is plausible is learnt from the fit, and the fit from what is plausible.
+PARALLAX_ROUNDS = 2
 # The search looks at this many matches: more make it slower, not surer.
 MAX_SEARCHED = 160
 # With fewer matches that the rotation does not explain, all may carry translation.
 MIN_FLOWING = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """What the matches were found to be off by.
+
+    Attributes
+    ----------
+    variance : float
+        Of a good match, per coordinate, in units of the noise that was stated.
+    wrong : float
+        Share of wrong matches.
+    poor : float
+        Share of poor ones, with `POOR` times the sigma, among the right matches.
+    """
+
+    variance: float
+    wrong: float
+    poor: float
+
+    @property
+    def sigma(self) -> float:
+        """Of a good match."""
+        return math.sqrt(self.variance)
+
+    @property
+    def mean_sigma(self) -> float:
+        """Root mean square over good and poor matches."""
+        return math.sqrt(self.variance * (1.0 + self.poor * (POOR**2 - 1.0)))
+
+    @property
+    def array(self) -> np.ndarray:
+        """As the kernels take it."""
+        return np.array([self.variance, self.wrong, self.poor])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,8 +83,7 @@ class TurningFit:
     R_cam1_from_cam0 : ndarray, shape (3, 3)
     covariance : ndarray, shape (3, 3)
         rad^2, if the model is true.
-    variance, wrong : float
-        Noise variance per coordinate, and share of wrong matches.
+    noise : Noise
     distance2 : ndarray, shape (N,)
         Squared Mahalanobis distance of each match for unit noise, 2 degrees of freedom.
     probability : ndarray, shape (N,)
@@ -52,8 +94,7 @@ class TurningFit:
 
     R_cam1_from_cam0: np.ndarray
     covariance: np.ndarray
-    variance: float
-    wrong: float
+    noise: Noise
     distance2: np.ndarray
     probability: np.ndarray
     cost: float
@@ -67,8 +108,7 @@ class MovingFit:
     ----------
     R_cam1_from_cam0 : ndarray, shape (3, 3)
     direction_cam1_from_cam0 : ndarray, shape (3,)
-    variance, wrong : float
-        Noise variance per coordinate, and share of wrong matches.
+    noise : Noise
     residual : ndarray, shape (N,)
         Sampson residual of each match for unit noise.
     parallax : ndarray, shape (N,)
@@ -84,8 +124,7 @@ class MovingFit:
 
     R_cam1_from_cam0: np.ndarray
     direction_cam1_from_cam0: np.ndarray
-    variance: float
-    wrong: float
+    noise: Noise
     residual: np.ndarray
     parallax: np.ndarray
     probability: np.ndarray
@@ -98,8 +137,9 @@ def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> Turn
     """Maximum-likelihood rotation of all matches from a start within its basin."""
     n = len(matches)
     R = R_start.copy()
-    mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_WRONG])
-    information, distance2, probability = np.empty((3, 3)), np.empty(n), np.empty(n)
+    mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_WRONG, START_POOR])
+    information, distance2 = np.empty((3, 3)), np.empty(n)
+    probability, poor = np.empty(n), np.empty(n)
     cost = refine_rotation(
         matches.pairs,
         np.ones(n),
@@ -111,12 +151,12 @@ def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> Turn
         information,
         distance2,
         probability,
+        poor,
     )
     return TurningFit(
         R_cam1_from_cam0=R,
         covariance=_inverse(information),
-        variance=float(mixture[0]),
-        wrong=float(mixture[1]),
+        noise=_noise(mixture),
         distance2=distance2,
         probability=probability,
         cost=cost / n,
@@ -144,7 +184,7 @@ def fit_moving(
     if len(flowing) < MIN_FLOWING:
         flowing = np.arange(len(searched))
     R, t = rotation.R_cam1_from_cam0.copy(), np.empty(3)
-    mixture = np.empty(2)
+    mixture = np.empty(3)
     search_direction(searched.pairs, flowing, tolerance, options.min_iterations, state, R, t)
     iterations = search_pose(
         searched.pairs,
@@ -159,8 +199,31 @@ def fit_moving(
         t,
         mixture,
     )
-    prior, residual, probability = np.ones(n), np.empty(n), np.empty(n)
-    information = np.empty((5, 5))
+    prior = np.ones(n)
+    cost, residual, probability = _refine(matches, prior, R, t, mixture)
+    for _ in range(PARALLAX_ROUNDS):
+        parallax = _parallax(matches, R, t, residual)
+        prior = plausible_parallax(parallax, probability, _noise(mixture), matches.spread)
+        cost, residual, probability = _refine(matches, prior, R, t, mixture)
+    return MovingFit(
+        prior=prior,
+        R_cam1_from_cam0=R,
+        direction_cam1_from_cam0=t,
+        noise=_noise(mixture),
+        residual=residual,
+        parallax=_parallax(matches, R, t, residual),
+        probability=probability,
+        iterations=iterations,
+        cost=cost / n,
+    )
+
+
+def _refine(
+    matches: Matches, prior: np.ndarray, R: np.ndarray, t: np.ndarray, mixture: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Improve pose and noise in place; cost, residuals and probabilities of being right."""
+    n = len(matches)
+    residual, probability, poor = np.empty(n), np.empty(n), np.empty(n)
     cost = refine_pose(
         matches.pairs,
         prior,
@@ -170,46 +233,29 @@ def fit_moving(
         R,
         t,
         mixture,
-        information,
+        np.empty((5, 5)),
         residual,
         probability,
+        poor,
     )
-    parallax = _parallax(matches, R, t, residual)
-    for _ in range(2):
-        prior = plausible_parallax(parallax, probability, mixture[0], matches.spread)
-        cost = refine_pose(
-            matches.pairs,
-            prior,
-            matches.spread,
-            MIN_VARIANCE,
-            MAX_REFINEMENTS,
-            R,
-            t,
-            mixture,
-            information,
-            residual,
-            probability,
-        )
-        parallax = _parallax(matches, R, t, residual)
-    return MovingFit(
-        prior=prior,
-        R_cam1_from_cam0=R,
-        direction_cam1_from_cam0=t,
-        variance=float(mixture[0]),
-        wrong=float(mixture[1]),
-        residual=residual,
-        parallax=parallax,
-        probability=probability,
-        iterations=iterations,
-        cost=cost / n,
-    )
+    return cost, residual, probability
 
 
 def plausible_parallax(
-    parallax: np.ndarray, probability: np.ndarray, variance: float, spread: float
+    parallax: np.ndarray, probability: np.ndarray, noise: Noise, spread: float
 ) -> np.ndarray:
-    """Prior of each match."""
-    sigma = np.sqrt(variance)
+    """Prior (N,) of each match from where it lies along its epipolar line.
+
+    A wrong match lies anywhere in the image; a right one no farther back than noise can throw a
+    far point, and no farther on than the nearest of the others suggest. In between the prior is
+    flat: rotation can imitate parallax, so any slope would pull at the rotation. It scales the
+    density of right matches from the strip ``2 spread`` to the length of the flat part.
+
+    A wrong match far along the line outweighs all right ones. As many as can be expected to lie in
+    the band by chance, and two more that the direction could have chosen to pass through, may not
+    vouch for one another.
+    """
+    sigma = noise.sigma
     p = parallax / sigma
     right = probability > 0.5
     bulk = np.sort(np.abs(p[right & (p > -3.0)]))
@@ -236,8 +282,8 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
         fit.prior,
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
-        fit.variance,
-        clutter_density(fit.variance, fit.wrong, matches.spread),
+        fit.noise.array,
+        clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
         hessian,
         information,
     )
@@ -252,6 +298,11 @@ def _parallax(matches: Matches, R: np.ndarray, t: np.ndarray, residual: np.ndarr
     rotation_distance2(matches.pairs, R, distance2)
     towards = (matches.pairs.rays1 - matches.pairs.rays0 @ R.T) @ t
     return np.copysign(np.sqrt(np.maximum(distance2 - residual**2, 0.0)), towards)
+
+
+def _noise(mixture: np.ndarray) -> Noise:
+    variance, wrong, poor = mixture.tolist()
+    return Noise(variance=variance, wrong=wrong, poor=poor)
 
 
 def _inverse(information: np.ndarray) -> np.ndarray:

@@ -137,7 +137,7 @@ def _estimate(
 def _conclude_moving(
     matches: Matches, fit: MovingFit, options: RelativePoseOptions, course: Course
 ) -> RelativePose:
-    sigma = math.sqrt(fit.variance)
+    sigma = fit.noise.sigma
     right = (fit.probability > 0.5) & (fit.parallax > -NEAR_SIGMA * sigma)
     agreeing = int(np.count_nonzero(right))
     chance = 3.0 * sigma / matches.spread
@@ -158,7 +158,7 @@ def _conclude_moving(
             fit.R_cam1_from_cam0,
             covariance[:3, :3],
             labels,
-            sigma,
+            fit.noise.mean_sigma,
             course,
         )
     return conclusion.observed(
@@ -166,7 +166,7 @@ def _conclude_moving(
         fit.direction_cam1_from_cam0,
         covariance,
         labels,
-        sigma,
+        fit.noise.mean_sigma,
         course,
     )
 
@@ -174,7 +174,7 @@ def _conclude_moving(
 def _conclude_turning(
     matches: Matches, fit: TurningFit, options: RelativePoseOptions, course: Course
 ) -> RelativePose:
-    sigma = math.sqrt(fit.variance)
+    sigma = fit.noise.sigma
     right = fit.probability > 0.5
     agreeing = int(np.count_nonzero(right))
     chance = math.pi / 4.0 * (3.0 * sigma / matches.spread) ** 2
@@ -196,7 +196,7 @@ def _conclude_turning(
         fit.R_cam1_from_cam0,
         fit.covariance,
         label_matches(matches, right),
-        sigma,
+        fit.noise.mean_sigma,
         course,
     )
 

@@ -53,7 +53,7 @@ def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: f
 
 def is_translating(matches: Matches, fit: MovingFit, turning: TurningFit, rate: float) -> bool:
     """Whether the flow shows translation beside the rotation."""
-    sigma = math.sqrt(fit.variance)
+    sigma = fit.noise.sigma
     right = fit.probability > 0.5
     parallax = fit.parallax / sigma
     return _bulk_exceeds_noise(fit, turning, right, parallax, rate) or _near_points_agree(
@@ -88,7 +88,7 @@ def _bulk_exceeds_noise(
     across = np.sum(fit.residual[bulk] ** 2)
     along = np.sum(turning.distance2[bulk]) - across
     # The direction (2) is fitted to the flow along; rotation and direction (5) to that across.
-    ratio = along / (n + 2) / fit.variance
+    ratio = along / (n + 2) / fit.noise.mean_sigma**2
     return bool(special.fdtrc(n + 2, max(n - 5, 1), max(ratio, 0.0)) < rate)
 
 
@@ -101,7 +101,7 @@ def _near_points_agree(
     candidates = int(np.count_nonzero(near | wrong))
     width = math.sqrt(3.0 * np.mean(fit.residual[wrong] ** 2)) if wrong.any() else matches.spread
     # Half of the matches within the band flow the other way.
-    chance = 0.5 * min(BAND_SIGMA * math.sqrt(fit.variance) / max(width, 1e-12), 1.0)
+    chance = 0.5 * min(BAND_SIGMA * fit.noise.sigma / max(width, 1e-12), 1.0)
     return is_consensus(int(np.count_nonzero(near)), candidates, 2, chance, rate)
 
 
