@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.compile import inlined_kernel, kernel
 from farpoint._kernels.scene_arrays import (
     BOX,
     ELLIPSOID,
@@ -27,7 +27,7 @@ __all__ = ["TOP_FACE", "cast_rays", "trace"]
 TOP_FACE = 4
 
 
-@inner_kernel
+@inlined_kernel
 def slab(origin, direction, half):
     """Distances at which a coordinate enters and leaves ``[-half, half]``."""
     if direction == 0.0:
@@ -36,7 +36,7 @@ def slab(origin, direction, half):
     return centre - reach, centre + reach
 
 
-@inner_kernel
+@inlined_kernel
 def hit_box(px, py, pz, dx, dy, dz, half_x, half_y, half_z):
     """Distance and face (0-3 the sides -x, +x, -z, +z; 4 top, 5 bottom); infinity for a miss.
 
@@ -55,7 +55,7 @@ def hit_box(px, py, pz, dx, dy, dz, half_x, half_y, half_z):
     return enter, TOP_FACE if dy > 0.0 else TOP_FACE + 1
 
 
-@inner_kernel
+@inlined_kernel
 def hit_round(px, py, pz, dx, dy, dz, radius, half_height, stretch):
     """Distance to the outside of an ellipsoid (stretched to a ball) or a tube (stretch 0)."""
     qy, sy = py * stretch, dy * stretch
@@ -69,7 +69,7 @@ def hit_round(px, py, pz, dx, dy, dz, radius, half_height, stretch):
     return t if t > 0.0 and abs(py + t * dy) <= half_height * 1.000001 else math.inf
 
 
-@inner_kernel
+@inlined_kernel
 def hit_shape(shape, index, ox, oy, oz, dx, dy, dz):
     """Distance to a shape and its face."""
     x, z = ox - shape[index, 0], oz - shape[index, 1]
@@ -85,7 +85,7 @@ def hit_shape(shape, index, ox, oy, oz, dx, dy, dz):
     return hit_round(x, y, z, dx, dy, dz, half_x, half_height, stretch), 0
 
 
-@inner_kernel
+@inlined_kernel
 def hit_hills(ring, height, ox, oy, oz, dx, dy, dz):
     """Distance to the nearest ring of hills, and the ring; the origin lies within all of them."""
     a = dx * dx + dz * dz
@@ -105,7 +105,7 @@ def hit_hills(ring, height, ox, oy, oz, dx, dy, dz):
     return math.inf, -1
 
 
-@inner_kernel
+@inlined_kernel
 def first_wall(origin, direction, corner, size):
     """Along one axis: the cell of the origin, the step to the next, and distances to walls.
 
@@ -119,7 +119,7 @@ def first_wall(origin, direction, corner, size):
     return cell, step, (wall - origin) / direction, size / abs(direction)
 
 
-@inner_kernel
+@inlined_kernel
 def hit_shapes(
     shape, cell_start, cell_shape, cell_top, grid, ox, oy, oz, dx, dy, dz, limit
 ):
@@ -144,7 +144,7 @@ def hit_shapes(
     return best, found, face
 
 
-@inner_kernel
+@inlined_kernel
 def trace(
     shape, cell_start, cell_shape, cell_top, grid, ring, height, ox, oy, oz, dx, dy, dz
 ):

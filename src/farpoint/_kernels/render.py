@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.compile import inlined_kernel, kernel
 from farpoint._kernels.raycast import trace
 from farpoint._kernels.scene_arrays import NOTHING, Blocks, Finish, Hills
 from farpoint._kernels.surfaces import ray_grey
@@ -36,7 +36,7 @@ CENTRE = np.zeros((1, 2))
 EDGE_FOOTPRINT = 0.4  # of the pixel's, for one of the samples
 
 
-@inner_kernel
+@inlined_kernel
 def turned(R, x, y, z):
     """``R @ (x, y, z)``."""
     return (
@@ -46,7 +46,7 @@ def turned(R, x, y, z):
     )
 
 
-@inner_kernel
+@inlined_kernel
 def is_edge(surfaces, row, column):
     """Whether a pixel or one of its eight neighbours shows another face."""
     here = surfaces[row, column]
@@ -59,7 +59,7 @@ def is_edge(surfaces, row, column):
     return False
 
 
-@inner_kernel
+@inlined_kernel
 def pixel_grey(blocks, hills, finish, pose, ray, step, offsets, footprint):
     """Mean grey of the rays at ``offsets`` from the pixel's centre, and what the last one hit."""
     shape, cell_start, cell_shape, cell_top, grid = blocks

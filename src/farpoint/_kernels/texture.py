@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from farpoint._kernels.compile import inner_kernel
+from farpoint._kernels.compile import inlined_kernel
 
 __all__ = ["filtered"]
 
@@ -18,7 +18,7 @@ MOST_TAPS = 12
 _TEXEL_PX = 0.6
 
 
-@inner_kernel
+@inlined_kernel
 def bilinear(texels, start, log2_width, level, u, v):
     """Level of a pyramid at ``u, v`` in texels of level 0; repeats endlessly."""
     skipped = ((1 << (2 * log2_width + 2)) - (1 << (2 * (log2_width - level) + 2))) // 3
@@ -34,7 +34,7 @@ def bilinear(texels, start, log2_width, level, u, v):
     return upper + fy * (lower - upper)
 
 
-@inner_kernel
+@inlined_kernel
 def trilinear(texels, start, log2_width, level, u, v):
     """Pyramid between its levels."""
     below = min(int(level), log2_width)
@@ -44,7 +44,7 @@ def trilinear(texels, start, log2_width, level, u, v):
     return fine + (level - below) * (coarse - fine)
 
 
-@inner_kernel
+@inlined_kernel
 def footprint_axes(ux, uy, vx, vy):
     """Major axis (u, v) and length of the minor axis of the ellipse that a pixel covers.
 
@@ -58,7 +58,7 @@ def footprint_axes(ux, uy, vx, vy):
     return major * math.cos(angle), major * math.sin(angle), minor
 
 
-@inner_kernel
+@inlined_kernel
 def filtered(texels, texture, index, u, v, major_u, major_v, minor):
     """Mean of a texture over a footprint; all lengths in texels."""
     start, log2_width = texture[index, 0], texture[index, 1]

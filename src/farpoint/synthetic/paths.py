@@ -1,0 +1,171 @@
+"""Ways a camera moves through the street: a drive with turns, and the plain motions for tests.
+
+Poses are ``world_from_cam`` in the world of `farpoint.synthetic.street`: x right, y down, z forward,
+the ground at y = 0. The same arguments give the same poses, bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+from scipy.spatial.transform import Rotation
+
+from farpoint.errors import InputError
+from farpoint.synthetic.street import BLOCK_M, LANE_M
+from farpoint.trajectory.files import Trajectory
+
+__all__ = ["CAMERA_HEIGHT_M", "pure_rotation", "sideways", "standing_still", "street_drive"]
+
+CAMERA_HEIGHT_M = 1.65
+_START_M = 14.0  # along the first street
+_STEP_M = 0.05  # of the table of the route
+_SPEED = 9.0  # m/s on straight streets
+_LATERAL_ACCELERATION = 2.2  # m/s^2 allowed in turns
+_BRAKING_M = 6.0  # sigma of the smoothing of the speed
+_REACH_M = {1: 9.0, -1: 13.0}  # from the corner of the lanes back to where a right, left turn begins
+
+
+def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
+    """Drive on the right-hand lane: turns at crossings, braking for them, a body that sways.
+
+    Parameters
+    ----------
+    frames : int
+        Number of poses, at least 1.
+    fps : float
+        Frames per second; the speed is about 9 m/s on straight streets and half in turns.
+    seed : int
+        Of the route and the sway.
+
+    Raises
+    ------
+    InputError
+        Where an argument is out of its range.
+    """
+    times = _times(frames, fps)
+    route_rng, sway_rng = (np.random.default_rng((seed, stream)) for stream in (11, 12))
+    heading = _headings(route_rng, 30.0 + 1.3 * _SPEED * times[-1])
+    along = _STEP_M * np.arange(len(heading))
+    right = cumulative_trapezoid(np.sin(heading), along, initial=0.0)
+    forward = cumulative_trapezoid(np.cos(heading), along, initial=0.0)
+    curvature = np.gradient(heading, _STEP_M)
+    speed = _speeds(curvature, along, sway_rng)
+    clock = cumulative_trapezoid(1.0 / speed, along, initial=0.0)
+    at = CubicSpline(clock, along)(times)
+    table = np.stack([right, forward, heading, speed**2 * curvature], axis=1)
+    x, z, yaw, lateral = CubicSpline(along, table)(at).T
+    braking = CubicSpline(clock, speed)(times, 1)
+    sway = _sway(times, sway_rng)
+    # The body leans out of a turn and dips when it brakes.
+    pitch = np.radians(sway[0] + 0.25 * braking - 1.0)
+    roll = np.radians(sway[1] - 0.35 * lateral)
+    position = np.stack(
+        [
+            LANE_M + x + 0.1 * sway[2] * np.cos(yaw),
+            -CAMERA_HEIGHT_M + 0.025 * sway[3],
+            _START_M + z - 0.1 * sway[2] * np.sin(yaw),
+        ],
+        axis=1,
+    )
+    turns = np.stack([yaw + np.radians(0.4 * sway[4]), pitch, roll], axis=1)
+    return _trajectory(times, position, turns)
+
+
+def pure_rotation(frames: int, fps: float = 30.0, *, rate_deg_s: float = 20.0) -> Trajectory:
+    """Turn on the spot: look around to and fro, nod and tilt, without the slightest translation.
+
+    Parameters
+    ----------
+    rate_deg_s : float
+        Highest rate of the yaw; pitch and roll turn at about half of it.
+    """
+    times = _times(frames, fps)
+    rate = math.radians(_finite(rate_deg_s, "rate_deg_s"))
+    pace = np.array([0.9, 1.3, 1.7])  # rad/s
+    turns = np.array([1.0, 0.45, 0.5]) * rate / pace * np.sin(pace * times[:, None])
+    return _trajectory(times, np.broadcast_to(_start(), (frames, 3)), turns)
+
+
+def standing_still(frames: int, fps: float = 30.0) -> Trajectory:
+    """Not move at all, looking along the street."""
+    times = _times(frames, fps)
+    return _trajectory(times, np.broadcast_to(_start(), (frames, 3)), np.zeros((frames, 3)))
+
+
+def sideways(frames: int, fps: float = 30.0, *, speed_m_s: float = 1.5) -> Trajectory:
+    """Move along the street at constant speed while facing the houses across: no rotation."""
+    times = _times(frames, fps)
+    position = _start() + times[:, None] * np.array([0.0, 0.0, _finite(speed_m_s, "speed_m_s")])
+    turns = np.broadcast_to([-math.pi / 2, 0.0, 0.0], (frames, 3))
+    return _trajectory(times, position, turns)
+
+
+def _start() -> np.ndarray:
+    return np.array([LANE_M, -CAMERA_HEIGHT_M, _START_M])
+
+
+def _times(frames: int, fps: float) -> np.ndarray:
+    if frames < 1:
+        raise InputError(f"expected at least 1, got {frames}", field="frames")
+    if not 0.0 < _finite(fps, "fps"):
+        raise InputError(f"expected more than 0, got {fps}", field="fps")
+    return np.arange(frames) / fps
+
+
+def _finite(value: float, field: str) -> float:
+    if not math.isfinite(value):
+        raise InputError(f"expected a finite number, got {value}", field=field)
+    return value
+
+
+def _trajectory(times: np.ndarray, position: np.ndarray, turns: np.ndarray) -> Trajectory:
+    """Poses from positions (N, 3) and yaw to the right, pitch up and roll, rad (N, 3)."""
+    poses = np.tile(np.eye(4), (len(times), 1, 1))
+    poses[:, :3, :3] = Rotation.from_euler("YXZ", turns).as_matrix()
+    poses[:, :3, 3] = position
+    return Trajectory(timestamps=times, world_from_body=poses)
+
+
+def _headings(rng: np.random.Generator, length_m: float) -> np.ndarray:
+    """Heading, rad to the right of z, at every step of a route of at least this length."""
+    unit = np.linspace(0.0, 1.0, 2001)
+    ease = unit**3 * (10.0 - 15.0 * unit + 6.0 * unit**2)
+    # A turn of length 1 that eases in and out advances this far along either street.
+    advance = np.trapezoid(np.cos(0.5 * math.pi * ease), unit)
+    marks, values = [0.0], [0.0]
+    place, heading, behind = 0.0, 0.0, _START_M
+    while place < length_m:
+        turn = int(rng.choice([-1, 1]))
+        reach, turn_m = _REACH_M[turn], _REACH_M[turn] / advance
+        # The lanes meet beside the middle of the crossing: before it for a right turn.
+        straight = BLOCK_M * int(rng.integers(1, 4)) - turn * LANE_M - behind - reach
+        place += straight
+        marks.extend(place + turn_m * unit)
+        values.extend(heading + turn * 0.5 * math.pi * ease)
+        place, heading = place + turn_m, heading + turn * 0.5 * math.pi
+        behind = reach + turn * LANE_M
+    steps = np.arange(0.0, length_m, _STEP_M)
+    return np.interp(steps, marks, values)
+
+
+def _speeds(curvature: np.ndarray, along: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Speed at every step of the route, m/s: as fast as the turns allow, never quite even."""
+    allowed = np.sqrt(_LATERAL_ACCELERATION / np.maximum(np.abs(curvature), 1e-6))
+    # Slow already when the turn begins, and until it ends.
+    slowest = minimum_filter1d(np.minimum(_SPEED, allowed), int(_BRAKING_M / _STEP_M))
+    speed = gaussian_filter1d(slowest, _BRAKING_M / _STEP_M, mode="nearest")
+    for wave_m, share in ((61.0, 0.12), (23.0, 0.05)):
+        speed *= 1.0 + share * np.sin(2.0 * math.pi * along / wave_m + rng.uniform(0.0, 6.3))
+    return speed
+
+
+def _sway(times: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Five slow oscillations (5, N) of about unit amplitude: waves at unrelated frequencies."""
+    frequencies = rng.uniform((0.2, 0.6, 1.1), (0.5, 1.0, 1.8), (5, 3))
+    phases = rng.uniform(0.0, 2.0 * math.pi, (5, 3))
+    waves = np.sin(2.0 * math.pi * frequencies[..., None] * times + phases[..., None])
+    return 0.4 * np.sum(waves * np.array([0.5, 0.35, 0.25])[:, None] / 0.44, axis=1)

@@ -1,0 +1,113 @@
+"""Textures of the street and their mip pyramids: square, repeating, in grey levels around zero."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+__all__ = ["facade", "noise", "pyramids", "road"]
+
+# Blur of every level, in its own texels: little is left that bilinear interpolation would distort.
+_LEVEL_SIGMA = 0.8
+
+
+def noise(rng: np.random.Generator, log2_width: int = 9) -> np.ndarray:
+    """Random texture of unit variance with equal power in every octave: rich at every scale."""
+    width = 1 << log2_width
+    frequency = np.fft.fftfreq(width) * width
+    radius = np.hypot(frequency[:, None], np.fft.rfftfreq(width) * width)
+    amplitude = np.zeros_like(radius)
+    # No power in the longest waves: repetition would be seen first in them.
+    np.divide(1.0, radius, out=amplitude, where=radius >= 3.0)
+    spectrum = np.fft.rfft2(rng.normal(size=(width, width))) * amplitude
+    image = np.fft.irfft2(spectrum, s=(width, width))
+    return image / image.std()
+
+
+def facade(rng: np.random.Generator, log2_width: int = 10, *, bays: int = 8) -> np.ndarray:
+    """Wall of ``bays`` x ``bays`` windows, each in its own state: frames, panes, sills, curtains.
+
+    Values from -1 (a dark pane) to 1 (a white frame), 0 is the wall.
+    """
+    width = 1 << log2_width
+    image = np.zeros((width, width))
+    pitch = width // bays
+    share = rng.uniform((0.42, 0.5), (0.66, 0.68))  # of the bay that is window, across and down
+    half = (share * pitch / 2).astype(int)
+    bar = pitch // 20
+    for joint in range(pitch // 30):  # between floors
+        image[joint::pitch, :] = -0.35
+    for row in range(bays):
+        for column in range(bays):
+            x, y = column * pitch + pitch // 2, row * pitch + pitch // 2
+            if rng.random() < 0.12:
+                continue  # blind bay
+            window = image[y - half[1] : y + half[1], x - half[0] : x + half[0]]
+            window[:] = 0.8
+            window[bar:-bar, bar:-bar] = rng.uniform(-1.0, -0.5)
+            window[:, half[0] - bar // 3 : half[0] + bar // 3] = 0.8
+            if rng.random() < 0.5:
+                window[2 * half[1] // 3 : 2 * half[1] // 3 + bar // 2, bar:-bar] = 0.8
+            blind = int(rng.uniform(0.0, 1.6 * half[1])) if rng.random() < 0.4 else 0
+            window[bar : max(bar, blind), bar:-bar] = rng.uniform(0.1, 0.6)
+            image[y + half[1] : y + half[1] + bar, x - half[0] - bar : x + half[0] + bar] = 0.95
+    return image
+
+
+def road(rng: np.random.Generator, block_m: float, road_m: float, log2_width: int = 11) -> np.ndarray:
+    """Ground of one block of a street grid, streets along x = 0 and z = 0 with their markings.
+
+    Rows run along z, columns along x, one period is ``block_m``. Values in grey levels relative to
+    asphalt.
+    """
+    width = 1 << log2_width
+    place = (np.arange(width) + 0.5) / width * block_m
+    place = (place + block_m / 2) % block_m - block_m / 2
+    x, z = place[None, :], place[:, None]
+    to_axis = np.minimum(np.abs(x), np.abs(z))
+    crossing = (np.abs(x) < road_m / 2 + 2.0) & (np.abs(z) < road_m / 2 + 2.0)
+    image = np.where(to_axis < road_m / 2, 0.0, np.where(to_axis < road_m / 2 + 2.0, 45.0, 10.0))
+    image[(np.abs(to_axis - road_m / 2 - 0.08) < 0.08) & ~crossing] = 75.0  # kerb
+    image[(np.abs(to_axis - road_m / 2 + 0.4) < 0.07) & ~crossing] = 105.0  # edge line
+    for across, along in ((x, z), (z, x)):
+        dashes = (np.abs(across) < 0.07) & (along % 6.0 < 3.0) & ~crossing
+        image[dashes] = 110.0
+        off_crossing = np.abs(along) - road_m / 2 - 2.0
+        stop = (np.abs(across) < road_m / 2 - 0.4) & (off_crossing > 3.2) & (off_crossing < 3.6)
+        stripes = (off_crossing > 0.2) & (off_crossing < 2.6) & (np.abs(across) % 1.0 < 0.5)
+        image[stop | (stripes & (np.abs(across) < road_m / 2 - 0.3))] = 110.0
+    for _ in range(60):  # patches where the road was mended, and covers
+        i, j = rng.integers(0, width, 2)
+        h, w = rng.integers(width // 150, width // 25, 2)
+        rows, columns = np.arange(i, i + h) % width, np.arange(j, j + w) % width
+        image[np.ix_(rows, columns)] += rng.uniform(-18.0, 10.0)
+    return image
+
+
+def pyramids(textures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """All levels of all textures in one float32 array, and the start and log2 width of each.
+
+    Levels halve the width down to one texel; their texels are centred in those they replace.
+    """
+    parts: list[np.ndarray] = []
+    table, start = [], 0
+    for texture in textures:
+        table.append((start, len(texture).bit_length() - 1))
+        level = _blurred(texture, _LEVEL_SIGMA, 0.0)
+        while True:
+            parts.append(level.astype(np.float32).ravel())
+            start += level.size
+            if len(level) == 1:
+                break
+            # What the level has of its blur counts half in the texels of the next.
+            level = _blurred(level, sqrt(3.0) * _LEVEL_SIGMA, 0.5)[::2, ::2]
+    return np.concatenate(parts), np.array(table, dtype=np.int64)
+
+
+def _blurred(level: np.ndarray, sigma: float, shift: float) -> np.ndarray:
+    """Gaussian blur, and the values ``shift`` texels further right and down."""
+    rows, columns = np.fft.fftfreq(len(level))[:, None], np.fft.rfftfreq(len(level))[None, :]
+    blur = np.exp(-2.0 * (np.pi * sigma) ** 2 * (rows**2 + columns**2))
+    moved = np.exp(2j * np.pi * shift * (rows + columns))
+    return np.fft.irfft2(np.fft.rfft2(level) * blur * moved, s=level.shape)
