@@ -1,0 +1,7 @@
+"""``python -m farpoint``."""
+
+import sys
+
+from farpoint.cli import main
+
+sys.exit(main())

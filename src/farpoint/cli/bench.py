@@ -1,0 +1,50 @@
+"""``farpoint bench``: accuracy, coverage and time, beside the peers that are installed."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from farpoint.bench import BenchOptions, run_bench
+
+__all__ = ["Bench"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """Make the tables of the README: accuracy, coverage and time, beside the installed peers.
+
+    Attributes
+    ----------
+    out : Path
+        Folder for the tables.
+    options : BenchOptions
+        Which tables, and how large.
+    """
+
+    out: Path = Path("farpoint-out/bench")
+    options: Annotated[BenchOptions, tyro.conf.arg(name="")] = field(default_factory=BenchOptions)
+
+    def __call__(self) -> None:
+        """Do it."""
+        run_bench(self.options, self.out, _StepsOnStderr(), show=print)
+
+
+class _StepsOnStderr:
+    """A line for each part of the work, renewed as it goes on where that can be seen."""
+
+    def __init__(self) -> None:
+        self._terminal = sys.stderr.isatty()
+        self._what = ""
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        if self._terminal:
+            end = "\n" if done == total else ""
+            print(f"\r\x1b[K{what}: {done}/{total}", end=end, file=sys.stderr, flush=True)
+        elif what != self._what:
+            print(f"{what}: {total} steps", file=sys.stderr, flush=True)
+        self._what = what

@@ -1,0 +1,33 @@
+"""``farpoint camera``: what a calibration file says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from farpoint.camera import describe, load_camera
+
+__all__ = ["ShowCamera"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShowCamera:
+    """Print what was read from a calibration file.
+
+    Attributes
+    ----------
+    calibration : Path
+        Calibration file.
+    name : str or None
+        Camera to take from a file of several.
+    """
+
+    calibration: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CALIB")]
+    name: str | None = None
+
+    def __call__(self) -> None:
+        """Do it."""
+        print(describe(load_camera(self.calibration, self.name)))

@@ -1,0 +1,48 @@
+"""``farpoint evaluate``: a run against the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from farpoint.evaluate import EvaluationOptions, evaluate_folder, write_pairs
+from farpoint.metrics import to_json, to_text
+
+__all__ = ["Evaluate"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate:
+    """Compare a folder that farpoint run wrote with true poses.
+
+    Attributes
+    ----------
+    folder : Path
+        Folder of a run.
+    truth : Path
+        TUM or KITTI trajectory, or EuRoC ground truth.
+    json : bool
+        Print JSON instead of a table.
+    pairs : Path or None
+        File for the errors pair by pair, CSV.
+    options : EvaluationOptions
+        What counts.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
+    truth: Path
+    json: bool = False
+    pairs: Path | None = None
+    options: Annotated[EvaluationOptions, tyro.conf.arg(name="")] = field(
+        default_factory=EvaluationOptions
+    )
+
+    def __call__(self) -> None:
+        """Do it."""
+        found = evaluate_folder(self.folder, self.truth, self.options)
+        if self.pairs is not None:
+            write_pairs(self.pairs, found)
+        print(to_json(found.evaluation) if self.json else to_text(found.evaluation))

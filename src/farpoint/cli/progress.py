@@ -1,0 +1,63 @@
+"""Progress on standard error: frames done, frames a second, time left."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TextIO
+
+__all__ = ["Progress"]
+
+_TERMINAL_S = 0.2
+_LOG_S = 5.0
+
+
+class Progress:
+    """A line that renews itself on a terminal; elsewhere a new line every few seconds.
+
+    Parameters
+    ----------
+    what : str
+        What is counted, such as ``"frames"``.
+    total : int or None
+        Number expected, for the time left.
+    stream : TextIO, optional
+        Standard error by default.
+    """
+
+    def __init__(self, what: str, total: int | None, stream: TextIO | None = None) -> None:
+        self._what, self._total = what, total
+        self._stream = stream or sys.stderr
+        self._terminal = self._stream.isatty()
+        self._done = 0
+        self._start = self._shown = time.monotonic()
+
+    def step(self) -> None:
+        """One more is done."""
+        self._done += 1
+        now = time.monotonic()
+        if now - self._shown >= (_TERMINAL_S if self._terminal else _LOG_S):
+            self._shown = now
+            self._show(now)
+
+    def close(self) -> None:
+        """Show the final count."""
+        self._show(time.monotonic())
+        if self._terminal:
+            print(file=self._stream)
+
+    def _show(self, now: float) -> None:
+        rate = self._done / max(now - self._start, 1e-9)
+        of = "" if self._total is None else f"/{self._total}"
+        text = f"{self._done}{of} {self._what}, {rate:.1f}/s"
+        if self._total is not None and 0 < self._done < self._total:
+            text += f", {_duration((self._total - self._done) / rate)} left"
+        if self._terminal:
+            print(f"\r\x1b[K{text}", end="", file=self._stream, flush=True)
+        else:
+            print(text, file=self._stream, flush=True)
+
+
+def _duration(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    return f"{minutes}:{seconds:02d} min" if minutes else f"{seconds} s"
