@@ -1,23 +1,33 @@
 """Cameras: from pixels to rays and back, and the calibration files they come from."""
 
+from farpoint.camera.arctangent import Arctangent
 from farpoint.camera.camera import Camera
 from farpoint.camera.describe import describe
+from farpoint.camera.division import Division
 from farpoint.camera.double_sphere import DoubleSphere
+from farpoint.camera.equirectangular import Equirectangular
 from farpoint.camera.extended_unified import ExtendedUnified
 from farpoint.camera.field_of_view import FieldOfView, field_of_view
 from farpoint.camera.files import load_camera
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
+from farpoint.camera.scaramuzza import Scaramuzza
+from farpoint.camera.unified import Unified
 
 __all__ = [
+    "Arctangent",
     "Camera",
     "CameraModel",
+    "Division",
     "DoubleSphere",
+    "Equirectangular",
     "ExtendedUnified",
     "FieldOfView",
     "KannalaBrandt",
     "Pinhole",
+    "Scaramuzza",
+    "Unified",
     "describe",
     "field_of_view",
     "load_camera",

@@ -12,7 +12,7 @@ from farpoint.camera.values import finite, positive
 
 __all__ = ["FocalModel", "PlaneJacobian", "quotient_jacobian", "rays_from_plane"]
 
-PlaneJacobian = tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]
+PlaneJacobian = tuple[tuple[np.ndarray, ...], ...]
 """Rows of d(a, b) / d(x, y, z): two triples of arrays (N,)."""
 
 

@@ -1,0 +1,89 @@
+"""Fitzgibbon's division model: the pinhole's image radius divided by a quadratic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.camera.focal import FocalModel, PlaneJacobian, quotient_jacobian, rays_from_plane
+from farpoint.camera.values import within
+
+__all__ = ["Division"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Division(FocalModel):
+    """Lens whose ray of the plane point (a, b) is along ``(a, b, 1 + k (a^2 + b^2))``.
+
+    With ``k < 0``, barrel distortion, everything but the point right behind is seen, as by a
+    parabolic mirror; with ``k > 0`` what lies within ``Z > 2 sqrt(k) sqrt(X^2 + Y^2)``.
+
+    Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion",
+    CVPR 2001, doi:10.1109/CVPR.2001.990465; COLMAP's DIVISION.
+
+    Attributes
+    ----------
+    fx, fy : float
+        Focal lengths, px.
+    cx, cy : float
+        Principal point, px; the centre of the top-left pixel is (0, 0).
+    k : float
+        Coefficient.
+
+    Raises
+    ------
+    InputError
+        For a parameter out of its range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> lens = Division(fx=300, fy=300, cx=320, cy=240, k=-0.25)
+    >>> lens.project(np.array([[1.0, 0.0, 0.0]]))
+    array([[920., 240.]])
+    """
+
+    k: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "k", within("k", self.k, -1e6, 1e6))
+
+    @property
+    def title(self) -> str:
+        """What people call this lens."""
+        return "division"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every parameter by name, in the order people write them."""
+        return super().parameters | {"k": self.k}
+
+    def _divisor(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """``s = sqrt(Z^2 - 4 k R^2)``, and the divisor ``(Z + s) / 2`` of (X, Y)."""
+        square = x * x + y * y
+        s = np.sqrt(z * z - 4.0 * self.k * square)
+        # Behind, Z and s cancel.
+        return s, np.where(z > 0.0, 0.5 * (z + s), 2.0 * self.k * square / (z - s))
+
+    def _to_plane(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        s, divisor = self._divisor(x, y, z)
+        seen = (s > 0.0) & (divisor > 0.0)
+        divisor = np.where(seen, divisor, np.nan)
+        return x / divisor, y / divisor
+
+    def _to_plane_jacobian(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneJacobian:
+        s, divisor = self._divisor(x, y, z)
+        pull = -2.0 * self.k / s
+        return quotient_jacobian(x, y, divisor, (pull * x, pull * y, divisor / s))
+
+    def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        bend = self.k * (a * a + b * b)
+        # With k > 0 the angle off the axis stops growing there.
+        depth = np.where(bend < 1.0, 1.0 + bend, np.nan)
+        return rays_from_plane(a, b, depth)

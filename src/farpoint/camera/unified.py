@@ -1,0 +1,133 @@
+"""The unified model of Geyer, Barreto and Mei: a unit sphere seen by a pinhole off its centre."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from farpoint.camera.focal import FocalModel, PlaneJacobian, quotient_jacobian
+from farpoint.camera.radtan import COEFFICIENT_NAMES, RadialTangential
+from farpoint.camera.values import finite, within
+
+__all__ = ["Unified"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unified(FocalModel):
+    """Lens or mirror with ``(x, y) = (X, Y) / (Z + xi |(X, Y, Z)|)``, then distortion.
+
+    ``(a, b)`` is (x, y) distorted by `RadialTangential`; then ``u = fx a + skew b + cx`` and
+    ``v = fy b + cy``. OpenCV's ``omnidir``, Kalibr's ``omni`` and CamOdoCal's MEI; ``xi = 1`` is
+    a parabolic mirror, ``xi = 0`` a pinhole.
+
+    Mei and Rives, "Single view point omnidirectional camera calibration from planar grids",
+    ICRA 2007, doi:10.1109/ROBOT.2007.364084.
+
+    Attributes
+    ----------
+    fx, fy : float
+        Focal lengths, px: the generalised ones of the paper, about ``1 + xi`` times those that a
+        pinhole would have.
+    cx, cy : float
+        Principal point, px; the centre of the top-left pixel is (0, 0).
+    xi : float
+        Distance of the pinhole from the sphere's centre, 0 or more.
+    distortion : tuple of float
+        ``k1 k2 p1 p2 [k3 ...]``, empty for none.
+    skew : float
+        Horizontal shift of a pixel for a unit of ``b``, px.
+
+    Raises
+    ------
+    InputError
+        For a parameter out of its range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> lens = Unified(fx=400, fy=400, cx=320, cy=240, xi=1)
+    >>> lens.project(np.array([[1.0, 0.0, 0.0]]))
+    array([[720., 240.]])
+    """
+
+    xi: float
+    distortion: tuple[float, ...] = ()
+    skew: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # A hundred radii from the sphere, nothing but its front half is seen.
+        object.__setattr__(self, "xi", within("xi", self.xi, 0.0, 100.0))
+        object.__setattr__(self, "distortion", RadialTangential(self.distortion).coefficients)
+        object.__setattr__(self, "skew", finite("skew", self.skew))
+
+    @property
+    def title(self) -> str:
+        """What people call this lens."""
+        count = len(self.distortion)
+        distorted = f"radial-tangential distortion ({count} coefficients)" if count else ""
+        return f"unified (Mei) with{f' {distorted}' if count else 'out distortion'}"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every parameter by name, in the order people write them."""
+        named = {"xi": self.xi} | dict(zip(COEFFICIENT_NAMES, self.distortion, strict=False))
+        return super().parameters | named | ({"skew": self.skew} if self.skew else {})
+
+    @cached_property
+    def _lens(self) -> RadialTangential:
+        return RadialTangential(self.distortion)
+
+    @cached_property
+    def _shear(self) -> float:
+        return self.skew / self.fx
+
+    @cached_property
+    def _lowest_cosine(self) -> float:
+        """``Z / |X|`` must exceed this.
+
+        Up to xi = 1 the divisor vanishes there, beyond it ``sin / (xi + cos)`` stops growing.
+        """
+        return -min(self.xi, 1.0 / self.xi) if self.xi > 0.0 else 0.0
+
+    def _on_normal_plane(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The length of the points, and their images before distortion."""
+        d = np.sqrt(x * x + y * y + z * z)
+        inverse = 1.0 / (z + self.xi * d)
+        return d, x * inverse, y * inverse
+
+    def _to_plane(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        d, x, y = self._on_normal_plane(x, y, z)
+        a, b = self._lens.distort(np.where(z > self._lowest_cosine * d, x, np.nan), y)
+        return a + self._shear * b, b
+
+    def _to_plane_jacobian(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneJacobian:
+        d, plane_x, plane_y = self._on_normal_plane(x, y, z)
+        pull = self.xi / d
+        gradients = quotient_jacobian(x, y, z + self.xi * d, (pull * x, pull * y, pull * z + 1.0))
+        lens = self._lens.derivatives(plane_x, plane_y)
+        a_x, a_y = lens.a_x + self._shear * lens.b_x, lens.a_y + self._shear * lens.b_y
+        return tuple(
+            tuple(along_x * by_x + along_y * by_y for by_x, by_y in zip(*gradients, strict=True))
+            for along_x, along_y in ((a_x, a_y), (lens.b_x, lens.b_y))
+        )
+
+    def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        x, y = a - self._shear * b, b
+        if not self._lens.is_identity:
+            x, y = self._lens.undistort(x, y)
+        square = x * x + y * y
+        # NaN beyond the circle that nothing is imaged to.
+        scale = (self.xi + np.sqrt(1.0 + (1.0 - self.xi**2) * square)) / (1.0 + square)
+        rays = np.empty((len(a), 3))
+        rays[:, 0] = scale * x
+        rays[:, 1] = scale * y
+        rays[:, 2] = scale - self.xi
+        rays[~(square < np.inf)] = np.nan
+        return rays
