@@ -1,0 +1,167 @@
+"""What can be observed is said, and what cannot is None: the verdicts and their words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pose_kit import assert_sound, estimate, point_scene, rotation_error
+
+from farpoint import (
+    PoseStatus,
+    RelativePose,
+    RelativePoseOptions,
+    TrackLabel,
+    estimate_relative_pose,
+)
+from farpoint.camera import Pinhole
+from farpoint.pose import failed_pose
+from farpoint.synthetic import PointScene, paper_camera
+
+STILL = (0.0, 0.0, 0.0)
+INFINITE = (np.inf, np.inf)
+
+
+def statuses(poses: list[RelativePose]) -> dict[PoseStatus, int]:
+    return {status: sum(pose.status is status for pose in poses) for status in PoseStatus}
+
+
+def run(count: int, options: RelativePoseOptions | None = None, **scene) -> list[RelativePose]:
+    poses = []
+    for seed in range(count):
+        drawn = point_scene(seed, **scene)
+        poses.append(estimate(drawn, options=options))
+        assert_sound(poses[-1], len(drawn.points0))
+    return poses
+
+
+def last_scene(count: int, **scene) -> PointScene:
+    return point_scene(count - 1, **scene)
+
+
+@pytest.mark.parametrize("outliers", [0, 20])
+def test_a_camera_that_only_turns(outliers):
+    scene = {"outliers": outliers, "translation_m": STILL}
+    poses = run(60, **scene)
+    # One false alarm in a thousand: two in sixty have a chance of 0.2 %.
+    assert statuses(poses)[PoseStatus.ROTATION_ONLY] >= 59
+    error = rotation_error(poses[-1], last_scene(60, **scene).rotation_cam1_from_cam0)
+    assert error @ np.linalg.solve(poses[-1].rotation_covariance, error) < 16.3  # 99.9 %
+    assert "turned" in poses[0].reason
+
+
+@pytest.mark.parametrize("outliers", [0, 20])
+def test_a_camera_that_stands_still(outliers):
+    scene = {"outliers": outliers, "translation_m": STILL, "rotation_vector_rad": STILL}
+    poses = run(60, **scene)
+    assert statuses(poses)[PoseStatus.STATIC] >= 59
+    error = rotation_error(poses[-1], np.eye(3))
+    assert error @ np.linalg.solve(poses[-1].rotation_covariance, error) < 16.3
+    assert "still" in poses[0].reason
+
+
+def test_a_camera_that_moves_past_nothing_near():
+    poses = run(60, far_share=1.0, far_range_m=INFINITE, translation_m=(0.1, 0.1, 0.3))
+    assert statuses(poses)[PoseStatus.ROTATION_ONLY] >= 59
+    assert not any((pose.labels == TrackLabel.NEAR).any() for pose in poses[:10])
+
+
+def test_wrong_matches_alone_are_no_consensus():
+    poses = run(40, outliers=110)
+    assert statuses(poses)[PoseStatus.FAILED] == 40
+    assert poses[0].reason.startswith("No consensus")
+    assert all((pose.labels == TrackLabel.OUTLIER).all() for pose in poses)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        {},
+        {"outliers": 0},
+        {"far_share": 0.0},
+        {"translation_m": (0.2, 0.0, 0.0)},
+        {"noise_px": 1.0, "far_share": 0.2},
+        {"matches": 300, "outliers": 150},
+    ],
+    ids=["default", "no outliers", "no far", "sideways", "noisy", "half wrong"],
+)
+def test_a_camera_that_moves_is_seen_to_move(scene):
+    assert statuses(run(20, **scene))[PoseStatus.OK] == 20
+
+
+def test_the_closed_form_has_the_same_verdicts():
+    options = RelativePoseOptions(refine=False)
+    assert statuses(run(10, options, far_range_m=INFINITE))[PoseStatus.OK] == 10
+    turned = run(10, options, translation_m=STILL)
+    assert statuses(turned)[PoseStatus.ROTATION_ONLY] == 10
+    still = run(10, options, translation_m=STILL, rotation_vector_rad=STILL)
+    assert statuses(still)[PoseStatus.STATIC] == 10
+    assert statuses(run(10, options, outliers=110))[PoseStatus.FAILED] == 10
+
+
+@pytest.mark.parametrize("count", range(8))
+def test_too_few_matches(count):
+    scene = point_scene(0, matches=20, outliers=0)
+    pose = estimate_relative_pose(scene.points0[:count], scene.points1[:count], scene.camera)
+    assert pose.status is PoseStatus.FAILED
+    assert_sound(pose, count)
+    assert "few" in pose.reason
+    assert str(count) in pose.reason
+
+
+def test_eight_matches_are_enough_to_try_and_twelve_to_succeed():
+    for seed in range(20):
+        scene = point_scene(seed, matches=12, outliers=0)
+        eight = estimate_relative_pose(scene.points0[:8], scene.points1[:8], scene.camera)
+        assert_sound(eight, 8)
+        assert "few" not in eight.reason.lower()
+        assert estimate(scene).status is PoseStatus.OK
+
+
+def test_eight_exact_matches_tell_the_motion():
+    poses = run(40, matches=8, outliers=0, noise_px=0.0)
+    found = statuses(poses)
+    # Eight points may all be far; but exact matches agree, so there is a consensus.
+    assert found[PoseStatus.FAILED] == 0
+    assert found[PoseStatus.OK] >= 24
+
+
+def test_matches_without_a_ray_are_left_out_and_labelled_outliers():
+    lens = Pinhole(fx=400.0, fy=400.0, cx=319.5, cy=239.5, distortion=(-0.12, 0.0, 0.0, 0.0))
+    camera = replace(paper_camera(), model=lens)
+    scene = point_scene(0, camera=camera, matches=60, outliers=0)
+    # Beyond the fold of this lens no ray ends.
+    points0, points1 = scene.points0.copy(), scene.points1.copy()
+    points0[:5] = 5000.0
+    assert np.isnan(camera.unproject(points0[:5])).all()
+    pose = estimate_relative_pose(points0, points1, camera)
+    assert_sound(pose, 60)
+    assert pose.status is PoseStatus.OK
+    assert (pose.labels[:5] == TrackLabel.OUTLIER).all()
+    rest = estimate_relative_pose(points0[5:], points1[5:], camera)
+    np.testing.assert_array_equal(pose.rotation_cam1_from_cam0, rest.rotation_cam1_from_cam0)
+    np.testing.assert_array_equal(pose.labels[5:], rest.labels)
+    few = estimate_relative_pose(points0[:12], points1[:12], camera)
+    assert few.status is PoseStatus.FAILED
+    assert "7 usable of 12" in few.reason
+
+
+def test_a_failed_pose_made_by_hand():
+    pose = failed_pose("The frame cannot be decoded: it is empty.")
+    assert_sound(pose, 0)
+    assert pose.status is PoseStatus.FAILED
+
+
+def test_the_sign_of_the_direction_is_right_wherever_it_is_given():
+    wrong = 0
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        step = rng.normal(size=3)
+        step *= 0.02 / np.linalg.norm(step)
+        scene = point_scene(seed, translation_m=tuple(step), far_range_m=(200.0, 1000.0))
+        pose = estimate(scene)
+        if pose.status is PoseStatus.OK:
+            assert pose.stats.sign_probability > 0.999
+            wrong += pose.direction_cam1_from_cam0 @ scene.direction_cam1_from_cam0 < 0.0
+    assert wrong == 0
