@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from bench_kit import PEERS, absent, some_views
 
-from farpoint.bench.estimators import CLOSED_FORM, FARPOINT, all_estimators, peer_versions
+from farpoint.bench.estimators import (
+    CLOSED_FORM,
+    FARPOINT,
+    all_estimators,
+    peer_versions,
+    pinhole_points,
+)
 from farpoint.bench.views import TwoViews, views_of_scene
 from farpoint.camera import Camera
 from farpoint.geometry import so3, sphere
@@ -54,6 +60,15 @@ def test_every_estimator_finds_an_exact_motion(estimator, views):
     off_deg = np.degrees(sphere.angle_between(motion.direction_cam1_from_cam0, direction_true))
     assert off_deg < 0.1
     assert np.linalg.norm(motion.direction_cam1_from_cam0) == pytest.approx(1.0)
+
+
+def test_peers_get_the_points_that_an_ideal_lens_would_have_seen():
+    bent = distorted(EXACT)
+    assert np.abs(bent.points0 - EXACT.points0).max() > 5.0
+    ideal = pinhole_points(bent)
+    np.testing.assert_allclose(ideal.points0, EXACT.points0, atol=1e-6)
+    np.testing.assert_allclose(ideal.points1, EXACT.points1, atol=1e-6)
+    np.testing.assert_array_equal(ideal.matrix, [[727, 0, 319.5], [0, 727, 239.5], [0, 0, 1]])
 
 
 @pytest.mark.parametrize("estimator", all_estimators(), ids=lambda estimator: estimator.name)

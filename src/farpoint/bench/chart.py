@@ -10,8 +10,8 @@ import numpy as np
 
 __all__ = ["line_chart"]
 
-_WIDTH, _HEIGHT = 720, 440
-_LEFT, _RIGHT, _TOP, _BOTTOM = 60, 190, 40, 50
+_WIDTH, _HEIGHT = 760, 440
+_LEFT, _RIGHT, _TOP, _BOTTOM = 60, 220, 40, 50
 # Okabe and Ito's colours: told apart with any colour vision.
 _COLOURS = (
     "#d55e00",

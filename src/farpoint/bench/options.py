@@ -1,0 +1,147 @@
+"""What a user can choose about the benchmark."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, get_args
+
+from farpoint.errors import InputError
+
+__all__ = ["TABLES", "BenchOptions", "CoverageGrid", "Progress", "TableName"]
+
+TableName = Literal["paper", "accuracy", "time", "coverage", "pairs", "pipeline"]
+TABLES: tuple[TableName, ...] = get_args(TableName)
+
+Progress = Callable[[str, int, int], None]
+"""Told what is being done, how many steps of it are done, and how many there are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoverageGrid:
+    """Cells of the table of coverage: every combination of these.
+
+    Attributes
+    ----------
+    baselines_m : tuple of float
+        Lengths of the translation, m; near points are 1-4 m away.
+    far_shares : tuple of float
+        Shares, 0 to 1, of the true matches that lie 25-35 m away.
+    noises_px : tuple of float
+        1-sigma of the noise of a coordinate, px.
+    outlier_shares : tuple of float
+        Shares, 0 to 1, of the matches that are wrong.
+    matches : tuple of int
+        Numbers of matches, the wrong ones included.
+    trials : int
+        Scenes in each cell.
+    """
+
+    baselines_m: tuple[float, ...] = (0.0, 0.02, 0.2)
+    far_shares: tuple[float, ...] = (0.0, 0.5)
+    noises_px: tuple[float, ...] = (0.22,)
+    outlier_shares: tuple[float, ...] = (0.0, 0.2)
+    matches: tuple[int, ...] = (90, 500)
+    trials: int = 200
+
+    def __post_init__(self) -> None:
+        _check_each(self, "baselines_m", 0.0, math.inf)
+        _check_each(self, "far_shares", 0.0, 1.0)
+        _check_each(self, "noises_px", 0.0, math.inf)
+        _check_each(self, "outlier_shares", 0.0, 1.0)
+        _check_each(self, "matches", 1, math.inf)
+        _check_least(self, "trials", 1)
+
+    @classmethod
+    def whole(cls) -> CoverageGrid:
+        """Everything the covariances are promised for; takes hours."""
+        return cls(
+            baselines_m=(0.0, 0.02, 0.05, 0.2),
+            far_shares=(0.0, 0.5, 1.0),
+            noises_px=(0.1, 0.22, 0.5, 1.0),
+            outlier_shares=(0.0, 0.2, 0.5),
+            matches=(20, 90, 500),
+            trials=1000,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchOptions:
+    """Options of `run_bench`.
+
+    Attributes
+    ----------
+    tables : tuple of str
+        Which tables to make.
+    pairs : int or None
+        Pairs of views in each cell of ``paper``, ``accuracy`` and ``pairs``, scenes for each time
+        in ``time``, frames of ``pipeline``. None takes 2000, 300, 60, 30 and 60.
+    seed : int
+        Of scenes and estimators: the same seed gives the same figures, times aside.
+    data : tuple of Path
+        Real data: files of matches (``.npz``), image sequences with their calibration, or folders
+        of them. ``pairs`` needs the former; ``pipeline`` renders a drive where the latter are
+        missing.
+    full : bool
+        Every pair of the files, and the whole grid of the table of coverage: hours.
+    grid : CoverageGrid
+        Cells of the table of coverage.
+    """
+
+    tables: tuple[TableName, ...] = TABLES
+    pairs: int | None = None
+    seed: int = 0
+    data: tuple[Path, ...] = ()
+    full: bool = False
+    grid: CoverageGrid = field(default_factory=CoverageGrid)
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.tables if name not in TABLES]
+        if unknown or not self.tables:
+            raise InputError(
+                f"expected some of {', '.join(TABLES)}, got {', '.join(unknown) or 'none'}",
+                field="tables",
+            )
+        if self.pairs is not None:
+            _check_least(self, "pairs", 1)
+        _check_least(self, "seed", 0)
+        if self.full and self.grid != CoverageGrid():
+            raise InputError("expected the whole grid or parts of it, got both", field="full")
+
+    def command(self, table: TableName) -> str:
+        """The command line that makes one table as these options do."""
+        words = ["farpoint", "bench", "--tables", table]
+        words += [] if self.pairs is None else ["--pairs", str(self.pairs)]
+        words += ["--seed", str(self.seed)]
+        if self.data and table in ("pairs", "pipeline"):
+            words += ["--data", *map(str, self.data)]
+        words += ["--full"] if self.full and table in ("pairs", "coverage") else []
+        if table == "coverage":
+            words += _changed_words(self.grid)
+        return shlex.join(words)
+
+
+def _changed_words(grid: CoverageGrid) -> list[str]:
+    words = []
+    for name, default in vars(CoverageGrid()).items():
+        value = getattr(grid, name)
+        if value != default:
+            values = value if isinstance(value, tuple) else (value,)
+            words += [f"--grid.{name.replace('_', '-')}", *map(str, values)]
+    return words
+
+
+def _check_each(options: object, name: str, low: float, high: float) -> None:
+    values = getattr(options, name)
+    if not values or not all(math.isfinite(v) and low <= v <= high for v in values):
+        bounds = f"of at least {low:g}" if math.isinf(high) else f"from {low:g} to {high:g}"
+        raise InputError(f"expected numbers {bounds}, got {values}", field=name)
+
+
+def _check_least(options: object, name: str, least: int) -> None:
+    value = getattr(options, name)
+    if value < least:
+        raise InputError(f"expected at least {least}, got {value}", field=name)

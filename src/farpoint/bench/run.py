@@ -1,0 +1,163 @@
+"""The tables one after the other, each on disk before the next begins."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from farpoint.bench.estimators import peer_versions
+from farpoint.bench.options import BenchOptions, Progress, TableName
+from farpoint.bench.table import Table
+from farpoint.bench.tables.accuracy import accuracy_table
+from farpoint.bench.tables.coverage import coverage_table
+from farpoint.bench.tables.growth import growth_tables
+from farpoint.bench.tables.pairs import pairs_table
+from farpoint.bench.tables.paper import paper_table
+from farpoint.bench.tables.pipeline import pipeline_table
+from farpoint.bench.tables.start import start_table
+from farpoint.bench.tables.timing import timing_table
+from farpoint.errors import InputError, MissingExtraError
+
+__all__ = ["BenchReport", "run_bench"]
+
+_Maker = Callable[[BenchOptions, Progress], tuple[Table, ...]]
+_MAKERS: dict[TableName, tuple[_Maker, ...]] = {
+    "paper": (paper_table,),
+    "accuracy": (accuracy_table,),
+    "time": (timing_table, growth_tables, start_table),
+    "coverage": (coverage_table,),
+    "pairs": (pairs_table,),
+    "pipeline": (pipeline_table,),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchReport:
+    """What `run_bench` found.
+
+    Attributes
+    ----------
+    environment : str
+        Machine, versions, and which peers are absent.
+    tables : tuple of Table
+        In the order asked for.
+    skipped : tuple of str
+        Tables that could not be made, with the reason.
+    """
+
+    environment: str
+    tables: tuple[Table, ...]
+    skipped: tuple[str, ...]
+
+    def to_text(self) -> str:
+        """Everything, as in ``bench.txt``."""
+        parts = [self.environment, *(table.to_text() for table in self.tables), *self.skipped]
+        return "\n\n\n".join(parts) + "\n"
+
+
+def run_bench(
+    options: BenchOptions,
+    out: Path,
+    progress: Progress,
+    *,
+    show: Callable[[str], None],
+) -> BenchReport:
+    """Make the tables and write them to a folder.
+
+    ``bench.txt`` holds them all, ``<table>.csv`` each, ``<table>.svg`` its chart if it has one.
+    Each is written as soon as it is made, so an interruption leaves those that are finished.
+
+    Parameters
+    ----------
+    options : BenchOptions
+        Which tables, of what.
+    out : Path
+        Folder for the files; made if missing.
+    progress : callable
+        Told what is being done, how many steps of it are done and how many there are.
+    show : callable
+        Given the text of each part of the report as soon as it is known.
+
+    Raises
+    ------
+    InputError
+        Where the folder cannot be written or the data cannot be read.
+    """
+    _check_data(options.data)
+    report = BenchReport(environment=_environment(), tables=(), skipped=())
+    show(report.environment)
+    _write(out, "bench.txt", report.to_text())
+    for name in options.tables:
+        for make in _MAKERS[name]:
+            tables, reason = _made(make, options, progress)
+            skipped = (f"{name}: skipped, {reason}",) if reason else ()
+            report = BenchReport(
+                environment=report.environment,
+                tables=report.tables + tables,
+                skipped=report.skipped + skipped,
+            )
+            for table in tables:
+                _write(out, f"{table.name}.csv", table.to_csv())
+                if table.chart is not None:
+                    _write(out, f"{table.name}.svg", table.chart)
+            _write(out, "bench.txt", report.to_text())
+            for text in (*(table.to_text() for table in tables), *skipped):
+                show("\n\n" + text)
+    return report
+
+
+def _made(
+    make: _Maker, options: BenchOptions, progress: Progress
+) -> tuple[tuple[Table, ...], str | None]:
+    """The tables, or why there are none."""
+    try:
+        tables = make(options, progress)
+    except MissingExtraError as error:
+        return (), str(error)
+    return tables, None if tables else "--data names no files of matches (.npz)"
+
+
+def _check_data(places: tuple[Path, ...]) -> None:
+    for place in places:
+        if not place.exists():
+            raise InputError("no such file or folder", file=place, field="data")
+
+
+def _write(out: Path, name: str, text: str) -> None:
+    """Replace a file in one step: whoever interrupts finds the old one or the new one."""
+    target, partial = out / name, out / f".{name}.part"
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(target)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=target) from error
+
+
+def _environment() -> str:
+    versions = [f"farpoint {metadata.version('farpoint')}", f"Python {platform.python_version()}"]
+    versions += [f"{name} {metadata.version(name)}" for name in ("numpy", "numba")]
+    peers = peer_versions()
+    present = [f"{name} {version}" for name, version in peers.items() if version]
+    absent = [name for name, version in peers.items() if not version]
+    lines = [
+        f"farpoint bench on {_processor()}, {os.cpu_count()} cores, {platform.system()}",
+        ", ".join(versions),
+        f"peers: {', '.join(present) or 'none'}",
+    ]
+    return "\n".join(lines + ([f"absent: {', '.join(absent)}"] if absent else []))
+
+
+def _processor() -> str:
+    """Name of the processor, as well as the system tells it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

@@ -1,0 +1,122 @@
+"""How the time of an estimate grows with the matches and with the share of wrong ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from farpoint.bench.chart import line_chart
+from farpoint.bench.estimators import Estimator, all_estimators
+from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.race import race
+from farpoint.bench.scenes import draw_scenes
+from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.views import views_of_scene
+
+__all__ = ["growth_tables"]
+
+_SCENES = 10
+_REPEATS = 3
+_MATCHES = (8, 20, 50, 110, 300, 500, 1000, 2000, 5000)
+_OUTLIER_PERCENTS = (0, 10, 20, 30, 40, 50, 60)
+_OUTLIER_PERCENT = 10  # while the matches grow
+_OUTLIER_MATCHES = 500  # while the share of wrong ones grows
+
+
+def growth_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
+    """A row for each number of matches, and one for each share of wrong ones."""
+    estimators = all_estimators()
+    by_matches = _median_ms(
+        [(matches, round(_OUTLIER_PERCENT / 100 * matches)) for matches in _MATCHES],
+        estimators,
+        options,
+        lambda done, total: progress("growth with matches", done, total),
+    )
+    by_outliers = _median_ms(
+        [(_OUTLIER_MATCHES, round(p / 100 * _OUTLIER_MATCHES)) for p in _OUTLIER_PERCENTS],
+        estimators,
+        options,
+        lambda done, total: progress("growth with outliers", done, total),
+    )
+    growth = by_matches[_MATCHES.index(5000), 0] / by_matches[_MATCHES.index(500), 0]
+    return (
+        _growth_table(
+            "time_matches",
+            f"Growth with the number of matches, {_OUTLIER_PERCENT} % of them wrong",
+            Column("matches"),
+            "matches",
+            _MATCHES,
+            by_matches,
+            estimators,
+            options,
+            (f"farpoint: 5000 matches take {growth:.1f} times as long as 500",),
+        ),
+        _growth_table(
+            "time_outliers",
+            f"Growth with the share of wrong matches, of {_OUTLIER_MATCHES}",
+            Column("outliers_percent"),
+            "wrong matches, %",
+            _OUTLIER_PERCENTS,
+            by_outliers,
+            estimators,
+            options,
+            (),
+        ),
+    )
+
+
+def _median_ms(
+    cells: Sequence[tuple[int, int]],
+    estimators: Sequence[Estimator],
+    options: BenchOptions,
+    progress: Callable[[int, int], None],
+) -> np.ndarray:
+    """Median times (cells, estimators), ms, of cells of so many matches and wrong ones.
+
+    The cells take turns too: their ratios are what counts.
+    """
+    rng = np.random.default_rng(options.seed)
+    rounds = min(options.pairs or _SCENES, _SCENES)
+    scenes = [
+        draw_scenes(1, rng, baseline_m=0.05, far_share=0.5, matches=matches, outliers=outliers)[0]
+        for _ in range(rounds)
+        for matches, outliers in cells
+    ]
+    views = [views_of_scene(scene) for scene in scenes]
+    courses = race(estimators, views, seed=options.seed, repeats=_REPEATS, progress=progress)
+    seconds = np.array([course.seconds.reshape(rounds, len(cells)) for course in courses])
+    return 1e3 * np.median(seconds, axis=1).T
+
+
+def _growth_table(
+    name: str,
+    title: str,
+    first: Column,
+    x_label: str,
+    keys: Sequence[int],
+    medians_ms: np.ndarray,
+    estimators: Sequence[Estimator],
+    options: BenchOptions,
+    notes: tuple[str, ...],
+) -> Table:
+    rows: list[tuple[Cell, ...]] = [
+        (key, *map(float, row)) for key, row in zip(keys, medians_ms, strict=True)
+    ]
+    names = [estimator.name for estimator in estimators]
+    return Table(
+        name=name,
+        title=f"{title}: median time of an estimate, ms",
+        command=options.command("time"),
+        columns=(first, *(Column(f"{e.replace(' ', '_')}_ms", 3) for e in names)),
+        rows=tuple(rows),
+        notes=notes,
+        chart=line_chart(
+            title,
+            x_label,
+            "ms",
+            np.array(keys, dtype=np.float64),
+            dict(zip(names, medians_ms.T, strict=True)),
+            log_x=min(keys) > 0,
+        ),
+    )

@@ -1,0 +1,104 @@
+"""Accuracy and time on matches of real images, against every installed peer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from farpoint.bench.accuracy import errors_of
+from farpoint.bench.estimators import all_estimators
+from farpoint.bench.match_files import find_match_files, read_matches
+from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.race import race
+from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.views import TwoViews
+from farpoint.metrics import summarize
+
+__all__ = ["pairs_table"]
+
+_PAIRS = 60
+_MIN_TRANSLATION_M = 0.01
+_COLUMNS = (
+    Column("data"),
+    Column("pairs"),
+    Column("matches"),
+    Column("estimator"),
+    Column("rotation_median_deg", 4),
+    Column("rotation_mean_deg", 4),
+    Column("direction_median_deg", 3),
+    Column("direction_mean_deg", 3),
+    Column("failed"),
+    Column("no_direction"),
+    Column("gross"),
+    Column("median_ms", 3),
+    Column("time_over_farpoint", 2),
+)
+
+
+def pairs_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
+    """Rows for every file of matches in the data; none where there is no such file."""
+    rows: list[tuple[Cell, ...]] = []
+    for path in find_match_files(options.data):
+        found = read_matches(path)
+        views = found.views if options.full else _spread(found.views, options.pairs or _PAIRS)
+        if views:
+            rows += _file_rows(found.name, views, options.seed, progress)
+    if not rows:
+        return ()
+    return (
+        Table(
+            name="pairs",
+            title="Real pairs: errors against the truth, and time",
+            command=options.command("pairs"),
+            columns=_COLUMNS,
+            rows=tuple(rows),
+            notes=(
+                "pairs spread evenly over each file, the same for all; times interleaved, on one "
+                "thread; peers are given points without lens distortion, outside of their time",
+                "gross: rotation more than 1 deg or direction more than 30 deg off",
+                "the truth is noisy itself: KITTI's by some 0.02-0.04 deg from frame to frame",
+                f"a true motion under {100 * _MIN_TRANSLATION_M:g} cm has no direction to compare",
+            ),
+        ),
+    )
+
+
+def _spread(views: Sequence[TwoViews], count: int) -> tuple[TwoViews, ...]:
+    """At most `count` of the views, evenly spread."""
+    chosen = np.unique(np.linspace(0, len(views) - 1, min(count, len(views))).astype(int))
+    return tuple(views[k] for k in chosen)
+
+
+def _file_rows(
+    name: str, views: tuple[TwoViews, ...], seed: int, progress: Progress
+) -> list[tuple[Cell, ...]]:
+    courses = race(
+        all_estimators(),
+        views,
+        seed=seed,
+        progress=lambda done, total: progress(f"pairs of {name}", done, total),
+    )
+    medians_ms = [1e3 * float(np.median(course.seconds)) for course in courses]
+    rows: list[tuple[Cell, ...]] = []
+    for course, median_ms in zip(courses, medians_ms, strict=True):
+        errors = errors_of(course, views, min_translation=_MIN_TRANSLATION_M)
+        rotation, direction = summarize(errors.rotation_deg), summarize(errors.direction_deg)
+        rows.append(
+            (
+                name,
+                len(views),
+                round(float(np.median([len(v.points0) for v in views]))),
+                course.estimator.name,
+                rotation.median,
+                rotation.mean,
+                direction.median,
+                direction.mean,
+                errors.failed,
+                errors.undecided,
+                errors.gross,
+                median_ms,
+                median_ms / medians_ms[0],
+            )
+        )
+    return rows

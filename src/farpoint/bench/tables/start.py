@@ -1,0 +1,80 @@
+"""What the first estimate of a fresh process costs, before and after the kernels are compiled."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+
+from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.table import Cell, Column, Table
+
+__all__ = ["start_table"]
+
+_WARM_STARTS = 3
+# Run by a fresh interpreter; the clock starts before anything is imported.
+_SCRIPT = """
+import time
+started = time.perf_counter()
+import farpoint
+imported = time.perf_counter()
+import json
+from farpoint.synthetic import make_point_scene, paper_example
+scene = make_point_scene(paper_example(outliers=20), seed=0)
+prepared = time.perf_counter()
+farpoint.estimate_relative_pose(scene.points0, scene.points1, scene.camera)
+estimated = time.perf_counter()
+print(json.dumps([imported - started, estimated - prepared]))
+"""
+_COLUMNS = (
+    Column("start"),
+    Column("import_s", 2),
+    Column("first_estimate_s", 2),
+    Column("total_s", 2),
+)
+
+
+def start_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
+    """Seconds to import farpoint and to the first estimate, in fresh processes."""
+    count = 1 + _WARM_STARTS
+    times_s = []
+    with tempfile.TemporaryDirectory(prefix="farpoint-bench-") as cache:
+        for done in range(count):
+            progress("start", done, count)
+            times_s.append(_start(cache))
+    progress("start", count, count)
+    warm = np.median(times_s[1:], axis=0)
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (name, float(seconds[0]), float(seconds[1]), float(sum(seconds)))
+        for name, seconds in (("cold", times_s[0]), ("warm", warm))
+    )
+    return (
+        Table(
+            name="start",
+            title="A fresh process: seconds to import farpoint and to its first estimate",
+            command=options.command("time"),
+            columns=_COLUMNS,
+            rows=rows,
+            notes=(
+                "cold: numba's cache is empty, so every kernel is compiled; "
+                f"warm: the cache is filled, median of {_WARM_STARTS} starts",
+            ),
+        ),
+    )
+
+
+def _start(cache: str) -> tuple[float, float]:
+    """Seconds of import and first estimate in a process with this folder as numba's cache."""
+    done = subprocess.run(
+        [sys.executable, "-c", _SCRIPT],
+        env={**os.environ, "NUMBA_CACHE_DIR": cache},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    imported_s, estimated_s = json.loads(done.stdout)
+    return imported_s, estimated_s

@@ -1,0 +1,76 @@
+"""Time of one estimate, every estimator on the same matches in turn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint.bench.estimators import all_estimators
+from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.race import race
+from farpoint.bench.scenes import draw_scenes
+from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.views import views_of_scene
+
+__all__ = ["timing_table"]
+
+_SCENES = 30
+_REPEATS = 3
+_SIZES = ((110, 20), (600, 60))  # matches, of which wrong
+_COLUMNS = (
+    Column("matches"),
+    Column("outliers"),
+    Column("estimator"),
+    Column("settings"),
+    Column("median_ms", 3),
+    Column("time_over_farpoint", 2),
+)
+
+
+def timing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
+    """Median time at the paper's number of matches and at a video's."""
+    rng = np.random.default_rng(options.seed)
+    rows: list[tuple[Cell, ...]] = []
+    for matches, outliers in _SIZES:
+        name = f"time at {matches} matches"
+        scenes = draw_scenes(
+            options.pairs or _SCENES,
+            rng,
+            baseline_m=0.05,
+            far_share=0.5,
+            matches=matches,
+            outliers=outliers,
+        )
+        courses = race(
+            all_estimators(),
+            [views_of_scene(scene) for scene in scenes],
+            seed=options.seed,
+            repeats=_REPEATS,
+            progress=lambda done, total, name=name: progress(name, done, total),
+        )
+        medians_ms = [1e3 * float(np.median(course.seconds)) for course in courses]
+        rows += [
+            (
+                matches,
+                outliers,
+                course.estimator.name,
+                course.estimator.settings,
+                median_ms,
+                median_ms / medians_ms[0],
+            )
+            for course, median_ms in zip(courses, medians_ms, strict=True)
+        ]
+    return (
+        Table(
+            name="time",
+            title="Time of an estimate on one thread, interleaved on the same matches",
+            command=options.command("time"),
+            columns=_COLUMNS,
+            rows=tuple(rows),
+            notes=(
+                f"median over {options.pairs or _SCENES} scenes (baseline 5 cm, half of the true "
+                "matches far) of the best of three calls, after one that does not count; "
+                "converting the matches to what a library wants is not timed",
+                "farpoint's time includes the covariance, the labels and the verdict",
+            ),
+        ),
+    )
