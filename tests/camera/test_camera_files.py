@@ -294,7 +294,7 @@ FAULTS = [
         "distortion_coefficients",
         "expected 4 numbers, got 3",
     ),
-    (OPENCV + "xi: 1.2\n", None, "xi", "'omnidirectional' is not supported"),
+    (OPENCV + "xi: -1.2\n", None, "xi (xi)", "from 0"),
     (SENSOR.replace("intrinsics", "intrinsic"), None, "intrinsics", "missing"),
     (SENSOR.replace("camera_model", "model"), None, "camera_model", "missing"),
     (
@@ -417,6 +417,19 @@ REAL = [
     ("calibrations/kalibr_tumvi.yaml", "cam1", (512, 512)),
     ("calibrations/kalibr_uzhfpv.yaml", "cam0", (640, 480)),
     ("calibrations/kalibr_uzhfpv.yaml", "cam1", (640, 480)),
+    *(
+        (f"calibrations/basalt_{kind}_calib.json", name, size)
+        for kind, size in (
+            *(("euroc_ds", (752, 480)), ("euroc_eucm", (752, 480))),
+            *(("tumvi_512_ds", (512, 512)), ("tumvi_512_eucm", (512, 512))),
+        )
+        for name in ("cam0", "cam1")
+    ),
+    *(
+        (f"calibrations/gt_calib_{kind}.json", name, (752, 480))
+        for kind in ("ds", "eucm", "kb4", "pinhole")
+        for name in ("cam0", "cam1")
+    ),
     ("calibrations/left_sensor_fisheye.yaml", None, (752, 480)),
     ("calibrations/right_sensor_fisheye.yaml", None, (752, 480)),
     ("davis_slider_depth/calib.txt", None, (240, 180)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lens_checks import assert_jacobians_hold, pixel_grid, round_trip_px, whole_rows_are_nan
 
-from farpoint.camera import Camera, CameraModel, DoubleSphere, ExtendedUnified, KannalaBrandt
+from farpoint.camera import Camera, DoubleSphere, ExtendedUnified, load_camera
 from farpoint.errors import InputError
 
 FOCAL = {"fx": 158.286, "fy": 158.274, "cx": 254.96, "cy": 256.89}
@@ -75,28 +74,36 @@ def test_double_sphere_is_two_projections() -> None:
     np.testing.assert_allclose(lens.project(points[seen]), expected, rtol=0, atol=1e-9)
 
 
-def test_one_camera_described_four_times(shared_data: Path) -> None:
-    """Basalt fitted these to one camera; they agree to a pixel where all of them see."""
+@pytest.mark.parametrize("name", ["cam0", "cam1"])
+def test_three_descriptions_of_one_camera_agree_to_a_pixel(shared_data: Path, name: str) -> None:
+    """Basalt fitted a double sphere, an EUCM and a fisheye to one camera.
+
+    Its fourth file, a pinhole without distortion, has another principal point and no common field.
+    """
     pixels = pixel_grid((752, 480))
-    for index in (0, 1):
-        reference = _basalt_lens(shared_data, "kb4", index).unproject(pixels)
+    one, two, three = (
+        load_camera(shared_data / "calibrations" / f"gt_calib_{kind}.json", name)
+        for kind in ("ds", "eucm", "kb4")
+    )
+    rays = one.unproject(pixels)
+    in_common = np.rad2deg(np.arccos(rays[:, 2])) < 55
+    assert in_common.mean() > 0.98
+    for other in (two, three):
+        error_px = np.linalg.norm(other.project(rays) - pixels, axis=1)[in_common]
+        assert error_px.max() < 1.0
+
+
+def test_two_descriptions_of_a_fisheye_agree_to_a_pixel(shared_data: Path) -> None:
+    """TUM-VI's lens as Kalibr's fisheye, and as Basalt's two, where the image has a circle."""
+    folder = shared_data / "calibrations"
+    pixels = pixel_grid((512, 512))
+    for name in ("cam0", "cam1"):
+        rays = load_camera(folder / "kalibr_tumvi.yaml", name).unproject(pixels)
+        in_circle = np.rad2deg(np.arccos(rays[:, 2])) < 85
         for kind in ("ds", "eucm"):
-            back = _basalt_lens(shared_data, kind, index).project(reference)
-            off_axis_deg = np.rad2deg(np.arccos(reference[:, 2]))
-            error_px = np.linalg.norm(back - pixels, axis=1)[off_axis_deg < 45]
+            other = load_camera(folder / f"basalt_tumvi_512_{kind}_calib.json", name)
+            error_px = np.linalg.norm(other.project(rays) - pixels, axis=1)[in_circle]
             assert error_px.max() < 1.0
-
-
-def _basalt_lens(shared_data: Path, kind: str, index: int) -> CameraModel:
-    text = (shared_data / "calibrations" / f"gt_calib_{kind}.json").read_text()
-    values = json.loads(text)["value0"]["cam.intrinsics"][index]
-    focal = {key: values[key] for key in ("fx", "fy", "cx", "cy")}
-    p1, p2, p3, p4 = (values[f"p{number}"] for number in (1, 2, 3, 4))
-    if kind == "ds":
-        return DoubleSphere(**focal, xi=p1, alpha=p2)
-    if kind == "eucm":
-        return ExtendedUnified(**focal, alpha=p1, beta=p2)
-    return KannalaBrandt(**focal, k1=p1, k2=p2, k3=p3, k4=p4)
 
 
 def test_round_trip_over_the_whole_image(camera: Camera) -> None:

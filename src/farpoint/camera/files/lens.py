@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
+from farpoint.camera.arctangent import Arctangent
 from farpoint.camera.double_sphere import DoubleSphere
 from farpoint.camera.extended_unified import ExtendedUnified
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
+from farpoint.camera.unified import Unified
 from farpoint.errors import InputError
 
 __all__ = ["lens_of_sensor", "unsupported_lens"]
@@ -71,14 +73,34 @@ def _double_sphere(fields: Fields, coefficients: str) -> DoubleSphere:  # noqa: 
         return DoubleSphere(fx=fx, fy=fy, cx=cx, cy=cy, xi=xi, alpha=alpha)
 
 
+def _arctangent(fields: Fields, coefficients: str) -> Arctangent:
+    fx, fy, cx, cy = fields.numbers("intrinsics", (4,))
+    (omega,) = fields.numbers(coefficients, (1,))
+    with blame(fields, "intrinsics", omega=coefficients):
+        return Arctangent(fx=fx, fy=fy, cx=cx, cy=cy, omega=omega)
+
+
+def _unified(fields: Fields, coefficients: str | None) -> Unified:
+    xi, fx, fy, cx, cy = fields.numbers("intrinsics", (5,))
+    distortion = () if coefficients is None else tuple(fields.numbers(coefficients))
+    with blame(fields, "intrinsics", distortion=coefficients or "intrinsics"):
+        return Unified(fx=fx, fy=fy, cx=cx, cy=cy, xi=xi, distortion=distortion)
+
+
+def _undistorted_unified(fields: Fields, coefficients: str) -> Unified:  # noqa: ARG001
+    return _unified(fields, None)
+
+
 LENSES: dict[str, dict[str, Callable[[Fields, str], CameraModel]]] = {
     "pinhole": {
         "radtan": _pinhole,
         "radial-tangential": _pinhole,
         "plumb_bob": _pinhole,
         "equidistant": _fisheye,
+        "fov": _arctangent,
         "none": _undistorted_pinhole,
     },
+    "omni": {"radtan": _unified, "none": _undistorted_unified},
     "eucm": {"none": _extended_unified},
     "ds": {"none": _double_sphere},
 }

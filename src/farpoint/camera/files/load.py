@@ -8,7 +8,20 @@ from dataclasses import replace
 from pathlib import Path
 
 from farpoint.camera.camera import Camera
-from farpoint.camera.files import kalibr, kitti, opencv, orbslam, plain, sensor
+from farpoint.camera.files import (
+    basalt,
+    camodocal,
+    colmap,
+    dso,
+    kalibr,
+    kitti,
+    nerfstudio,
+    ocamcalib,
+    opencv,
+    orbslam,
+    plain,
+    sensor,
+)
 from farpoint.camera.files.format import CalibrationFormat
 from farpoint.camera.files.source import CalibrationFile
 from farpoint.errors import InputError
@@ -16,7 +29,10 @@ from farpoint.errors import InputError
 __all__ = ["load_camera"]
 
 # Asked in this order: the more particular before the more general.
-FORMATS: tuple[CalibrationFormat, ...] = (plain, kitti, orbslam, sensor, kalibr, opencv)
+FORMATS: tuple[CalibrationFormat, ...] = (
+    *(ocamcalib, dso, plain, colmap, kitti),
+    *(basalt, nerfstudio, camodocal, orbslam, sensor, kalibr, opencv),
+)
 
 
 def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera:
@@ -26,8 +42,9 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
     ----------
     path : str or path
         KITTI ``calib.txt`` or ``calib_cam_to_cam.txt``, EuRoC ``sensor.yaml``, Kalibr camera
-        chain, ORB-SLAM settings, a camera matrix as OpenCV's FileStorage or ROS write it, or bare
-        numbers ``fx fy cx cy [k1 k2 p1 p2 [k3 ...]]``.
+        chain, ORB-SLAM settings, COLMAP ``cameras.txt`` or ``cameras.bin``, Basalt, CamOdoCal,
+        DSO, OCamCalib or nerfstudio files, a camera matrix as OpenCV's FileStorage or ROS write
+        it, or bare numbers ``fx fy cx cy [k1 k2 p1 p2 [k3 ...]]``.
     name : str, optional
         Which of several cameras. KITTI's first (``P0``) is meant without it; elsewhere a file of
         several cameras needs it.

@@ -8,7 +8,7 @@ import numpy as np
 
 from farpoint.camera.files.fields import Fields
 
-__all__ = ["Intrinsics", "intrinsics_from_matrix"]
+__all__ = ["Intrinsics", "intrinsics_from_matrix", "skew_of_matrix"]
 
 
 class Intrinsics(TypedDict):
@@ -20,17 +20,21 @@ class Intrinsics(TypedDict):
     cy: float
 
 
-def intrinsics_from_matrix(fields: Fields, key: str, *, columns: int = 3) -> Intrinsics:
+def intrinsics_from_matrix(
+    fields: Fields, key: str, *, columns: int = 3, skewed: bool = False
+) -> Intrinsics:
     """Focal lengths and principal point of a 3x3 camera matrix, or a 3x4 one of rectified images.
 
     Raises
     ------
     InputError
-        If it is no camera matrix: wrong count, skew, or another last row than 0 0 1.
+        If it is no camera matrix: wrong count, skew (unless it is `skewed`), or another last row
+        than 0 0 1.
     """
     matrix = np.reshape(fields.numbers(key, (3 * columns,)), (3, columns))[:, :3]
+    skew = matrix[0, 1] if skewed else 0.0
     expected = np.array(
-        [[matrix[0, 0], 0, matrix[0, 2]], [0, matrix[1, 1], matrix[1, 2]], [0, 0, 1]]
+        [[matrix[0, 0], skew, matrix[0, 2]], [0, matrix[1, 1], matrix[1, 2]], [0, 0, 1]]
     )
     if np.abs(matrix - expected).max() > 1e-6:
         rows = "; ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
@@ -41,3 +45,8 @@ def intrinsics_from_matrix(fields: Fields, key: str, *, columns: int = 3) -> Int
         cx=float(matrix[0, 2]),
         cy=float(matrix[1, 2]),
     )
+
+
+def skew_of_matrix(fields: Fields, key: str) -> float:
+    """The second number of a 3x3 camera matrix, px."""
+    return fields.numbers(key, (9,))[1]

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from farpoint.camera.camera import Camera
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
-from farpoint.camera.files.matrix import intrinsics_from_matrix
+from farpoint.camera.files.matrix import intrinsics_from_matrix, skew_of_matrix
 from farpoint.camera.files.source import CalibrationFile
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
+from farpoint.camera.unified import Unified
 
 TITLE = "OpenCV camera matrix"
 FIRST_IS_DEFAULT = False
@@ -61,13 +62,18 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _lens(fields: Fields, keys: _Keys) -> CameraModel:
-    intrinsics = intrinsics_from_matrix(fields, keys.matrix)
-    with blame(fields, keys.matrix, distortion=keys.distortion or keys.matrix):
+    distortion = () if keys.distortion is None else tuple(fields.numbers(keys.distortion))
+    with blame(fields, keys.matrix, distortion=keys.distortion or keys.matrix, xi="xi"):
+        if "xi" in fields:
+            (xi,) = fields.numbers("xi", (1,))
+            intrinsics = intrinsics_from_matrix(fields, keys.matrix, skewed=True)
+            skew = skew_of_matrix(fields, keys.matrix)
+            return Unified(**intrinsics, xi=xi, distortion=distortion, skew=skew)
+        intrinsics = intrinsics_from_matrix(fields, keys.matrix)
         if _is_fisheye(fields):
             at = keys.distortion or "distortion_coefficients"
             k1, k2, k3, k4 = fields.numbers(at, (4,))
             return KannalaBrandt(**intrinsics, k1=k1, k2=k2, k3=k3, k4=k4)
-        distortion = () if keys.distortion is None else tuple(fields.numbers(keys.distortion))
         return Pinhole(**intrinsics, distortion=distortion)
 
 
@@ -84,8 +90,6 @@ def _cameras(fields: Fields) -> list[_Keys]:
 
 def _is_fisheye(fields: Fields) -> bool:
     """Whether the coefficients are a fisheye's; an InputError for a lens that is unknown here."""
-    if "xi" in fields and fields.number("xi") != 0:
-        raise fields.error("xi", "the lens model 'omnidirectional' is not supported")
     if "fisheye_model" in fields and fields.number("fisheye_model") != 0:
         return True
     named = fields.text("distortion_model").lower() if "distortion_model" in fields else ""
