@@ -18,8 +18,6 @@ from farpoint._kernels.scene_arrays import (
     GROUND,
     NOTHING,
     SKY,
-    Blocks,
-    Hills,
 )
 
 __all__ = ["TOP_FACE", "cast_rays", "trace"]
@@ -111,7 +109,7 @@ def first_wall(origin, direction, corner, size):
 
     The last two are the distance to the first wall and the one between walls.
     """
-    cell = int(math.floor((origin - corner) / size))
+    cell = math.floor((origin - corner) / size)
     if direction == 0.0:
         return cell, 0, math.inf, math.inf
     step = 1 if direction > 0.0 else -1
@@ -120,9 +118,7 @@ def first_wall(origin, direction, corner, size):
 
 
 @inlined_kernel
-def hit_shapes(
-    shape, cell_start, cell_shape, cell_top, grid, ox, oy, oz, dx, dy, dz, limit
-):
+def hit_shapes(shape, cell_start, cell_shape, cell_top, grid, ox, oy, oz, dx, dy, dz, limit):
     """Nearest shape closer than ``limit``: distance, shape (NOTHING if none) and face."""
     nx, nz = int(grid[3]), int(grid[4])
     i, step_i, wall_i, between_i = first_wall(ox, dx, grid[0], grid[2])
@@ -145,9 +141,7 @@ def hit_shapes(
 
 
 @inlined_kernel
-def trace(
-    shape, cell_start, cell_shape, cell_top, grid, ring, height, ox, oy, oz, dx, dy, dz
-):
+def trace(shape, cell_start, cell_shape, cell_top, grid, ring, height, ox, oy, oz, dx, dy, dz):
     """Distance along a ray, the surface it hits first, and the face of that surface."""
     reach = math.inf
     if dy > 0.0:
@@ -169,13 +163,17 @@ def trace(
 
 @kernel
 def cast_rays(
-    blocks: Blocks,
-    hills: Hills,
+    blocks: tuple[np.ndarray, ...],
+    hills: tuple[np.ndarray, ...],
     origin: np.ndarray,
     directions: np.ndarray,
     distances: np.ndarray,
 ) -> None:
-    """Fill ``distances`` (N,), in lengths of ``directions`` (N, 3), from one origin; inf for sky."""
+    """Fill ``distances`` (N,) from one origin along ``directions`` (N, 3), in lengths of them.
+
+    Infinite for the sky, NaN where a direction is. ``blocks`` and ``hills`` are the fields of
+    `Blocks` and `Hills`: as plain tuples, so that the cache on disk knows no class of this package.
+    """
     shape, cell_start, cell_shape, cell_top, grid = blocks
     ring, height = hills
     ox, oy, oz = origin[0], origin[1], origin[2]

@@ -12,7 +12,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel
 from farpoint._kernels.raycast import trace
-from farpoint._kernels.scene_arrays import NOTHING, Blocks, Finish, Hills
+from farpoint._kernels.scene_arrays import NOTHING
 from farpoint._kernels.surfaces import ray_grey
 
 __all__ = ["render"]
@@ -99,9 +99,9 @@ def pixel_grey(blocks, hills, finish, pose, ray, step, offsets, footprint):
 
 @kernel
 def render(
-    blocks: Blocks,
-    hills: Hills,
-    finish: Finish,
+    blocks: tuple[np.ndarray, ...],
+    hills: tuple[np.ndarray, ...],
+    finish: tuple[np.ndarray, ...],
     world_from_cam: np.ndarray,
     rays: np.ndarray,
     steps: np.ndarray,
@@ -113,8 +113,8 @@ def render(
 
     Parameters
     ----------
-    blocks, hills, finish : Blocks, Hills, Finish
-        The scene.
+    blocks, hills, finish : tuple of ndarray
+        The scene: the fields of `Blocks`, `Hills` and `Finish`, as in `cast_rays`.
     world_from_cam : ndarray, shape (4, 4)
     rays : ndarray, shape (H, W, 3)
         Unit rays of the pixel centres in camera axes; NaN where there is none.

@@ -79,7 +79,7 @@ class Finish(NamedTuple):
     ----------
     paint : ndarray, shape (S + 1 + K, 7)
         For every shape, then the ground, then every ring: mean grey, texture of the pattern, its
-        metres per texel, its gain in grey, gain of the noise in grey, and the offsets in u and v, m.
+        metres per texel, its gain in grey, gain of the noise in grey, and offsets in u and v, m.
     texels : ndarray of float32
         Mip pyramids of all textures, one after the other, each from fine to coarse.
     texture : ndarray of int64, shape (T, 2)

@@ -1,7 +1,7 @@
 """Grey values of surfaces over the footprint of a pixel.
 
-Points, directions and steps are tuples (x, y, z). A step is the change of the ray's direction by one
-pixel, to the right or down; what it does to the point hit is the footprint.
+Points, directions and steps are tuples (x, y, z). A step is the change of the ray's direction by
+one pixel, to the right or down; what it does to the point hit is the footprint.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def wall_footprint(shape, ring, surface, face, t, origin, direction, step_x, ste
     )
     facing = dot(normal, direction)
     facing = math.copysign(max(abs(facing), _LEAST_COSINE), facing)
-    # A step of the ray moves the point hit by t (step - direction (normal.step) / (normal.direction)).
+    # A step of the ray moves the point hit by t (step - direction (normal.step / facing)).
     slide_x, slide_y = dot(normal, step_x) / facing, dot(normal, step_y) / facing
     du, dv = dot(along_u, direction), dot(along_v, direction)
     major_u, major_v, minor = footprint_axes(

@@ -8,23 +8,38 @@ from farpoint.synthetic.paper import (
     paper_example,
     paper_protocol,
 )
+from farpoint.synthetic.paths import pure_rotation, sideways, standing_still, street_drive
 from farpoint.synthetic.points import (
     OutlierKind,
     PointScene,
     PointSceneOptions,
     make_point_scene,
 )
+from farpoint.synthetic.sequence import (
+    ImagingOptions,
+    RenderedSequence,
+    RenderedView,
+    render_drive,
+)
 
 __all__ = [
     "PAPER_NOISE_PX",
     "PAPER_OUTLIERS",
+    "ImagingOptions",
     "OutlierKind",
     "PointScene",
     "PointSceneOptions",
+    "RenderedSequence",
+    "RenderedView",
     "cramer_rao_bound",
     "make_point_scene",
     "paper_camera",
     "paper_example",
     "paper_protocol",
+    "pure_rotation",
+    "render_drive",
     "rotation_cramer_rao_bound",
+    "sideways",
+    "standing_still",
+    "street_drive",
 ]

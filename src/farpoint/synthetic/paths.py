@@ -1,7 +1,7 @@
 """Ways a camera moves through the street: a drive with turns, and the plain motions for tests.
 
-Poses are ``world_from_cam`` in the world of `farpoint.synthetic.street`: x right, y down, z forward,
-the ground at y = 0. The same arguments give the same poses, bit for bit.
+Poses are ``world_from_cam`` in the world of `farpoint.synthetic.street`: x right, y down, z
+forward, the ground at y = 0. The same arguments give the same poses, bit for bit.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ _STEP_M = 0.05  # of the table of the route
 _SPEED = 9.0  # m/s on straight streets
 _LATERAL_ACCELERATION = 2.2  # m/s^2 allowed in turns
 _BRAKING_M = 6.0  # sigma of the smoothing of the speed
-_REACH_M = {1: 9.0, -1: 13.0}  # from the corner of the lanes back to where a right, left turn begins
+_REACH_M = {
+    1: 9.0,
+    -1: 13.0,
+}  # from the corner of the lanes back to where a right, left turn begins
 
 
 def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
@@ -111,7 +114,7 @@ def _start() -> np.ndarray:
 def _times(frames: int, fps: float) -> np.ndarray:
     if frames < 1:
         raise InputError(f"expected at least 1, got {frames}", field="frames")
-    if not 0.0 < _finite(fps, "fps"):
+    if _finite(fps, "fps") <= 0.0:
         raise InputError(f"expected more than 0, got {fps}", field="fps")
     return np.arange(frames) / fps
 

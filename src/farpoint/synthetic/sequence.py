@@ -42,7 +42,9 @@ class ImagingOptions:
         if not 0.0 <= self.noise_grey <= 100.0:
             raise InputError(f"expected 0 to 100, got {self.noise_grey}", field="noise_grey")
         if not 0.0 <= self.exposure_swing <= 0.5:
-            raise InputError(f"expected 0 to 0.5, got {self.exposure_swing}", field="exposure_swing")
+            raise InputError(
+                f"expected 0 to 0.5, got {self.exposure_swing}", field="exposure_swing"
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,13 +114,14 @@ class RenderedSequence:
         self.camera = camera
         self.name = name
         self.count: int | None = len(path)
+        self.timestamp_source = "the rendered path"
+        self.calibration_path: Path | None = None
         self.timestamps = path.timestamps
         self.world_from_cam = path.world_from_body
         self._seed = seed
         self._imaging = imaging or ImagingOptions()
         self._rays, self._steps = _ray_tables(camera, camera.size)
         street = build_street(path.world_from_body[:, :3, 3], seed)
-        # Plain tuples: the compiled loops are cached on disk by the types of their arguments.
         self._blocks, self._hills = tuple(street.blocks), tuple(street.hills)
         self._finish = tuple(street.finish)
 
@@ -236,10 +239,12 @@ def render_drive(
 def _ray_tables(camera: Camera, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Rays (H, W, 3) of all pixels, and their change by a pixel right and down (H, W, 3, 2)."""
     width, height = size
-    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2)
+    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
 
     def table(right: float, down: float) -> np.ndarray:
-        return camera.unproject(pixels + (right, down)).reshape(height, width, 3)
+        return camera.unproject(
+            np.stack([columns.ravel() + right, rows.ravel() + down], axis=1)
+        ).reshape(height, width, 3)
 
     steps = (table(0.5, 0.0) - table(-0.5, 0.0), table(0.0, 0.5) - table(0.0, -0.5))
     return table(0.0, 0.0), np.stack(steps, axis=-1)

@@ -55,7 +55,9 @@ def facade(rng: np.random.Generator, log2_width: int = 10, *, bays: int = 8) -> 
     return image
 
 
-def road(rng: np.random.Generator, block_m: float, road_m: float, log2_width: int = 11) -> np.ndarray:
+def road(
+    rng: np.random.Generator, block_m: float, road_m: float, log2_width: int = 11
+) -> np.ndarray:
     """Ground of one block of a street grid, streets along x = 0 and z = 0 with their markings.
 
     Rows run along z, columns along x, one period is ``block_m``. Values in grey levels relative to
@@ -71,12 +73,11 @@ def road(rng: np.random.Generator, block_m: float, road_m: float, log2_width: in
     image[(np.abs(to_axis - road_m / 2 - 0.08) < 0.08) & ~crossing] = 75.0  # kerb
     image[(np.abs(to_axis - road_m / 2 + 0.4) < 0.07) & ~crossing] = 105.0  # edge line
     for across, along in ((x, z), (z, x)):
-        dashes = (np.abs(across) < 0.07) & (along % 6.0 < 3.0) & ~crossing
-        image[dashes] = 110.0
-        off_crossing = np.abs(along) - road_m / 2 - 2.0
-        stop = (np.abs(across) < road_m / 2 - 0.4) & (off_crossing > 3.2) & (off_crossing < 3.6)
-        stripes = (off_crossing > 0.2) & (off_crossing < 2.6) & (np.abs(across) % 1.0 < 0.5)
-        image[stop | (stripes & (np.abs(across) < road_m / 2 - 0.3))] = 110.0
+        to_crossing = np.abs(along) - road_m / 2 - 2.0
+        dashes = (np.abs(across) < 0.07) & (along % 6.0 < 3.0) & (to_crossing > 4.0)
+        stop = (np.abs(across) < road_m / 2 - 0.4) & (np.abs(to_crossing - 3.4) < 0.2)
+        stripes = (np.abs(to_crossing - 1.4) < 1.2) & (np.abs(across) % 1.0 < 0.5)
+        image[dashes | stop | (stripes & (np.abs(across) < road_m / 2 - 0.3))] = 110.0
     for _ in range(60):  # patches where the road was mended, and covers
         i, j = rng.integers(0, width, 2)
         h, w = rng.integers(width // 150, width // 25, 2)
