@@ -1,0 +1,389 @@
+"""Images in, motions out: what each frame adds, and what bad frames do not take away."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
+
+from farpoint import (
+    Camera,
+    Frame,
+    Odometry,
+    OdometryOptions,
+    OdometryResult,
+    PoseStatus,
+    RelativePoseOptions,
+    TrackLabel,
+    Tracks,
+    estimate_relative_pose,
+)
+from farpoint.errors import InputError
+from farpoint.geometry import so3, sphere
+from farpoint.pose import failed_pose
+from farpoint.tracks import TrackerOptions
+from farpoint.trajectory.chain import chain
+from farpoint.trajectory.prediction import inverse_depths, predict_points
+
+WIDTH, HEIGHT, FOCAL = 320, 240, 300.0
+K = np.array([[FOCAL, 0.0, 159.5], [0.0, FOCAL, 119.5], [0.0, 0.0, 1.0]])
+CAMERA = Camera.pinhole(WIDTH, HEIGHT, FOCAL, FOCAL, 159.5, 119.5)
+OPTIONS = OdometryOptions(tracker=TrackerOptions(max_tracks=250))
+TURN = so3.exp(np.array([0.002, 0.008, -0.003]))
+STEP = np.array([-0.05, 0.01, -0.03])
+BLACK = np.zeros((HEIGHT, WIDTH), np.uint8)
+
+
+class Boards:
+    """Upright boards, near ones in front of a wall so far that it only turns, seen from anywhere.
+
+    Each board is a texture on the plane Z = depth of camera 0, so its image in another camera is a
+    homography: ``K (R + t n^T / depth) K^-1``.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._rng = rng = np.random.default_rng(seed)
+        self.layers = [
+            (depth, mask, self._texture(rng))
+            for depth, mask in [
+                (1e6, np.ones((2 * HEIGHT, 2 * WIDTH))),
+                (5.0, self._rows(0.62, 1.0, 0.0, 1.0)),
+                (3.0, self._rows(0.0, 0.75, 0.0, 0.42)),
+                (2.0, self._rows(0.3, 0.9, 0.62, 1.0)),
+            ]
+        ]
+
+    @staticmethod
+    def _texture(rng: np.random.Generator) -> np.ndarray:
+        noise = rng.normal(size=(2 * HEIGHT, 2 * WIDTH))
+        smooth = gaussian_filter(noise, 1.6) + 4.0 * gaussian_filter(noise, 6.0)
+        return spline_filter(128 + 35 * smooth / smooth.std(), order=3)
+
+    @staticmethod
+    def _rows(top: float, bottom: float, left: float, right: float) -> np.ndarray:
+        mask = np.zeros((2 * HEIGHT, 2 * WIDTH))
+        rows = slice(round(2 * HEIGHT * top), round(2 * HEIGHT * bottom))
+        mask[rows, round(2 * WIDTH * left) : round(2 * WIDTH * right)] = 1
+        # Soft edges, that they move by fractions of a pixel.
+        return gaussian_filter(mask, 1.0)
+
+    def seen(self, R_cam_from_cam0: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """The image from a camera, with noise of two grey levels."""
+        rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+        pixels = np.stack([columns.ravel(), rows.ravel(), np.ones(rows.size)])
+        image = np.zeros(rows.size)
+        for depth, mask, texture in self.layers:
+            plane = np.outer(t, [0.0, 0.0, 1.0 / depth])
+            x, y, w = np.linalg.solve(K @ (R_cam_from_cam0 + plane) @ np.linalg.inv(K), pixels)
+            # A texture is twice the image, centred on it. (OpenCV warps by 1/32 px: too coarse.)
+            at = np.stack([y / w + HEIGHT / 2, x / w + WIDTH / 2])
+            cover = map_coordinates(mask, at, order=1)
+            image += cover * (map_coordinates(texture, at, order=3, prefilter=False) - image)
+        noise = self._rng.normal(0.0, 2.0, image.shape)
+        return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8).reshape(HEIGHT, WIDTH)
+
+
+def drive(count: int, R: np.ndarray = TURN, t: np.ndarray = STEP, seed: int = 3):
+    """Images of a camera that makes the same motion again and again."""
+    boards = Boards(seed)
+    R_cam_from_cam0, position = np.eye(3), np.zeros(3)
+    images = []
+    for _ in range(count):
+        images.append(boards.seen(R_cam_from_cam0, position))
+        R_cam_from_cam0, position = R @ R_cam_from_cam0, R @ position + t
+    return images
+
+
+IMAGES = drive(6)
+
+
+def frames(images: list[np.ndarray | None]) -> Iterator[Frame]:
+    for index, image in enumerate(images):
+        fault = "its data are damaged" if image is None else None
+        yield Frame(
+            index=index, timestamp=10.0 + 0.1 * index, image=image, name=str(index), fault=fault
+        )
+
+
+def run(images: list[np.ndarray | None], camera: Camera = CAMERA) -> list[OdometryResult]:
+    return list(Odometry(camera, OPTIONS).run(frames(images)))
+
+
+def statuses(results: list[OdometryResult]) -> list[str]:
+    return ["-" if r.pose is None else r.pose.status.value for r in results]
+
+
+def compared(results: list[OdometryResult]) -> list[tuple[int, int]]:
+    return [(r.frame0, r.frame1) for r in results]
+
+
+@pytest.fixture(scope="module")
+def results() -> list[OdometryResult]:
+    return run(list(IMAGES))
+
+
+def test_the_first_frame_has_nothing_to_be_compared_with(results):
+    first = results[0]
+    assert first.pose is None
+    assert (first.frame0, first.frame1, len(first.tracks)) == (0, 0, 0)
+    assert first.scale is None
+    np.testing.assert_array_equal(first.world_from_cam, np.eye(4))
+
+
+def test_every_pair_has_the_motion_that_was_made(results):
+    assert statuses(results) == ["-"] + 5 * ["OK"]
+    assert compared(results)[1:] == [(k, k + 1) for k in range(5)]
+    for result in results[1:]:
+        pose = result.pose
+        assert result.timestamp0 == pytest.approx(10.0 + 0.1 * result.frame0)
+        assert result.timestamp == pytest.approx(10.0 + 0.1 * result.frame1)
+        assert math.degrees(so3.angle_between(pose.rotation_cam1_from_cam0, TURN)) < 0.05
+        off = sphere.angle_between(pose.direction_cam1_from_cam0, sphere.normalize(STEP))
+        assert math.degrees(off) < 2.0
+        assert len(result.tracks) == len(pose.labels) > 100
+
+
+@pytest.mark.parametrize("seed", range(70, 90))
+def test_the_motion_is_found_in_every_scene(seed):
+    (_, result) = run(drive(2, seed=seed))
+    assert result.pose.status is PoseStatus.OK
+    assert math.degrees(so3.angle_between(result.pose.rotation_cam1_from_cam0, TURN)) < 0.1
+
+
+def test_the_wall_is_far_and_the_boards_are_near(results):
+    result = results[3]
+    # The wall is seen between the boards: its points move by the rotation alone.
+    turned = CAMERA.project(CAMERA.unproject(result.tracks.points0) @ TURN.T)
+    on_wall = np.linalg.norm(result.tracks.points1 - turned, axis=1) < 0.3
+    labels = result.pose.labels
+    assert 20 < on_wall.sum() < len(labels) - 20
+    assert (labels[on_wall] != TrackLabel.NEAR).mean() > 0.8
+    assert (labels[~on_wall] == TrackLabel.NEAR).mean() > 0.8
+
+
+def test_poses_are_chained_with_steps_of_one(results):
+    expected = np.eye(4)
+    for result in results[1:]:
+        pose = result.pose
+        cam1_from_cam0 = np.eye(4)
+        cam1_from_cam0[:3, :3] = pose.rotation_cam1_from_cam0
+        cam1_from_cam0[:3, 3] = result.scale * pose.direction_cam1_from_cam0
+        expected = expected @ np.linalg.inv(cam1_from_cam0)
+        np.testing.assert_allclose(result.world_from_cam, expected, atol=1e-12)
+        assert result.scale == 1.0
+
+
+def test_tracks_keep_their_ids_from_frame_to_frame(results):
+    for earlier, later in itertools.pairwise(results[1:]):
+        good = earlier.tracks.select(earlier.pose.labels != TrackLabel.OUTLIER)
+        common, row0, row1 = np.intersect1d(good.ids, later.tracks.ids, return_indices=True)
+        assert len(common) > 0.7 * len(good)
+        np.testing.assert_array_equal(good.points1[row0], later.tracks.points0[row1])
+        assert len(np.unique(later.tracks.ids)) == len(later.tracks)
+        # What contradicted the motion is followed no longer.
+        wrong = earlier.tracks.ids[earlier.pose.labels == TrackLabel.OUTLIER]
+        assert not np.isin(wrong, later.tracks.ids).any()
+
+
+def test_the_same_frames_give_the_same_results_bit_for_bit(results):
+    for a, b in zip(results, run(list(IMAGES)), strict=True):
+        assert a.world_from_cam.tobytes() == b.world_from_cam.tobytes()
+        assert a.tracks.points1.tobytes() == b.tracks.points1.tobytes()
+        if a.pose is not None:
+            assert a.pose.covariance.tobytes() == b.pose.covariance.tobytes()
+            assert a.pose.labels.tobytes() == b.pose.labels.tobytes()
+
+
+def test_results_come_frame_by_frame():
+    given: list[int] = []
+
+    def watched() -> Iterator[Frame]:
+        for frame in frames(list(IMAGES)):
+            given.append(frame.index)
+            yield frame
+
+    running = Odometry(CAMERA, OPTIONS).run(watched())
+    next(running)
+    assert given == [0]
+    next(running)
+    assert given == [0, 1]
+
+
+def test_a_frozen_frame_is_static():
+    still = run([IMAGES[0], IMAGES[1], IMAGES[1], IMAGES[2]])
+    assert statuses(still) == ["-", "OK", "STATIC", "OK"]
+    assert compared(still)[1:] == [(0, 1), (1, 2), (2, 3)]
+    moved = still[2].world_from_cam[:3, 3] - still[1].world_from_cam[:3, 3]
+    np.testing.assert_array_equal(moved, np.zeros(3))
+    assert still[2].scale is None
+
+
+def test_a_camera_that_only_turns_stays_where_it_is():
+    turning = run(drive(3, t=np.zeros(3)))
+    assert statuses(turning) == ["-", "ROTATION_ONLY", "ROTATION_ONLY"]
+    for result in turning:
+        np.testing.assert_array_equal(result.world_from_cam[:3, 3], np.zeros(3))
+    R = turning[2].world_from_cam[:3, :3]
+    assert math.degrees(so3.angle_between(R.T, TURN @ TURN)) < 0.05
+
+
+SMALL = np.ascontiguousarray(IMAGES[2][::2, ::2])
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        (BLACK, "nothing to track"),
+        (np.full_like(BLACK, 200), "nothing to track"),
+        (None, "cannot be decoded: its data are damaged"),
+        (SMALL, "160x120"),
+    ],
+    ids=["black", "grey", "undecodable", "size"],
+)
+def test_a_bad_frame_is_passed_over(bad, words):
+    around = run([IMAGES[0], IMAGES[1], bad, IMAGES[2]])
+    assert statuses(around) == ["-", "OK", "FAILED", "OK"]
+    assert compared(around)[1:] == [(0, 1), (1, 2), (1, 3)]
+    assert words in around[2].pose.reason
+    assert around[2].pose.reason.endswith(".")
+    assert around[3].timestamp0 == around[1].timestamp
+    np.testing.assert_array_equal(around[2].world_from_cam, around[1].world_from_cam)
+    assert len(around[2].tracks) == len(around[2].pose.labels) == 0
+    # What comes after is what would have come without it.
+    plain = run([IMAGES[0], IMAGES[1], IMAGES[2]])
+    np.testing.assert_array_equal(around[3].world_from_cam, plain[2].world_from_cam)
+    np.testing.assert_array_equal(around[3].tracks.ids, plain[2].tracks.ids)
+
+
+@pytest.mark.parametrize("bad", [BLACK, None], ids=["black", "undecodable"])
+def test_a_sequence_may_begin_with_bad_frames(bad):
+    late = run([bad, bad, IMAGES[0], IMAGES[1]])
+    assert statuses(late) == ["FAILED", "FAILED", "-", "OK"]
+    assert compared(late) == [(0, 0), (1, 1), (2, 2), (2, 3)]
+
+
+def test_a_cut_begins_anew():
+    cut = run([IMAGES[0], IMAGES[1], *drive(2, seed=77)])
+    assert statuses(cut) == ["-", "OK", "FAILED", "OK"]
+    assert compared(cut)[1:] == [(0, 1), (1, 2), (2, 3)]
+    np.testing.assert_array_equal(cut[2].world_from_cam, cut[1].world_from_cam)
+    # No track lives on, and no number is given twice.
+    assert not np.isin(cut[3].tracks.ids, cut[1].tracks.ids).any()
+    off = so3.angle_between(cut[3].pose.rotation_cam1_from_cam0, TURN)
+    assert math.degrees(off) < 0.05
+
+
+def test_a_calibration_for_another_size_is_refused():
+    with pytest.raises(InputError, match=r"camera: images are 320x240 but .* 640x480"):
+        run(list(IMAGES), Camera.pinhole(640, 480, 300.0, 300.0, 319.5, 239.5))
+
+
+def test_the_first_frame_gives_the_size_that_the_calibration_does_not():
+    odometry = Odometry(Camera(model=CAMERA.model), OPTIONS)
+    list(odometry.run(frames([None, IMAGES[0], IMAGES[1]])))
+    assert odometry.camera.size == (WIDTH, HEIGHT)
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((HEIGHT, WIDTH, 3), np.uint8),
+        np.zeros((HEIGHT, WIDTH)),
+        np.zeros((HEIGHT, WIDTH), np.uint16),
+        np.zeros(WIDTH, np.uint8),
+        "image.png",
+    ],
+    ids=["colour", "float", "16 bit", "row", "path"],
+)
+@pytest.mark.parametrize("before", [0, 1], ids=["first", "second"])
+def test_an_image_that_is_not_grey_bytes_is_refused(image, before):
+    odometry = Odometry(CAMERA, OPTIONS)
+    for k in range(before):
+        odometry.process(IMAGES[k], float(k))
+    with pytest.raises(InputError, match="image"):
+        odometry.process(image, 1.0)
+
+
+def test_options_reach_the_stage_they_are_for():
+    options = OdometryOptions(
+        tracker=TrackerOptions(max_tracks=60), pose=RelativePoseOptions(refine=False), seed=4
+    )
+    results = list(Odometry(CAMERA, options).run(frames(IMAGES[:2])))
+    assert len(results[1].tracks) <= 60
+    assert results[1].pose.stats.cost is None  # the closed form has no likelihood
+
+
+def exact_matches(count: int = 40) -> tuple[Tracks, np.ndarray]:
+    """Tracks of one motion without noise, and where its repetition takes them."""
+    rng = np.random.default_rng(0)
+    X = rng.uniform([-1.0, -0.7, 2.0], [1.0, 0.7, 6.0], (count, 3))
+    X1 = X @ TURN.T + STEP
+    tracks = Tracks(
+        ids=rng.permutation(1000)[:count],
+        points0=CAMERA.project(X),
+        points1=CAMERA.project(X1),
+        covariance_px2=np.tile(np.eye(2), (count, 1, 1)),
+    )
+    return tracks, CAMERA.project(X1 @ TURN.T + STEP)
+
+
+def test_inverse_depths_are_those_of_the_points():
+    rng = np.random.default_rng(1)
+    X = rng.uniform([-1.0, -0.7, 2.0], [1.0, 0.7, 6.0], (30, 3))
+    t = sphere.normalize(STEP)
+    X1 = X @ TURN.T + t
+    depths = inverse_depths(sphere.normalize(X), sphere.normalize(X1), TURN, t)
+    np.testing.assert_allclose(depths, 1.0 / np.linalg.norm(X1, axis=1), rtol=1e-9)
+
+
+def test_prediction_repeats_the_motion_exactly():
+    tracks, after = exact_matches()
+    motion = estimate_relative_pose(tracks.points0, tracks.points1, CAMERA)
+    assert motion.status is PoseStatus.OK
+    order = np.argsort(tracks.ids)
+    predicted = predict_points(CAMERA, motion, tracks, tracks.ids[order], tracks.points1[order])
+    np.testing.assert_allclose(predicted, after[order], atol=1e-4)
+    # A track that the motion does not know is taken to be far: it turns.
+    fresh = np.array([5000, 5001])
+    points = np.array([[20.0, 30.0], [300.0, 200.0]])
+    turned = CAMERA.project(CAMERA.unproject(points) @ motion.rotation_cam1_from_cam0.T)
+    np.testing.assert_allclose(predict_points(CAMERA, motion, tracks, fresh, points), turned)
+
+
+def test_prediction_without_a_direction_turns_and_without_a_motion_stays():
+    tracks, _ = exact_matches()
+    X = CAMERA.unproject(tracks.points0)
+    turned = CAMERA.project(X @ TURN.T)
+    motion = estimate_relative_pose(tracks.points0, turned, CAMERA)
+    assert motion.status is PoseStatus.ROTATION_ONLY
+    predicted = predict_points(CAMERA, motion, tracks, np.sort(tracks.ids), turned)
+    np.testing.assert_allclose(predicted, CAMERA.project(X @ (TURN @ TURN).T), atol=1e-4)
+    nothing = failed_pose("No consensus here.", 40)
+    np.testing.assert_array_equal(
+        predict_points(CAMERA, nothing, tracks, np.sort(tracks.ids), turned), turned
+    )
+
+
+def test_chaining_is_multiplication_by_the_inverse_motion():
+    tracks, _ = exact_matches()
+    motion = estimate_relative_pose(tracks.points0, tracks.points1, CAMERA)
+    start = np.eye(4)
+    start[:3, :3], start[:3, 3] = so3.exp(np.array([0.3, -0.2, 0.5])), [1.0, 2.0, 3.0]
+    end = chain(start, motion, 0.7)
+    # A point keeps its place in the world whichever camera it is seen from.
+    X_cam0 = np.array([0.4, -0.3, 5.0])
+    X_cam1 = motion.rotation_cam1_from_cam0 @ X_cam0 + 0.7 * motion.direction_cam1_from_cam0
+    np.testing.assert_allclose(
+        end[:3, :3] @ X_cam1 + end[:3, 3], start[:3, :3] @ X_cam0 + start[:3, 3], atol=1e-12
+    )
+    # The camera has gone along its heading by the scale.
+    heading_world = start[:3, :3] @ motion.heading_cam0
+    np.testing.assert_allclose(end[:3, 3], start[:3, 3] + 0.7 * heading_world, atol=1e-12)
+    np.testing.assert_array_equal(end[3], [0.0, 0.0, 0.0, 1.0])
+    # No scale, no translation; no motion, no change.
+    np.testing.assert_allclose(chain(start, motion, None)[:3, 3], start[:3, 3], atol=1e-15)
+    np.testing.assert_array_equal(chain(start, failed_pose("No consensus here."), None), start)
