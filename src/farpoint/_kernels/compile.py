@@ -7,7 +7,7 @@ from numba import njit
 __all__ = ["inlined_kernel", "inner_kernel", "kernel"]
 
 # Cached on disk; divisions follow IEEE 754 (inf and NaN), as they do in NumPy.
-kernel = njit(cache=True, error_model="numpy")
+kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 
 # For functions that only kernels call: without a door to Python, and cached as part of the caller,
 # they compile several times faster.

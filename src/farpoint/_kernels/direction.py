@@ -11,53 +11,34 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.linear import clear
 from farpoint._kernels.pairs import RayPairs
+from farpoint._kernels.vectors import Vector, combine, cross, dot, norm, rotate, row
 
 __all__ = ["intersect_circles", "pairwise_direction"]
 
 
-@kernel
-def circle(
-    pairs: RayPairs,
-    R: np.ndarray,
-    i: int,
-    normal: np.ndarray,
-    flow: np.ndarray,
-) -> None:
+@inner_kernel
+def circle(pairs: RayPairs, R: np.ndarray, i: int) -> tuple[Vector, Vector]:
     """Normal ``m x b`` (not normalised) and flow ``b - m`` of match ``i`` with ``m = R a``."""
-    a0, a1, a2 = pairs.rays0[i, 0], pairs.rays0[i, 1], pairs.rays0[i, 2]
-    b0, b1, b2 = pairs.rays1[i, 0], pairs.rays1[i, 1], pairs.rays1[i, 2]
-    m0 = R[0, 0] * a0 + R[0, 1] * a1 + R[0, 2] * a2
-    m1 = R[1, 0] * a0 + R[1, 1] * a1 + R[1, 2] * a2
-    m2 = R[2, 0] * a0 + R[2, 1] * a1 + R[2, 2] * a2
-    flow[0], flow[1], flow[2] = b0 - m0, b1 - m1, b2 - m2
+    m = rotate(R, row(pairs.rays0, i))
+    flow = combine(1.0, row(pairs.rays1, i), -1.0, m)
     # m x (b - m) loses no digits where the flow is short.
-    normal[0] = m1 * flow[2] - m2 * flow[1]
-    normal[1] = m2 * flow[0] - m0 * flow[2]
-    normal[2] = m0 * flow[1] - m1 * flow[0]
+    return cross(m, flow), flow
 
 
 @kernel
 def intersect_circles(pairs: RayPairs, R: np.ndarray, i: int, j: int, t: np.ndarray) -> bool:
     """Direction ``t`` (3,) from matches ``i`` and ``j``, signed so that both flow towards it."""
-    n = np.empty((2, 3))
-    f = np.empty((2, 3))
-    circle(pairs, R, i, n[0], f[0])
-    circle(pairs, R, j, n[1], f[1])
-    t[0] = n[0, 1] * n[1, 2] - n[0, 2] * n[1, 1]
-    t[1] = n[0, 2] * n[1, 0] - n[0, 0] * n[1, 2]
-    t[2] = n[0, 0] * n[1, 1] - n[0, 1] * n[1, 0]
-    norm = math.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
-    if not norm > 1e-30:
+    normal0, flow0 = circle(pairs, R, i)
+    normal1, flow1 = circle(pairs, R, j)
+    meeting = cross(normal0, normal1)
+    length = norm(meeting)
+    if not length > 1e-30:
         return False
-    along = 0.0
-    for k in range(3):
-        along += t[k] * (f[0, k] + f[1, k])
-    if along < 0.0:
-        norm = -norm
-    for k in range(3):
-        t[k] /= norm
+    sign = math.copysign(1.0 / length, dot(meeting, flow0) + dot(meeting, flow1))
+    t[0], t[1], t[2] = sign * meeting[0], sign * meeting[1], sign * meeting[2]
     return True
 
 
@@ -76,34 +57,24 @@ def pairwise_direction(
     the sum over all rows is twice the sum over pairs; leaving a match out takes off its row once.
     """
     n = pairs.rays0.shape[0]
-    normal = np.empty((n, 3))
-    flow = np.empty((n, 3))
+    normals = np.empty((n, 3))
+    flows = np.empty((n, 3))
     for i in range(n):
-        circle(pairs, R, i, normal[i], flow[i])
-        length = math.sqrt(normal[i, 0] ** 2 + normal[i, 1] ** 2 + normal[i, 2] ** 2)
-        if length > 0.0:
-            for k in range(3):
-                normal[i, k] /= length
-                flow[i, k] /= length
-    partial[:, :] = 0.0
+        normal, flow = circle(pairs, R, i)
+        length = max(norm(normal), 1e-300)
+        for k in range(3):
+            normals[i, k] = normal[k] / length
+            flows[i, k] = flow[k] / length
+    clear(partial)
     for i in range(n):
         if weight[i] == 0.0:
             continue
         for j in range(i):
             if weight[j] == 0.0:
                 continue
-            x = normal[i, 1] * normal[j, 2] - normal[i, 2] * normal[j, 1]
-            y = normal[i, 2] * normal[j, 0] - normal[i, 0] * normal[j, 2]
-            z = normal[i, 0] * normal[j, 1] - normal[i, 1] * normal[j, 0]
-            along = (
-                x * (flow[i, 0] + flow[j, 0])
-                + y * (flow[i, 1] + flow[j, 1])
-                + z * (flow[i, 2] + flow[j, 2])
-            )
+            meeting = cross(row(normals, i), row(normals, j))
+            along = dot(meeting, row(flows, i)) + dot(meeting, row(flows, j))
             scale = math.copysign(weight[i] * weight[j], along)
-            partial[i, 0] += scale * x
-            partial[i, 1] += scale * y
-            partial[i, 2] += scale * z
-            partial[j, 0] += scale * x
-            partial[j, 1] += scale * y
-            partial[j, 2] += scale * z
+            for k in range(3):
+                partial[i, k] += scale * meeting[k]
+                partial[j, k] += scale * meeting[k]

@@ -14,7 +14,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.epipolar import sampson_curvature, sampson_jacobian
-from farpoint._kernels.linear import apply_rotation_step, solve_spd, tangent_basis
+from farpoint._kernels.linear import apply_rotation_step, clear, solve_spd, tangent_basis
 from farpoint._kernels.pairs import RayPairs
 
 # Sigma of a poor match over that of a good one.
@@ -66,8 +66,8 @@ def linearize(
     of being right and ``poor`` (N,) those of being right but poor.
     """
     J = np.empty(5)
-    H[:, :] = 0.0
-    g[:] = 0.0
+    clear(H)
+    clear(g)
     cost = 0.0
     precision = 1.0 / mixture[0]
     share = mixture[2]
@@ -190,8 +190,8 @@ def curvature(
     D = np.empty((6, 5))
     basis = np.empty((3, 2))
     tangent_basis(t, basis)
-    hessian[:, :] = 0.0
-    information[:, :] = 0.0
+    clear(hessian)
+    clear(information)
     for i in range(pairs.rays0.shape[0]):
         if prior[i] == 0.0:
             continue

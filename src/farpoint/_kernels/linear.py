@@ -10,16 +10,32 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
+from farpoint._kernels.compile import inner_kernel, kernel
 
 __all__ = [
     "apply_rotation_step",
+    "clear",
+    "copy",
     "draw_index",
     "draw_unit",
     "kabsch",
     "solve_spd",
     "tangent_basis",
 ]
+
+
+@inner_kernel
+def copy(source: np.ndarray, target: np.ndarray) -> None:
+    """``target[...] = source`` without numba's checks of shapes, which take seconds to compile."""
+    for i in range(source.size):
+        target.flat[i] = source.flat[i]
+
+
+@inner_kernel
+def clear(target: np.ndarray) -> None:
+    """``target[...] = 0``."""
+    for i in range(target.size):
+        target.flat[i] = 0.0
 
 
 @kernel
@@ -123,8 +139,14 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     s01 = M[0, 0] * M[0, 1] + M[1, 0] * M[1, 1] + M[2, 0] * M[2, 1]
     s02 = M[0, 0] * M[0, 2] + M[1, 0] * M[1, 2] + M[2, 0] * M[2, 2]
     s12 = M[0, 1] * M[0, 2] + M[1, 1] * M[1, 2] + M[2, 1] * M[2, 2]
-    S = np.array([[s00, s01, s02], [s01, s11, s12], [s02, s12, s22]])
-    V = np.eye(3)
+    S = np.empty((3, 3))
+    V = np.empty((3, 3))
+    clear(V)
+    V[0, 0] = V[1, 1] = V[2, 2] = 1.0
+    S[0, 0], S[1, 1], S[2, 2] = s00, s11, s22
+    S[0, 1] = S[1, 0] = s01
+    S[0, 2] = S[2, 0] = s02
+    S[1, 2] = S[2, 1] = s12
     for _ in range(12):
         off = S[0, 1] * S[0, 1] + S[0, 2] * S[0, 2] + S[1, 2] * S[1, 2]
         if off <= 1e-30 * (s00 + s11 + s22) ** 2:

@@ -6,16 +6,19 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
+from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.likelihood import POOR, update_mixture
 from farpoint._kernels.linear import (
     apply_rotation_step,
+    clear,
+    copy,
     draw_index,
     kabsch,
     solve_spd,
     tangent_basis,
 )
 from farpoint._kernels.pairs import RayPairs
+from farpoint._kernels.vectors import column, combine, cross, dot, rotate, row
 
 __all__ = [
     "enlarge_rotation",
@@ -29,7 +32,8 @@ __all__ = [
 @kernel
 def _fit(pairs: RayPairs, weight: np.ndarray, R: np.ndarray) -> bool:
     """Rotation of all matches with positive weight; False where they do not fix one."""
-    M = np.zeros((3, 3))
+    M = np.empty((3, 3))
+    clear(M)
     for i in range(pairs.rays0.shape[0]):
         if weight[i] > 0.0:
             for j in range(3):
@@ -42,11 +46,8 @@ def _fit(pairs: RayPairs, weight: np.ndarray, R: np.ndarray) -> bool:
 @kernel
 def _squared_distance(pairs: RayPairs, precision: np.ndarray, R: np.ndarray, i: int) -> float:
     """``|b - R a|^2`` in units of the noise of one coordinate (isotropic)."""
-    a0, a1, a2 = pairs.rays0[i, 0], pairs.rays0[i, 1], pairs.rays0[i, 2]
-    d0 = pairs.rays1[i, 0] - (R[0, 0] * a0 + R[0, 1] * a1 + R[0, 2] * a2)
-    d1 = pairs.rays1[i, 1] - (R[1, 0] * a0 + R[1, 1] * a1 + R[1, 2] * a2)
-    d2 = pairs.rays1[i, 2] - (R[2, 0] * a0 + R[2, 1] * a1 + R[2, 2] * a2)
-    return precision[i] * (d0 * d0 + d1 * d1 + d2 * d2)
+    d = combine(1.0, row(pairs.rays1, i), -1.0, rotate(R, row(pairs.rays0, i)))
+    return precision[i] * dot(d, d)
 
 
 @kernel
@@ -72,7 +73,7 @@ def search_rotation(
     iteration = 0
     while iteration < needed:
         iteration += 1
-        M[:, :] = 0.0
+        clear(M)
         for _ in range(3):
             i = draw_index(state, n)
             for j in range(3):
@@ -87,7 +88,7 @@ def search_rotation(
                 break
         if cost < best:
             best = cost
-            R[:, :] = hypothesis
+            copy(hypothesis, R)
             share = 1.0 - best / (limit * n)
             miss = 1.0 - share * share * share
             if 1e-3 < miss < 1.0:
@@ -128,23 +129,34 @@ def enlarge_rotation(
     return count
 
 
+@inner_kernel
+def _tangent_residual(
+    pairs: RayPairs, R: np.ndarray, E: np.ndarray, i: int
+) -> tuple[float, float, float, float, float]:
+    """``E^T (b - R a)`` and its covariance (00, 01, 11) for unit noise; fills ``E``."""
+    tangent_basis(pairs.rays1[i], E)
+    first, second = (E[0, 0], E[1, 0], E[2, 0]), (E[0, 1], E[1, 1], E[2, 1])
+    d = combine(1.0, row(pairs.rays1, i), -1.0, rotate(R, row(pairs.rays0, i)))
+    s00 = s01 = s11 = 0.0
+    for c in range(2):
+        turned, own = rotate(R, column(pairs.noise0, i, c)), column(pairs.noise1, i, c)
+        x0, x1, y0, y1 = dot(first, own), dot(second, own), dot(first, turned), dot(second, turned)
+        s00 += x0 * x0 + y0 * y0
+        s01 += x0 * x1 + y0 * y1
+        s11 += x1 * x1 + y1 * y1
+    return dot(first, d), dot(second, d), s00, s01, s11
+
+
 @kernel
-def rotation_distance2(
-    pairs: RayPairs,
-    R: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def rotation_distance2(pairs: RayPairs, R: np.ndarray, out: np.ndarray) -> None:
     """Squared Mahalanobis distances ``out`` (N,) of ``b`` from ``R a``, in units of the noise.
 
     Two degrees of freedom each where translation is absent.
     """
-    H = np.empty((3, 3))
-    g = np.empty(3)
-    w = np.empty(out.shape[0])
-    poor = np.empty(out.shape[0])
-    prior = np.ones(out.shape[0])
-    mixture = np.array([1.0, 0.0, 0.0])
-    rotation_linearize(pairs, prior, R, mixture, 1.0, H, g, out, w, poor)
+    E = np.empty((3, 2))
+    for i in range(out.shape[0]):
+        z0, z1, s00, s01, s11 = _tangent_residual(pairs, R, E, i)
+        out[i] = (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / (s00 * s11 - s01 * s01)
 
 
 @kernel
@@ -162,54 +174,25 @@ def rotation_linearize(
 ) -> float:
     """Robust cost, gradient ``g`` (3,) and Gauss-Newton matrix ``H`` (3, 3) without translation.
 
-    As `epipolar.linearize` with the residual of two dimensions ``E^T (b - R a)`` on the tangent
+    As `likelihood.linearize` with the residual of two dimensions ``E^T (b - R a)`` on the tangent
     plane of ``b`` and its covariance ``E^T (A_b A_b^T + R A_a A_a^T R^T) E``; ``d2`` (N,) receives
     its squared Mahalanobis norm for unit noise.
     """
     E = np.empty((3, 2))
     J = np.empty((2, 3))
-    W = np.empty((2, 3))
-    H[:, :] = 0.0
-    g[:] = 0.0
+    clear(H)
+    clear(g)
     cost = 0.0
-    m = np.empty(3)
     precision = 1.0 / mixture[0]
     for i in range(pairs.rays0.shape[0]):
-        for j in range(3):
-            m[j] = (
-                R[j, 0] * pairs.rays0[i, 0]
-                + R[j, 1] * pairs.rays0[i, 1]
-                + R[j, 2] * pairs.rays0[i, 2]
-            )
-        tangent_basis(pairs.rays1[i], E)
-        z0 = z1 = s00 = s01 = s11 = 0.0
-        for j in range(3):
-            d = pairs.rays1[i, j] - m[j]
-            z0 += E[j, 0] * d
-            z1 += E[j, 1] * d
-        for c in range(2):
-            x0 = x1 = y0 = y1 = 0.0
-            for j in range(3):
-                turned = (
-                    R[j, 0] * pairs.noise0[i, 0, c]
-                    + R[j, 1] * pairs.noise0[i, 1, c]
-                    + R[j, 2] * pairs.noise0[i, 2, c]
-                )
-                x0 += E[j, 0] * pairs.noise1[i, j, c]
-                x1 += E[j, 1] * pairs.noise1[i, j, c]
-                y0 += E[j, 0] * turned
-                y1 += E[j, 1] * turned
-            s00 += x0 * x0 + y0 * y0
-            s01 += x0 * x1 + y0 * y1
-            s11 += x1 * x1 + y1 * y1
+        z0, z1, s00, s01, s11 = _tangent_residual(pairs, R, E, i)
         det = s00 * s11 - s01 * s01
-        distance2 = (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / det
-        d2[i] = distance2
+        d2[i] = (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / det
         if prior[i] == 0.0:
             w[i] = 0.0
             poor[i] = 0.0
             continue
-        square = 0.5 * distance2 * precision
+        square = 0.5 * d2[i] * precision
         good = prior[i] * (1.0 - mixture[2]) * math.exp(-square)
         fair = prior[i] * mixture[2] / (POOR * POOR) * math.exp(-square / (POOR * POOR))
         total = good + fair + clutter
@@ -217,18 +200,16 @@ def rotation_linearize(
         w[i] = (good + fair) / total
         poor[i] = fair / total
         # d(b - R a) = m x dtheta, so J = E^T [m]x with rows (e x m).
+        m = rotate(R, row(pairs.rays0, i))
         for c in range(2):
-            J[c, 0] = E[1, c] * m[2] - E[2, c] * m[1]
-            J[c, 1] = E[2, c] * m[0] - E[0, c] * m[2]
-            J[c, 2] = E[0, c] * m[1] - E[1, c] * m[0]
+            J[c, 0], J[c, 1], J[c, 2] = cross((E[0, c], E[1, c], E[2, c]), m)
         scaled = precision * (good + fair / (POOR * POOR)) / (total * det)
         for k in range(3):
-            W[0, k] = scaled * (s11 * J[0, k] - s01 * J[1, k])
-            W[1, k] = scaled * (s00 * J[1, k] - s01 * J[0, k])
-            g[k] += W[0, k] * z0 + W[1, k] * z1
-        for k in range(3):
+            W0 = scaled * (s11 * J[0, k] - s01 * J[1, k])
+            W1 = scaled * (s00 * J[1, k] - s01 * J[0, k])
+            g[k] += W0 * z0 + W1 * z1
             for j in range(3):
-                H[k, j] += W[0, k] * J[0, j] + W[1, k] * J[1, j]
+                H[k, j] += W0 * J[0, j] + W1 * J[1, j]
     return cost
 
 

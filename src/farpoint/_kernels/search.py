@@ -12,12 +12,15 @@ from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.likelihood import apply_step, refine_pose
 from farpoint._kernels.linear import (
     apply_rotation_step,
+    clear,
+    copy,
     draw_index,
     draw_unit,
     solve_spd,
     tangent_basis,
 )
 from farpoint._kernels.pairs import RayPairs
+from farpoint._kernels.vectors import combine, cross, dot, norm, rotate, rotate_back, row, vector
 
 __all__ = ["iterations_needed", "score_pose", "search_direction", "search_pose", "solve_five"]
 
@@ -55,20 +58,12 @@ def score_pose(
             backward += limit
         else:
             # Flow along the epipolar great circle towards t, against its noise.
-            mt = 0.0
-            bt = 0.0
+            mt = dot(rotate(R, row(pairs.rays0, i)), vector(t))
+            flow = dot(row(pairs.rays1, i), vector(t)) - mt
             variance = 0.0
             for k in range(3):
-                m = (
-                    R[k, 0] * pairs.rays0[i, 0]
-                    + R[k, 1] * pairs.rays0[i, 1]
-                    + R[k, 2] * pairs.rays0[i, 2]
-                )
-                mt += m * t[k]
-                bt += pairs.rays1[i, k] * t[k]
                 for c in range(2):
                     variance += pairs.noise0[i, k, c] ** 2 + pairs.noise1[i, k, c] ** 2
-            flow = bt - mt
             significant = flow * flow > limit * 0.5 * variance * (1.0 - mt * mt)
             forward += limit if significant and flow < 0.0 else cost
             backward += limit if significant and flow > 0.0 else cost
@@ -107,7 +102,7 @@ def search_direction(
         cost = score_pose(pairs, R, hypothesis, limit, best)
         if cost < best:
             best = cost
-            t[:] = hypothesis
+            copy(hypothesis, t)
     return best
 
 
@@ -154,19 +149,13 @@ def solve_five(pairs: RayPairs, sample: np.ndarray, R: np.ndarray, t: np.ndarray
         largest = 0.0
         for s in range(5):
             i = sample[s]
-            b0, b1, b2 = pairs.rays1[i, 0], pairs.rays1[i, 1], pairs.rays1[i, 2]
-            a0, a1, a2 = pairs.rays0[i, 0], pairs.rays0[i, 1], pairs.rays0[i, 2]
-            m0 = R[0, 0] * a0 + R[0, 1] * a1 + R[0, 2] * a2
-            m1 = R[1, 0] * a0 + R[1, 1] * a1 + R[1, 2] * a2
-            m2 = R[2, 0] * a0 + R[2, 1] * a1 + R[2, 2] * a2
-            q0, q1, q2 = b1 * t[2] - b2 * t[1], b2 * t[0] - b0 * t[2], b0 * t[1] - b1 * t[0]
-            d0, d1, d2 = m1 * b2 - m2 * b1, m2 * b0 - m0 * b2, m0 * b1 - m1 * b0
-            A[s, 0] = m1 * q2 - m2 * q1
-            A[s, 1] = m2 * q0 - m0 * q2
-            A[s, 2] = m0 * q1 - m1 * q0
-            A[s, 3] = basis[0, 0] * d0 + basis[1, 0] * d1 + basis[2, 0] * d2
-            A[s, 4] = basis[0, 1] * d0 + basis[1, 1] * d1 + basis[2, 1] * d2
-            e = t[0] * d0 + t[1] * d1 + t[2] * d2
+            b = row(pairs.rays1, i)
+            m = rotate(R, row(pairs.rays0, i))
+            by_t = cross(m, b)
+            A[s, 0], A[s, 1], A[s, 2] = cross(m, cross(b, vector(t)))
+            for k in range(2):
+                A[s, 3 + k] = dot(by_t, (basis[0, k], basis[1, k], basis[2, k]))
+            e = dot(vector(t), by_t)
             # Rows of unit length: a short flow gives a weak row, not a weak equation.
             norm = 0.0
             for k in range(5):
@@ -225,19 +214,20 @@ def _draw_distinct(sample: np.ndarray, n: int, state: np.ndarray) -> None:
 
 
 @inner_kernel
+def _flow2(pairs: RayPairs, R: np.ndarray, i: int) -> float:
+    """Squared length of the flow that the rotation leaves of match ``i``."""
+    flow = combine(1.0, row(pairs.rays1, i), -1.0, rotate(R, row(pairs.rays0, i)))
+    return dot(flow, flow)
+
+
+@inner_kernel
 def _longest_flow_first(pairs: RayPairs, R: np.ndarray, sample: np.ndarray) -> None:
     """Bring the two matches with the longest flow after the rotation to the front."""
     for s in range(2):
         longest = -1.0
         first = s
         for q in range(s, sample.shape[0]):
-            i = sample[q]
-            flow = 0.0
-            for k in range(3):
-                d = pairs.rays1[i, k]
-                for j in range(3):
-                    d -= R[k, j] * pairs.rays0[i, j]
-                flow += d * d
+            flow = _flow2(pairs, R, sample[q])
             if flow > longest:
                 longest = flow
                 first = q
@@ -247,15 +237,23 @@ def _longest_flow_first(pairs: RayPairs, R: np.ndarray, sample: np.ndarray) -> N
 @inner_kernel
 def _typical_flow(pairs: RayPairs, R: np.ndarray, scratch: np.ndarray) -> float:
     """Median angle, rad, that the rotation ``R`` leaves between matched rays."""
+    largest = 0.0
     for i in range(scratch.shape[0]):
-        square = 0.0
-        for k in range(3):
-            d = pairs.rays1[i, k]
-            for j in range(3):
-                d -= R[k, j] * pairs.rays0[i, j]
-            square += d * d
+        square = _flow2(pairs, R, i)
         scratch[i] = square
-    return math.sqrt(np.median(scratch))
+        largest = max(largest, square)
+    # The median by bisection, which is enough here: np.median takes a second to compile.
+    low, high = 0.0, largest
+    for _ in range(16):
+        middle = 0.5 * (low + high)
+        below = 0
+        for i in range(scratch.shape[0]):
+            below += 1 if scratch[i] <= middle else 0
+        if 2 * below < scratch.shape[0]:
+            low = middle
+        else:
+            high = middle
+    return math.sqrt(high)
 
 
 @kernel
@@ -270,63 +268,39 @@ def planar_twin(
     ``n x tau``: exact for small motions (Longuet-Higgins, Proc. R. Soc. B 227, 1986,
     DOI 10.1098/rspb.1986.0032), a start for the refinement otherwise.
     """
-    M = np.zeros((3, 3))
-    v = np.zeros(3)
+    M = np.empty((3, 3))
+    v = np.empty(3)
     L = np.empty((3, 3))
-    plane = np.empty(3)
-    tau = np.empty(3)
-    for k in range(3):
-        tau[k] = R[0, k] * t[0] + R[1, k] * t[1] + R[2, k] * t[2]
-    back = np.empty(3)
+    n = np.empty(3)
+    clear(M)
+    clear(v)
+    tau = rotate_back(R, vector(t))
     for i in range(pairs.rays0.shape[0]):
-        a = pairs.rays0[i]
-        for k in range(3):
-            back[k] = (
-                R[0, k] * pairs.rays1[i, 0]
-                + R[1, k] * pairs.rays1[i, 1]
-                + R[2, k] * pairs.rays1[i, 2]
-            )
-        # l1 b = l0 a + tau in camera 0: cross products with b give a x b / l0' = -(tau x b).
-        x0 = a[1] * back[2] - a[2] * back[1]
-        x1 = a[2] * back[0] - a[0] * back[2]
-        x2 = a[0] * back[1] - a[1] * back[0]
-        y0 = tau[1] * back[2] - tau[2] * back[1]
-        y1 = tau[2] * back[0] - tau[0] * back[2]
-        y2 = tau[0] * back[1] - tau[1] * back[0]
-        square = y0 * y0 + y1 * y1 + y2 * y2
+        a = row(pairs.rays0, i)
+        back = rotate_back(R, row(pairs.rays1, i))
+        # back = l0 a + tau up to length: its cross product gives a x back = (back x tau) / l0.
+        across = cross(back, tau)
+        square = dot(across, across)
         if not square > 1e-12:
             continue
-        inverse_distance = -(x0 * y0 + x1 * y1 + x2 * y2) / square
-        # Each weighs by its own accuracy; a wrong one is bounded by its neighbours.
+        inverse_distance = dot(cross(a, back), across) / square
+        # Each weighs by its own accuracy; a wrong one is bounded by its own size.
         weight = square / (1.0 + inverse_distance * inverse_distance)
         for k in range(3):
             v[k] += weight * inverse_distance * a[k]
             for j in range(3):
                 M[k, j] += weight * a[k] * a[j]
-    norm = 0.0
-    if not solve_spd(M, v, 1e-9, L, plane):
+    if not solve_spd(M, v, 1e-9, L, n):
         return False
-    for k in range(3):
-        norm += plane[k] * plane[k]
-    norm = math.sqrt(norm)
-    if not norm > 1e-9:
+    plane = vector(n)
+    if not norm(plane) > 1e-9:
         return False
-    turn = np.empty(3)
-    for k in range(3):
-        k1, k2 = (k + 1) % 3, (k + 2) % 3
-        turn[k] = plane[k1] * tau[k2] - plane[k2] * tau[k1]
     # R Exp(turn) = Exp(R turn) R.
-    apply_rotation_step(
-        R,
-        R[0, 0] * turn[0] + R[0, 1] * turn[1] + R[0, 2] * turn[2],
-        R[1, 0] * turn[0] + R[1, 1] * turn[1] + R[1, 2] * turn[2],
-        R[2, 0] * turn[0] + R[2, 1] * turn[1] + R[2, 2] * turn[2],
-        twin_R,
-    )
+    turn = rotate(R, cross(plane, tau))
+    apply_rotation_step(R, turn[0], turn[1], turn[2], twin_R)
+    normal = rotate(twin_R, plane)
     for k in range(3):
-        twin_t[k] = 0.0
-        for j in range(3):
-            twin_t[k] += twin_R[k, j] * plane[j] / norm
+        twin_t[k] = normal[k] / norm(plane)
     return True
 
 
@@ -339,6 +313,7 @@ def search_pose(
     confidence: float,
     min_iterations: int,
     max_iterations: int,
+    refinements: int,
     state: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
@@ -353,7 +328,9 @@ def search_pose(
     and ``mixture`` (3,) receive the best.
     """
     n = pairs.rays0.shape[0]
-    prior = np.ones(n)
+    prior = np.empty(n)
+    for i in range(n):
+        prior[i] = 1.0
     H = np.empty((5, 5))
     r = np.empty(n)
     w = np.empty(n)
@@ -368,7 +345,9 @@ def search_pose(
     mixture[0] = first_variance
     mixture[1] = START_WRONG
     mixture[2] = START_POOR
-    cost = refine_pose(pairs, prior, spread, min_variance, 12, R, t, mixture, H, r, w, poor)
+    cost = refine_pose(
+        pairs, prior, spread, min_variance, refinements, R, t, mixture, H, r, w, poor
+    )
     best = _negative_log_likelihood(cost, mixture, n)
     limit = GATE_SIGMA * GATE_SIGMA * mixture[0]
     best_raw = limit * n
@@ -387,26 +366,26 @@ def search_pose(
                     hypothesis_R,
                 )
             else:
-                hypothesis_R[:, :] = start
+                copy(start, hypothesis_R)
             _longest_flow_first(pairs, hypothesis_R, sample)
             if not intersect_circles(pairs, hypothesis_R, sample[0], sample[1], hypothesis_t):
                 continue
         else:
-            hypothesis_R[:, :] = R
-            hypothesis_t[:] = t
+            copy(R, hypothesis_R)
+            copy(t, hypothesis_t)
         if not solve_five(pairs, sample, hypothesis_R, hypothesis_t):
             continue
         raw = score_pose(pairs, hypothesis_R, hypothesis_t, limit, best_raw)
         if raw >= best_raw:
             continue
         best_raw = raw
-        hypothesis_mixture[:] = mixture
+        copy(mixture, hypothesis_mixture)
         cost = refine_pose(
             pairs,
             prior,
             spread,
             min_variance,
-            4,
+            refinements,
             hypothesis_R,
             hypothesis_t,
             hypothesis_mixture,
@@ -418,18 +397,18 @@ def search_pose(
         likelihood = _negative_log_likelihood(cost, hypothesis_mixture, n)
         if likelihood < best:
             best = likelihood
-            R[:, :] = hypothesis_R
-            t[:] = hypothesis_t
-            mixture[:] = hypothesis_mixture
+            copy(hypothesis_R, R)
+            copy(hypothesis_t, t)
+            copy(hypothesis_mixture, mixture)
             needed = iterations_needed(mixture[1], flow, confidence, min_iterations, max_iterations)
     if planar_twin(pairs, R, t, hypothesis_R, hypothesis_t):
-        hypothesis_mixture[:] = mixture
+        copy(mixture, hypothesis_mixture)
         cost = refine_pose(
             pairs,
             prior,
             spread,
             min_variance,
-            8,
+            refinements,
             hypothesis_R,
             hypothesis_t,
             hypothesis_mixture,
@@ -440,9 +419,9 @@ def search_pose(
         )
         likelihood = _negative_log_likelihood(cost, hypothesis_mixture, n)
         if likelihood < best:
-            R[:, :] = hypothesis_R
-            t[:] = hypothesis_t
-            mixture[:] = hypothesis_mixture
+            copy(hypothesis_R, R)
+            copy(hypothesis_t, t)
+            copy(hypothesis_mixture, mixture)
     # The likelihood does not know the sign; the flow does.
     score_pose(pairs, R, t, GATE_SIGMA * GATE_SIGMA * mixture[0], math.inf)
     return iteration

@@ -32,6 +32,8 @@ MIN_VARIANCE = 1e-6
 # Information of one radian on the direction, none on the rotation: the sphere is bounded.
 DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 MAX_REFINEMENTS = 20
+# Enough to tell which of two hypotheses is better.
+SEARCH_REFINEMENTS = 6
 # What parallax is plausible is learnt from the fit, and the fit from what is plausible.
 PARALLAX_ROUNDS = 2
 # The search looks at this many matches: more make it slower, not surer.
@@ -194,6 +196,7 @@ def fit_moving(
         options.confidence,
         options.min_iterations,
         options.max_iterations,
+        SEARCH_REFINEMENTS,
         state,
         R,
         t,
