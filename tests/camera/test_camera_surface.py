@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from farpoint.camera import Camera, CameraModel, Pinhole, describe, field_of_view
+from farpoint.camera import (
+    Camera,
+    CameraModel,
+    Equirectangular,
+    KannalaBrandt,
+    Pinhole,
+    describe,
+    draw_radial_curve,
+    field_of_view,
+    radial_curve,
+    valid_region,
+)
 from farpoint.errors import InputError
 
 EUROC = (-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05)
@@ -93,8 +104,59 @@ def test_description_has_a_line_for_each_parameter(camera: Camera) -> None:
     lines = describe(camera).splitlines()
     assert lines[0] == "camera: pinhole with radial-tangential distortion (4 coefficients)"
     assert "image size: 752 x 480 px" in lines
-    assert lines[-8:-6] == ["fx = 458.654", "fy = 457.296"]
-    assert lines[-1] == "p2 = 1.76187114e-05"
+    assert lines[3:5] == ["fx = 458.654", "fy = 457.296"]
+    assert lines[10:12] == ["p2 = 1.76187114e-05", ""]
+    assert lines[12].startswith("angle off the axis, deg")
+
+
+def test_radial_curve_of_a_pinhole_is_an_arctangent() -> None:
+    curve = radial_curve(Camera.pinhole(640, 480, 300, 300, 319.5, 239.5))
+    assert curve.radius_px[0] == 0
+    assert curve.radius_px[-1] == pytest.approx(400)
+    np.testing.assert_allclose(curve.angle_rad, np.arctan(curve.radius_px / 300), atol=1e-7)
+
+
+def test_radial_curve_ends_with_the_field_or_right_behind() -> None:
+    folding = radial_curve(Camera.pinhole(1200, 900, 458, 458, 600, 450, (-0.5, 0, 0, 0)))
+    fold = np.sqrt(1 / 1.5)
+    assert folding.radius_px[-1] == pytest.approx(458 * fold * 2 / 3, abs=1)
+    assert folding.angle_rad[-1] == pytest.approx(np.arctan(fold), abs=0.1)
+    sphere = radial_curve(Camera(model=Equirectangular(width=640, height=320), size=(640, 320)))
+    assert sphere.angle_rad[-1] == pytest.approx(np.pi)
+    assert sphere.radius_px[-1] == pytest.approx(320)
+    with pytest.raises(InputError, match="no image size"):
+        radial_curve(Camera(model=Pinhole(fx=1, fy=1, cx=0, cy=0)))
+
+
+def test_drawn_curve_bends_away_from_its_pinhole() -> None:
+    """The equidistant fisheye is a straight line from 0 to the corner; its pinhole lies below."""
+    camera = Camera(model=KannalaBrandt(fx=250, fy=250, cx=320, cy=240), size=(640, 480))
+    lines = draw_radial_curve(camera).splitlines()
+    plot = [line[7:].ljust(60) for line in lines[1:-2]]
+    assert len(plot) == 13
+    assert lines[1].startswith("   92 |")
+    assert lines[-1].endswith("401 px")
+    for column in range(60):
+        stars = [row for row in range(13) if plot[row][column] == "*"]
+        assert stars
+        assert abs(stars[0] - 12 * (1 - column / 59)) <= 1
+        assert not any(plot[row][column] == "." for row in range(stars[0]))
+    assert "." in plot[6]
+    straight = draw_radial_curve(Camera.pinhole(640, 480, 300, 300, 320, 240))
+    assert "." not in "".join(straight.splitlines()[1:])
+
+
+def test_valid_region_is_the_circle_of_the_field() -> None:
+    camera = Camera.pinhole(1200, 900, 458, 458, 600, 450, (-0.5, 0, 0, 0))
+    region = valid_region(camera)
+    v, u = np.indices((900, 1200))
+    distance = np.hypot(u - 600, v - 450)
+    edge_px = 458 * np.sqrt(1 / 1.5) * 2 / 3
+    assert region.shape == (900, 1200)
+    assert region[distance < edge_px - 1e-6].all()
+    assert not region[distance > edge_px + 1e-6].any()
+    with pytest.raises(InputError, match="no image size"):
+        valid_region(Camera(model=Pinhole(fx=1, fy=1, cx=0, cy=0)))
 
 
 def test_description_says_what_is_missing() -> None:
@@ -102,6 +164,8 @@ def test_description_says_what_is_missing() -> None:
     assert "the first frame fixes it" in describe(unsized)
     folding = Camera.pinhole(1200, 900, 458, 458, 600, 450, (-0.5, 0, 0, 0))
     assert "no ray exists for part of the image" in describe(folding)
+    hopeless = Camera.pinhole(640, 480, 500, 500, 320, 240, (-1e6, 0, 0, 0))
+    assert "the lens model ends beside its axis" in describe(hopeless)
 
 
 def test_pinhole_is_a_camera_model() -> None:

@@ -7,11 +7,12 @@ from farpoint.camera.division import Division
 from farpoint.camera.double_sphere import DoubleSphere
 from farpoint.camera.equirectangular import Equirectangular
 from farpoint.camera.extended_unified import ExtendedUnified
-from farpoint.camera.field_of_view import FieldOfView, field_of_view
+from farpoint.camera.field_of_view import FieldOfView, field_of_view, valid_region
 from farpoint.camera.files import load_camera
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
+from farpoint.camera.radial_curve import RadialCurve, draw_radial_curve, radial_curve
 from farpoint.camera.scaramuzza import Scaramuzza
 from farpoint.camera.unified import Unified
 
@@ -26,9 +27,13 @@ __all__ = [
     "FieldOfView",
     "KannalaBrandt",
     "Pinhole",
+    "RadialCurve",
     "Scaramuzza",
     "Unified",
     "describe",
+    "draw_radial_curve",
     "field_of_view",
     "load_camera",
+    "radial_curve",
+    "valid_region",
 ]

@@ -6,16 +6,20 @@ import numpy as np
 
 from farpoint.camera.camera import Camera
 from farpoint.camera.field_of_view import field_of_view
+from farpoint.camera.radial_curve import draw_radial_curve
 
 __all__ = ["describe"]
 
 
 def describe(camera: Camera) -> str:
-    """What was read, the image size, the field of view, and one line for each parameter.
+    """What was read, image size, field of view, a line for each parameter, and the radial curve.
+
+    Without an image size there is neither field of view nor curve.
 
     Examples
     --------
-    >>> print(describe(Camera.pinhole(640, 480, 320, 320, 319.5, 239.5)))
+    >>> lines = describe(Camera.pinhole(640, 480, 320, 320, 319.5, 239.5)).splitlines()
+    >>> print(*lines[:7], sep=chr(10))
     camera: pinhole without distortion
     image size: 640 x 480 px
     field of view: horizontal 90.0 deg, vertical 73.7 deg, diagonal 102.7 deg
@@ -29,6 +33,8 @@ def describe(camera: Camera) -> str:
         lines.append(f"read from: {camera.source}")
     lines += _extent(camera)
     lines += [f"{name} = {value:.12g}" for name, value in camera.model.parameters.items()]
+    if camera.size is not None:
+        lines += ["", draw_radial_curve(camera)]
     return "\n".join(lines)
 
 

@@ -10,7 +10,7 @@ from farpoint.camera.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.sphere import angle_between
 
-__all__ = ["FieldOfView", "field_of_view"]
+__all__ = ["FieldOfView", "field_of_view", "valid_region"]
 
 SAMPLES = 513
 
@@ -65,3 +65,18 @@ def field_of_view(camera: Camera) -> FieldOfView:
         diagonal_rad=max(falling, rising),
         complete=bool(np.all(np.isfinite(rays))),
     )
+
+
+def valid_region(camera: Camera) -> np.ndarray:
+    """Which pixels have a ray: bool of shape (height, width), the circle of a fisheye's field.
+
+    Raises
+    ------
+    InputError
+        If the camera has no image size.
+    """
+    if camera.size is None:
+        raise InputError("the calibration gives no image size", field="camera")
+    width, height = camera.size
+    pixels = np.moveaxis(np.indices((height, width))[::-1], 0, -1).reshape(-1, 2)
+    return np.isfinite(camera.unproject(pixels)[:, 0]).reshape(height, width)
