@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import farpoint.frames.sequence
 from farpoint.errors import InputError
 from farpoint.frames import open_frames
-from farpoint.frames.files import natural_key
+from farpoint.frames.files import natural_key, source_name
 
 WriteImages = Callable[..., Path]
 
@@ -94,6 +94,38 @@ def test_relative_and_home_paths(write_images: WriteImages, monkeypatch: pytest.
     assert open_frames(".").name == "drive"
     monkeypatch.setenv("HOME", str(folder.parent))
     assert names_of("~/drive") == ["a.png"]
+
+
+@pytest.mark.parametrize(
+    ("folder", "name"),
+    [
+        ("drive/images", "drive"),
+        ("drive/Images", "drive"),
+        ("drive/rgb", "drive"),
+        ("drive/image_0", "drive"),
+        ("drive/image_00/data", "drive"),
+        ("drive/mav0/cam0/data", "drive"),
+        ("drive/image_2", "drive-image_2"),
+        ("drive/image_01/data", "drive-image_01"),
+        ("drive/mav0/cam1/data", "drive-cam1"),
+        ("drive/right", "drive-right"),
+        ("drive/datas", "datas"),
+    ],
+)
+def test_the_name_of_a_source_tells_sequences_apart(
+    write_images: WriteImages, folder: str, name: str
+):
+    place = write_images(folder, ["a.png"])
+    assert open_frames(place).name == name
+    assert open_frames(str(place / "*.png")).name == name
+    other = write_images(folder.replace("drive", "other"), ["a.png"])
+    assert open_frames(other).name == name.replace("drive", "other")
+
+
+def test_where_no_folder_above_has_a_name_its_own_is_taken():
+    assert source_name(Path("/data/images")) == "data"
+    assert source_name(Path("/cam1")) == "cam1"
+    assert source_name(Path("/")) == ""
 
 
 def test_images_are_decoded_one_at_a_time(

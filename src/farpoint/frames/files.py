@@ -10,11 +10,17 @@ from pathlib import Path
 from farpoint.errors import InputError
 from farpoint.frames.clock import seconds_in_name
 
-__all__ = ["in_order", "is_image", "list_images", "natural_key", "read_lines"]
+__all__ = ["in_order", "is_image", "list_images", "natural_key", "read_lines", "source_name"]
 
 _IMAGE_SUFFIXES = frozenset(
     {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"}
 )
+
+_NO_NAMES = frozenset(
+    {"images", "image", "imgs", "img", "frames", "rgb", "color", "colour", "gray", "grey"}
+    | {"data", "undistorted", "mav0", "cam0", "image_0", "image_00", "left"}
+)
+_OTHER_CAMERA = re.compile(r"(?:cam|image_)[0-9]+|right")
 
 
 def natural_key(name: str) -> tuple[list[str | int], str]:
@@ -61,3 +67,19 @@ def read_lines(path: Path) -> list[tuple[int, str]]:
         raise InputError("is not a text file in UTF-8", file=path) from error
     lines = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))
     return [(number, line) for number, line in lines if line and not line.startswith("#")]
+
+
+def source_name(folder: Path) -> str:
+    """Name of the sequence whose images are in `folder`, which many datasets call alike.
+
+    ``drive/images`` is ``drive``, and so is ``drive/mav0/cam0/data``: it holds what is read when
+    ``drive`` itself is opened. The folder of another camera keeps its name: ``drive-cam1``.
+    """
+    folder = folder.resolve()
+    if not folder.name:
+        return ""
+    if folder.name.lower() in _NO_NAMES:
+        return source_name(folder.parent) or folder.name
+    if _OTHER_CAMERA.fullmatch(folder.name.lower()):
+        return "-".join(part for part in (source_name(folder.parent), folder.name) if part)
+    return folder.name

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from farpoint.errors import InputError
 from farpoint.frames.calibration import find_calibration
-from farpoint.frames.files import in_order, is_image, list_images
+from farpoint.frames.files import in_order, is_image, list_images, source_name
 from farpoint.frames.sequence import ImageSequence
 from farpoint.frames.stamps import find_stamps
 
@@ -22,7 +22,7 @@ def sequence_in(images_folder: Path, *, root: Path, fps: float | None) -> ImageS
     if not images:
         return None
     return ImageSequence(
-        name=root.resolve().name,
+        name=source_name(root),
         images=tuple(images),
         stamps=find_stamps(images, fps),
         calibration_path=find_calibration(images_folder, images_folder.absolute().parent),
@@ -69,7 +69,7 @@ def open_glob(pattern: str, *, fps: float | None) -> ImageSequence:
         raise InputError("matches no images", file=pattern)
     folder = images[0].absolute().parent
     return ImageSequence(
-        name=folder.name,
+        name=source_name(folder),
         images=tuple(images),
         stamps=find_stamps(images, fps),
         calibration_path=find_calibration(folder, folder.parent),

@@ -8,7 +8,7 @@ from pathlib import Path
 from farpoint.errors import InputError
 from farpoint.frames.calibration import find_calibration
 from farpoint.frames.clock import parse_seconds
-from farpoint.frames.files import is_image, read_lines
+from farpoint.frames.files import is_image, read_lines, source_name
 from farpoint.frames.sequence import ImageSequence
 from farpoint.frames.stamps import Stamps, require_order
 
@@ -60,7 +60,7 @@ def sequence_from_list(path: Path, *, root: Path, folders: tuple[Path, ...]) -> 
             rows = rows[there[0] : there[-1] + 1]
             images = tuple(folder / row.file for row in rows)
             return ImageSequence(
-                name=root.resolve().name,
+                name=source_name(root),
                 images=images,
                 stamps=Stamps(seconds=tuple(row.seconds for row in rows), source=path.name),
                 calibration_path=find_calibration(images[0].parent, path.parent, root),
