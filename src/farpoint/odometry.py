@@ -124,6 +124,7 @@ class Odometry:
         self._reference: _Reference | None = None
         self._world_from_cam = np.eye(4)
         self._next_index = 0
+        self._has_seen = False  # an image, which fixed the size
 
     def run(self, frames: Iterable[Frame]) -> Iterator[OdometryResult]:
         """Results of frames, one for each, as they come."""
@@ -154,9 +155,11 @@ class Odometry:
         if image is None:
             return self._pass_over(index, timestamp, f"The frame cannot be decoded: {fault}.")
         width, height = image.shape[::-1]
-        if self._reference is None:
+        if not self._has_seen:
             self.camera = self.camera.with_size(width, height)
-        elif self.camera.size != (width, height):
+            self._has_seen = True
+        assert self.camera.size is not None
+        if self.camera.size != (width, height):
             return self._pass_over(
                 index,
                 timestamp,
