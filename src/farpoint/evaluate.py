@@ -25,6 +25,7 @@ from farpoint.metrics import (
     relative_motions,
 )
 from farpoint.sinks.motions import Motions, read_motions
+from farpoint.sinks.sink import open_output
 from farpoint.trajectory.files import Trajectory, read_trajectory, read_tum
 
 __all__ = ["EvaluationOptions", "FolderEvaluation", "evaluate_folder", "write_pairs"]
@@ -132,7 +133,7 @@ def write_pairs(path: str | Path, found: FolderEvaluation) -> None:
     """Write the errors as CSV: ``timestamp0,timestamp1,frame0,frame1`` and `PAIR_COLUMNS`."""
     m = found.motions
     keys = zip(m.timestamp0, m.timestamp1, m.frame0, m.frame1, strict=True)
-    with Path(path).open("w", newline="", encoding="utf-8") as file:
+    with open_output(Path(path)) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("timestamp0", "timestamp1", "frame0", "frame1", *PAIR_COLUMNS))
         for (time0, time1, frame0, frame1), row in zip(keys, pair_rows(found.errors), strict=True):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import tyro
@@ -32,11 +33,18 @@ COMMANDS: dict[str, Callable[..., Any]] = {
 _WRONG_USAGE = 2
 _INTERRUPTED = 130
 
+# tyro's words for a value that a record of options refused: the records it lies in, by the names
+# of their fields, and the problem, which begins with the field's own name.
+_REFUSED = re.compile(
+    r"Error parsing __tyro-dummy-inner__\.\w+(?P<records>[.\w]*): (?P<field>\w+): "
+)
+
 
 def main() -> int:
     """Run the command of ``sys.argv``; the return value is the exit code of the process."""
     try:
-        _parse(sys.argv[1:])()
+        with _flushed_results():
+            _parse(sys.argv[1:])()
     except (InputError, MissingExtraError) as error:
         print(f"farpoint: {error}", file=sys.stderr)
         return _WRONG_USAGE
@@ -46,7 +54,25 @@ def main() -> int:
     except BrokenPipeError:
         # Whoever read the results has seen enough; keep Python from flushing into the void.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:  # such as a full disk
+        place = "" if error.filename is None else f"{error.filename}: "
+        print(f"farpoint: {place}{error.strerror or error}", file=sys.stderr)
+        return _WRONG_USAGE
     return 0
+
+
+@contextlib.contextmanager
+def _flushed_results() -> Iterator[None]:
+    """Write out what was printed, so that a pipe without a reader shows here and not at the exit.
+
+    Left alone where the command failed: that error is the one to tell.
+    """
+    try:
+        yield
+    except SystemExit:  # the help was shown
+        sys.stdout.flush()
+        raise
+    sys.stdout.flush()
 
 
 def _parse(arguments: list[str]) -> Callable[[], None]:
@@ -63,7 +89,9 @@ def _parse(arguments: list[str]) -> Callable[[], None]:
     except SystemExit as end:
         if end.code in (None, 0):
             raise
-        raise InputError(_first_lines(box.getvalue())) from None
+        command = f"{arguments[0]} " if arguments[0] in COMMANDS else ""
+        problem = _REFUSED.sub(_option_of, _first_lines(box.getvalue()))
+        raise InputError(f"{problem} (see farpoint {command}--help)") from None
 
 
 def _first_lines(box: str) -> str:
@@ -73,4 +101,10 @@ def _first_lines(box: str) -> str:
         if "───" in line:
             break
         words.append(line.strip("│ \t"))
-    return " ".join(word for word in words if word) + " (see farpoint --help)"
+    return " ".join(word for word in words if word)
+
+
+def _option_of(refused: re.Match[str]) -> str:
+    """The option as users type it; the outermost record gives it no prefix."""
+    path = f"{refused['records']}.{refused['field']}".removeprefix(".")
+    return f"--{path.replace('_', '-')}: "

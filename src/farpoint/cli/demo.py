@@ -48,6 +48,8 @@ class Demo:
         """Do it."""
         if self.frames < 3:
             raise InputError(f"expected at least 3 frames, got {self.frames}", field="frames")
+        if self.seed < 0:
+            raise InputError(f"expected 0 or more, got {self.seed}", field="seed")
         drive = render_drive(CAMERA, frames=self.frames, seed=self.seed)
         source = f"rendered drive, seed {self.seed}"
         options = OdometryOptions(seed=self.seed)

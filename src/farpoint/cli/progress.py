@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import TextIO
+from types import TracebackType
+from typing import Self, TextIO
 
 __all__ = ["Progress"]
 
@@ -30,6 +31,7 @@ class Progress:
         self._stream = stream or sys.stderr
         self._terminal = self._stream.isatty()
         self._done = 0
+        self._shown_any = False
         self._start = self._shown = time.monotonic()
 
     def step(self) -> None:
@@ -40,13 +42,23 @@ class Progress:
             self._shown = now
             self._show(now)
 
-    def close(self) -> None:
-        """Show the final count."""
-        self._show(time.monotonic())
-        if self._terminal:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Show the final count, or leave the last word to an error."""
+        if not isinstance(error, Exception):  # an end or Ctrl-C
+            self._show(time.monotonic())
+        if self._terminal and self._shown_any:
             print(file=self._stream)
 
     def _show(self, now: float) -> None:
+        self._shown_any = True
         rate = self._done / max(now - self._start, 1e-9)
         of = "" if self._total is None else f"/{self._total}"
         text = f"{self._done}{of} {self._what}, {rate:.1f}/s"

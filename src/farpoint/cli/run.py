@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import chain, islice
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,7 @@ import tyro
 
 from farpoint.camera import Camera, load_camera
 from farpoint.cli.progress import Progress
+from farpoint.errors import InputError
 from farpoint.frames import Frame, FrameSource, open_frames
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
@@ -34,8 +36,8 @@ class Run:
     ----------
     source : str
         Video file, image folder or pattern, KITTI / EuRoC / TUM folder, camera index, stream URL.
-    camera : Path
-        Calibration file.
+    camera : Path or None
+        Calibration file; without it, the error names one that stands beside the images.
     name : str or None
         Camera to take from a calibration file of several.
     out : Path or None
@@ -49,7 +51,7 @@ class Run:
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
-    camera: Path
+    camera: Annotated[Path | None, tyro.conf.arg(metavar="CALIB")] = None
     name: str | None = None
     out: Path | None = None
     fps: float | None = None
@@ -60,10 +62,17 @@ class Run:
 
     def __call__(self) -> None:
         """Do it."""
-        camera = load_camera(self.camera, self.name)
+        camera = None if self.camera is None else load_camera(self.camera, self.name)
         frames = open_frames(self.source, fps=self.fps)
+        if camera is None:
+            raise _missing_camera(self.source, frames)
         out = self.out or Path("farpoint-out") / frames.name
-        process_frames(frames, self.source, camera, out, self.odometry, self.output)
+        try:
+            process_frames(frames, self.source, camera, out, self.odometry, self.output)
+        except InputError as error:
+            if error.field != "camera":
+                raise
+            raise InputError(error.problem, file=self.camera, field="image size") from None
 
 
 def process_frames(
@@ -74,7 +83,20 @@ def process_frames(
     options: OdometryOptions,
     output: OutputOptions,
 ) -> None:
-    """Run odometry over ``frames`` into the folder ``out``; prints what was found."""
+    """Run odometry over ``frames`` into the folder ``out``; prints what was found.
+
+    Raises
+    ------
+    InputError
+        Where images are not of the camera's size (field ``camera``), none can be decoded, or
+        ``out`` cannot be written.
+    """
+    timed = _timed(frames, source)
+    # The first frame comes before the folder: a wrong calibration must not cost an earlier result.
+    first = list(islice(timed, 1))
+    for frame, _ in first:
+        if frame.image is not None:
+            camera.with_size(*frame.image.shape[::-1])
     description = RunDescription(
         source=source,
         source_name=frames.name,
@@ -84,12 +106,24 @@ def process_frames(
         timestamp_source=frames.timestamp_source,
         notes=(UNIT_STEPS,),
     )
-    odometry = Odometry(camera, options)
-    counts: Counter[PoseStatus] = Counter()
-    progress = Progress("frames", frames.count)
     with OutputFolder(out, description, output) as folder:
+        counts = _run_into(folder, chain(first, timed), Odometry(camera, options), frames.count)
+    print(f"{sum(counts.values())} pairs of frames: {_in_words(counts)}")
+    print(f"time stamps: {frames.timestamp_source}")
+    print(f"results in {out}")
+
+
+def _run_into(
+    folder: OutputFolder,
+    timed: Iterable[tuple[Frame, float]],
+    odometry: Odometry,
+    frame_count: int | None,
+) -> Counter[PoseStatus]:
+    """Every frame through the odometry into the folder; how many pairs have which status."""
+    counts: Counter[PoseStatus] = Counter()
+    with Progress("frames", frame_count) as progress:
         try:
-            for frame, seconds in _timed(frames):
+            for frame, seconds in timed:
                 folder.add_time("read", seconds)
                 result = odometry.process(frame.image, frame.timestamp, fault=frame.fault)
                 folder.write(result, frame.image)
@@ -99,20 +133,28 @@ def process_frames(
         finally:
             for stage, seconds in odometry.seconds.items():
                 folder.add_time(stage, seconds)
-            progress.close()
-    print(f"{sum(counts.values())} pairs of frames: {_in_words(counts)}")
-    print(f"results in {out}")
+    return counts
 
 
-def _timed(frames: FrameSource) -> Iterator[tuple[Frame, float]]:
-    """Each frame with the seconds that reading it took."""
-    iterator = iter(frames)
+def _missing_camera(source: str, frames: FrameSource) -> InputError:
+    problem = "missing; expected a calibration file"
+    if frames.calibration_path is not None:
+        problem += f"; beside the images stands {frames.calibration_path}"
+    return InputError(problem, file=source, field="--camera")
+
+
+def _timed(frames: FrameSource, source: str) -> Iterator[tuple[Frame, float]]:
+    """Each frame with the seconds that reading it took; an InputError where none has an image."""
+    iterator, any_image = iter(frames), False
     while True:
         start = time.perf_counter()
         frame = next(iterator, None)
         if frame is None:
-            return
+            break
+        any_image = any_image or frame.image is not None
         yield frame, time.perf_counter() - start
+    if not any_image:
+        raise InputError("holds no image that can be decoded", file=source)
 
 
 def _in_words(counts: Counter[PoseStatus]) -> str:
