@@ -11,12 +11,15 @@ from hypothesis import strategies as st
 from kernels_kit import View, gradient, two_views
 
 from farpoint._kernels import rotation
+from farpoint._kernels.likelihood import POOR
 from farpoint._kernels.pairs import RayPairs
 from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=20, deadline=None)
 seeds = st.integers(0, 2**32)
-VARIANCE, CLUTTER, SPREAD = 1.3, 0.05, 500.0
+# Variance of good matches, share of wrong ones (which makes the clutter), share of poor ones.
+MIXTURE = np.array([1.3, 0.1, 0.2])
+CLUTTER, SPREAD = 0.05, 500.0
 
 
 class Linearized:
@@ -24,10 +27,9 @@ class Linearized:
 
     def __init__(self, pairs: RayPairs, prior: np.ndarray, R: np.ndarray) -> None:
         self.H, self.g = np.full((3, 3), np.nan), np.full(3, np.nan)
-        self.d2, self.w = np.full((2, len(prior)), np.nan)
-        self.cost = rotation.rotation_linearize(
-            pairs, prior, R, VARIANCE, CLUTTER, self.H, self.g, self.d2, self.w
-        )
+        self.d2, self.w, self.poor = np.full((3, len(prior)), np.nan)
+        out = (self.H, self.g, self.d2, self.w, self.poor)
+        self.cost = rotation.rotation_linearize(pairs, prior, R, MIXTURE, CLUTTER, *out)
 
 
 def distance2(pairs: RayPairs, R: np.ndarray) -> np.ndarray:
@@ -50,9 +52,10 @@ def enlarge(view: View, tolerance: float, R: np.ndarray) -> tuple[np.ndarray, np
 
 
 def refine(view: View, prior: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    R, mixture, H = R.copy(), np.array([1.0, 0.2]), np.empty((3, 3))
-    d2, w = np.empty((2, len(prior)))
-    rotation.refine_rotation(view.pairs, prior, SPREAD, 1e-6, 30, R, mixture, H, d2, w)
+    R, mixture, H = R.copy(), np.array([1.0, 0.2, 0.1]), np.empty((3, 3))
+    rotation.refine_rotation(
+        view.pairs, prior, SPREAD, 1e-6, 30, R, mixture, H, *np.empty((3, len(prior)))
+    )
     return R, mixture
 
 
@@ -119,7 +122,10 @@ def test_the_gradient_of_the_robust_cost_with_the_noise_held(seed):
     def cost(dtheta: np.ndarray) -> float:
         z = np.einsum("nij,ni->nj", E, b - a @ (so3.exp(dtheta) @ view.R).T)
         d2 = np.einsum("ni,nij,nj->n", z, np.linalg.inv(S), z)
-        return -np.log(prior * np.exp(-0.5 * d2 / VARIANCE) + CLUTTER).sum()
+        variance, _, share = MIXTURE
+        # In two dimensions a density falls with the square of its sigma.
+        good, fair = (np.exp(-0.5 * d2 / variance / s**2) / s**2 for s in (1.0, POOR))
+        return -np.log(prior * ((1.0 - share) * good + share * fair) + CLUTTER).sum()
 
     at = Linearized(view.pairs, prior, view.R)
     numeric = gradient(cost, 3, 1e-6)
@@ -151,8 +157,9 @@ def test_the_normal_matrix_is_the_information_of_the_matches(seed):
     def gradient_at(step: np.ndarray) -> np.ndarray:
         return Linearized(view.pairs, np.ones(12), so3.exp(step) @ view.R).g
 
-    share = 1.0 / (1.0 + CLUTTER)
-    np.testing.assert_allclose(at.w, share, rtol=1e-6)
+    right = 1.0 - MIXTURE[2] + MIXTURE[2] / POOR**2
+    np.testing.assert_allclose(at.w, right / (right + CLUTTER), rtol=1e-6)
+    np.testing.assert_allclose(at.poor, MIXTURE[2] / POOR**2 / (right + CLUTTER), rtol=1e-6)
     h = 1e-6
     numeric = np.array([(gradient_at(h * e) - gradient_at(-h * e)) / (2 * h) for e in np.eye(3)])
     np.testing.assert_allclose(at.H, numeric, rtol=1e-3, atol=1e-3 * at.H.max())
@@ -198,7 +205,7 @@ def test_enlarging_grows_the_set_from_a_poor_start_and_ends_at_its_own_fit():
 
 def test_the_maximum_of_the_likelihood_is_stationary_and_knows_its_noise():
     view = turning(4, 300, noise=0.7, wrong=30)
-    R, (variance, wrong) = refine(view, np.ones(300), search(view, 3.0))
+    R, (variance, wrong, _) = refine(view, np.ones(300), search(view, 3.0))
     assert wrong == pytest.approx(0.1, abs=0.02)
     # The standard error of a variance of 540 coordinates is 6 %.
     assert variance == pytest.approx(0.49, rel=0.18)

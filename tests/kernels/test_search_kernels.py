@@ -1,0 +1,183 @@
+"""Hypotheses of the joint search: the five-ray solver, the score, its sign and the stop rule."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kernels_kit import View, moved, two_views
+
+from farpoint._kernels import epipolar
+from farpoint._kernels import search as kernels
+from farpoint._kernels.pairs import RayPairs
+from farpoint.geometry import so3, sphere
+
+quick = settings(max_examples=30, deadline=None)
+seeds = st.integers(0, 2**32)
+
+
+def solve_five(
+    pairs: RayPairs, sample: list[int], R: np.ndarray, t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    R, t = R.copy(), t.copy()
+    return (R, t) if kernels.solve_five(pairs, np.array(sample), R, t) else None
+
+
+def score(
+    pairs: RayPairs, R: np.ndarray, t: np.ndarray, limit: float, best: float = math.inf
+) -> tuple[float, np.ndarray]:
+    t = t.copy()
+    return kernels.score_pose(pairs, R, t, limit, best), t
+
+
+def search_direction(view: View, tolerance: float, seed: int) -> np.ndarray:
+    t, state = np.full(3, np.nan), np.array([seed], np.uint64)
+    all_of_them = np.arange(len(view.pairs.rays0))
+    kernels.search_direction(view.pairs, all_of_them, tolerance, 100, state, view.R, t)
+    return t
+
+
+def iterations_needed(
+    wrong: float, confidence: float, least: int = 0, most: int = 10**6, flow_rad: float = 0.0
+) -> int:
+    return kernels.iterations_needed(wrong, flow_rad, confidence, least, most)
+
+
+def constraints(pairs: RayPairs, R: np.ndarray, t: np.ndarray) -> np.ndarray:
+    return np.sum(pairs.rays1 * np.cross(t, pairs.rays0 @ R.T), axis=1)
+
+
+def residuals2(pairs: RayPairs, R: np.ndarray, t: np.ndarray) -> np.ndarray:
+    return np.array([epipolar.sampson(pairs, R, t, i) ** 2 for i in range(len(pairs.rays0))])
+
+
+@quick
+@given(seed=seeds)
+def test_a_solution_satisfies_all_five_constraints(seed):
+    view = two_views(seed, 5, error_rad=1e-3)
+    rng = np.random.default_rng(seed)
+    solution = solve_five(
+        view.pairs, [0, 1, 2, 3, 4], *moved(view.R, view.t, rng.normal(0, 0.1, 5))
+    )
+    if solution is not None:  # From a poor start Newton may not arrive, and says so.
+        R, t = solution
+        np.testing.assert_allclose(constraints(view.pairs, R, t), 0.0, atol=1e-6)
+        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+        assert np.linalg.norm(t) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_the_true_pose_is_found_from_nearby():
+    found = 0
+    for seed in range(100):
+        view = two_views(seed, 8, baseline_m=1.0)
+        step = np.random.default_rng(seed).normal(0.0, 0.02, 5)
+        solution = solve_five(view.pairs, [7, 0, 5, 2, 3], *moved(view.R, view.t, step))
+        if solution is None:
+            continue
+        R, t = solution
+        found += so3.angle_between(R, view.R) < 1e-5 and sphere.angle_between(t, view.t) < 1e-4
+    # Some samples have a second solution as near as the true one.
+    assert found >= 80
+
+
+def test_the_true_pose_itself_is_a_solution_and_stays():
+    for seed in range(20):
+        view = two_views(seed, 5)
+        solution = solve_five(view.pairs, [0, 1, 2, 3, 4], view.R, view.t)
+        assert solution is not None
+        np.testing.assert_allclose(solution[0], view.R, atol=1e-12)
+        np.testing.assert_allclose(solution[1], view.t, atol=1e-12)
+
+
+@pytest.mark.parametrize("sample", [[0, 0, 0, 0, 0], [0, 1, 1, 2, 3]], ids=["one", "a repeat"])
+def test_repeated_matches_determine_no_pose(sample):
+    view = two_views(0, 5, error_rad=1e-2)
+    assert solve_five(view.pairs, sample, view.R, view.t) is None
+
+
+@quick
+@given(seed=seeds, limit=st.sampled_from([0.5, 9.0]))
+def test_the_score_is_the_sum_of_truncated_squares_at_the_better_sign(seed, limit):
+    # Parallax far above the noise: all flow towards the direction, none the other way.
+    view = two_views(seed, 12, error_rad=1e-3, depth_m=(2.0, 3.0))
+    expected = np.minimum(residuals2(view.pairs, view.R, view.t), limit).sum()
+    forward, kept = score(view.pairs, view.R, view.t, limit)
+    backward, flipped = score(view.pairs, view.R, -view.t, limit)
+    np.testing.assert_array_equal(kept, view.t)
+    np.testing.assert_array_equal(flipped, view.t)
+    # A point near the epipole does not move and may flow either way.
+    assert forward == pytest.approx(expected, abs=1.01 * limit)
+    assert backward == pytest.approx(forward, rel=1e-12)
+
+
+def test_a_point_behind_the_camera_counts_as_wrong():
+    view = two_views(1, 12)
+    swapped = view.pairs.rays1.copy()
+    turned = view.pairs.rays0 @ view.R.T
+    # Mirrored on the rotation's prediction, the match flows away from the direction.
+    swapped[4] = sphere.normalize(2.0 * (turned[4] @ swapped[4]) * turned[4] - swapped[4])
+    assert abs(constraints(view.pairs._replace(rays1=swapped), view.R, view.t)[4]) < 1e-12
+    clean, _ = score(view.pairs, view.R, view.t, 9.0)
+    behind, _ = score(view.pairs._replace(rays1=swapped), view.R, view.t, 9.0)
+    assert clean == pytest.approx(0.0, abs=1e-9)
+    assert behind == pytest.approx(9.0)
+
+
+def test_a_far_point_does_not_vote_on_the_sign():
+    view = two_views(1, 12, baseline_m=1e-6, error_rad=1e-5)
+    expected = np.minimum(residuals2(view.pairs, view.R, view.t), 9.0).sum()
+    for sign in (1.0, -1.0):
+        cost, t = score(view.pairs, view.R, sign * view.t, 9.0)
+        assert cost == pytest.approx(expected)
+        np.testing.assert_array_equal(t, sign * view.t)
+
+
+@quick
+@given(seed=seeds)
+def test_scoring_stops_early_only_for_losers(seed):
+    view = two_views(seed, 12, error_rad=1e-3)
+    full, _ = score(view.pairs, view.R, view.t, 9.0)
+    assert score(view.pairs, view.R, view.t, 9.0, best=full * 1.01 + 1e-9)[0] == full
+    assert score(view.pairs, view.R, view.t, 9.0, best=0.9 * full)[0] >= 0.9 * full
+
+
+@pytest.mark.parametrize("wrong", [0, 12])
+def test_the_direction_is_found_among_wrong_matches(wrong):
+    view = two_views(11, 30, error_rad=1e-4)
+    rays1 = view.pairs.rays1.copy()
+    rays1[:wrong] = sphere.normalize(np.random.default_rng(0).normal(size=(wrong, 3)))
+    view = view._replace(pairs=view.pairs._replace(rays1=rays1))
+    t = search_direction(view, 3.0, seed=1)
+    assert sphere.angle_between(t, view.t) < 0.02
+    np.testing.assert_array_equal(t, search_direction(view, 3.0, seed=1))
+
+
+@quick
+@given(wrong=st.floats(0.0, 0.9), confidence=st.sampled_from([0.9, 0.99, 0.9999]))
+def test_the_stop_rule_keeps_its_confidence(wrong, confidence):
+    # A sample of five hits when none is wrong and, every second time, when it converges.
+    hit = 0.5 * (1.0 - wrong) ** 5
+    needed = iterations_needed(wrong, confidence)
+    assert 1.0 - (1.0 - hit) ** needed >= confidence - 1e-9
+    # One round fewer misses the confidence, up to the rounding up.
+    assert 1.0 - (1.0 - hit) ** (needed - 2) <= confidence + 1e-9
+
+
+def test_the_stop_rule_keeps_to_its_bounds():
+    assert iterations_needed(0.0, 0.99, 24, 2000) == 24
+    assert iterations_needed(0.7, 0.99, 24, 2000) > 1000
+    assert iterations_needed(0.9, 0.99, 24, 2000) == 2000
+    assert iterations_needed(1.0, 0.99, 24, 2000) == 2000
+    assert iterations_needed(1.2, 0.99, 24, 2000) == 2000
+    counts = [iterations_needed(w, 0.99) for w in np.linspace(0.0, 0.9, 50)]
+    assert counts == sorted(counts)
+
+
+def test_long_flow_asks_for_more_hypotheses():
+    # The farther the start, the fewer samples converge to the pose.
+    counts = [iterations_needed(0.2, 0.99, flow_rad=flow) for flow in (0.0, 0.02, 0.1, 0.5)]
+    assert counts == sorted(counts)
+    assert counts[-1] > 5 * counts[0]
