@@ -72,18 +72,17 @@ def linearize(
     precision = 1.0 / mixture[0]
     share = mixture[2]
     for i in range(pairs.rays0.shape[0]):
+        residual = sampson_jacobian(pairs, R, t, basis, i, J)
+        r[i] = residual
         if prior[i] == 0.0:
-            r[i] = 0.0
             w[i] = 0.0
             poor[i] = 0.0
             continue
-        residual = sampson_jacobian(pairs, R, t, basis, i, J)
         square = 0.5 * residual * residual * precision
         good = prior[i] * (1.0 - share) * math.exp(-square)
         fair = prior[i] * share / POOR * math.exp(-square / (POOR * POOR))
         total = good + fair + clutter
         cost -= math.log(total)
-        r[i] = residual
         w[i] = (good + fair) / total
         poor[i] = fair / total
         scaled = precision * (good + fair / (POOR * POOR)) / total

@@ -192,7 +192,7 @@ def rotation_linearize(
             w[i] = 0.0
             poor[i] = 0.0
             continue
-        square = 0.5 * d2[i] * precision
+        square = min(0.5 * d2[i] * precision, 500.0)
         good = prior[i] * (1.0 - mixture[2]) * math.exp(-square)
         fair = prior[i] * mixture[2] / (POOR * POOR) * math.exp(-square / (POOR * POOR))
         total = good + fair + clutter

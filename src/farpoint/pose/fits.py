@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint._kernels.likelihood import POOR, clutter_density, curvature, refine_pose
-from farpoint._kernels.rotation import refine_rotation, rotation_distance2
+from farpoint._kernels.rotation import refine_rotation, rotation_distance2, rotation_linearize
 from farpoint._kernels.search import (
     GATE_SIGMA,
     START_POOR,
@@ -21,11 +21,19 @@ from farpoint._kernels.search import (
     search_direction,
     search_pose,
 )
+from farpoint.geometry import so3
 from farpoint.pose.far_rotation import FarRotation
 from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
 
-__all__ = ["MovingFit", "TurningFit", "fit_moving", "fit_turning", "moving_covariance"]
+__all__ = [
+    "MovingFit",
+    "TurningFit",
+    "fit_moving",
+    "fit_turning",
+    "least_squares_rotation",
+    "moving_covariance",
+]
 
 # Noise below a thousandth of a pixel is rounding, not information.
 MIN_VARIANCE = 1e-6
@@ -219,6 +227,23 @@ def fit_moving(
         iterations=iterations,
         cost=cost / n,
     )
+
+
+def least_squares_rotation(matches: Matches, R_start: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Squared distances (M,) of the matches ``rows`` from the rotation that fits them best.
+
+    In units of the noise; for rotations near ``R_start``, about which the prediction is linear.
+    """
+    n = len(matches)
+    H, g, distance2 = np.empty((3, 3)), np.empty(3), np.empty(n)
+    only_good = np.array([1.0, 0.0, 0.0])
+    prior = rows.astype(np.float64)
+    rotation_linearize(
+        matches.pairs, prior, R_start, only_good, 0.0, H, g, distance2, np.empty(n), np.empty(n)
+    )
+    R = so3.exp(-np.linalg.solve(H, g)) @ R_start
+    rotation_distance2(matches.pairs, R, distance2)
+    return distance2[rows]
 
 
 def _refine(

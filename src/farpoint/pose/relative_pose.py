@@ -23,7 +23,13 @@ from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning, m
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
-from farpoint.pose.verdict import NEAR_SIGMA, is_consensus, is_static, is_translating
+from farpoint.pose.verdict import (
+    NEAR_SIGMA,
+    is_consensus,
+    is_plainly_translating,
+    is_static,
+    is_translating,
+)
 
 __all__ = ["estimate_relative_pose", "estimate_relative_pose_from_rays"]
 
@@ -125,10 +131,12 @@ def _estimate(
     rotation = far_rotation(matches, tolerance, state)
     if not options.refine:
         return estimate_closed_form(matches, rotation, tolerance, options, state, course)
-    turning = fit_turning(matches, rotation.R_cam1_from_cam0, tolerance)
     moving = fit_moving(matches, rotation, tolerance, options, state)
     course.iterations = moving.iterations
     course.lap("search_s")
+    if is_plainly_translating(matches, moving):
+        return _conclude_moving(matches, moving, options, course)
+    turning = fit_turning(matches, rotation.R_cam1_from_cam0, tolerance)
     if is_translating(matches, moving, turning, options.false_alarm_rate):
         return _conclude_moving(matches, moving, options, course)
     return _conclude_turning(matches, turning, options, course)

@@ -17,15 +17,25 @@ import numpy as np
 from scipy import special
 
 from farpoint.geometry import so3
-from farpoint.pose.fits import MovingFit, TurningFit
+from farpoint.pose.fits import MovingFit, TurningFit, least_squares_rotation
 from farpoint.pose.matches import Matches
 
-__all__ = ["NEAR_SIGMA", "is_consensus", "is_static", "is_translating"]
+__all__ = [
+    "NEAR_SIGMA",
+    "is_consensus",
+    "is_plainly_translating",
+    "is_static",
+    "is_translating",
+]
 
 # Parallax below this is a far point's, in sigma.
 NEAR_SIGMA = 3.0
 # Half-width of the band in which a match counts as agreeing, in sigma.
 BAND_SIGMA = 3.0
+# Directions on the sphere for which the flow of noise looks different: the search takes the best.
+DIRECTIONS = 30
+# Fewer matches make no bulk.
+MIN_BULK = 8
 
 
 def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: float) -> bool:
@@ -51,13 +61,24 @@ def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: f
     return log_hypotheses + math.log(tail) < math.log(rate)
 
 
+def is_plainly_translating(matches: Matches, fit: MovingFit) -> bool:
+    """Whether most of the matches that agree contradict the rotation that fits them best.
+
+    The common case, settled without fitting the other model. Matches far beyond the typical do not
+    take part, so that no handful of wrong ones can make it look like this.
+    """
+    agree = np.abs(fit.residual) <= BAND_SIGMA * fit.noise.mean_sigma
+    size = np.abs(fit.parallax)
+    typical = agree & (size <= 3.0 * np.median(size[agree]))
+    distance2 = least_squares_rotation(matches, fit.R_cam1_from_cam0, typical)
+    return bool(np.median(distance2) > (2.0 * NEAR_SIGMA * fit.noise.mean_sigma) ** 2)
+
+
 def is_translating(matches: Matches, fit: MovingFit, turning: TurningFit, rate: float) -> bool:
     """Whether the flow shows translation beside the rotation."""
-    sigma = fit.noise.sigma
-    right = fit.probability > 0.5
-    parallax = fit.parallax / sigma
-    return _bulk_exceeds_noise(fit, turning, right, parallax, rate) or _near_points_agree(
-        matches, fit, right, parallax, rate
+    agree = np.abs(fit.residual) <= BAND_SIGMA * fit.noise.mean_sigma
+    return _bulk_exceeds_noise(fit, turning, agree, rate) or _near_points_agree(
+        matches, fit, turning, agree, rate
     )
 
 
@@ -72,36 +93,37 @@ def is_static(turning: TurningFit, rate: float) -> bool:
 
 
 def _bulk_exceeds_noise(
-    fit: MovingFit, turning: TurningFit, right: np.ndarray, parallax: np.ndarray, rate: float
+    fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float
 ) -> bool:
-    """F test of the shift along the epipolar lines against the noise across them.
+    """F test of the distance from the rotation's prediction against noise across epipolar lines.
 
-    Matches far beyond the bulk are left to the other test: one wrong match along an epipolar line
-    would decide this one.
+    Over the matches that both models explain: one wrong match along an epipolar line would decide
+    the test.
     """
-    size = np.abs(parallax[right])
-    if len(size) < 8:
-        return False
-    largest = max(2.5 * np.quantile(size, 0.85), 4.0)
-    bulk = right & (np.abs(parallax) <= largest)
+    bulk = agree & (turning.probability > 0.5)
     n = int(np.count_nonzero(bulk))
-    across = np.sum(fit.residual[bulk] ** 2)
-    along = np.sum(turning.distance2[bulk]) - across
-    # The direction (2) is fitted to the flow along; rotation and direction (5) to that across.
-    ratio = along / (n + 2) / fit.noise.mean_sigma**2
-    return bool(special.fdtrc(n + 2, max(n - 5, 1), max(ratio, 0.0)) < rate)
+    if n < MIN_BULK:
+        return False
+    across = float(np.sum(fit.residual[bulk] ** 2))
+    along = float(np.sum(turning.distance2[bulk])) - across
+    ratio = max(along, 0.0) / n / (across / (n - 3))
+    return bool(DIRECTIONS * special.fdtrc(n, n - 3, ratio) < rate)
 
 
 def _near_points_agree(
-    matches: Matches, fit: MovingFit, right: np.ndarray, parallax: np.ndarray, rate: float
+    matches: Matches, fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float
 ) -> bool:
-    """Whether more matches flow towards the direction than wrong matches would by chance."""
-    near = right & (parallax > 2.0 * NEAR_SIGMA)
-    wrong = ~right
-    candidates = int(np.count_nonzero(near | wrong))
+    """Whether more matches flow towards the direction than wrong matches would by chance.
+
+    Among those that the rotation does not explain.
+    """
+    unexplained = turning.probability < 0.5
+    near = unexplained & agree & (fit.parallax > 0.0)
+    wrong = unexplained & ~agree
     width = math.sqrt(3.0 * np.mean(fit.residual[wrong] ** 2)) if wrong.any() else matches.spread
     # Half of the matches within the band flow the other way.
-    chance = 0.5 * min(BAND_SIGMA * fit.noise.sigma / max(width, 1e-12), 1.0)
+    chance = 0.5 * min(BAND_SIGMA * fit.noise.mean_sigma / max(width, 1e-12), 1.0)
+    candidates = int(np.count_nonzero(unexplained))
     return is_consensus(int(np.count_nonzero(near)), candidates, 2, chance, rate)
 
 
