@@ -150,16 +150,6 @@ P_rect_02: 720.5 0 608.5 44 0 720.5 171.8 0 0 0 1 0
 PLAIN = "# fx fy cx cy k1 k2 p1 p2\n500.5 501.5 320.25 240.75 -0.3 0.1 0.001 -0.002\n"
 
 
-@pytest.fixture
-def write(tmp_path: Path):
-    def writer(text: str | bytes, name: str = "calibration.anything") -> Path:
-        path = tmp_path / name
-        path.write_bytes(text.encode() if isinstance(text, str) else text)
-        return path
-
-    return writer
-
-
 @pytest.mark.parametrize(
     ("text", "name", "parameters", "size"),
     [

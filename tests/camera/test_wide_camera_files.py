@@ -9,6 +9,20 @@ import cv2
 import numpy as np
 import pycolmap
 import pytest
+from wide_files_kit import (
+    BASALT,
+    CAMODOCAL_FISHEYE,
+    COLMAP,
+    D4,
+    DSO,
+    EXPECTED,
+    MEI,
+    NERF,
+    OCAM,
+    OMNIDIR,
+    kalibr,
+    nerf,
+)
 
 from farpoint.camera import (
     Arctangent,
@@ -25,134 +39,7 @@ from farpoint.camera import (
 )
 from farpoint.errors import InputError
 
-EXPECTED = {"fx": 500.5, "fy": 501.5, "cx": 320.25, "cy": 240.75}
-D4 = (-0.3, 0.1, 0.001, -0.002)
 FISHEYE = KannalaBrandt(**EXPECTED, k1=-0.3, k2=0.1, k3=0.001, k4=-0.002)
-
-KALIBR = """\
-cam0:
-  camera_model: {model}
-  intrinsics: [{first}500.5, 501.5, 320.25, 240.75]
-  distortion_model: {distortion}
-  distortion_coeffs: {coefficients}
-  resolution: [640, 480]
-"""
-OMNIDIR = """\
-%YAML:1.0
----
-image_width: 640
-image_height: 480
-camera_matrix: !!opencv-matrix
-   rows: 3
-   cols: 3
-   dt: d
-   data: [ 500.5, 0.4, 320.25, 0., 501.5, 240.75, 0., 0., 1. ]
-distortion_coefficients: [-0.3, 0.1, 0.001, -0.002]
-xi: 1.25
-"""
-COLMAP = """\
-# Camera list with one line of data per camera:
-#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]
-# Number of cameras: 2
-1 OPENCV 640 480 500.5 501.5 320.75 241.25 -0.3 0.1 0.001 -0.002
-7 SIMPLE_RADIAL 800 600 700 400 300 -0.05
-"""
-BASALT = {
-    "value0": {
-        "T_imu_cam": [],
-        "intrinsics": [
-            {"camera_type": "ds", "intrinsics": EXPECTED | {"xi": -0.2, "alpha": 0.6}},
-            {"camera_type": "kb4", "intrinsics": EXPECTED | {"k1": 0, "k2": 0, "k3": 0, "k4": 0}},
-        ],
-        "resolution": [[640, 480], [512, 512]],
-    }
-}
-OCAM = """\
-#polynomial coefficients for the DIRECT mapping function (ocam_model.ss in MATLAB). \
-These are used by cam2world
-
-5 -2.065e+02 0.000000e+00 2.2e-03 -4.9e-06 1.87e-08
-
-#polynomial coefficients for the inverse mapping function (ocam_model.invpol in MATLAB). \
-These are used by world2cam
-
-4 294.2 152.3 -12.2 28.0
-
-#center: "row" and "column", starting from 0 (C convention)
-
-241.75 318.25
-
-#affine parameters "c", "d", "e"
-
-1.002 0.003 -0.002
-
-#image size: "height" and "width"
-
-480 640
-
-"""
-NERF = {
-    "camera_model": "OPENCV",
-    "fl_x": 500.5,
-    "fl_y": 501.5,
-    "cx": 320.75,
-    "cy": 241.25,
-    "w": 640,
-    "h": 480,
-    "k1": -0.3,
-    "k2": 0.1,
-    "p1": 0.001,
-    "p2": -0.002,
-    "frames": [{"file_path": "images/0.png", "transform_matrix": []}],
-}
-DSO = "0.5 0.625 0.25 0.75 0.93\n640 480\ncrop\n640 480\n"
-MEI = """\
-%YAML:1.0
----
-model_type: MEI
-camera_name: image_02
-image_width: 640
-image_height: 480
-mirror_parameters:
-   xi: 1.25
-distortion_parameters:
-   k1: -0.3
-   k2: 0.1
-   p1: 0.001
-   p2: -0.002
-projection_parameters:
-   gamma1: 500.5
-   gamma2: 501.5
-   u0: 320.25
-   v0: 240.75
-"""
-CAMODOCAL_FISHEYE = """\
-model_type: KANNALA_BRANDT
-image_width: 640
-image_height: 480
-projection_parameters: {k2: -0.3, k3: 0.1, k4: 0.001, k5: -0.002,
-  mu: 500.5, mv: 501.5, u0: 320.25, v0: 240.75}
-"""
-
-
-def kalibr(model: str, first: str, distortion: str, coefficients: str) -> str:
-    return KALIBR.format(model=model, first=first, distortion=distortion, coefficients=coefficients)
-
-
-def nerf(**changes: object) -> str:
-    values = NERF | changes
-    return json.dumps({key: value for key, value in values.items() if value is not None})
-
-
-@pytest.fixture
-def write(tmp_path: Path):
-    def writer(text: str | bytes) -> Path:
-        path = tmp_path / "calibration.anything"
-        path.write_bytes(text.encode() if isinstance(text, str) else text)
-        return path
-
-    return writer
-
 
 MODELS: list[tuple[str, str | None, CameraModel]] = [
     (kalibr("omni", "1.25, ", "none", "[]"), None, Unified(**EXPECTED, xi=1.25)),
@@ -353,99 +240,6 @@ def test_frames_with_cameras_of_their_own(write) -> None:
 def test_ocamcalib_is_known_without_its_comments(write) -> None:
     bare = "\n".join(line for line in OCAM.splitlines() if line and not line.startswith("#"))
     assert load_camera(write(bare)).model == load_camera(write(OCAM)).model
-
-
-def basalt(**changes: object) -> str:
-    return json.dumps({"value0": BASALT["value0"] | changes})
-
-
-FAULTS = [
-    (kalibr("omni", "", "none", "[]"), None, "cam0.intrinsics", "expected 5 numbers, got 4"),
-    (kalibr("omni", "-1, ", "none", "[]"), None, "cam0.intrinsics (xi)", "from 0"),
-    (kalibr("omni", "1, ", "equidistant", "[]"), None, "cam0.distortion_model", "radtan or none"),
-    (
-        kalibr("pinhole", "", "fov", "[4]"),
-        None,
-        "cam0.distortion_coeffs (omega)",
-        "from 1e-06 to 3.14159",
-    ),
-    (OMNIDIR.replace("0., 501.5", "2., 501.5"), None, "camera_matrix", "0 fy cy"),
-    (OMNIDIR.replace("xi: 1.25", "xi: wide"), None, "xi", "'wide'"),
-    (COLMAP, None, "name", "one of 1, 7"),
-    (COLMAP.replace(" -0.002", ""), "1", "camera 1", "expected 8 numbers, got 7"),
-    (COLMAP.replace("500.5", "x"), "1", "camera 1", "number, got 'x'"),
-    (COLMAP.replace("500.5", "-1"), "1", "camera 1 (fx)", "positive"),
-    (COLMAP.replace("1 OPENCV 640", "1 OPENCV -640"), "1", "camera 1 size", "got -640"),
-    (COLMAP.replace("7 SIMPLE", "seven SIMPLE"), "1", "camera", "expected CAMERA_ID MODEL"),
-    (
-        COLMAP.replace("OPENCV", "THIN_PRISM_FISHEYE"),
-        "1",
-        "camera 1",
-        "'THIN_PRISM_FISHEYE' is not supported; expected SIMPLE_PINHOLE",
-    ),
-    (basalt(intrinsics=[]), None, "value0.intrinsics", "at least one"),
-    (basalt(intrinsics=[{}]), None, "value0.intrinsics[0].camera_type", "missing"),
-    (
-        basalt(intrinsics=[{"camera_type": "lattice"}]),
-        None,
-        "value0.intrinsics[0].camera_type",
-        "'lattice' is not supported; expected pinhole or",
-    ),
-    (
-        basalt(intrinsics=[{"camera_type": "ds", "intrinsics": EXPECTED | {"xi": 0}}]),
-        None,
-        "value0.intrinsics[0].intrinsics.alpha",
-        "missing",
-    ),
-    (
-        basalt(intrinsics=[{"camera_type": "ds", "intrinsics": EXPECTED | {"xi": 9, "alpha": 0}}]),
-        None,
-        "value0.intrinsics[0].intrinsics.xi (xi)",
-        "from -1 to 1",
-    ),
-    (basalt(resolution=[[640, 480]]), "cam0", "value0.resolution", "expected 4 numbers, got 2"),
-    (
-        basalt(resolution=[[640, 480], [5, 0]]),
-        "cam1",
-        "value0.resolution[1]",
-        "positive whole number",
-    ),
-    (OCAM.replace("5 -2.065", "4 -2.065"), None, "polynomial coefficients (direct)", "expected 4"),
-    (
-        OCAM.replace("-2.065e+02", "2.065e+02"),
-        None,
-        "polynomial coefficients (direct) (a0)",
-        "negative",
-    ),
-    (OCAM.replace("1.002", "-1"), None, "affine parameters (c)", "greater than"),
-    (OCAM.replace("241.75 318.25", "241.75"), None, "center", "expected 2 numbers, got 1"),
-    (OCAM.replace("480 640\n", ""), None, "image size", "missing"),
-    (OCAM.replace("480 640", "480 0"), None, "image size", "got 0"),
-    (nerf(cx=None, w=None, h=None), None, "cx", "missing"),
-    (nerf(fl_x=None), None, "fl_x", "missing"),
-    (nerf(fl_x=-5), None, "fl_x (fx)", "positive"),
-    (nerf(k4=0.1), None, "k4", "expected 0 for a pinhole"),
-    (nerf(camera_model="LATTICE"), None, "camera_model", "'LATTICE'"),
-    (nerf(h=None), None, "h", "missing"),
-    (nerf(fl_x=None, camera_angle_x=1.0, w=None, h=None), None, "w", "camera_angle_x"),
-    (DSO.replace("0.93", "-0.93"), None, "line 1 (omega)", "from 1e-06"),
-    (DSO.replace("0.93", "0.93 1"), None, "line 1", "expected 5 numbers, got 6"),
-    ("Lattice " + DSO, None, "line 1", "'lattice' is not supported; expected fov or"),
-    (MEI.replace("MEI", "LATTICE"), None, "model_type", "'LATTICE'"),
-    (MEI.replace("   xi: 1.25\n", "   chi: 1\n"), None, "mirror_parameters.xi", "missing"),
-    (MEI.replace("gamma1: 500.5", "gamma1: 0"), None, "projection_parameters (fx)", "positive"),
-]
-
-
-@pytest.mark.parametrize(("text", "name", "field", "words"), FAULTS)
-def test_every_fault_names_file_and_field(write, text, name, field, words) -> None:
-    path = write(text)
-    with pytest.raises(InputError) as caught:
-        load_camera(path, name)
-    assert caught.value.file == str(path)
-    assert caught.value.field == field
-    assert words in caught.value.problem
-    assert "\n" not in str(caught.value)
 
 
 def test_division_of_colmap_has_its_sign(write) -> None:

@@ -29,7 +29,7 @@ class Scaramuzza(LensModel):
     ``u = p + e q + cx``, ``v = d p + c q + cy``. The toolbox's axes are x down, y right and z
     backward; these are x right, y down and z forward. Seen is what lies before the radius at which
     the angle off the axis stops growing. Projection inverts f itself: the toolbox's own inverse
-    polynomial is a fit to that, some hundredths of a pixel off, and is not used.
+    polynomial is only a fit to that, and is not used.
 
     Scaramuzza, Martinelli and Siegwart, "A toolbox for easily calibrating omnidirectional
     cameras", IROS 2006, doi:10.1109/IROS.2006.282372.
