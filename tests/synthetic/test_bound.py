@@ -83,19 +83,19 @@ def test_the_bound_is_the_inverse_of_the_dense_fisher_matrix(seed):
 
 
 def test_maximum_likelihood_reaches_the_bound():
-    trials = 120
-    options = replace(paper_example(noise_px=0.1), matches=16, far_share=0.5)
+    trials = 80
+    options = replace(paper_example(noise_px=0.1), matches=12, far_share=0.5)
     whitened = []
     for seed in range(trials):
         scene = make_point_scene(options, seed=seed)
         factor = np.linalg.cholesky(cramer_rao_bound(scene))
         whitened.append(np.linalg.solve(factor, maximum_likelihood_error(scene)))
     errors = np.array(whitened)
-    # Each whitened coordinate is standard normal: its mean square over 120 trials is
-    # 1 +- sqrt(2 / 120) = 0.13, the mean of all five 1 +- 0.058.
-    assert np.mean(errors**2) == pytest.approx(1.0, abs=0.18)
-    assert np.abs(np.mean(errors**2, axis=0) - 1.0).max() < 0.5
-    assert np.abs(errors.mean(axis=0)).max() < 0.35
+    # Each whitened coordinate is standard normal: its mean square over 80 trials is
+    # 1 +- sqrt(2 / 80) = 0.16, the mean of all five 1 +- 0.071, its mean +- 0.11.
+    assert np.mean(errors**2) == pytest.approx(1.0, abs=0.21)
+    assert np.abs(np.mean(errors**2, axis=0) - 1.0).max() < 0.55
+    assert np.abs(errors.mean(axis=0)).max() < 0.38
 
 
 def test_the_bound_ignores_outliers_and_grows_with_the_noise():

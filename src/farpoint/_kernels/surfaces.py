@@ -37,24 +37,26 @@ def box_frame(shape, index, face, x, z):
 
 @inlined_kernel
 def round_frame(radius, slope, x, y, z):
-    """Normal, unit vectors of texture u (around the axis) and v (down), and u."""
+    """Normal, unit vector around the axis, and the length along it."""
     across = math.sqrt(x * x + z * z) + 1e-12
     normal = (x / across, slope * y / across, z / across)
-    around = (z / across, 0.0, -x / across)
-    return normal, around, (0.0, 1.0, 0.0), radius * math.atan2(x, z), 0.0
+    # Mirrored halfway around, so that the texture closes without a seam.
+    angle = math.atan2(x - z, x + z)
+    sense = math.copysign(1.0, angle)
+    around = (sense * z / across, 0.0, -sense * x / across)
+    return normal, around, radius * abs(angle)
 
 
 @inlined_kernel
 def surface_frame(shape, ring, surface, face, x, y, z):
     """Normal (either sign), unit vectors along texture u and v, and u, v of a point, in metres."""
+    down = (0.0, 1.0, 0.0)
     if surface == GROUND:
-        return (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), x, z
+        return down, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), x, z
     if surface <= FIRST_RING:
         k = FIRST_RING - surface
-        normal, along_u, along_v, u, v = round_frame(
-            ring[k, 2], 0.0, x - ring[k, 0], y, z - ring[k, 1]
-        )
-        return normal, along_u, along_v, u, y
+        normal, around, u = round_frame(ring[k, 2], 0.0, x - ring[k, 0], y, z - ring[k, 1])
+        return normal, around, down, u, y
     x, z = x - shape[surface, 0], z - shape[surface, 1]
     if shape[surface, 8] == BOX:
         normal, along_u, along_v, u, v = box_frame(shape, surface, face, x, z)
@@ -63,8 +65,8 @@ def surface_frame(shape, ring, surface, face, x, y, z):
     if shape[surface, 8] == ELLIPSOID:
         slope = (2.0 * radius / (shape[surface, 7] - shape[surface, 6])) ** 2
     centred = y - 0.5 * (shape[surface, 6] + shape[surface, 7])
-    normal, along_u, along_v, u, v = round_frame(radius, slope, x, centred, z)
-    return normal, along_u, along_v, u, y
+    normal, around, u = round_frame(radius, slope, x, centred, z)
+    return normal, around, down, u, y
 
 
 @inlined_kernel

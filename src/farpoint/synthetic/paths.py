@@ -50,6 +50,8 @@ def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
         Where an argument is out of its range.
     """
     times = _times(frames, fps)
+    if seed < 0:
+        raise InputError(f"expected 0 or more, got {seed}", field="seed")
     route_rng, sway_rng = (np.random.default_rng((seed, stream)) for stream in (11, 12))
     heading = _headings(route_rng, 30.0 + 1.3 * _SPEED * times[-1])
     along = _STEP_M * np.arange(len(heading))
@@ -66,15 +68,16 @@ def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
     # The body leans out of a turn and dips when it brakes.
     pitch = np.radians(sway[0] + 0.25 * braking - 1.0)
     roll = np.radians(sway[1] - 0.35 * lateral)
+    aside = 0.15 * np.sin(2.0 * math.pi * at / 47.0 + sway_rng.uniform(0.0, 6.3))
     position = np.stack(
         [
-            LANE_M + x + 0.1 * sway[2] * np.cos(yaw),
-            -CAMERA_HEIGHT_M + 0.025 * sway[3],
-            _START_M + z - 0.1 * sway[2] * np.sin(yaw),
+            LANE_M + x + aside * np.cos(yaw),
+            -CAMERA_HEIGHT_M + 0.025 * sway[2],
+            _START_M + z - aside * np.sin(yaw),
         ],
         axis=1,
     )
-    turns = np.stack([yaw + np.radians(0.4 * sway[4]), pitch, roll], axis=1)
+    turns = np.stack([yaw + np.radians(0.4 * sway[3]), pitch, roll], axis=1)
     return _trajectory(times, position, turns)
 
 
@@ -167,8 +170,8 @@ def _speeds(curvature: np.ndarray, along: np.ndarray, rng: np.random.Generator) 
 
 
 def _sway(times: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Five slow oscillations (5, N) of about unit amplitude: waves at unrelated frequencies."""
-    frequencies = rng.uniform((0.2, 0.6, 1.1), (0.5, 1.0, 1.8), (5, 3))
-    phases = rng.uniform(0.0, 2.0 * math.pi, (5, 3))
+    """Four slow oscillations (4, N) of about unit amplitude: waves at unrelated frequencies."""
+    frequencies = rng.uniform((0.2, 0.6, 1.1), (0.5, 1.0, 1.8), (4, 3))
+    phases = rng.uniform(0.0, 2.0 * math.pi, (4, 3))
     waves = np.sin(2.0 * math.pi * frequencies[..., None] * times + phases[..., None])
     return 0.4 * np.sum(waves * np.array([0.5, 0.35, 0.25])[:, None] / 0.44, axis=1)

@@ -8,6 +8,7 @@ drive does not cost more per frame.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -73,7 +74,7 @@ def build_street(positions: np.ndarray, seed: int) -> Street:
                 rng = np.random.default_rng((seed, i + (1 << 20), j + (1 << 20)))
                 _furnish(shapes, rng, i, j)
     kept = _clear_of(near_path, shapes)
-    return _assemble(shapes, kept, positions, low, high, np.random.default_rng((seed, 1)))
+    return _assemble(shapes, kept, positions, low, high, seed)
 
 
 def _furnish(shapes: Shapes, rng: np.random.Generator, i: int, j: int) -> None:
@@ -113,25 +114,31 @@ def _assemble(
     positions: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
-    rng: np.random.Generator,
+    seed: int,
 ) -> Street:
     rows = np.array(shapes.shape).reshape(-1, 9)[kept]
-    hills = _raise_hills(positions, rng)
+    hills = _raise_hills(positions, np.random.default_rng((seed, 1)))
     texel_m = BLOCK_M / (1 << _ROAD_LOG2_WIDTH)
     ground = (80.0, _ROAD_TEXTURE, texel_m, 1.0, 10.0, 0.0, 0.0)
     slopes = [(95.0 + 22.0 * k, 0.0, 0.6 * 3.0**k, 13.0, 6.0, 37.0 * k, 0.0) for k in range(3)]
     paint = np.array([*(shapes.paint[k] for k in kept), ground, *slopes])
-    pictures = [textures.noise(rng)]
-    pictures += [textures.facade(rng) for _ in range(FACADES)]
-    pictures += [textures.road(rng, BLOCK_M, ROAD_M, _ROAD_LOG2_WIDTH)]
-    texels, texture = textures.pyramids(pictures)
     # Cells are centred on multiples of their size, so that a street is one cell wide.
     grid_low, grid_high = (low - 0.5) * CELL_M, (high + 0.5) * CELL_M
     return Street(
         blocks=_sort_into_grid(rows, grid_low, grid_high),
         hills=hills,
-        finish=Finish(paint, texels, texture),
+        finish=Finish(paint, *_pictures(seed)),
     )
+
+
+@lru_cache(maxsize=1)
+def _pictures(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Texels and table of all textures; they take longer to make than the rest of the town."""
+    rng = np.random.default_rng((seed, 0))
+    pictures = [textures.noise(rng)]
+    pictures += [textures.facade(rng) for _ in range(FACADES)]
+    pictures += [textures.road(rng, BLOCK_M, ROAD_M, _ROAD_LOG2_WIDTH)]
+    return textures.pyramids(pictures)
 
 
 def _sort_into_grid(rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> Blocks:

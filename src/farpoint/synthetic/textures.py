@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
+from scipy import fft
 
 __all__ = ["facade", "noise", "pyramids", "road"]
 
@@ -95,9 +96,9 @@ def pyramids(textures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     table, start = [], 0
     for texture in textures:
         table.append((start, len(texture).bit_length() - 1))
-        level = _blurred(texture, _LEVEL_SIGMA, 0.0)
+        level = _blurred(texture.astype(np.float32), _LEVEL_SIGMA, 0.0)
         while True:
-            parts.append(level.astype(np.float32).ravel())
+            parts.append(level.ravel())
             start += level.size
             if len(level) == 1:
                 break
@@ -108,7 +109,12 @@ def pyramids(textures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 def _blurred(level: np.ndarray, sigma: float, shift: float) -> np.ndarray:
     """Gaussian blur, and the values ``shift`` texels further right and down."""
-    rows, columns = np.fft.fftfreq(len(level))[:, None], np.fft.rfftfreq(len(level))[None, :]
-    blur = np.exp(-2.0 * (np.pi * sigma) ** 2 * (rows**2 + columns**2))
-    moved = np.exp(2j * np.pi * shift * (rows + columns))
-    return np.fft.irfft2(np.fft.rfft2(level) * blur * moved, s=level.shape)
+
+    def filtered(frequency: np.ndarray) -> np.ndarray:
+        moved = np.exp(2j * np.pi * shift * frequency)
+        return (np.exp(-2.0 * (np.pi * sigma * frequency) ** 2) * moved).astype(np.complex64)
+
+    spectrum = fft.rfft2(level)
+    spectrum *= filtered(fft.fftfreq(len(level)))[:, None]
+    spectrum *= filtered(fft.rfftfreq(len(level)))
+    return np.asarray(fft.irfft2(spectrum, s=level.shape))
