@@ -72,7 +72,7 @@ def _start(cache: str) -> tuple[float, float]:
     done = subprocess.run(
         [sys.executable, "-c", _SCRIPT],
         env={**os.environ, "NUMBA_CACHE_DIR": cache},
-        capture_output=True,
+        stdout=subprocess.PIPE,
         text=True,
         check=True,
     )
