@@ -77,6 +77,11 @@ def encoded(image: np.ndarray) -> bytes:
     return cv2.imencode(".png", image)[1].tobytes()
 
 
+def there_and_back(images: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """A drive that can be repeated without a jump."""
+    return [*images, *images[-2:0:-1]]
+
+
 def write_folder(folder: Path, images: Images) -> Path:
     """Numbered PNG files; bytes are written as they are."""
     folder.mkdir(parents=True)

@@ -19,7 +19,7 @@ from farpoint.cli.evaluate import Evaluate
 from farpoint.cli.run import Run
 from farpoint.errors import InputError, MissingExtraError
 
-__all__ = ["COMMANDS", "main"]
+__all__ = ["COMMANDS", "main", "parse"]
 
 COMMANDS: dict[str, Callable[..., Any]] = {
     "demo": Demo,
@@ -44,7 +44,7 @@ def main() -> int:
     """Run the command of ``sys.argv``; the return value is the exit code of the process."""
     try:
         with _flushed_results():
-            _parse(sys.argv[1:])()
+            parse(sys.argv[1:])()
     except (InputError, MissingExtraError) as error:
         print(f"farpoint: {error}", file=sys.stderr)
         return _WRONG_USAGE
@@ -75,7 +75,7 @@ def _flushed_results() -> Iterator[None]:
     sys.stdout.flush()
 
 
-def _parse(arguments: list[str]) -> Callable[[], None]:
+def parse(arguments: list[str]) -> Callable[[], None]:
     """The command, or an InputError in one line where tyro would print a box."""
     box = io.StringIO()
     try:

@@ -1,0 +1,34 @@
+"""A long run takes no more memory than a short one."""
+
+from __future__ import annotations
+
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+from cli_kit import CommandLine, statuses_of, there_and_back, write_folder
+
+Pictures = tuple[np.ndarray, ...]
+
+
+def test_memory_does_not_grow_with_the_length(
+    farpoint: CommandLine, tmp_path: Path, images: Pictures, calibration: Path
+):
+    """Of Python and NumPy; the report, written at the end, has a test of its own."""
+    repeated = there_and_back(images)
+    arguments = ("--camera", calibration, "--no-report", "--out")
+
+    def peak_bytes(name: str, times: int) -> int:
+        shots = write_folder(tmp_path / name, times * repeated)
+        tracemalloc.start()
+        try:
+            assert farpoint("run", shots, *arguments, tmp_path / f"{name}-out").code == 0
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    peak_bytes("first", 1)  # what is loaded and compiled on use
+    short, long = peak_bytes("short", 1), peak_bytes("long", 5)
+    assert len(statuses_of(tmp_path / "long-out")) == 5 * len(repeated) - 1
+    images_more = 4 * len(repeated) * images[0].nbytes
+    assert long - short < 0.1 * images_more

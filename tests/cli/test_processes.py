@@ -1,0 +1,88 @@
+"""The command as a process of its own: signals, pipes, exit codes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from cli_kit import record_of, there_and_back, write_folder
+
+from farpoint.sinks.motions import read_motions
+from farpoint.trajectory.files import read_tum
+
+Pictures = tuple[np.ndarray, ...]
+
+FARPOINT = (sys.executable, "-m", "farpoint")
+PATIENCE_S = 120.0
+
+
+def start(*arguments: str | Path) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*FARPOINT, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for_rows(path: Path, count: int, process: subprocess.Popen[str]) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not path.exists() or len(path.read_text().splitlines()) <= count:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_ctrl_c_leaves_valid_files(tmp_path: Path, images: Pictures, calibration: Path):
+    shots, out = write_folder(tmp_path / "shots", 40 * there_and_back(images)), tmp_path / "out"
+    process = start("run", shots, "--camera", calibration, "--out", out)
+    wait_for_rows(out / "motions.csv", 5, process)
+    process.send_signal(signal.SIGINT)
+    said, told = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130
+    assert said == ""
+    assert told.splitlines()[-1] == "farpoint: interrupted; what was computed is in the outputs"
+    assert "Traceback" not in told
+    record = record_of(out)
+    assert record["state"] == "interrupted"
+    motions, poses = read_motions(out / "motions.csv"), read_tum(out / "trajectory.tum")
+    assert 5 <= len(motions) < len(list(shots.iterdir())) - 1
+    # A frame in hand when the signal came may be in one file and not in the next.
+    assert 0 <= len(motions) - sum(record["pairs"].values()) <= 1
+    assert 0 <= len(motions) - (len(poses) - 1) <= 1
+    with av.open(str(out / "overlay.mp4")) as film:
+        assert sum(1 for _ in film.decode(video=0)) >= len(motions)
+    report = (out / "report.html").read_text()
+    assert report.rstrip().endswith("</html>")
+    assert "interrupted" in report
+
+
+@pytest.mark.parametrize("arguments", [["run", "--help"], ["camera", "CALIB"]])
+def test_a_reader_that_has_seen_enough_is_no_fault(calibration: Path, arguments: list[str]):
+    arguments = [str(calibration) if word == "CALIB" else word for word in arguments]
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [*FARPOINT, *arguments], stdout=writer, stderr=subprocess.PIPE, text=True, check=False
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_results_that_cannot_be_printed_are_one_line(calibration: Path):
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("no /dev/full on this system")
+    with full.open("w") as nowhere:
+        command = [*FARPOINT, "camera", str(calibration)]
+        done = subprocess.run(
+            command, stdout=nowhere, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert (done.returncode, done.stderr) == (2, "farpoint: No space left on device\n")

@@ -1,0 +1,36 @@
+"""Real drives through the command line, against their truth."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_kit import CommandLine
+
+
+@pytest.mark.parametrize(
+    ("sequence", "rotation_deg", "direction_deg"),
+    [
+        ("kitti_a", 0.04, 0.8),
+        # Its poses are smoothed from frame to frame: PoseLib, on the same tracks, is as far off.
+        ("kitti_00", 0.05, 1.0),
+    ],
+)
+def test_motions_are_as_good_as_the_truth_can_tell(
+    farpoint: CommandLine,
+    tmp_path: Path,
+    shared_data: Path,
+    sequence: str,
+    rotation_deg: float,
+    direction_deg: float,
+):
+    folder = shared_data / sequence
+    arguments = ("--camera", folder / "calib.txt", "--out", tmp_path, "--no-overlay")
+    assert farpoint("run", folder, *arguments, "--no-report").code == 0
+    told = farpoint("evaluate", tmp_path, "--truth", folder / "poses.txt", "--json")
+    motions = json.loads(told.out)["motions"]
+    assert motions["statuses"]["OK"] == motions["pairs"] == motions["pairs_with_truth"]
+    assert np.rad2deg(motions["rotation_rad"]["median"]) <= rotation_deg
+    assert np.rad2deg(motions["direction_rad"]["median"]) <= direction_deg

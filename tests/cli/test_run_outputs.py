@@ -1,0 +1,161 @@
+"""What a run leaves behind, and says: the same for the same seed, byte for byte."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from cli_kit import (
+    HEIGHT,
+    WIDTH,
+    CommandLine,
+    record_of,
+    rows_of,
+    statuses_of,
+    write_folder,
+    write_video,
+)
+
+from farpoint.sinks.motions import read_motions
+from farpoint.synthetic.sequence import RenderedSequence
+from farpoint.trajectory.files import read_tum
+
+Pictures = tuple[np.ndarray, ...]
+
+FILES = {"motions.csv", "trajectory.tum", "overlay.mp4", "report.html", "run.json"}
+
+
+@pytest.fixture
+def shots(tmp_path: Path, images: Pictures) -> Path:
+    return write_folder(tmp_path / "drive" / "images", images)
+
+
+def contents(folder: Path) -> dict[str, bytes | str]:
+    """Every file of a run, without what the clock on the wall put into it."""
+    files: dict[str, bytes | str] = {path.name: path.read_bytes() for path in folder.iterdir()}
+    record = record_of(folder)
+    clock = record.pop("wall_clock")
+    files["run.json"] = json.dumps(record)
+    report = (folder / "report.html").read_text()
+    for words in (clock["started"], *re.findall(r"[\d.]+ (?:frames/s|frames a second)", report)):
+        report = report.replace(words, "")
+    files["report.html"] = report
+    return files
+
+
+def test_a_run_writes_every_file_and_says_where(
+    farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path, images: Pictures
+):
+    out = tmp_path / "out"
+    outcome = farpoint("run", shots, "--camera", calibration, "--out", out)
+    assert outcome.code == 0
+    assert {path.name for path in out.iterdir()} == FILES
+    pairs = len(images) - 1
+    assert outcome.out.splitlines() == [
+        f"{pairs} pairs of frames: {pairs} OK, 0 ROTATION_ONLY, 0 STATIC, 0 FAILED",
+        "time stamps: 10 frames a second, assumed",
+        f"results in {out}",
+    ]
+    assert re.fullmatch(rf"{len(images)}/{len(images)} frames, [\d.]+/s\n", outcome.err)
+    assert len(read_motions(out / "motions.csv")) == pairs
+    assert len(read_tum(out / "trajectory.tum")) == len(images)
+    record = record_of(out)
+    assert record["state"] == "done"
+    assert record["camera"]["size"] == [WIDTH, HEIGHT]
+    assert record["source"]["timestamps"] == "10 frames a second, assumed"
+    with av.open(str(out / "overlay.mp4")) as film:
+        assert sum(1 for _ in film.decode(video=0)) == len(images)
+
+
+def test_the_default_folder_is_named_after_the_sequence(
+    farpoint: CommandLine,
+    tmp_path: Path,
+    shots: Path,
+    calibration: Path,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.chdir(tmp_path)
+    outcome = farpoint("run", shots, "--camera", calibration, "--no-overlay", "--no-report")
+    assert outcome.out.endswith(f"results in {Path('farpoint-out/drive')}\n")
+    assert {path.name for path in Path("farpoint-out/drive").iterdir()} == FILES - {
+        "overlay.mp4",
+        "report.html",
+    }
+
+
+def test_the_same_seed_gives_the_same_files(
+    farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path
+):
+    runs = []
+    for seed, out in ((5, tmp_path / "a"), (5, tmp_path / "b"), (6, tmp_path / "c")):
+        farpoint("run", shots, "--camera", calibration, "--out", out, "--seed", str(seed))
+        runs.append(contents(out))
+    first, again, other = runs
+    assert first == again
+    assert first["motions.csv"] != other["motions.csv"]
+
+
+def test_a_video_and_its_pictures_give_the_same_motions(
+    farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path, images: Pictures
+):
+    arguments = ("--camera", calibration, "--no-overlay", "--no-report", "--out")
+    farpoint("run", shots, *arguments, tmp_path / "a")
+    video = write_video(tmp_path / "drive.mp4", images)
+    outcome = farpoint("run", video, *arguments, tmp_path / "b")
+    assert "time stamps: video" in outcome.out
+    of_images, of_video = (read_motions(tmp_path / name / "motions.csv") for name in "ab")
+    np.testing.assert_allclose(of_video.timestamp1, of_images.timestamp1, atol=1e-9)
+    turned = 2.0 * np.linalg.norm(of_video.quat_xyzw - of_images.quat_xyzw, axis=1)
+    assert np.median(np.rad2deg(turned)) < 0.1  # what compression and its grey values change
+
+
+def test_options_reach_the_estimator(
+    farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path
+):
+    arguments = ("run", shots, "--camera", calibration, "--no-overlay", "--no-report")
+    options = ("--tracker.max-tracks", "40", "--pose.no-refine", "--fps", "25")
+    assert farpoint(*arguments, *options, "--out", tmp_path / "few").code == 0
+    rows = rows_of(tmp_path / "few")
+    assert max(int(row["tracks"]) for row in rows) <= 40
+    assert float(rows[0]["timestamp1"]) == 1 / 25
+    odometry = record_of(tmp_path / "few")["options"]["odometry"]
+    assert odometry["tracker"]["max_tracks"] == 40
+    assert odometry["pose"]["refine"] is False
+
+
+def test_a_run_is_evaluated_against_its_truth(
+    farpoint: CommandLine,
+    tmp_path: Path,
+    shots: Path,
+    calibration: Path,
+    drive: RenderedSequence,
+):
+    out, truth, pairs = tmp_path / "out", tmp_path / "truth.tum", tmp_path / "pairs.csv"
+    farpoint("run", shots, "--camera", calibration, "--out", out, "--no-overlay", "--no-report")
+    drive.write_truth(truth)
+    table = farpoint("evaluate", out, "--truth", truth, "--pairs", pairs)
+    assert (table.code, table.err) == (0, "")
+    assert "rotation, deg" in table.out
+    assert len(pairs.read_text().splitlines()) == len(statuses_of(out)) + 1
+    figures = json.loads(farpoint("evaluate", out, "--truth", truth, "--json").out)
+    assert np.rad2deg(figures["motions"]["rotation_rad"]["median"]) < 0.03
+    assert np.rad2deg(figures["motions"]["direction_rad"]["median"]) < 0.4
+
+
+def test_the_demo_meets_its_truth(farpoint: CommandLine, tmp_path: Path):
+    outcome = farpoint("demo", "--frames", "8", "--out", tmp_path / "demo")
+    assert outcome.code == 0
+    assert {path.name for path in (tmp_path / "demo").iterdir()} == {*FILES, "truth.tum"}
+    assert statuses_of(tmp_path / "demo") == ["OK"] * 7
+    medians = {
+        line.split(",")[0]: float(line.split()[3])
+        for line in outcome.out.splitlines()
+        if re.match("(rotation|direction), deg", line)
+    }
+    assert medians["rotation"] < 0.02
+    assert medians["direction"] < 0.2
+    assert "report.html" in outcome.out
