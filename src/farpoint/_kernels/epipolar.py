@@ -32,7 +32,7 @@ from farpoint._kernels.vectors import (
     vector,
 )
 
-__all__ = ["sampson", "sampson_curvature", "sampson_jacobian"]
+__all__ = ["parallax", "sampson", "sampson_curvature", "sampson_jacobian"]
 
 
 @kernel
@@ -150,6 +150,29 @@ def sampson_curvature(
             K[k, j] *= inv
             K[j, k] = K[k, j]
     return e * inv
+
+
+@kernel
+def parallax(pairs: RayPairs, R: np.ndarray, t: np.ndarray, i: int, by_theta: np.ndarray) -> float:
+    """Shift of match ``i`` towards ``t`` along its epipolar great circle, in units of its noise.
+
+    ``by_theta`` (3,) receives its derivative by the rotation; that by the direction, which only
+    turns the circle, is of second order.
+    """
+    m = rotate(R, row(pairs.rays0, i))
+    along = combine(1.0, vector(t), -dot(m, vector(t)), m)
+    back = rotate_back(R, along)
+    variance = 0.0
+    for c in range(2):
+        u, v = dot(column(pairs.noise0, i, c), back), dot(column(pairs.noise1, i, c), along)
+        variance += u * u + v * v
+    if not variance > 0.0:
+        clear(by_theta)
+        return 0.0
+    inv = 1.0 / math.sqrt(variance)
+    turn = cross(m, along)
+    by_theta[0], by_theta[1], by_theta[2] = -inv * turn[0], -inv * turn[1], -inv * turn[2]
+    return inv * dot(combine(1.0, row(pairs.rays1, i), -1.0, m), along)
 
 
 @inner_kernel

@@ -13,9 +13,10 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.epipolar import sampson_curvature, sampson_jacobian
+from farpoint._kernels.epipolar import parallax, sampson_curvature, sampson_jacobian
 from farpoint._kernels.linear import apply_rotation_step, clear, solve_spd, tangent_basis
 from farpoint._kernels.pairs import RayPairs
+from farpoint._kernels.vectors import dot, rotate, row, vector
 
 # Sigma of a poor match over that of a good one.
 POOR = 3.0
@@ -52,6 +53,7 @@ def linearize(
     basis: np.ndarray,
     mixture: np.ndarray,
     clutter: float,
+    far_sigma: float,
     H: np.ndarray,
     g: np.ndarray,
     r: np.ndarray,
@@ -64,8 +66,13 @@ def linearize(
     of right matches one by one (0 leaves a match out) and ``clutter`` is the density of wrong
     matches over that of right ones. ``r`` (N,) receives the residuals, ``w`` (N,) the probabilities
     of being right and ``poor`` (N,) those of being right but poor.
+
+    A right match flows towards ``t``: its density falls off where the flow retreats from ``t`` by
+    more than ``far_sigma``, which noise can make a far point do. Up to there it is flat, for rotation can imitate
+    parallax, and any slope would pull at the rotation.
     """
     J = np.empty(5)
+    turn = np.empty(3)
     clear(H)
     clear(g)
     cost = 0.0
@@ -79,8 +86,10 @@ def linearize(
             poor[i] = 0.0
             continue
         square = 0.5 * residual * residual * precision
-        good = prior[i] * (1.0 - share) * math.exp(-square)
-        fair = prior[i] * share / POOR * math.exp(-square / (POOR * POOR))
+        retreat = _retreat(pairs, R, t, i, precision, far_sigma, turn)
+        ahead = prior[i] * math.exp(-0.5 * retreat * retreat)
+        good = ahead * (1.0 - share) * math.exp(-square)
+        fair = ahead * share / POOR * math.exp(-square / (POOR * POOR))
         total = good + fair + clutter
         cost -= math.log(total)
         w[i] = (good + fair) / total
@@ -91,10 +100,41 @@ def linearize(
             g[k] += sJ * residual
             for m in range(k + 1):
                 H[k, m] += sJ * J[m]
+        if retreat > 0.0:
+            for k in range(3):
+                g[k] += w[i] * retreat * turn[k]
+                for m in range(k + 1):
+                    H[k, m] += w[i] * turn[k] * turn[m]
     for k in range(5):
         for m in range(k):
             H[m, k] = H[k, m]
     return cost
+
+
+@inner_kernel
+def _retreat(
+    pairs: RayPairs,
+    R: np.ndarray,
+    t: np.ndarray,
+    i: int,
+    precision: float,
+    far_sigma: float,
+    turn: np.ndarray,
+) -> float:
+    """By how many sigma match ``i`` flows away from ``t``, beyond the noise of a far point.
+
+    ``turn`` (3,) receives the derivative by the rotation where this is positive.
+    """
+    towards = dot(row(pairs.rays1, i), vector(t)) - dot(rotate(R, row(pairs.rays0, i)), vector(t))
+    if towards >= 0.0 or far_sigma == math.inf:
+        return 0.0
+    scale = math.sqrt(precision)
+    retreat = -scale * parallax(pairs, R, t, i, turn) - far_sigma
+    if retreat <= 0.0:
+        return 0.0
+    for k in range(3):
+        turn[k] *= -scale
+    return retreat
 
 
 @inner_kernel
@@ -114,6 +154,7 @@ def refine_pose(
     prior: np.ndarray,
     spread: float,
     min_variance: float,
+    far_sigma: float,
     max_iterations: int,
     R: np.ndarray,
     t: np.ndarray,
@@ -140,7 +181,7 @@ def refine_pose(
     for _ in range(max_iterations):
         variance = mixture[0]
         clutter = clutter_density(variance, mixture[1], spread)
-        cost = linearize(pairs, prior, R, t, basis, mixture, clutter, H, g, r, w, poor)
+        cost = linearize(pairs, prior, R, t, basis, mixture, clutter, far_sigma, H, g, r, w, poor)
         total = 0.0
         doubtful = 0.0
         squares = 0.0
@@ -175,6 +216,7 @@ def curvature(
     t: np.ndarray,
     mixture: np.ndarray,
     clutter: float,
+    far_sigma: float,
     hessian: np.ndarray,
     information: np.ndarray,
 ) -> None:
@@ -185,6 +227,7 @@ def curvature(
     """
     precision = 1.0 / mixture[0]
     J = np.empty(5)
+    turn = np.empty(3)
     K = np.empty((5, 5))
     D = np.empty((6, 5))
     basis = np.empty((3, 2))
@@ -196,8 +239,10 @@ def curvature(
             continue
         r = sampson_curvature(pairs, R, t, basis, i, D, J, K)
         square = 0.5 * r * r * precision
-        good = prior[i] * (1.0 - mixture[2]) * math.exp(-square)
-        fair = prior[i] * mixture[2] / POOR * math.exp(-square / (POOR * POOR))
+        retreat = _retreat(pairs, R, t, i, precision, far_sigma, turn)
+        ahead = prior[i] * math.exp(-0.5 * retreat * retreat)
+        good = ahead * (1.0 - mixture[2]) * math.exp(-square)
+        fair = ahead * mixture[2] / POOR * math.exp(-square / (POOR * POOR))
         total = good + fair + clutter
         weight = precision * (good + fair / (POOR * POOR)) / total
         # The weight changes with the residual: a doubtful match bends the cost the other way.
@@ -207,6 +252,12 @@ def curvature(
             for m in range(k + 1):
                 information[k, m] += weight * J[k] * J[m]
                 hessian[k, m] += bend * J[k] * J[m] + weight * r * K[k, m]
+        if retreat > 0.0:
+            right = (good + fair) / total
+            for k in range(3):
+                for m in range(k + 1):
+                    information[k, m] += right * turn[k] * turn[m]
+                    hessian[k, m] += right * turn[k] * turn[m]
     for k in range(5):
         for m in range(k):
             information[m, k] = information[k, m]

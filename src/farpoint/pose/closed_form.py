@@ -10,9 +10,10 @@ import numpy as np
 
 from farpoint._kernels.search import search_direction
 from farpoint.pose import conclusion
-from farpoint.pose.conclusion import Course, label_matches, largest_sigma
+from farpoint.pose.conclusion import Course, fixes_rotation, label_matches, largest_sigma
 from farpoint.pose.epipole import mean_epipole
 from farpoint.pose.far_rotation import FarRotation
+from farpoint.pose.fits import MIN_VARIANCE, symmetric_inverse
 from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
@@ -40,6 +41,8 @@ def estimate_closed_form(
     if not is_consensus(agreeing, len(matches), 3, area_share, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
     rotation_covariance, sigma = _scatter_of_rotation(matches, R, far)
+    if not fixes_rotation(rotation_covariance):
+        return conclusion.unfixed_rotation(matches, course)
     flowing = matches.select(~far)
     t = np.empty(3)
     agree = np.zeros(len(flowing), bool)
@@ -87,10 +90,10 @@ def _scatter_of_rotation(
     rays1, weight = matches.pairs.rays1[far], matches.precision[far]
     residual = rays1 - matches.pairs.rays0[far] @ R.T
     freedom = max(2 * len(rays1) - 3, 1)
-    variance = float(np.sum(weight * np.sum(residual**2, axis=1)) / freedom)
+    variance = max(float(np.sum(weight * np.sum(residual**2, axis=1)) / freedom), MIN_VARIANCE)
     # d(b - R a) / dtheta = [b]x to first order, and [b]x^T [b]x = I - b b^T.
     information = weight.sum() * np.eye(3) - (rays1.T * weight) @ rays1
-    return variance * np.linalg.inv(information), float(np.sqrt(variance))
+    return variance * symmetric_inverse(information), float(np.sqrt(variance))
 
 
 def _consistent_with(

@@ -12,15 +12,20 @@ from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.matches import Matches
 from farpoint.pose.result import PoseStats, PoseStatus, RelativePose, TrackLabel
 
+# A rotation less certain than this (1 sigma, rad) is none.
+MAX_ROTATION_SIGMA = 0.2
+
 __all__ = [
     "Course",
     "failed_pose",
+    "fixes_rotation",
     "label_matches",
     "largest_sigma",
     "no_consensus",
     "observed",
     "sign_probability",
     "turned",
+    "unfixed_rotation",
 ]
 
 
@@ -80,6 +85,23 @@ def no_consensus(matches: Matches, agreeing: int, course: Course) -> RelativePos
     return failed_pose(
         f"No consensus: the best motion explains {agreeing} of {len(matches)} matches, "
         "which chance alone could do.",
+        matches.total,
+        course,
+    )
+
+
+def fixes_rotation(rotation_covariance: np.ndarray) -> bool:
+    """Whether a covariance (3, 3), rad^2, leaves the rotation anything but open."""
+    return (
+        bool(np.isfinite(rotation_covariance).all())
+        and largest_sigma(rotation_covariance) < MAX_ROTATION_SIGMA
+    )
+
+
+def unfixed_rotation(matches: Matches, course: Course) -> RelativePose:
+    """Matches at one point, or on a line, that leave a rotation free."""
+    return failed_pose(
+        f"The {len(matches)} matches lie too close together to fix a rotation.",
         matches.total,
         course,
     )

@@ -33,12 +33,15 @@ __all__ = [
     "fit_turning",
     "least_squares_rotation",
     "moving_covariance",
+    "symmetric_inverse",
 ]
 
 # Noise below a thousandth of a pixel is rounding, not information.
 MIN_VARIANCE = 1e-6
 # Information of one radian on the direction, none on the rotation: the sphere is bounded.
 DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
+# Retreat along its epipolar line that noise can cause of a far point, in sigma.
+FAR_SIGMA = 3.0
 MAX_REFINEMENTS = 20
 # Enough to tell which of two hypotheses is better.
 SEARCH_REFINEMENTS = 6
@@ -165,7 +168,7 @@ def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> Turn
     )
     return TurningFit(
         R_cam1_from_cam0=R,
-        covariance=_inverse(information),
+        covariance=symmetric_inverse(information),
         noise=_noise(mixture),
         distance2=distance2,
         probability=probability,
@@ -241,7 +244,7 @@ def least_squares_rotation(matches: Matches, R_start: np.ndarray, rows: np.ndarr
     rotation_linearize(
         matches.pairs, prior, R_start, only_good, 0.0, H, g, distance2, np.empty(n), np.empty(n)
     )
-    R = so3.exp(-np.linalg.solve(H, g)) @ R_start
+    R = so3.exp(-symmetric_inverse(H) @ g) @ R_start
     rotation_distance2(matches.pairs, R, distance2)
     return distance2[rows]
 
@@ -257,6 +260,7 @@ def _refine(
         prior,
         matches.spread,
         MIN_VARIANCE,
+        FAR_SIGMA,
         MAX_REFINEMENTS,
         R,
         t,
@@ -274,10 +278,9 @@ def plausible_parallax(
 ) -> np.ndarray:
     """Prior (N,) of each match from where it lies along its epipolar line.
 
-    A wrong match lies anywhere in the image; a right one no farther back than noise can throw a
-    far point, and no farther on than the nearest of the others suggest. In between the prior is
-    flat: rotation can imitate parallax, so any slope would pull at the rotation. It scales the
-    density of right matches from the strip ``2 spread`` to the length of the flat part.
+    A wrong match lies anywhere in the image; a right one no farther on than the nearest of the
+    others suggest. Up to there the prior is flat: it scales the density of right matches from the
+    strip ``2 spread`` to the length of the flat part.
 
     A wrong match far along the line outweighs all right ones. As many as can be expected to lie in
     the band by chance, and two more that the direction could have chosen to pass through, may not
@@ -289,10 +292,11 @@ def plausible_parallax(
     bulk = np.sort(np.abs(p[right & (p > -3.0)]))
     wrong = len(p) - len(bulk)
     captured = 3 + int(np.ceil(2.0 * wrong * 3.0 * sigma / spread))
-    reach = 2.0 * max(float(bulk[-captured - 1]), 3.0) if len(bulk) > captured else np.inf
+    if len(bulk) <= captured or not np.isfinite(bulk[-1]):
+        return np.ones(len(p))
+    reach = 2.0 * max(float(bulk[-captured - 1]), 3.0)
     beyond = np.maximum(p - reach, 0.0) / (0.2 * reach)
-    behind = np.maximum(-p - 3.0, 0.0)
-    shape = np.exp(-0.5 * (beyond**2 + behind**2))
+    shape = np.exp(-0.5 * beyond**2)
     return shape * max(2.0 * spread / ((reach + 3.0) * sigma), 1.0)
 
 
@@ -312,13 +316,18 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
         fit.direction_cam1_from_cam0,
         fit.noise.array,
         clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
+        FAR_SIGMA,
         hessian,
         information,
     )
+    if not np.isfinite(hessian).all():
+        return np.full((5, 5), np.inf)
     values, vectors = np.linalg.eigh(hessian)
     peaked = (vectors * np.maximum(values, 0.0)) @ vectors.T + DIRECTION_PRIOR
-    covariance = _inverse(peaked) @ (information + DIRECTION_PRIOR) @ _inverse(peaked)
-    return 0.5 * (covariance + covariance.T)
+    # Through a root, so that rounding cannot make a variance negative.
+    values, vectors = np.linalg.eigh(information + DIRECTION_PRIOR)
+    root = symmetric_inverse(peaked) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    return _positive(root @ root.T)
 
 
 def _parallax(matches: Matches, R: np.ndarray, t: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -333,8 +342,16 @@ def _noise(mixture: np.ndarray) -> Noise:
     return Noise(variance=variance, wrong=wrong, poor=poor)
 
 
-def _inverse(information: np.ndarray) -> np.ndarray:
-    try:
-        return np.linalg.inv(information)
-    except np.linalg.LinAlgError:
+def symmetric_inverse(information: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric matrix; what it knows nothing of gets a variance beyond all bounds."""
+    if not np.isfinite(information).all():
         return np.full(information.shape, np.inf)
+    values, vectors = np.linalg.eigh(information)
+    known = np.maximum(values, max(1e-14 * values[-1], 1e-12))
+    root = vectors / np.sqrt(known)
+    return _positive(root @ root.T)
+
+
+def _positive(covariance: np.ndarray) -> np.ndarray:
+    """The covariance with a trace more on its diagonal, lest rounding make a correlation perfect."""
+    return covariance + 1e-12 * np.diag(np.diag(covariance))

@@ -74,6 +74,9 @@ def matches_from_points(
 
     An image without covariances has isotropic noise of the mean variance of the other.
     """
+    for name, camera in (("camera0", camera0), ("camera1", camera1)):
+        if not isinstance(camera, Camera):
+            raise InputError(f"expected a Camera, got {type(camera).__name__}", field=name)
     points0 = _checked("points0", points0, (2,))
     points1 = _checked("points1", points1, (2,), rows=len(points0))
     rays0, rays1 = camera0.unproject(points0), camera1.unproject(points1)
@@ -84,21 +87,8 @@ def matches_from_points(
     noise0 = camera0.unproject_jacobian(rays0)
     noise1 = camera1.unproject_jacobian(rays1)
     if covariance0_px2 is not None or covariance1_px2 is not None:
-        covariances = [
-            None if c is None else _checked(name, c, (2, 2), rows=len(points0))[index]
-            for name, c in (
-                ("covariance0_px2", covariance0_px2),
-                ("covariance1_px2", covariance1_px2),
-            )
-        ]
-        traces = [np.trace(c, axis1=1, axis2=2) for c in covariances if c is not None]
-        mean_variance = float(np.mean(traces)) / 2 if len(index) else 1.0
-        noise0, noise1 = (
-            noise if c is None else noise @ _factor(name, c / mean_variance)
-            for name, noise, c in zip(
-                ("covariance0_px2", "covariance1_px2"), (noise0, noise1), covariances, strict=True
-            )
-        )
+        factors = _noise_factors(len(points0), covariance0_px2, covariance1_px2)
+        noise0, noise1 = noise0 @ factors[0][index], noise1 @ factors[1][index]
     pairs = RayPairs(rays0, rays1, np.ascontiguousarray(noise0), np.ascontiguousarray(noise1))
     return Matches(
         pairs=pairs,
@@ -134,9 +124,14 @@ def _checked(
     """The values as finite C-ordered float64 of shape (rows, *shape), or an InputError."""
     expected = f"({'N' if rows is None else rows}, {', '.join(map(str, shape))})"
     try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        given = np.asarray(values)
+    except ValueError as error:  # rows of different lengths
         raise InputError(f"expected numbers of shape {expected}", field=name) from error
+    if given.dtype.kind not in "iuf" and given.size:
+        raise InputError(
+            f"expected real numbers of shape {expected}, got {given.dtype}", field=name
+        )
+    array = np.ascontiguousarray(given, dtype=np.float64)
     if array.ndim != 1 + len(shape) or array.shape[1:] != shape or rows not in (None, len(array)):
         raise InputError(f"expected shape {expected}, got {array.shape}", field=name)
     if not np.isfinite(array).all():
@@ -144,9 +139,26 @@ def _checked(
     return array
 
 
-def _factor(name: str, covariance: np.ndarray) -> np.ndarray:
-    """Cholesky factors (N, 2, 2) of covariances that must be positive definite."""
-    try:
-        return np.linalg.cholesky(covariance)
-    except np.linalg.LinAlgError as error:
-        raise InputError("expected positive definite matrices", field=name) from error
+def _noise_factors(
+    count: int, covariance0_px2: np.ndarray | None, covariance1_px2: np.ndarray | None
+) -> list[np.ndarray]:
+    """Cholesky factors (N, 2, 2) of both images' covariances over their common mean variance."""
+    names = ("covariance0_px2", "covariance1_px2")
+    covariances = [
+        None if given is None else _checked(name, given, (2, 2), rows=count)
+        for name, given in zip(names, (covariance0_px2, covariance1_px2), strict=True)
+    ]
+    traces = [np.trace(c, axis1=1, axis2=2) for c in covariances if c is not None]
+    mean_variance = float(np.mean(traces)) / 2.0 if count else 1.0
+    factors = []
+    for name, covariance in zip(names, covariances, strict=True):
+        if covariance is None:
+            factors.append(np.broadcast_to(np.eye(2), (count, 2, 2)))
+            continue
+        if not np.allclose(covariance, np.swapaxes(covariance, 1, 2), rtol=1e-6):
+            raise InputError("expected symmetric matrices", field=name)
+        try:
+            factors.append(np.linalg.cholesky(covariance / max(mean_variance, 1e-300)))
+        except np.linalg.LinAlgError as error:
+            raise InputError("expected positive definite matrices", field=name) from error
+    return factors

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import numbers
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from farpoint.errors import InputError
 
@@ -46,17 +49,25 @@ class RelativePoseOptions:
 
     def __post_init__(self) -> None:
         for name in ("matching_tolerance_px", "flow_saturation_px"):
-            value = getattr(self, name)
-            if not (value > 0 and math.isfinite(value)):
-                raise InputError(f"expected a positive number of pixels, got {value!r}", field=name)
+            _check(self, name, float, "a positive number of pixels", lambda value: value > 0)
         for name in ("confidence", "false_alarm_rate"):
-            if not 0 < getattr(self, name) < 1:
-                raise InputError(
-                    f"expected a probability in (0, 1), got {getattr(self, name)!r}", field=name
-                )
-        if not 0 <= self.min_iterations <= self.max_iterations:
+            _check(self, name, float, "a probability in (0, 1)", lambda value: 0 < value < 1)
+        for name in ("min_iterations", "max_iterations"):
+            _check(self, name, int, "a whole number, 0 or more", lambda value: value >= 0)
+        if self.min_iterations > self.max_iterations:
             raise InputError(
-                f"expected 0 <= min_iterations <= max_iterations, got {self.min_iterations!r} and "
-                f"{self.max_iterations!r}",
+                "expected min_iterations <= max_iterations, "
+                f"got {self.min_iterations} and {self.max_iterations}",
                 field="min_iterations",
             )
+        if not isinstance(self.refine, bool):
+            raise InputError(f"expected True or False, got {self.refine!r}", field="refine")
+
+
+def _check(
+    options: object, name: str, kind: type, expected: str, holds: Callable[[Any], bool]
+) -> None:
+    value = getattr(options, name)
+    right_kind = isinstance(value, numbers.Integral if kind is int else numbers.Real)
+    if isinstance(value, bool) or not right_kind or not (math.isfinite(value) and holds(value)):
+        raise InputError(f"expected {expected}, got {value!r}", field=name)

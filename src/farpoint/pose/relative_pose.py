@@ -14,6 +14,7 @@ from farpoint.pose import conclusion
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import (
     Course,
+    fixes_rotation,
     label_matches,
     largest_sigma,
     sign_probability,
@@ -153,6 +154,8 @@ def _conclude_moving(
         return conclusion.no_consensus(matches, agreeing, course)
     covariance = moving_covariance(matches, fit)
     course.lap("covariance_s")
+    if not fixes_rotation(covariance[:3, :3]):
+        return conclusion.unfixed_rotation(matches, course)
     labels = label_matches(matches, right, fit.parallax > NEAR_SIGMA * sigma)
     direction_sigma = largest_sigma(covariance[3:, 3:])
     sign = sign_probability(fit.parallax / sigma, fit.probability)
@@ -189,6 +192,8 @@ def _conclude_turning(
     if not is_consensus(agreeing, len(matches), 2, chance, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
     course.cost = fit.cost
+    if not fixes_rotation(fit.covariance):
+        return conclusion.unfixed_rotation(matches, course)
     if is_static(fit, options.false_alarm_rate):
         status = PoseStatus.STATIC
         reason = f"{agreeing} of {len(matches)} matches stand still within the noise."

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import special
 
 from farpoint.geometry import so3
-from farpoint.pose.fits import MovingFit, TurningFit, least_squares_rotation
+from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit, least_squares_rotation
 from farpoint.pose.matches import Matches
 
 __all__ = [
@@ -69,7 +69,9 @@ def is_plainly_translating(matches: Matches, fit: MovingFit) -> bool:
     """
     agree = np.abs(fit.residual) <= BAND_SIGMA * fit.noise.mean_sigma
     size = np.abs(fit.parallax)
-    typical = agree & (size <= 3.0 * np.median(size[agree]))
+    typical = agree & (size <= 3.0 * np.median(size[agree])) if agree.any() else agree
+    if not typical.any():
+        return False
     distance2 = least_squares_rotation(matches, fit.R_cam1_from_cam0, typical)
     return bool(np.median(distance2) > (2.0 * NEAR_SIGMA * fit.noise.mean_sigma) ** 2)
 
@@ -85,10 +87,8 @@ def is_translating(matches: Matches, fit: MovingFit, turning: TurningFit, rate: 
 def is_static(turning: TurningFit, rate: float) -> bool:
     """Whether the rotation cannot be told from none."""
     dtheta = so3.log(turning.R_cam1_from_cam0)
-    try:
-        distance2 = dtheta @ np.linalg.solve(turning.covariance, dtheta)
-    except np.linalg.LinAlgError:
-        return False
+    values, vectors = np.linalg.eigh(turning.covariance)
+    distance2 = np.sum((vectors.T @ dtheta) ** 2 / np.maximum(values, 1e-300))
     return bool(special.chdtrc(3, distance2) > rate)
 
 
@@ -104,7 +104,8 @@ def _bulk_exceeds_noise(
     n = int(np.count_nonzero(bulk))
     if n < MIN_BULK:
         return False
-    across = float(np.sum(fit.residual[bulk] ** 2))
+    # Matches without any noise still have that of rounding.
+    across = max(float(np.sum(fit.residual[bulk] ** 2)), n * MIN_VARIANCE)
     along = float(np.sum(turning.distance2[bulk])) - across
     ratio = max(along, 0.0) / n / (across / (n - 3))
     return bool(DIRECTIONS * special.fdtrc(n, n - 3, ratio) < rate)

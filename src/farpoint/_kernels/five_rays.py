@@ -1,0 +1,155 @@
+"""Joint hypotheses: a pose from five matches, how well it fits all, and how many to try."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import kernel
+from farpoint._kernels.epipolar import sampson
+from farpoint._kernels.likelihood import apply_step
+from farpoint._kernels.linear import tangent_basis
+from farpoint._kernels.pairs import RayPairs
+from farpoint._kernels.vectors import cross, dot, rotate, row, vector
+
+__all__ = ["LONG_FLOW", "iterations_needed", "score_pose", "solve_five"]
+
+# Flow after the far rotation, rad, from which on Newton's method starts too far away to be trusted.
+LONG_FLOW = 0.05
+
+
+@kernel
+def score_pose(
+    pairs: RayPairs,
+    R: np.ndarray,
+    t: np.ndarray,
+    limit: float,
+    best: float,
+) -> float:
+    """Truncated squares ``sum min(r^2, limit)`` of all matches, at the better sign of ``t``.
+
+    A match that flows away from ``t`` by more than the limit lies behind the camera and costs the
+    full ``limit``. Returns early, with a cost of at least ``best``, once both signs have lost.
+    ``t`` is flipped in place where the other sign is better.
+    """
+    n = pairs.rays0.shape[0]
+    forward = 0.0
+    backward = 0.0
+    for i in range(n):
+        cost = sampson(pairs, R, t, i) ** 2
+        if cost >= limit:
+            forward += limit
+            backward += limit
+        else:
+            # Flow along the epipolar great circle towards t, against its noise.
+            mt = dot(rotate(R, row(pairs.rays0, i)), vector(t))
+            flow = dot(row(pairs.rays1, i), vector(t)) - mt
+            variance = 0.0
+            for k in range(3):
+                for c in range(2):
+                    variance += pairs.noise0[i, k, c] ** 2 + pairs.noise1[i, k, c] ** 2
+            significant = flow * flow > limit * 0.5 * variance * (1.0 - mt * mt)
+            forward += limit if significant and flow < 0.0 else cost
+            backward += limit if significant and flow > 0.0 else cost
+        if forward >= best and backward >= best:
+            return best
+    if backward < forward:
+        for k in range(3):
+            t[k] = -t[k]
+        return backward
+    return forward
+
+
+@kernel
+def _solve_square(A: np.ndarray, x: np.ndarray) -> bool:
+    """Solve ``A x = x`` (5x5, both overwritten) by elimination with row pivots."""
+    n = x.shape[0]
+    for c in range(n):
+        pivot = c
+        for i in range(c + 1, n):
+            if abs(A[i, c]) > abs(A[pivot, c]):
+                pivot = i
+        if not abs(A[pivot, c]) > 1e-12:
+            return False
+        if pivot != c:
+            for j in range(c, n):
+                A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
+            x[c], x[pivot] = x[pivot], x[c]
+        for i in range(c + 1, n):
+            f = A[i, c] / A[c, c]
+            for j in range(c + 1, n):
+                A[i, j] -= f * A[c, j]
+            x[i] -= f * x[c]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= A[i, j] * x[j]
+        x[i] /= A[i, i]
+    return True
+
+
+@kernel
+def solve_five(pairs: RayPairs, sample: np.ndarray, R: np.ndarray, t: np.ndarray) -> bool:
+    """Pose that satisfies the epipolar constraint of five matches, by Newton from ``R, t``.
+
+    Iterative five-point solver on the manifold (Lui and Drummond, BMVC 2013,
+    DOI 10.5244/C.27.116): ``e = b . (t x m)`` has the rows ``[m x (b x t), B^T (m x b)]``, five
+    equations in five unknowns. False where it does not converge.
+    """
+    A = np.empty((5, 5))
+    x = np.empty(5)
+    basis = np.empty((3, 2))
+    tangent_basis(t, basis)
+    for _ in range(8):
+        largest = 0.0
+        for s in range(5):
+            i = sample[s]
+            b = row(pairs.rays1, i)
+            m = rotate(R, row(pairs.rays0, i))
+            by_t = cross(m, b)
+            A[s, 0], A[s, 1], A[s, 2] = cross(m, cross(b, vector(t)))
+            for k in range(2):
+                A[s, 3 + k] = dot(by_t, (basis[0, k], basis[1, k], basis[2, k]))
+            e = dot(vector(t), by_t)
+            # Rows of unit length: a short flow gives a weak row, not a weak equation.
+            norm = 0.0
+            for k in range(5):
+                norm += A[s, k] * A[s, k]
+            norm = 1.0 / math.sqrt(norm) if norm > 0.0 else 0.0
+            for k in range(5):
+                A[s, k] *= norm
+            x[s] = -e * norm
+            largest = max(largest, abs(x[s]))
+        if largest < 1e-7:
+            return True
+        if not _solve_square(A, x):
+            return False
+        size = max(
+            math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]), math.sqrt(x[3] ** 2 + x[4] ** 2)
+        )
+        if not size < 1e3:
+            return False
+        if size > 0.5:
+            for k in range(5):
+                x[k] *= 0.5 / size
+        apply_step(R, t, basis, x)
+        if size < 1e-6:
+            return True
+    return False
+
+
+@kernel
+def iterations_needed(
+    wrong: float, flow: float, confidence: float, min_iterations: int, max_iterations: int
+) -> int:
+    """Samples of five until one without a wrong match led to the pose, with this confidence.
+
+    A good sample converges to the right pose every second time where the ``flow`` that the rotation
+    leaves is short, and ever more rarely where it is long (rad): the start is then far away.
+    """
+    converging = 0.5 / (1.0 + (flow / LONG_FLOW) ** 2)
+    hit = converging * max(1.0 - wrong, 0.0) ** 5
+    if hit <= 0.0:
+        return max_iterations
+    needed = math.log(1.0 - confidence) / math.log(1.0 - hit)
+    return int(min(max(needed + 1.0, min_iterations), max_iterations))
