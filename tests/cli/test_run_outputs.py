@@ -38,12 +38,8 @@ def contents(folder: Path) -> dict[str, bytes | str]:
     """Every file of a run, without what the clock on the wall put into it."""
     files: dict[str, bytes | str] = {path.name: path.read_bytes() for path in folder.iterdir()}
     record = record_of(folder)
-    clock = record.pop("wall_clock")
+    del record["wall_clock"]
     files["run.json"] = json.dumps(record)
-    report = (folder / "report.html").read_text()
-    for words in (clock["started"], *re.findall(r"[\d.]+ (?:frames/s|frames a second)", report)):
-        report = report.replace(words, "")
-    files["report.html"] = report
     return files
 
 
