@@ -14,7 +14,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.epipolar import parallax, sampson_curvature, sampson_jacobian
-from farpoint._kernels.linear import apply_rotation_step, clear, solve_spd, tangent_basis
+from farpoint._kernels.linear import apply_rotation_step, clear, copy, solve_spd, tangent_basis
 from farpoint._kernels.pairs import RayPairs
 from farpoint._kernels.vectors import dot, rotate, row, vector
 
@@ -68,8 +68,8 @@ def linearize(
     of being right and ``poor`` (N,) those of being right but poor.
 
     A right match flows towards ``t``: its density falls off where the flow retreats from ``t`` by
-    more than ``far_sigma``, which noise can make a far point do. Up to there it is flat, for rotation can imitate
-    parallax, and any slope would pull at the rotation.
+    more than ``far_sigma``, which noise can make a far point do. Up to there it is flat, for
+    rotation can imitate parallax, and any slope would pull at the rotation.
     """
     J = np.empty(5)
     turn = np.empty(3)
@@ -164,7 +164,7 @@ def refine_pose(
     w: np.ndarray,
     poor: np.ndarray,
 ) -> float:
-    """Maximum-likelihood pose, with noise and wrong matches by EM; returns its cost.
+    """Maximum-likelihood pose, with its noise by EM; returns the negative log likelihood.
 
     Gauss-Newton with the full derivative of the residual. ``mixture`` (3,) holds the variance of
     good matches, the share of wrong ones and that of poor ones, in and out.
@@ -173,39 +173,73 @@ def refine_pose(
     L = np.empty((5, 5))
     x = np.empty(5)
     basis = np.empty((3, 2))
+    kept_R, kept_t = np.empty((3, 3)), np.empty(3)
+    kept_H, kept_g = np.empty((5, 5)), np.empty(5)
     tangent_basis(t, basis)
     n = 0.0
     for i in range(prior.shape[0]):
         n += 1.0 if prior[i] > 0.0 else 0.0
-    cost = math.inf
+    lowest = math.inf
+    damping = 0.0
+    converged = False
     for _ in range(max_iterations):
         variance = mixture[0]
         clutter = clutter_density(variance, mixture[1], spread)
         cost = linearize(pairs, prior, R, t, basis, mixture, clutter, far_sigma, H, g, r, w, poor)
-        total = 0.0
-        doubtful = 0.0
-        squares = 0.0
-        for i in range(w.shape[0]):
-            total += w[i]
-            doubtful += poor[i]
-            squares += (w[i] - poor[i] + poor[i] / (POOR * POOR)) * r[i] * r[i]
-        update_mixture(squares / max(total - 5.0, 1.0), total, doubtful, n, min_variance, mixture)
-        damping = 0.0
-        while not solve_spd(H, g, damping, L, x) and damping < 1.0:
+        likelihood = cost + left_out(mixture, n)
+        # EM with unbiased variance may climb a little; a step that climbs more has gone astray.
+        if likelihood > lowest + 0.5:
+            copy(kept_R, R)
+            copy(kept_t, t)
+            copy(kept_H, H)
+            copy(kept_g, g)
+            tangent_basis(t, basis)
+            damping = max(100.0 * damping, 1e-2)
+        else:
+            if converged:
+                break
+            lowest = likelihood
+            copy(R, kept_R)
+            copy(t, kept_t)
+            copy(H, kept_H)
+            copy(g, kept_g)
+            damping *= 0.1
+            total = 0.0
+            doubtful = 0.0
+            squares = 0.0
+            for i in range(w.shape[0]):
+                total += w[i]
+                doubtful += poor[i]
+                squares += (w[i] - poor[i] + poor[i] / (POOR * POOR)) * r[i] * r[i]
+            square = squares / max(total - 5.0, 1.0)
+            update_mixture(square, total, doubtful, n, min_variance, mixture)
+        while not solve_spd(H, g, damping, L, x) and damping < 1e6:
             damping = max(10.0 * damping, 1e-9)
-        if not damping < 1.0:
+        if not damping < 1e6:
             break
-        decrease = 0.0
-        for k in range(5):
-            decrease += g[k] * x[k]
-        size = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3] + x[4] * x[4])
+        decrease = dot5(g, x)
+        size = math.sqrt(dot5(x, x))
         scale = -1.0 if size < 0.3 else -0.3 / size
         for k in range(5):
             x[k] *= scale
         apply_step(R, t, basis, x)
-        if decrease < 1e-4 and abs(mixture[0] - variance) < 1e-2 * variance:
-            break
-    return cost
+        converged = decrease < 1e-4 and abs(mixture[0] - variance) < 1e-2 * variance
+    # The last step was not judged: the pose before it was.
+    copy(kept_R, R)
+    copy(kept_t, t)
+    return lowest
+
+
+@inner_kernel
+def left_out(mixture: np.ndarray, n: float) -> float:
+    """What `linearize` leaves out of the negative log likelihood as it does not move the pose."""
+    return n * (0.5 * math.log(mixture[0]) - math.log(1.0 - mixture[1]))
+
+
+@inner_kernel
+def dot5(a: np.ndarray, b: np.ndarray) -> float:
+    """``a . b`` of arrays (5,)."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4]
 
 
 @kernel

@@ -147,8 +147,7 @@ def _refine(
     scratch: Scratch,
 ) -> None:
     """Improve a pose and judge it by the likelihood of the matches with the noise that it needs."""
-    mixture = pose.mixture
-    cost = refine_pose(
+    pose.cost[0] = refine_pose(
         pairs,
         scratch.prior,
         spread,
@@ -157,15 +156,12 @@ def _refine(
         steps,
         pose.R,
         pose.t,
-        mixture,
+        pose.mixture,
         scratch.H,
         scratch.r,
         scratch.w,
         scratch.poor,
     )
-    # With what `linearize` leaves out of the cost because it does not move the pose.
-    left_out = 0.5 * math.log(mixture[0]) - math.log(1.0 - mixture[1])
-    pose.cost[0] = cost + pairs.rays0.shape[0] * left_out
 
 
 @inner_kernel

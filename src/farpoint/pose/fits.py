@@ -353,5 +353,5 @@ def symmetric_inverse(information: np.ndarray) -> np.ndarray:
 
 
 def _positive(covariance: np.ndarray) -> np.ndarray:
-    """The covariance with a trace more on its diagonal, lest rounding make a correlation perfect."""
+    """The covariance with a trace more on its diagonal, lest rounding make correlation perfect."""
     return covariance + 1e-12 * np.diag(np.diag(covariance))
