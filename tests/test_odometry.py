@@ -184,7 +184,20 @@ def test_tracks_keep_their_ids_from_frame_to_frame(results):
         assert len(common) > 0.7 * len(good)
         np.testing.assert_array_equal(good.points1[row0], later.tracks.points0[row1])
         assert len(np.unique(later.tracks.ids)) == len(later.tracks)
-        # What contradicted the motion is followed no longer.
+
+
+def test_a_thing_that_moves_by_itself_is_an_outlier_and_followed_no_longer():
+    images = [image.copy() for image in IMAGES[:4]]
+    thing = drive(1, seed=9)[0][:90, :90]
+    for k, image in enumerate(images):
+        image[70 + 2 * k : 160 + 2 * k, 100 + 4 * k : 190 + 4 * k] = thing
+    results = run(images)
+    assert statuses(results) == ["-", "OK", "OK", "OK"]
+    for earlier, later in itertools.pairwise(results[1:]):
+        flow = earlier.tracks.points1 - earlier.tracks.points0
+        own = np.linalg.norm(flow - [4.0, 2.0], axis=1) < 0.2
+        assert own.sum() > 5
+        assert (earlier.pose.labels[own] == TrackLabel.OUTLIER).mean() > 0.8
         wrong = earlier.tracks.ids[earlier.pose.labels == TrackLabel.OUTLIER]
         assert not np.isin(wrong, later.tracks.ids).any()
 

@@ -30,9 +30,9 @@ def unit(v: np.ndarray) -> np.ndarray:
 def test_rotations_are_a_group(a, b):
     R, S = so3.exp(a), so3.exp(b)
     for member in (R, R @ S):
-        np.testing.assert_allclose(member @ member.T, np.eye(3), atol=1e-14)
+        np.testing.assert_allclose(member @ member.T, np.eye(3), atol=4e-14)
         assert np.linalg.det(member) == pytest.approx(1.0, abs=1e-13)
-    np.testing.assert_allclose(so3.exp(-a), R.T, atol=1e-15)
+    np.testing.assert_allclose(so3.exp(-a), R.T, atol=4e-15)
     np.testing.assert_array_equal(so3.exp(np.zeros(3)), np.eye(3))
 
 
@@ -45,14 +45,14 @@ def test_exp_is_the_matrix_exponential_of_the_cross_product(v):
 @quick
 @given(v=vectors, w=vectors)
 def test_skew_is_the_cross_product(v, w):
-    np.testing.assert_allclose(so3.skew(v) @ w, np.cross(v, w), atol=1e-14)
+    np.testing.assert_allclose(so3.skew(v) @ w, np.cross(v, w), atol=4e-14)
 
 
 @quick
 @given(axis=units, s=st.floats(-3.0, 3.0), t=st.floats(-3.0, 3.0))
 def test_turns_about_one_axis_add_up(axis, s, t):
     np.testing.assert_allclose(
-        so3.exp(s * axis) @ so3.exp(t * axis), so3.exp((s + t) * axis), atol=1e-14
+        so3.exp(s * axis) @ so3.exp(t * axis), so3.exp((s + t) * axis), atol=4e-14
     )
 
 
@@ -60,14 +60,14 @@ def test_turns_about_one_axis_add_up(axis, s, t):
 @given(v=vectors, w=vectors)
 def test_a_turned_axis_turns_the_same_way(v, w):
     R = so3.exp(w)
-    np.testing.assert_allclose(R @ so3.exp(v) @ R.T, so3.exp(R @ v), atol=1e-14)
+    np.testing.assert_allclose(R @ so3.exp(v) @ R.T, so3.exp(R @ v), atol=4e-14)
 
 
 @quick
 @given(axis=units, angle=st.floats(0.0, math.pi - 1e-6))
 def test_log_undoes_exp(axis, angle):
     v = angle * unit(axis)
-    np.testing.assert_allclose(so3.log(so3.exp(v)), v, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(so3.log(so3.exp(v)), v, rtol=1e-12, atol=4e-14)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-16, 1e-9, 1e-4, 1.0])
@@ -81,8 +81,8 @@ def test_log_undoes_exp_to_the_last_digits_of_a_small_angle(angle):
 def test_log_near_half_a_turn_gives_the_same_rotation_and_its_angle(axis, gap):
     R = so3.exp((math.pi - gap) * unit(axis))
     v = so3.log(R)
-    assert np.linalg.norm(v) == pytest.approx(math.pi - gap, abs=1e-14)
-    np.testing.assert_allclose(so3.exp(v), R, atol=1e-14)
+    assert np.linalg.norm(v) == pytest.approx(math.pi - gap, abs=4e-14)
+    np.testing.assert_allclose(so3.exp(v), R, atol=4e-14)
 
 
 @quick
@@ -90,16 +90,16 @@ def test_log_near_half_a_turn_gives_the_same_rotation_and_its_angle(axis, gap):
 def test_the_angle_between_rotations_is_that_of_the_turn_from_one_to_the_other(v, axis, angle):
     R = so3.exp(v)
     turned = so3.exp(angle * unit(axis)) @ R
-    assert so3.angle_between(R, turned) == pytest.approx(angle, abs=1e-14)
-    assert so3.angle_between(turned, R) == pytest.approx(angle, abs=1e-14)
+    assert so3.angle_between(R, turned) == pytest.approx(angle, abs=4e-14)
+    assert so3.angle_between(turned, R) == pytest.approx(angle, abs=4e-14)
 
 
 def test_stacks_of_rotations_are_treated_one_by_one():
     v = np.random.default_rng(0).normal(size=(4, 3))
     R = so3.exp(v)
     for k in range(4):
-        np.testing.assert_allclose(R[k], so3.exp(v[k]), atol=1e-15)
-        np.testing.assert_allclose(so3.log(R)[k], so3.log(R[k]), atol=1e-15)
+        np.testing.assert_allclose(R[k], so3.exp(v[k]), atol=4e-15)
+        np.testing.assert_allclose(so3.log(R)[k], so3.log(R[k]), atol=4e-15)
         assert so3.angle_between(R, R[0])[k] == pytest.approx(so3.angle_between(R[k], R[0]))
 
 
@@ -117,9 +117,9 @@ BY_HAND = {
 @pytest.mark.parametrize(("quat_xyzw", "matrix"), BY_HAND.values(), ids=BY_HAND.keys())
 def test_quaternions_worked_out_by_hand(quat_xyzw, matrix):
     q, R = np.array(quat_xyzw), np.array(matrix, dtype=float)
-    np.testing.assert_allclose(so3.matrix_from_quat_xyzw(q), R, atol=1e-15)
-    np.testing.assert_allclose(so3.matrix_from_quat_xyzw(-2.0 * q), R, atol=1e-15)
-    np.testing.assert_allclose(so3.quat_xyzw_from_matrix(R), q, atol=1e-15)
+    np.testing.assert_allclose(so3.matrix_from_quat_xyzw(q), R, atol=4e-15)
+    np.testing.assert_allclose(so3.matrix_from_quat_xyzw(-2.0 * q), R, atol=4e-15)
+    np.testing.assert_allclose(so3.quat_xyzw_from_matrix(R), q, atol=4e-15)
 
 
 @quick
@@ -128,6 +128,6 @@ def test_quaternions_keep_the_rotation_with_a_positive_real_part_last(v):
     R = so3.exp(v)
     q = so3.quat_xyzw_from_matrix(R)
     assert q[3] >= 0.0
-    assert np.linalg.norm(q) == pytest.approx(1.0, abs=1e-15)
+    assert np.linalg.norm(q) == pytest.approx(1.0, abs=4e-15)
     assert abs(q[3]) == pytest.approx(abs(math.cos(np.linalg.norm(v) / 2)), abs=1e-13)
-    np.testing.assert_allclose(so3.matrix_from_quat_xyzw(q), R, atol=1e-14)
+    np.testing.assert_allclose(so3.matrix_from_quat_xyzw(q), R, atol=4e-14)

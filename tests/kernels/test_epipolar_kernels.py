@@ -12,7 +12,7 @@ from kernels_kit import View, gradient, moved, two_views
 
 from farpoint._kernels import epipolar
 from farpoint._kernels.pairs import RayPairs
-from farpoint.geometry import sphere
+from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=25, deadline=None)
 seeds = st.integers(0, 2**32)
@@ -116,6 +116,33 @@ def test_the_second_derivative_of_the_residual(seed, error_rad, baseline_m):
             alone = [second_difference(along, e, 2e-3 * baseline_m) for e in (axis, other)]
             numeric = 0.5 * (both - sum(alone))
             assert K[k, j] == pytest.approx(numeric, abs=2e-3 * max(np.abs(K).max(), abs(both)))
+
+
+def parallax(view: View, R: np.ndarray, i: int) -> tuple[float, np.ndarray]:
+    by_theta = np.full(3, np.nan)
+    return epipolar.parallax(view.pairs, R, view.t, i, by_theta), by_theta
+
+
+@quick
+@given(seed=seeds, baseline_m=st.sampled_from([1e-3, 1e-2]))
+def test_parallax_is_the_shift_towards_the_direction_over_its_sigma(seed, baseline_m):
+    view = two_views(seed, 3, baseline_m=baseline_m)
+    for i in range(3):
+        a, b, A, B = (array[i] for array in view.pairs)
+        m = view.R @ a
+        along = sphere.normalize(view.t - (view.t @ m) * m)
+        sigma = np.hypot(np.linalg.norm((view.R @ A).T @ along), np.linalg.norm(B.T @ along))
+        shift, by_theta = parallax(view, view.R, i)
+        assert shift == pytest.approx((b - m) @ along / sigma, rel=1e-6)
+        assert shift > 0.0
+
+        def turned(dtheta: np.ndarray, i: int = i) -> float:
+            return parallax(view, so3.exp(dtheta) @ view.R, i)[0]
+
+        # The direction and the noise along the flow are taken for constant.
+        numeric = gradient(turned, 3, 1e-6)
+        bound = 1e-2 + 4.0 * baseline_m
+        np.testing.assert_allclose(by_theta, numeric, atol=bound * np.abs(numeric).max())
 
 
 def second_difference(function: Callable, direction: np.ndarray, step: float) -> float:
