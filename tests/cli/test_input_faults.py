@@ -256,6 +256,51 @@ def test_a_frame_rate_that_is_none(farpoint: CommandLine, shots: Path, calibrati
     assert_refused(farpoint("run", shots, "--camera", calibration, "--fps", fps), "fps", fps)
 
 
+@pytest.fixture
+def finished(farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path) -> Path:
+    out = tmp_path / "finished"
+    arguments = ("--camera", calibration, "--out", out, "--no-overlay", "--no-report")
+    assert farpoint("run", shots, *arguments).code == 0
+    return out
+
+
+@pytest.mark.parametrize(
+    ("truth", "problem"),
+    [
+        (None, "No such file"),
+        ("", "expected"),
+        ("0 0 0 0 0 0 0\n", "8"),
+        ("900 0 0 0 0 0 0 1\n901 0 0 0 0 0 0 1\n", "900"),
+        ("0 nan 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "line 1: expected finite"),
+    ],
+    ids=["missing", "empty", "columns", "other-times", "nan"],
+)
+def test_a_truth_that_cannot_be_used(
+    farpoint: CommandLine, tmp_path: Path, finished: Path, truth: str | None, problem: str
+):
+    path = tmp_path / "truth.tum"
+    if truth is not None:
+        path.write_text(truth)
+    assert_refused(farpoint("evaluate", finished, "--truth", path), f"{path}: ", problem)
+
+
+def test_a_run_that_cannot_be_evaluated(farpoint: CommandLine, tmp_path: Path, finished: Path):
+    truth = finished / "trajectory.tum"
+    assert_refused(
+        farpoint("evaluate", tmp_path / "nowhere", "--truth", truth), tmp_path / "nowhere"
+    )
+    pairs = tmp_path / "nowhere" / "pairs.csv"
+    assert_refused(
+        farpoint("evaluate", finished, "--truth", truth, "--pairs", pairs),
+        f"{pairs}: cannot be written",
+    )
+    motions = finished / "motions.csv"
+    motions.write_text(motions.read_text().replace(",OK,", ",FINE,"))
+    assert_refused(
+        farpoint("evaluate", finished, "--truth", truth), f"{motions}: line 2, column status"
+    )
+
+
 def test_an_unforeseen_error_of_the_system_is_one_line(
     farpoint: CommandLine, calibration: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -21,6 +21,8 @@ Pictures = tuple[np.ndarray, ...]
 
 FARPOINT = (sys.executable, "-m", "farpoint")
 PATIENCE_S = 120.0
+BUFFERED = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
+"""What is printed may be written only when the process ends: the usual case."""
 
 
 def start(*arguments: str | Path) -> subprocess.Popen[str]:
@@ -29,6 +31,7 @@ def start(*arguments: str | Path) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        env=BUFFERED,
     )
 
 
@@ -64,16 +67,22 @@ def test_ctrl_c_leaves_valid_files(tmp_path: Path, images: Pictures, calibration
     assert "interrupted" in report
 
 
-@pytest.mark.parametrize("arguments", [["run", "--help"], ["camera", "CALIB"]])
+def told_printing_to(stdout: int, *arguments: str | Path) -> tuple[int, str]:
+    """Exit code and stderr of a command that prints to an open file."""
+    command = [*FARPOINT, *map(str, arguments)]
+    done = subprocess.run(
+        command, stdout=stdout, stderr=subprocess.PIPE, text=True, env=BUFFERED, check=False
+    )
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize("arguments", [["camera", "--help"], ["camera", "CALIB"]])
 def test_a_reader_that_has_seen_enough_is_no_fault(calibration: Path, arguments: list[str]):
-    arguments = [str(calibration) if word == "CALIB" else word for word in arguments]
     reader, writer = os.pipe()
     os.close(reader)
-    done = subprocess.run(
-        [*FARPOINT, *arguments], stdout=writer, stderr=subprocess.PIPE, text=True, check=False
-    )
+    arguments = [str(calibration) if word == "CALIB" else word for word in arguments]
+    assert told_printing_to(writer, *arguments) == (0, "")
     os.close(writer)
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_results_that_cannot_be_printed_are_one_line(calibration: Path):
@@ -81,8 +90,5 @@ def test_results_that_cannot_be_printed_are_one_line(calibration: Path):
     if not full.exists():
         pytest.skip("no /dev/full on this system")
     with full.open("w") as nowhere:
-        command = [*FARPOINT, "camera", str(calibration)]
-        done = subprocess.run(
-            command, stdout=nowhere, stderr=subprocess.PIPE, text=True, check=False
-        )
-    assert (done.returncode, done.stderr) == (2, "farpoint: No space left on device\n")
+        told = told_printing_to(nowhere.fileno(), "camera", calibration)
+    assert told == (2, "farpoint: No space left on device\n")

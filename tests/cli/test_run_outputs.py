@@ -140,6 +140,10 @@ def test_a_run_is_evaluated_against_its_truth(
     figures = json.loads(farpoint("evaluate", out, "--truth", truth, "--json").out)
     assert np.rad2deg(figures["motions"]["rotation_rad"]["median"]) < 0.03
     assert np.rad2deg(figures["motions"]["direction_rad"]["median"]) < 0.4
+    assert figures["trajectory"]["poses"] == len(statuses_of(out)) + 1
+    assert np.rad2deg(figures["trajectory"]["rpe_rotation_rad"]["median"]) < 0.03
+    # A car whose speed hardly changes: unit steps show the path.
+    assert figures["trajectory"]["ate_sim3"]["rmse"] < 0.1
 
 
 def test_the_demo_meets_its_truth(farpoint: CommandLine, tmp_path: Path):

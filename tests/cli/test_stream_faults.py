@@ -93,6 +93,14 @@ def test_a_run_may_begin_with_a_bad_frame(
     assert statuses_of(out) == ["FAILED"] + ["OK"] * 3
 
 
+def test_the_first_image_fixes_the_size_even_if_it_is_black(run_over: RunOver, images: Pictures):
+    black, other = np.zeros((HEIGHT, WIDTH), np.uint8), np.full((48, 80), 90, np.uint8)
+    outcome, out = run_over([black, other, *images[:3]])
+    assert outcome.code == 0
+    assert statuses_of(out) == ["FAILED"] * 2 + ["OK"] * 2
+    assert "is 80x48" in record_of(out)["reasons"][1]["reason"]
+
+
 def test_a_truncated_video_is_read_as_far_as_it_goes(
     tmp_path: Path, images: Pictures, calibration: Path, farpoint: CommandLine
 ):

@@ -51,10 +51,10 @@ def main() -> int:
     except KeyboardInterrupt:
         print("farpoint: interrupted; what was computed is in the outputs", file=sys.stderr)
         return _INTERRUPTED
-    except BrokenPipeError:
-        # Whoever read the results has seen enough; keep Python from flushing into the void.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # whoever read the results has seen enough
+        _discard_results()
     except OSError as error:  # such as a full disk
+        _discard_results()
         place = "" if error.filename is None else f"{error.filename}: "
         print(f"farpoint: {place}{error.strerror or error}", file=sys.stderr)
         return _WRONG_USAGE
@@ -73,6 +73,12 @@ def _flushed_results() -> Iterator[None]:
         sys.stdout.flush()
         raise
     sys.stdout.flush()
+
+
+def _discard_results() -> None:
+    """What could not be printed must not be tried again when Python exits."""
+    with contextlib.suppress(io.UnsupportedOperation):  # standard output is no file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def parse(arguments: list[str]) -> Callable[[], None]:
