@@ -18,7 +18,7 @@ from farpoint.pose import (
     estimate_relative_pose,
     failed_pose,
 )
-from farpoint.tracks import Tracker, TrackerOptions, Tracks
+from farpoint.tracks import Tracker, TrackerOptions, Tracks, grey_size
 from farpoint.trajectory.chain import chain
 from farpoint.trajectory.prediction import predict_points
 
@@ -154,7 +154,7 @@ class Odometry:
         index, self._next_index = self._next_index, self._next_index + 1
         if image is None:
             return self._pass_over(index, timestamp, f"The frame cannot be decoded: {fault}.")
-        width, height = image.shape[::-1]
+        width, height = grey_size(image)
         if not self._has_seen:
             self.camera = self.camera.with_size(width, height)
             self._has_seen = True

@@ -257,7 +257,9 @@ def curvature(
     """Exact Hessian (5, 5) of the cost, and its Gauss-Newton part, the ``information`` (5, 5).
 
     The Jacobian holds the noisy flow, so the Gauss-Newton part takes noise for flow: at low
-    parallax it pretends to know what it does not. The exact Hessian is free of that share.
+    parallax it pretends to know what it does not. The exact Hessian is free of that share. That
+    right matches flow forward tells which are right; as a bound on the pose, which is not Gaussian,
+    it is left out.
     """
     precision = 1.0 / mixture[0]
     J = np.empty(5)
@@ -286,12 +288,6 @@ def curvature(
             for m in range(k + 1):
                 information[k, m] += weight * J[k] * J[m]
                 hessian[k, m] += bend * J[k] * J[m] + weight * r * K[k, m]
-        if retreat > 0.0:
-            right = (good + fair) / total
-            for k in range(3):
-                for m in range(k + 1):
-                    information[k, m] += right * turn[k] * turn[m]
-                    hessian[k, m] += right * turn[k] * turn[m]
     for k in range(5):
         for m in range(k):
             information[m, k] = information[k, m]

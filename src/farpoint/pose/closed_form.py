@@ -13,11 +13,11 @@ from farpoint.pose import conclusion
 from farpoint.pose.conclusion import Course, fixes_rotation, label_matches, largest_sigma
 from farpoint.pose.epipole import mean_epipole
 from farpoint.pose.far_rotation import FarRotation
-from farpoint.pose.fits import MIN_VARIANCE, symmetric_inverse
+from farpoint.pose.fits import MIN_VARIANCE, positive, symmetric_inverse
 from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
-from farpoint.pose.verdict import is_consensus
+from farpoint.pose.verdict import is_consensus, is_static
 
 __all__ = ["estimate_closed_form"]
 
@@ -59,10 +59,13 @@ def estimate_closed_form(
     chance = 0.5 * tolerance / matches.spread
     seen = is_consensus(int(agree.sum()), len(flowing), 2, chance, options.false_alarm_rate)
     if epipole is None or not seen or largest_sigma(epipole.covariance) > MAX_DIRECTION_SIGMA:
+        still = is_static(R, rotation_covariance, options.false_alarm_rate)
         return conclusion.turned(
-            PoseStatus.ROTATION_ONLY,
-            f"{agreeing} far matches fix the rotation; the {len(flowing)} others flow towards no "
-            "common direction.",
+            PoseStatus.STATIC if still else PoseStatus.ROTATION_ONLY,
+            f"{agreeing} of {len(matches)} matches stand still within the noise."
+            if still
+            else f"{agreeing} far matches fix the rotation; the {len(flowing)} others flow towards "
+            "no common direction.",
             R,
             rotation_covariance,
             label_matches(matches, far),
@@ -72,6 +75,7 @@ def estimate_closed_form(
     covariance = np.zeros((5, 5))
     covariance[:3, :3] = rotation_covariance
     covariance[3:, 3:] = epipole.covariance
+    covariance = positive(covariance)
     course.lap("covariance_s")
     return conclusion.observed(
         R,

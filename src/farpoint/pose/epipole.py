@@ -72,7 +72,11 @@ def mean_epipole(
     direction = total / norm
     basis = tangent_basis(direction)
     n = len(used)
-    left_out = (total - partial[used]) @ basis / ((total - partial[used]) @ direction)[:, None]
+    others = total - partial[used]
+    along = others @ direction
+    if not (along > 1e-9 * norm).all():
+        return None  # one match decides which way the mean points
+    left_out = others @ basis / along[:, None]
     deviation = left_out - left_out.mean(axis=0)
     covariance = (n - 1) / n * deviation.T @ deviation
     return EpipoleEstimate(direction_cam1_from_cam0=direction, basis=basis, covariance=covariance)

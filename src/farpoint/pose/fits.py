@@ -33,11 +33,14 @@ __all__ = [
     "fit_turning",
     "least_squares_rotation",
     "moving_covariance",
+    "positive",
     "symmetric_inverse",
 ]
 
 # Noise below a thousandth of a pixel is rounding, not information.
 MIN_VARIANCE = 1e-6
+# Where nearly all of the flow is noise, the curvature cannot tell how little of it is signal.
+LEAST_SIGNAL = 0.05
 # Information of one radian on the direction, none on the rotation: the sphere is bounded.
 DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 # Retreat along its epipolar line that noise can cause of a far point, in sigma.
@@ -305,8 +308,8 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
 
     The sandwich ``H^-1 V H^-1`` of the exact Hessian H of the likelihood and the variance V of its
     gradient, which is the Gauss-Newton matrix. Since the depths are estimated along, V counts the
-    noise in the flow as if it were flow; H does not. Where the likelihood has no peak in the
-    direction, H has no information about it, and the prior of one radian is what remains.
+    noise in the flow as if it were flow; H does not. Where the likelihood has no peak, V alone
+    tells the scale, by the least share of it that is taken to be signal.
     """
     hessian, information = np.empty((5, 5)), np.empty((5, 5))
     curvature(
@@ -320,19 +323,20 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
         hessian,
         information,
     )
-    if not np.isfinite(hessian).all():
+    information = information + DIRECTION_PRIOR
+    if not (np.isfinite(hessian).all() and np.isfinite(information).all()):
         return np.full((5, 5), np.inf)
-    values, vectors = np.linalg.eigh(hessian)
-    peaked = (vectors * np.maximum(values, 0.0)) @ vectors.T + DIRECTION_PRIOR
-    # Through a root, so that rounding cannot make a variance negative.
-    values, vectors = np.linalg.eigh(information + DIRECTION_PRIOR)
-    root = symmetric_inverse(peaked) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    return _positive(root @ root.T)
+    # In the axes in which V is the identity, H holds the share of V that is signal, not noise.
+    whiten = _inverse_root(information)
+    signal, vectors = np.linalg.eigh(whiten.T @ hessian @ whiten)
+    root = whiten @ vectors / np.maximum(signal, LEAST_SIGNAL)
+    return positive(root @ root.T)
 
 
 def _parallax(matches: Matches, R: np.ndarray, t: np.ndarray, residual: np.ndarray) -> np.ndarray:
     distance2 = np.empty(len(matches))
     rotation_distance2(matches.pairs, R, distance2)
+    residual = np.minimum(np.abs(residual), 1e150)  # lest the square of rubbish overflow
     towards = (matches.pairs.rays1 - matches.pairs.rays0 @ R.T) @ t
     return np.copysign(np.sqrt(np.maximum(distance2 - residual**2, 0.0)), towards)
 
@@ -346,12 +350,16 @@ def symmetric_inverse(information: np.ndarray) -> np.ndarray:
     """Inverse of a symmetric matrix; what it knows nothing of gets a variance beyond all bounds."""
     if not np.isfinite(information).all():
         return np.full(information.shape, np.inf)
+    root = _inverse_root(information)
+    return positive(root @ root.T)
+
+
+def _inverse_root(information: np.ndarray) -> np.ndarray:
+    """``W`` with ``W W^T`` the inverse of a symmetric positive semidefinite matrix, and bounded."""
     values, vectors = np.linalg.eigh(information)
-    known = np.maximum(values, max(1e-14 * values[-1], 1e-12))
-    root = vectors / np.sqrt(known)
-    return _positive(root @ root.T)
+    return vectors / np.sqrt(np.maximum(values, max(1e-14 * values[-1], 1e-12)))
 
 
-def _positive(covariance: np.ndarray) -> np.ndarray:
+def positive(covariance: np.ndarray) -> np.ndarray:
     """The covariance with a trace more on its diagonal, lest rounding make correlation perfect."""
     return covariance + 1e-12 * np.diag(np.diag(covariance))

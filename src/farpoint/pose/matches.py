@@ -12,6 +12,9 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.sphere import normalize, tangent_basis
 
+# Noise that is smaller is rounding of the rays themselves.
+MIN_VARIANCE_RAD2 = 1e-30
+
 __all__ = ["Matches", "matches_from_points", "matches_from_rays"]
 
 
@@ -49,7 +52,7 @@ class Matches:
         """Inverse mean variance (N,), rad^-2, of ``b - R a`` along one direction."""
         noise0, noise1 = self.pairs.noise0, self.pairs.noise1
         variance = np.einsum("nij,nij->n", noise0, noise0) + np.einsum("nij,nij->n", noise1, noise1)
-        return 2.0 / variance
+        return 2.0 / np.maximum(variance, MIN_VARIANCE_RAD2)
 
     @cached_property
     def spread(self) -> float:
@@ -72,7 +75,7 @@ def matches_from_points(
 ) -> Matches:
     """Unproject pixels (N, 2) with their noise, (N, 2, 2) px^2 up to a common factor.
 
-    An image without covariances has isotropic noise of the mean variance of the other.
+    An image without covariances has isotropic noise of the median variance of the other.
     """
     for name, camera in (("camera0", camera0), ("camera1", camera1)):
         if not isinstance(camera, Camera):
@@ -108,7 +111,7 @@ def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) ->
         if len(rays) and not np.all(np.linalg.norm(rays, axis=1) > 0):
             raise InputError("expected rays of non-zero length", field=name)
     rays0, rays1 = normalize(rays0), normalize(rays1)
-    sigma = float(noise_rad)
+    sigma = max(float(noise_rad), MIN_VARIANCE_RAD2**0.5)
     noise0, noise1 = sigma * tangent_basis(rays0), sigma * tangent_basis(rays1)
     return Matches(
         pairs=RayPairs(rays0, rays1, noise0, noise1),
@@ -142,14 +145,15 @@ def _checked(
 def _noise_factors(
     count: int, covariance0_px2: np.ndarray | None, covariance1_px2: np.ndarray | None
 ) -> list[np.ndarray]:
-    """Cholesky factors (N, 2, 2) of both images' covariances over their common mean variance."""
+    """Cholesky factors (N, 2, 2) of both images' covariances over their common median variance."""
     names = ("covariance0_px2", "covariance1_px2")
     covariances = [
         None if given is None else _checked(name, given, (2, 2), rows=count)
         for name, given in zip(names, (covariance0_px2, covariance1_px2), strict=True)
     ]
     traces = [np.trace(c, axis1=1, axis2=2) for c in covariances if c is not None]
-    mean_variance = float(np.mean(traces)) / 2.0 if count else 1.0
+    # The median: one match said to be useless must not make the others look exact.
+    typical_variance = float(np.median(traces)) / 2.0 if count else 1.0
     factors = []
     for name, covariance in zip(names, covariances, strict=True):
         if covariance is None:
@@ -158,7 +162,7 @@ def _noise_factors(
         if not np.allclose(covariance, np.swapaxes(covariance, 1, 2), rtol=1e-6):
             raise InputError("expected symmetric matrices", field=name)
         try:
-            factors.append(np.linalg.cholesky(covariance / max(mean_variance, 1e-300)))
+            factors.append(np.linalg.cholesky(covariance / max(typical_variance, 1e-300)))
         except np.linalg.LinAlgError as error:
             raise InputError("expected positive definite matrices", field=name) from error
     return factors

@@ -67,7 +67,7 @@ def estimate_relative_pose(
         Of the random samples; the same inputs, options and seed give the same result, bit for bit.
     covariance0_px2, covariance1_px2 : ndarray, shape (N, 2, 2), optional
         Noise of each point, px^2, up to a common factor, which is estimated. An image without is
-        taken to have isotropic noise of the mean variance of the other.
+        taken to have isotropic noise of the median variance of the other.
 
     Returns
     -------
@@ -194,7 +194,7 @@ def _conclude_turning(
     course.cost = fit.cost
     if not fixes_rotation(fit.covariance):
         return conclusion.unfixed_rotation(matches, course)
-    if is_static(fit, options.false_alarm_rate):
+    if is_static(fit.R_cam1_from_cam0, fit.covariance, options.false_alarm_rate):
         status = PoseStatus.STATIC
         reason = f"{agreeing} of {len(matches)} matches stand still within the noise."
     else:

@@ -84,10 +84,10 @@ def is_translating(matches: Matches, fit: MovingFit, turning: TurningFit, rate: 
     )
 
 
-def is_static(turning: TurningFit, rate: float) -> bool:
-    """Whether the rotation cannot be told from none."""
-    dtheta = so3.log(turning.R_cam1_from_cam0)
-    values, vectors = np.linalg.eigh(turning.covariance)
+def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float) -> bool:
+    """Whether a rotation with this covariance (3, 3), rad^2, cannot be told from none."""
+    dtheta = so3.log(R_cam1_from_cam0)
+    values, vectors = np.linalg.eigh(covariance)
     distance2 = np.sum((vectors.T @ dtheta) ** 2 / np.maximum(values, 1e-300))
     return bool(special.chdtrc(3, distance2) > rate)
 

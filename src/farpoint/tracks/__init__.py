@@ -6,7 +6,7 @@ from farpoint.tracks.options import (
     RefinementOptions,
     TrackerOptions,
 )
-from farpoint.tracks.tracker import Tracker
+from farpoint.tracks.tracker import Tracker, grey_size
 from farpoint.tracks.tracks import Tracks
 
 __all__ = [
@@ -16,4 +16,5 @@ __all__ = [
     "Tracker",
     "TrackerOptions",
     "Tracks",
+    "grey_size",
 ]

@@ -14,7 +14,7 @@ from farpoint.tracks.options import TrackerOptions
 from farpoint.tracks.refinement import refine, window_reach
 from farpoint.tracks.tracks import Tracks
 
-__all__ = ["Tracker"]
+__all__ = ["Tracker", "grey_size"]
 
 Predict = Callable[[np.ndarray], np.ndarray]
 
@@ -188,6 +188,12 @@ def _checked_image(image: np.ndarray) -> np.ndarray:
     if 0 in image.shape:
         raise InputError(f"expected at least one pixel, got shape {image.shape}", field="image")
     return image
+
+
+def grey_size(image: np.ndarray) -> tuple[int, int]:
+    """Width and height of an image, or an InputError where it is not of grey uint8 values."""
+    height, width = _checked_image(image).shape
+    return width, height
 
 
 def _checked_mask(mask: np.ndarray) -> np.ndarray:
