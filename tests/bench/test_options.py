@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from farpoint.bench import BenchOptions, CoverageGrid
+from farpoint.bench.options import BenchOptions, CoverageGrid
 from farpoint.errors import InputError
 
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from bench_kit import silent
 
-from farpoint.bench import BenchOptions, Table, run_bench
+from farpoint.bench.options import BenchOptions
 from farpoint.bench.plain_script import PlainScript
+from farpoint.bench.run import run_bench
 from farpoint.bench.sequences import find_sequences, rendered_sequence
+from farpoint.bench.table import Table
 from farpoint.camera import Camera
 from farpoint.geometry import so3, sphere
 from farpoint.synthetic.sequence import render_drive

@@ -10,9 +10,11 @@ import pytest
 from bench_kit import PEERS, absent, silent
 from scipy.stats import chi2
 
-from farpoint.bench import BenchOptions, BenchReport, CoverageGrid, Table, run_bench
+from farpoint.bench.options import BenchOptions, CoverageGrid
+from farpoint.bench.run import BenchReport, run_bench
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.sequences import Sequence
+from farpoint.bench.table import Table
 from farpoint.bench.tables import coverage, paper
 from farpoint.bench.tables import start as start_module
 from farpoint.errors import InputError, MissingExtraError

@@ -3,7 +3,7 @@ from __future__ import annotations
 import csv
 import io
 
-from farpoint.bench import Column, Table
+from farpoint.bench.table import Column, Table
 
 TABLE = Table(
     name="fruit",

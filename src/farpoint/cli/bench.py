@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from farpoint.bench import BenchOptions, run_bench
+from farpoint.bench.options import BenchOptions
 
 __all__ = ["Bench"]
 
@@ -31,6 +31,9 @@ class Bench:
 
     def __call__(self) -> None:
         """Do it."""
+        # Loaded on use: it brings the renderer, which the other commands need not wait for.
+        from farpoint.bench.run import run_bench
+
         run_bench(self.options, self.out, _StepsOnStderr(), show=print)
 
 

@@ -15,7 +15,6 @@ from farpoint.evaluate import evaluate_folder
 from farpoint.metrics import to_text
 from farpoint.odometry import OdometryOptions
 from farpoint.sinks import OutputOptions
-from farpoint.synthetic.sequence import render_drive
 
 __all__ = ["Demo"]
 
@@ -50,6 +49,9 @@ class Demo:
             raise InputError(f"expected at least 3 frames, got {self.frames}", field="frames")
         if self.seed < 0:
             raise InputError(f"expected 0 or more, got {self.seed}", field="seed")
+        # Loaded on use: the other commands need not wait for the renderer.
+        from farpoint.synthetic import render_drive
+
         drive = render_drive(CAMERA, frames=self.frames, seed=self.seed)
         source = f"rendered drive, seed {self.seed}"
         options = OdometryOptions(seed=self.seed)

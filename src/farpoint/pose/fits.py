@@ -52,6 +52,8 @@ SEARCH_REFINEMENTS = 6
 PARALLAX_ROUNDS = 2
 # The search looks at this many matches: more make it slower, not surer.
 MAX_SEARCHED = 160
+# Matches times samples that are tried at least.
+FEW_MATCHES = 1000
 # With fewer matches that the rotation does not explain, all may carry translation.
 MIN_FLOWING = 8
 
@@ -208,7 +210,8 @@ def fit_moving(
         matches.spread,
         MIN_VARIANCE,
         options.confidence,
-        options.min_iterations,
+        # Few matches leave few samples without a doubtful one: try them all, they cost little.
+        min(max(options.min_iterations, FEW_MATCHES // n), options.max_iterations),
         options.max_iterations,
         SEARCH_REFINEMENTS,
         state,

@@ -8,6 +8,8 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.compile import announced_compilation
+from farpoint._kernels.likelihood import refine_pose
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.pose import conclusion
@@ -128,7 +130,17 @@ def _estimate(
             matches.total,
             course,
         )
-    state = _random_state(seed)
+    with announced_compilation(refine_pose):
+        return _find(matches, tolerance, options, _random_state(seed), course)
+
+
+def _find(
+    matches: Matches,
+    tolerance: float,
+    options: RelativePoseOptions,
+    state: np.ndarray,
+    course: Course,
+) -> RelativePose:
     rotation = far_rotation(matches, tolerance, state)
     if not options.refine:
         return estimate_closed_form(matches, rotation, tolerance, options, state, course)
