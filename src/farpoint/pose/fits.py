@@ -297,7 +297,8 @@ def plausible_parallax(
     right = probability > 0.5
     bulk = np.sort(np.abs(p[right & (p > -3.0)]))
     wrong = len(p) - len(bulk)
-    captured = 3 + int(np.ceil(2.0 * wrong * 3.0 * sigma / spread))
+    # Where no match is off the lines, none is on one by chance.
+    captured = min(wrong, 3 + int(np.ceil(2.0 * wrong * 3.0 * sigma / spread)))
     if len(bulk) <= captured or not np.isfinite(bulk[-1]):
         return np.ones(len(p))
     reach = 2.0 * max(float(bulk[-captured - 1]), 3.0)

@@ -32,8 +32,9 @@ __all__ = [
 NEAR_SIGMA = 3.0
 # Half-width of the band in which a match counts as agreeing, in sigma.
 BAND_SIGMA = 3.0
-# Directions on the sphere for which the flow of noise looks different: the search takes the best.
-DIRECTIONS = 30
+# The search takes the direction and rotation in which noise looks most like translation: by so much
+# the tail of its distribution outweighs that of any one (simulated with 20 to 500 matches).
+DIRECTIONS = 300
 # Fewer matches make no bulk.
 MIN_BULK = 8
 
