@@ -173,7 +173,7 @@ def test_poses_are_chained_with_steps_of_one(results):
         cam1_from_cam0[:3, :3] = pose.rotation_cam1_from_cam0
         cam1_from_cam0[:3, 3] = result.scale * pose.direction_cam1_from_cam0
         expected = expected @ np.linalg.inv(cam1_from_cam0)
-        np.testing.assert_allclose(result.world_from_cam, expected, atol=1e-12)
+        np.testing.assert_allclose(result.world_from_cam, expected, rtol=0.0, atol=1e-12)
         assert result.scale == 1.0
 
 
@@ -359,7 +359,7 @@ def test_prediction_repeats_the_motion_exactly():
     assert motion.status is PoseStatus.OK
     order = np.argsort(tracks.ids)
     predicted = predict_points(CAMERA, motion, tracks, tracks.ids[order], tracks.points1[order])
-    np.testing.assert_allclose(predicted, after[order], atol=1e-4)
+    np.testing.assert_allclose(predicted, after[order], rtol=0.0, atol=1e-4)
     # A track that the motion does not know is taken to be far: it turns.
     fresh = np.array([5000, 5001])
     points = np.array([[20.0, 30.0], [300.0, 200.0]])
@@ -374,7 +374,7 @@ def test_prediction_without_a_direction_turns_and_without_a_motion_stays():
     motion = estimate_relative_pose(tracks.points0, turned, CAMERA)
     assert motion.status is PoseStatus.ROTATION_ONLY
     predicted = predict_points(CAMERA, motion, tracks, np.sort(tracks.ids), turned)
-    np.testing.assert_allclose(predicted, CAMERA.project(X @ (TURN @ TURN).T), atol=1e-4)
+    np.testing.assert_allclose(predicted, CAMERA.project(X @ (TURN @ TURN).T), rtol=0.0, atol=1e-4)
     nothing = failed_pose("No consensus here.", 40)
     np.testing.assert_array_equal(
         predict_points(CAMERA, nothing, tracks, np.sort(tracks.ids), turned), turned
@@ -391,12 +391,17 @@ def test_chaining_is_multiplication_by_the_inverse_motion():
     X_cam0 = np.array([0.4, -0.3, 5.0])
     X_cam1 = motion.rotation_cam1_from_cam0 @ X_cam0 + 0.7 * motion.direction_cam1_from_cam0
     np.testing.assert_allclose(
-        end[:3, :3] @ X_cam1 + end[:3, 3], start[:3, :3] @ X_cam0 + start[:3, 3], atol=1e-12
+        end[:3, :3] @ X_cam1 + end[:3, 3],
+        start[:3, :3] @ X_cam0 + start[:3, 3],
+        rtol=0.0,
+        atol=1e-12,
     )
     # The camera has gone along its heading by the scale.
     heading_world = start[:3, :3] @ motion.heading_cam0
-    np.testing.assert_allclose(end[:3, 3], start[:3, 3] + 0.7 * heading_world, atol=1e-12)
+    np.testing.assert_allclose(end[:3, 3], start[:3, 3] + 0.7 * heading_world, rtol=0.0, atol=1e-12)
     np.testing.assert_array_equal(end[3], [0.0, 0.0, 0.0, 1.0])
     # No scale, no translation; no motion, no change.
-    np.testing.assert_allclose(chain(start, motion, None)[:3, 3], start[:3, 3], atol=1e-15)
+    np.testing.assert_allclose(
+        chain(start, motion, None)[:3, 3], start[:3, 3], rtol=0.0, atol=1e-15
+    )
     np.testing.assert_array_equal(chain(start, failed_pose("No consensus here."), None), start)

@@ -139,7 +139,7 @@ def test_matches_that_retreat_lose_their_density(seed):
     forward = Linearized(view.pairs, prior, view.R, view.t, far_sigma=3.0)
     backward = Linearized(view.pairs, prior, view.R, -view.t, far_sigma=3.0)
     indifferent = Linearized(view.pairs, prior, view.R, -view.t)
-    np.testing.assert_allclose(backward.r, -forward.r, atol=1e-9)
+    np.testing.assert_allclose(backward.r, -forward.r, rtol=0.0, atol=1e-9)
     scratch = np.empty(3)
     shifts = [epipolar.parallax(view.pairs, view.R, view.t, i, scratch) for i in range(8)]
     retreat = np.maximum(np.array(shifts) / math.sqrt(MIXTURE[0]) - 3.0, 0.0)
@@ -164,15 +164,16 @@ def test_the_gradient_by_the_rotation_of_retreating_matches(seed):
     at = Linearized(view.pairs, prior, view.R, view.t, far_sigma=0.5)
     flat = Linearized(view.pairs, prior, view.R, view.t)
     assert np.abs(at.g - flat.g).max() > 0.1 * np.abs(at.g).max()
-    np.testing.assert_allclose(at.g[:3], numeric, atol=0.02 * np.abs(numeric).max())
+    np.testing.assert_allclose(at.g[:3], numeric, rtol=0.0, atol=0.02 * np.abs(numeric).max())
 
 
 @settings(max_examples=8, deadline=None)
 @given(seed=seeds)
 def test_the_exact_hessian_is_the_second_derivative_of_the_robust_cost(seed):
-    view = two_views(seed, 12, error_rad=1e-3)
+    # Hardly any parallax: there the residual's own curvature is as large as the rest.
+    view = two_views(seed, 12, error_rad=1e-3, baseline_m=0.005)
     prior = prior_of(view, seed)
-    h = 2e-5
+    h = 4e-6
 
     def cost(step: np.ndarray) -> float:
         return Linearized(view.pairs, prior, *moved(view.R, view.t, step)).cost
@@ -186,7 +187,7 @@ def test_the_exact_hessian_is_the_second_derivative_of_the_robust_cost(seed):
     )
     hessian = hessian_of(view, prior)
     np.testing.assert_array_equal(hessian, hessian.T)
-    np.testing.assert_allclose(hessian, numeric, atol=5e-3 * np.abs(numeric).max())
+    np.testing.assert_allclose(hessian, numeric, rtol=0.0, atol=5e-3 * np.abs(numeric).max())
 
 
 def noisy_views(seed: int, matches: int, wrong: int) -> View:
@@ -227,6 +228,11 @@ def test_the_maximum_is_stationary_under_its_own_mixture():
         R, t = moved(at.R, at.t, step)
         return Linearized(view.pairs, np.ones(60), R, t, at.mixture, clutter).cost
 
+    # And so is the mixture: the variance of good matches is that of the weighted residuals.
+    weight = at.w - at.poor + at.poor / likelihood.POOR**2
+    variance = np.sum(weight * at.r**2) / (at.w.sum() - 5.0)
+    assert at.variance == pytest.approx(variance, rel=0.01)
+    assert at.wrong == pytest.approx(1.0 - at.w.mean(), abs=0.01)
     lowest = cost(np.zeros(5))
     for axis in np.eye(5):
         for sign in (-1.0, 1.0):

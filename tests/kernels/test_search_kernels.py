@@ -63,8 +63,8 @@ def test_a_solution_satisfies_all_five_constraints(seed):
     )
     if solution is not None:  # From a poor start Newton may not arrive, and says so.
         R, t = solution
-        np.testing.assert_allclose(constraints(view.pairs, R, t), 0.0, atol=1e-6)
-        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(constraints(view.pairs, R, t), 0.0, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(R @ R.T, np.eye(3), rtol=0.0, atol=1e-12)
         assert np.linalg.norm(t) == pytest.approx(1.0, abs=1e-12)
 
 
@@ -87,8 +87,8 @@ def test_the_true_pose_itself_is_a_solution_and_stays():
         view = two_views(seed, 5)
         solution = solve_five(view.pairs, [0, 1, 2, 3, 4], view.R, view.t)
         assert solution is not None
-        np.testing.assert_allclose(solution[0], view.R, atol=1e-12)
-        np.testing.assert_allclose(solution[1], view.t, atol=1e-12)
+        np.testing.assert_allclose(solution[0], view.R, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(solution[1], view.t, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("sample", [[0, 0, 0, 0, 0], [0, 1, 1, 2, 3]], ids=["one", "a repeat"])
@@ -194,7 +194,7 @@ def test_a_plane_allows_another_motion():
     twin_R, twin_t = np.empty((3, 3)), np.empty(3)
     assert twins.planar_twin(pairs, R, t, twin_R, twin_t)
     assert sphere.angle_between(twin_t, t) > 0.5
-    np.testing.assert_allclose(twin_R @ twin_R.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(twin_R @ twin_R.T, np.eye(3), rtol=0.0, atol=1e-12)
     # To the second order of a motion of 2.5 % of the distance; any other motion leaves the first.
     flow = np.linalg.norm(rays1 - rays0 @ R.T, axis=1).max()
     assert np.abs(constraints(pairs, twin_R, twin_t)).max() < 0.05 * flow
