@@ -21,8 +21,8 @@ def planar_twin(
     The plane ``n . X = 1`` (camera 0, unit of the translation) is fitted to the inverse distances
     ``n . a`` of the matches. With ``tau = R^T t`` the plane induces ``R (I + tau n^T)``, and since
     ``tau n^T - n tau^T = [n x tau]x`` the twin exchanges translation and normal and turns by
-    ``n x tau``: exact for small motions (Longuet-Higgins, Proc. R. Soc. B 227, 1986,
-    DOI 10.1098/rspb.1986.0032), a start for the refinement otherwise.
+    ``n x tau``: exact for small motions (Longuet-Higgins, Proc. R. Soc. B 223, 1984,
+    DOI 10.1098/rspb.1984.0088), a start for the refinement otherwise.
     """
     M = np.empty((3, 3))
     v = np.empty(3)
