@@ -187,15 +187,19 @@ def test_the_exact_hessian_is_the_second_derivative_of_the_robust_cost(seed):
     )
     hessian = hessian_of(view, prior)
     np.testing.assert_array_equal(hessian, hessian.T)
-    np.testing.assert_allclose(hessian, numeric, rtol=0.0, atol=5e-3 * np.abs(numeric).max())
+    # Each axis in its own unit: the direction knows a thousand times less than the rotation.
+    unit = np.sqrt(np.diag(Linearized(view.pairs, prior, view.R, view.t).H))
+    scale = np.outer(unit, unit)
+    np.testing.assert_allclose(hessian / scale, numeric / scale, rtol=0.0, atol=0.02)
 
 
-def noisy_views(seed: int, matches: int, wrong: int) -> View:
-    """Two views with noise of exactly their factors, the last matches anywhere."""
+def noisy_views(seed: int, matches: int, wrong: int, poor: int = 0) -> View:
+    """Two views with noise of their factors, thrice that for the first, the last anywhere."""
     view = two_views(seed, matches, noise_rad=5e-4)
     rng = np.random.default_rng(seed)
     a, b, A, B = view.pairs
     n = rng.normal(size=(2, matches, 2))
+    n[:, :poor] *= likelihood.POOR
     rays0 = sphere.normalize(a + np.einsum("nij,nj->ni", A, n[0]))
     rays1 = sphere.normalize(b + np.einsum("nij,nj->ni", B, n[1]))
     if wrong:
@@ -220,7 +224,7 @@ def test_the_maximum_of_the_likelihood_is_found_from_nearby():
 
 
 def test_the_maximum_is_stationary_under_its_own_mixture():
-    view = noisy_views(9, 60, wrong=6)
+    view = noisy_views(9, 60, wrong=6, poor=15)
     at = Refined(view, np.zeros(5))
     clutter = likelihood.clutter_density(at.variance, at.wrong, 500.0)
 

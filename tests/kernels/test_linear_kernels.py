@@ -157,7 +157,7 @@ def test_damping_makes_a_singular_system_solvable():
 )
 def test_a_rotation_step_is_the_exponential_on_the_left(v, size, start):
     R, step = so3.exp(start), size * v
-    np.testing.assert_allclose(turned(R, step), so3.exp(step) @ R, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(turned(R, step), so3.exp(step) @ R, rtol=0.0, atol=4e-14)
 
 
 def test_a_rotation_step_may_be_made_in_place():
