@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
+from boards import CAMERA, HEIGHT, STEP, TURN, WIDTH, drive
 from farpoint import (
     Camera,
     Frame,
@@ -19,83 +19,13 @@ from farpoint import (
     PoseStatus,
     RelativePoseOptions,
     TrackLabel,
-    Tracks,
-    estimate_relative_pose,
 )
 from farpoint.errors import InputError
 from farpoint.geometry import so3, sphere
-from farpoint.pose import failed_pose
 from farpoint.tracks import TrackerOptions
-from farpoint.trajectory.chain import chain
-from farpoint.trajectory.prediction import inverse_depths, predict_points
 
-WIDTH, HEIGHT, FOCAL = 320, 240, 300.0
-K = np.array([[FOCAL, 0.0, 159.5], [0.0, FOCAL, 119.5], [0.0, 0.0, 1.0]])
-CAMERA = Camera.pinhole(WIDTH, HEIGHT, FOCAL, FOCAL, 159.5, 119.5)
 OPTIONS = OdometryOptions(tracker=TrackerOptions(max_tracks=250))
-TURN = so3.exp(np.array([0.002, 0.008, -0.003]))
-STEP = np.array([-0.05, 0.01, -0.03])
 BLACK = np.zeros((HEIGHT, WIDTH), np.uint8)
-
-
-class Boards:
-    """Upright boards, near ones in front of a wall so far that it only turns, seen from anywhere.
-
-    Each board is a texture on the plane Z = depth of camera 0, so its image in another camera is a
-    homography: ``K (R + t n^T / depth) K^-1``.
-    """
-
-    def __init__(self, seed: int) -> None:
-        self._rng = rng = np.random.default_rng(seed)
-        self.layers = [
-            (depth, mask, self._texture(rng))
-            for depth, mask in [
-                (1e6, np.ones((2 * HEIGHT, 2 * WIDTH))),
-                (5.0, self._rows(0.62, 1.0, 0.0, 1.0)),
-                (3.0, self._rows(0.0, 0.75, 0.0, 0.42)),
-                (2.0, self._rows(0.3, 0.9, 0.62, 1.0)),
-            ]
-        ]
-
-    @staticmethod
-    def _texture(rng: np.random.Generator) -> np.ndarray:
-        noise = rng.normal(size=(2 * HEIGHT, 2 * WIDTH))
-        smooth = gaussian_filter(noise, 1.6) + 4.0 * gaussian_filter(noise, 6.0)
-        return spline_filter(128 + 35 * smooth / smooth.std(), order=3)
-
-    @staticmethod
-    def _rows(top: float, bottom: float, left: float, right: float) -> np.ndarray:
-        mask = np.zeros((2 * HEIGHT, 2 * WIDTH))
-        rows = slice(round(2 * HEIGHT * top), round(2 * HEIGHT * bottom))
-        mask[rows, round(2 * WIDTH * left) : round(2 * WIDTH * right)] = 1
-        # Soft edges, that they move by fractions of a pixel.
-        return gaussian_filter(mask, 1.0)
-
-    def seen(self, R_cam_from_cam0: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """The image from a camera, with noise of two grey levels."""
-        rows, columns = np.mgrid[:HEIGHT, :WIDTH]
-        pixels = np.stack([columns.ravel(), rows.ravel(), np.ones(rows.size)])
-        image = np.zeros(rows.size)
-        for depth, mask, texture in self.layers:
-            plane = np.outer(t, [0.0, 0.0, 1.0 / depth])
-            x, y, w = np.linalg.solve(K @ (R_cam_from_cam0 + plane) @ np.linalg.inv(K), pixels)
-            # A texture is twice the image, centred on it. (OpenCV warps by 1/32 px: too coarse.)
-            at = np.stack([y / w + HEIGHT / 2, x / w + WIDTH / 2])
-            cover = map_coordinates(mask, at, order=1)
-            image += cover * (map_coordinates(texture, at, order=3, prefilter=False) - image)
-        noise = self._rng.normal(0.0, 2.0, image.shape)
-        return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8).reshape(HEIGHT, WIDTH)
-
-
-def drive(count: int, R: np.ndarray = TURN, t: np.ndarray = STEP, seed: int = 3):
-    """Images of a camera that makes the same motion again and again."""
-    boards = Boards(seed)
-    R_cam_from_cam0, position = np.eye(3), np.zeros(3)
-    images = []
-    for _ in range(count):
-        images.append(boards.seen(R_cam_from_cam0, position))
-        R_cam_from_cam0, position = R @ R_cam_from_cam0, R @ position + t
-    return images
 
 
 IMAGES = drive(6)
@@ -328,80 +258,3 @@ def test_options_reach_the_stage_they_are_for():
     results = list(Odometry(CAMERA, options).run(frames(IMAGES[:2])))
     assert len(results[1].tracks) <= 60
     assert results[1].pose.stats.cost is None  # the closed form has no likelihood
-
-
-def exact_matches(count: int = 40) -> tuple[Tracks, np.ndarray]:
-    """Tracks of one motion without noise, and where its repetition takes them."""
-    rng = np.random.default_rng(0)
-    X = rng.uniform([-1.0, -0.7, 2.0], [1.0, 0.7, 6.0], (count, 3))
-    X1 = X @ TURN.T + STEP
-    tracks = Tracks(
-        ids=rng.permutation(1000)[:count],
-        points0=CAMERA.project(X),
-        points1=CAMERA.project(X1),
-        covariance_px2=np.tile(np.eye(2), (count, 1, 1)),
-    )
-    return tracks, CAMERA.project(X1 @ TURN.T + STEP)
-
-
-def test_inverse_depths_are_those_of_the_points():
-    rng = np.random.default_rng(1)
-    X = rng.uniform([-1.0, -0.7, 2.0], [1.0, 0.7, 6.0], (30, 3))
-    t = sphere.normalize(STEP)
-    X1 = X @ TURN.T + t
-    depths = inverse_depths(sphere.normalize(X), sphere.normalize(X1), TURN, t)
-    np.testing.assert_allclose(depths, 1.0 / np.linalg.norm(X1, axis=1), rtol=1e-9)
-
-
-def test_prediction_repeats_the_motion_exactly():
-    tracks, after = exact_matches()
-    motion = estimate_relative_pose(tracks.points0, tracks.points1, CAMERA)
-    assert motion.status is PoseStatus.OK
-    order = np.argsort(tracks.ids)
-    predicted = predict_points(CAMERA, motion, tracks, tracks.ids[order], tracks.points1[order])
-    np.testing.assert_allclose(predicted, after[order], rtol=0.0, atol=1e-4)
-    # A track that the motion does not know is taken to be far: it turns.
-    fresh = np.array([5000, 5001])
-    points = np.array([[20.0, 30.0], [300.0, 200.0]])
-    turned = CAMERA.project(CAMERA.unproject(points) @ motion.rotation_cam1_from_cam0.T)
-    np.testing.assert_allclose(predict_points(CAMERA, motion, tracks, fresh, points), turned)
-
-
-def test_prediction_without_a_direction_turns_and_without_a_motion_stays():
-    tracks, _ = exact_matches()
-    X = CAMERA.unproject(tracks.points0)
-    turned = CAMERA.project(X @ TURN.T)
-    motion = estimate_relative_pose(tracks.points0, turned, CAMERA)
-    assert motion.status is PoseStatus.ROTATION_ONLY
-    predicted = predict_points(CAMERA, motion, tracks, np.sort(tracks.ids), turned)
-    np.testing.assert_allclose(predicted, CAMERA.project(X @ (TURN @ TURN).T), rtol=0.0, atol=1e-4)
-    nothing = failed_pose("No consensus here.", 40)
-    np.testing.assert_array_equal(
-        predict_points(CAMERA, nothing, tracks, np.sort(tracks.ids), turned), turned
-    )
-
-
-def test_chaining_is_multiplication_by_the_inverse_motion():
-    tracks, _ = exact_matches()
-    motion = estimate_relative_pose(tracks.points0, tracks.points1, CAMERA)
-    start = np.eye(4)
-    start[:3, :3], start[:3, 3] = so3.exp(np.array([0.3, -0.2, 0.5])), [1.0, 2.0, 3.0]
-    end = chain(start, motion, 0.7)
-    # A point keeps its place in the world whichever camera it is seen from.
-    X_cam0 = np.array([0.4, -0.3, 5.0])
-    X_cam1 = motion.rotation_cam1_from_cam0 @ X_cam0 + 0.7 * motion.direction_cam1_from_cam0
-    np.testing.assert_allclose(
-        end[:3, :3] @ X_cam1 + end[:3, 3],
-        start[:3, :3] @ X_cam0 + start[:3, 3],
-        rtol=0.0,
-        atol=1e-12,
-    )
-    # The camera has gone along its heading by the scale.
-    heading_world = start[:3, :3] @ motion.heading_cam0
-    np.testing.assert_allclose(end[:3, 3], start[:3, 3] + 0.7 * heading_world, rtol=0.0, atol=1e-12)
-    np.testing.assert_array_equal(end[3], [0.0, 0.0, 0.0, 1.0])
-    # No scale, no translation; no motion, no change.
-    np.testing.assert_allclose(
-        chain(start, motion, None)[:3, 3], start[:3, 3], rtol=0.0, atol=1e-15
-    )
-    np.testing.assert_array_equal(chain(start, failed_pose("No consensus here."), None), start)

@@ -116,6 +116,7 @@ def test_tiny_coordinates(count, size, seed, refine):
 
 @hostile
 @given(side=st.integers(1, 4), count=counts, seed=seeds, kind=kinds, refine=refine)
+@example(side=1, count=21, seed=1742, kind="noisy", refine=False)
 def test_tiny_images_and_whole_pixels(side, count, seed, kind, refine):
     rng = np.random.default_rng(seed)
     camera = Camera.pinhole(side, side, float(side), float(side), side / 2, side / 2)
