@@ -16,10 +16,12 @@ from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.epipolar import parallax, sampson_curvature, sampson_jacobian
 from farpoint._kernels.linear import apply_rotation_step, clear, copy, solve_spd, tangent_basis
 from farpoint._kernels.pairs import RayPairs
-from farpoint._kernels.vectors import dot, rotate, row, vector
+from farpoint._kernels.vectors import cross, dot, rotate, row, vector
 
 # Sigma of a poor match over that of a good one.
 POOR = 3.0
+# A match nearer to the epipole than this, in sigma of its flow, tells nothing of where it is.
+EPIPOLE_SIGMA = 8.0
 
 __all__ = ["POOR", "apply_step", "clutter_density", "curvature", "linearize", "refine_pose"]
 
@@ -242,6 +244,17 @@ def dot5(a: np.ndarray, b: np.ndarray) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4]
 
 
+@inner_kernel
+def _is_at_epipole(pairs: RayPairs, R: np.ndarray, t: np.ndarray, i: int, variance: float) -> bool:
+    """Whether match ``i`` lies within a few sigma of the epipole, or straight behind."""
+    across = cross(vector(t), rotate(R, row(pairs.rays0, i)))
+    noise = 0.0
+    for k in range(3):
+        for c in range(2):
+            noise += pairs.noise0[i, k, c] ** 2 + pairs.noise1[i, k, c] ** 2
+    return dot(across, across) < EPIPOLE_SIGMA * EPIPOLE_SIGMA * 0.5 * noise * variance
+
+
 @kernel
 def curvature(
     pairs: RayPairs,
@@ -259,7 +272,7 @@ def curvature(
     The Jacobian holds the noisy flow, so the Gauss-Newton part takes noise for flow: at low
     parallax it pretends to know what it does not. The exact Hessian is free of that share. That
     right matches flow forward tells which are right; as a bound on the pose, which is not Gaussian,
-    it is left out.
+    it is left out. So are matches at the epipole: noise alone decides on their epipolar line.
     """
     precision = 1.0 / mixture[0]
     J = np.empty(5)
@@ -271,7 +284,7 @@ def curvature(
     clear(hessian)
     clear(information)
     for i in range(pairs.rays0.shape[0]):
-        if prior[i] == 0.0:
+        if prior[i] == 0.0 or _is_at_epipole(pairs, R, t, i, mixture[0]):
             continue
         r = sampson_curvature(pairs, R, t, basis, i, D, J, K)
         square = 0.5 * r * r * precision

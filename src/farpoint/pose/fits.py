@@ -333,7 +333,7 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
     # In the axes in which V is the identity, H holds the share of V that is signal, not noise.
     whiten = _inverse_root(information)
     signal, vectors = np.linalg.eigh(whiten.T @ hessian @ whiten)
-    root = whiten @ vectors / np.maximum(signal, LEAST_SIGNAL)
+    root = whiten @ vectors / np.clip(signal, LEAST_SIGNAL, 1.0)
     return positive(root @ root.T)
 
 
