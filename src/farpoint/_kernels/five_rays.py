@@ -29,9 +29,10 @@ def score_pose(
 ) -> float:
     """Truncated squares ``sum min(r^2, limit)`` of all matches, at the better sign of ``t``.
 
-    A match that flows away from ``t`` by more than the limit lies behind the camera and costs the
-    full ``limit``. Returns early, with a cost of at least ``best``, once both signs have lost.
-    ``t`` is flipped in place where the other sign is better.
+    A match that flows away from ``t`` by more than the limit lies behind the camera, and so does
+    one on the other side of ``t``: they cost the full ``limit``. Returns early, with a cost of at
+    least ``best``, once both signs have lost. ``t`` is flipped in place where the other sign is
+    better.
     """
     n = pairs.rays0.shape[0]
     forward = 0.0
@@ -42,9 +43,15 @@ def score_pose(
             forward += limit
             backward += limit
         else:
+            m, b = rotate(R, row(pairs.rays0, i)), row(pairs.rays1, i)
+            mt, bt = dot(m, vector(t)), dot(b, vector(t))
+            # On opposite sides of t: the pose is twisted by half a turn about it.
+            if dot(m, b) < mt * bt:
+                forward += limit
+                backward += limit
+                continue
             # Flow along the epipolar great circle towards t, against its noise.
-            mt = dot(rotate(R, row(pairs.rays0, i)), vector(t))
-            flow = dot(row(pairs.rays1, i), vector(t)) - mt
+            flow = bt - mt
             variance = 0.0
             for k in range(3):
                 for c in range(2):

@@ -107,5 +107,6 @@ def _consistent_with(
     rays1, turned = matches.pairs.rays1, matches.pairs.rays0 @ R.T
     across = np.einsum("ni,ni->n", rays1, np.cross(t, turned))
     length = np.linalg.norm(np.cross(t, turned), axis=1)
-    residual = np.abs(across) / length * np.sqrt(matches.precision)
+    # A ray at the epipole lies on every circle.
+    residual = np.abs(across) / np.maximum(length, 1e-300) * np.sqrt(matches.precision)
     return (residual <= tolerance) & ((rays1 - turned) @ t > 0.0)
