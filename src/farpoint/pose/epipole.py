@@ -10,6 +10,8 @@ from farpoint._kernels.direction import pairwise_direction
 from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.matches import Matches
 
+ROUNDING_RAD = 1e-8
+
 __all__ = ["EpipoleEstimate", "mean_epipole"]
 
 
@@ -78,5 +80,6 @@ def mean_epipole(
         return None  # one match decides which way the mean points
     left_out = others @ basis / along[:, None]
     deviation = left_out - left_out.mean(axis=0)
-    covariance = (n - 1) / n * deviation.T @ deviation
+    # Intersections that coincide are still known to rounding only.
+    covariance = (n - 1) / n * deviation.T @ deviation + ROUNDING_RAD**2 * np.eye(2)
     return EpipoleEstimate(direction_cam1_from_cam0=direction, basis=basis, covariance=covariance)

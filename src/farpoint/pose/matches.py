@@ -12,6 +12,8 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.sphere import normalize, tangent_basis
 
+# Pixels are no farther out than where the next one is the same direction.
+LEAST_RAD_PER_PX = 1e-12
 # Noise that is smaller is rounding of the rays themselves.
 MIN_VARIANCE_RAD2 = 1e-30
 
@@ -83,12 +85,10 @@ def matches_from_points(
     points0 = _checked("points0", points0, (2,))
     points1 = _checked("points1", points1, (2,), rows=len(points0))
     rays0, rays1 = camera0.unproject(points0), camera1.unproject(points1)
-    seen = np.isfinite(rays0[:, 0]) & np.isfinite(rays1[:, 0])
-    index = np.flatnonzero(seen)
+    noise0, noise1 = camera0.unproject_jacobian(rays0), camera1.unproject_jacobian(rays1)
+    index = np.flatnonzero(_has_ray(noise0) & _has_ray(noise1))
     if len(index) < len(points0):
-        rays0, rays1 = rays0[index], rays1[index]
-    noise0 = camera0.unproject_jacobian(rays0)
-    noise1 = camera1.unproject_jacobian(rays1)
+        rays0, rays1, noise0, noise1 = rays0[index], rays1[index], noise0[index], noise1[index]
     if covariance0_px2 is not None or covariance1_px2 is not None:
         factors = _noise_factors(len(points0), covariance0_px2, covariance1_px2)
         noise0, noise1 = noise0 @ factors[0][index], noise1 @ factors[1][index]
@@ -140,6 +140,11 @@ def _checked(
     if not np.isfinite(array).all():
         raise InputError("expected finite numbers, got NaN or infinite ones", field=name)
     return array
+
+
+def _has_ray(noise: np.ndarray) -> np.ndarray:
+    """Mask (N,) of pixels with a ray that a pixel's shift moves by more than rounding."""
+    return np.einsum("nij,nij->n", noise, noise) > LEAST_RAD_PER_PX**2  # False for NaN
 
 
 def _noise_factors(
