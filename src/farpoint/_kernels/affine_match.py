@@ -83,6 +83,7 @@ def match_windows(
         theta[:] = 0.0
         x, y = points1[k]
         seen = True
+        variance = noise_floor
         for _ in range(iterations):
             seen = _residual(image1, x, y, half, theta, template, jacobian, residual)
             if not seen:

@@ -6,10 +6,14 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
-from numba import njit
+import numba
 
 __all__ = ["announced_compilation", "inlined_kernel", "inner_kernel", "kernel"]
+
+# Untyped: numba's type hints do not know all of the options that numba takes.
+njit: Any = numba.njit
 
 # Cached on disk; divisions follow IEEE 754 (inf and NaN), as they do in NumPy.
 kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
