@@ -13,7 +13,8 @@ from farpoint.pose import conclusion
 from farpoint.pose.conclusion import Course, fixes_rotation, label_matches, largest_sigma
 from farpoint.pose.epipole import mean_epipole
 from farpoint.pose.far_rotation import FarRotation
-from farpoint.pose.fits import MIN_VARIANCE, positive, symmetric_inverse
+from farpoint.pose.fits import MIN_VARIANCE
+from farpoint.pose.information import positive, symmetric_inverse
 from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose

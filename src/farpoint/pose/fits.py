@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.likelihood import POOR, clutter_density, curvature, refine_pose
+from farpoint._kernels.likelihood import POOR, refine_pose
 from farpoint._kernels.rotation import refine_rotation, rotation_distance2, rotation_linearize
 from farpoint._kernels.search import (
     GATE_SIGMA,
@@ -23,6 +23,7 @@ from farpoint._kernels.search import (
 )
 from farpoint.geometry import so3
 from farpoint.pose.far_rotation import FarRotation
+from farpoint.pose.information import symmetric_inverse
 from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
 
@@ -32,17 +33,10 @@ __all__ = [
     "fit_moving",
     "fit_turning",
     "least_squares_rotation",
-    "moving_covariance",
-    "positive",
-    "symmetric_inverse",
 ]
 
 # Noise below a thousandth of a pixel is rounding, not information.
 MIN_VARIANCE = 1e-6
-# Where nearly all of the flow is noise, the curvature cannot tell how little of it is signal.
-LEAST_SIGNAL = 0.05
-# Information of one radian on the direction, none on the rotation: the sphere is bounded.
-DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 # Retreat along its epipolar line that noise can cause of a far point, in sigma.
 FAR_SIGMA = 3.0
 MAX_REFINEMENTS = 20
@@ -138,6 +132,8 @@ class MovingFit:
         Joint hypotheses tried.
     cost : float
         Mean negative log likelihood of a match.
+    prior : ndarray, shape (N,)
+        Of each match, by where it lies along its epipolar line.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -307,36 +303,6 @@ def plausible_parallax(
     return shape * max(2.0 * spread / ((reach + 3.0) * sigma), 1.0)
 
 
-def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
-    """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
-
-    The sandwich ``H^-1 V H^-1`` of the exact Hessian H of the likelihood and the variance V of its
-    gradient, which is the Gauss-Newton matrix. Since the depths are estimated along, V counts the
-    noise in the flow as if it were flow; H does not. Where the likelihood has no peak, V alone
-    tells the scale, by the least share of it that is taken to be signal.
-    """
-    hessian, information = np.empty((5, 5)), np.empty((5, 5))
-    curvature(
-        matches.pairs,
-        fit.prior,
-        fit.R_cam1_from_cam0,
-        fit.direction_cam1_from_cam0,
-        fit.noise.array,
-        clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
-        FAR_SIGMA,
-        hessian,
-        information,
-    )
-    information = information + DIRECTION_PRIOR
-    if not (np.isfinite(hessian).all() and np.isfinite(information).all()):
-        return np.full((5, 5), np.inf)
-    # In the axes in which V is the identity, H holds the share of V that is signal, not noise.
-    whiten = _inverse_root(information)
-    signal, vectors = np.linalg.eigh(whiten.T @ hessian @ whiten)
-    root = whiten @ vectors / np.clip(signal, LEAST_SIGNAL, 1.0)
-    return positive(root @ root.T)
-
-
 def _parallax(matches: Matches, R: np.ndarray, t: np.ndarray, residual: np.ndarray) -> np.ndarray:
     distance2 = np.empty(len(matches))
     rotation_distance2(matches.pairs, R, distance2)
@@ -348,22 +314,3 @@ def _parallax(matches: Matches, R: np.ndarray, t: np.ndarray, residual: np.ndarr
 def _noise(mixture: np.ndarray) -> Noise:
     variance, wrong, poor = mixture.tolist()
     return Noise(variance=variance, wrong=wrong, poor=poor)
-
-
-def symmetric_inverse(information: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric matrix; what it knows nothing of gets a variance beyond all bounds."""
-    if not np.isfinite(information).all():
-        return np.full(information.shape, np.inf)
-    root = _inverse_root(information)
-    return positive(root @ root.T)
-
-
-def _inverse_root(information: np.ndarray) -> np.ndarray:
-    """``W`` with ``W W^T`` the inverse of a symmetric positive semidefinite matrix, and bounded."""
-    values, vectors = np.linalg.eigh(information)
-    return vectors / np.sqrt(np.maximum(values, max(1e-14 * values[-1], 1e-12)))
-
-
-def positive(covariance: np.ndarray) -> np.ndarray:
-    """The covariance with a trace more on its diagonal, lest rounding make correlation perfect."""
-    return covariance + 1e-12 * np.diag(np.diag(covariance))

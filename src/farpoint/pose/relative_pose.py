@@ -21,8 +21,9 @@ from farpoint.pose.conclusion import (
     largest_sigma,
     sign_probability,
 )
+from farpoint.pose.covariance import moving_covariance
 from farpoint.pose.far_rotation import far_rotation
-from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning, moving_covariance
+from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose

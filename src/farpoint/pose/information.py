@@ -1,0 +1,26 @@
+"""From information to covariance, where some of it may be missing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["inverse_root", "positive", "symmetric_inverse"]
+
+
+def symmetric_inverse(information: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric matrix; what it knows nothing of gets a variance beyond all bounds."""
+    if not np.isfinite(information).all():
+        return np.full(information.shape, np.inf)
+    root = inverse_root(information)
+    return positive(root @ root.T)
+
+
+def inverse_root(information: np.ndarray) -> np.ndarray:
+    """``W`` with ``W W^T`` the inverse of a symmetric positive semidefinite matrix, and bounded."""
+    values, vectors = np.linalg.eigh(information)
+    return vectors / np.sqrt(np.maximum(values, max(1e-14 * values[-1], 1e-12)))
+
+
+def positive(covariance: np.ndarray) -> np.ndarray:
+    """The covariance with a trace more on its diagonal, lest rounding make correlation perfect."""
+    return covariance + 1e-12 * np.diag(np.diag(covariance))
