@@ -69,7 +69,7 @@ class Refined:
         self.mixture, H = np.array([1.0, 0.2, 0.1]), np.empty((5, 5))
         self.r, self.w, self.poor = np.empty((3, n))
         out = (self.mixture, H, self.r, self.w, self.poor)
-        given = (view.pairs, np.ones(n), spread, 1e-6, math.inf, 40, self.R, self.t)
+        given = (view.pairs, np.ones(n), spread, 1e-6, math.inf, 1e-4, 40, self.R, self.t)
         likelihood.refine_pose(*given, *out)
         self.variance, self.wrong, _ = self.mixture
 

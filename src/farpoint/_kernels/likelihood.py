@@ -157,6 +157,7 @@ def refine_pose(
     spread: float,
     min_variance: float,
     far_sigma: float,
+    precision: float,
     max_iterations: int,
     R: np.ndarray,
     t: np.ndarray,
@@ -169,7 +170,8 @@ def refine_pose(
     """Maximum-likelihood pose, with its noise by EM; returns the negative log likelihood.
 
     Gauss-Newton with the full derivative of the residual. ``mixture`` (3,) holds the variance of
-    good matches, the share of wrong ones and that of poor ones, in and out.
+    good matches, the share of wrong ones and that of poor ones, in and out. Steps end when they
+    promise less than ``precision``, in the unit of the log likelihood.
     """
     g = np.empty(5)
     L = np.empty((5, 5))
@@ -225,7 +227,8 @@ def refine_pose(
         for k in range(5):
             x[k] *= scale
         apply_step(R, t, basis, x)
-        converged = decrease < 1e-4 and abs(mixture[0] - variance) < 1e-2 * variance
+        settled = abs(mixture[0] - variance) < max(0.01, precision) * variance
+        converged = decrease < precision and settled
     # The last step was not judged: the pose before it was.
     copy(kept_R, R)
     copy(kept_t, t)

@@ -15,12 +15,15 @@ from farpoint._kernels.likelihood import refine_pose
 from farpoint._kernels.linear import apply_rotation_step, copy, draw_index, draw_unit
 from farpoint._kernels.pairs import RayPairs
 from farpoint._kernels.twins import layer_twin, planar_twin
-from farpoint._kernels.vectors import combine, dot, rotate, row
+from farpoint._kernels.vectors import combine, dot, rotate, row, vector
 
 __all__ = ["search_direction", "search_pose"]
 
 # A residual beyond three sigma supports no hypothesis.
 GATE_SIGMA = 3.0
+# Log likelihood to which hypotheses are refined, and by which one is given up that is worse.
+COARSE = 0.1
+HOPELESS = 30.0
 # Shares of wrong and of poor matches that EM starts from.
 START_WRONG = 0.2
 START_POOR = 0.1
@@ -153,6 +156,7 @@ def _refine(
         spread,
         min_variance,
         far_sigma,
+        COARSE,
         steps,
         pose.R,
         pose.t,
@@ -168,16 +172,25 @@ def _refine(
 def _face_the_flow(pairs: RayPairs, pose: Pose, scratch: Scratch) -> int:
     """Give the direction the sign towards which more matches flow; returns how many still retreat.
 
-    Matches within the noise have no say. A refinement that knows no sign cannot tell the two.
+    Matches within the noise have no say. A refinement that knows no sign cannot tell the two, nor a
+    pose twisted by half a turn about the direction, which puts each match on the other side of it:
+    that one is given up by an infinite cost.
     """
     ahead = 0
     behind = 0
+    twisted = 0
+    right = 0
     scale = GATE_SIGMA * math.sqrt(pose.mixture[0])
     for i in range(pairs.rays0.shape[0]):
         if scratch.w[i] > 0.5:
+            m, b = rotate(pose.R, row(pairs.rays0, i)), row(pairs.rays1, i)
+            right += 1
+            twisted += 1 if dot(m, b) < dot(m, vector(pose.t)) * dot(b, vector(pose.t)) else 0
             shift = parallax(pairs, pose.R, pose.t, i, scratch.turn)
             ahead += 1 if shift > scale else 0
             behind += 1 if shift < -scale else 0
+    if 2 * twisted > right:
+        pose.cost[0] = math.inf
     if behind > ahead:
         for k in range(3):
             pose.t[k] = -pose.t[k]
@@ -196,7 +209,10 @@ def _challenge(
 ) -> bool:
     """Refine a hypothesis, first of either sign and then of its own; keep it if it is the best."""
     _refine(pairs, spread, min_variance, math.inf, steps, challenger, scratch)
-    if _face_the_flow(pairs, challenger, scratch) > 0:
+    if not challenger.cost[0] < best.cost[0] + HOPELESS:
+        return False
+    retreating = _face_the_flow(pairs, challenger, scratch)
+    if retreating > 0 and challenger.cost[0] < math.inf:
         _refine(pairs, spread, min_variance, GATE_SIGMA, steps, challenger, scratch)
     if not challenger.cost[0] < best.cost[0]:
         return False

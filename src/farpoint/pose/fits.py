@@ -39,6 +39,8 @@ __all__ = [
 MIN_VARIANCE = 1e-6
 # Retreat along its epipolar line that noise can cause of a far point, in sigma.
 FAR_SIGMA = 3.0
+# Log likelihood to which the result is refined: a hundredth of a sigma.
+FINE = 1e-4
 MAX_REFINEMENTS = 20
 # Enough to tell which of two hypotheses is better.
 SEARCH_REFINEMENTS = 6
@@ -263,6 +265,7 @@ def _refine(
         matches.spread,
         MIN_VARIANCE,
         FAR_SIGMA,
+        FINE,
         MAX_REFINEMENTS,
         R,
         t,
