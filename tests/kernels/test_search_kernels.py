@@ -199,3 +199,33 @@ def test_a_plane_allows_another_motion():
     flow = np.linalg.norm(rays1 - rays0 @ R.T, axis=1).max()
     assert np.abs(constraints(pairs, twin_R, twin_t)).max() < 0.05 * flow
     assert np.abs(constraints(pairs, R, twin_t)).max() > 0.2 * flow
+
+
+def test_a_pose_twisted_by_half_a_turn_costs_everything():
+    view = two_views(5, 30)
+    twisted = so3.exp(math.pi * view.t) @ view.R
+    # The epipolar constraint cannot tell the two: only the side of t on which the rays lie can.
+    assert np.abs(constraints(view.pairs, twisted, view.t)).max() < 1e-12
+    cost, _ = score(view.pairs, twisted, view.t, 9.0)
+    assert cost == pytest.approx(9.0 * 30)
+    assert score(view.pairs, view.R, view.t, 9.0)[0] < 1e-12
+
+
+def test_two_layers_can_change_places():
+    # A narrow view past a near and a far layer: a rotation imitates the flow of either.
+    rng = np.random.default_rng(3)
+    rays0 = sphere.normalize(np.c_[rng.uniform(-0.05, 0.05, (40, 2)), np.ones(40)])
+    near = np.arange(40) < 20
+    t, R = np.array([1.0, 0.0, 0.0]), so3.exp(np.array([0.02, -0.01, 0.03]))
+    depth = np.where(near, 2.0, 1000.0)[:, None]
+    rays1 = sphere.normalize(depth * rays0 @ R.T + 0.05 * t)
+    noise = sphere.tangent_basis(rays0)
+    pairs = RayPairs(rays0, rays1, noise, noise)
+    twin_R, twin_t = np.empty((3, 3)), np.empty(3)
+    assert twins.layer_twin(pairs, R, t, twin_R, twin_t)
+    np.testing.assert_array_equal(twin_t, -t)
+    flow = rays1 - rays0 @ twin_R.T
+    parallax = 0.05 / 2.0
+    # The near layer now stands still, and the far one flows towards the twin's direction.
+    assert np.linalg.norm(flow[near], axis=1).max() < 0.02 * parallax
+    assert (flow[~near] @ twin_t > 0.9 * parallax).all()

@@ -10,7 +10,7 @@ from farpoint._kernels.compile import kernel
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.likelihood import apply_step
 from farpoint._kernels.linear import tangent_basis
-from farpoint._kernels.pairs import RayPairs
+from farpoint._kernels.pairs import RayPairs, flow_variance
 from farpoint._kernels.vectors import cross, dot, rotate, row, vector
 
 __all__ = ["LONG_FLOW", "iterations_needed", "score_pose", "solve_five"]
@@ -52,11 +52,7 @@ def score_pose(
                 continue
             # Flow along the epipolar great circle towards t, against its noise.
             flow = bt - mt
-            variance = 0.0
-            for k in range(3):
-                for c in range(2):
-                    variance += pairs.noise0[i, k, c] ** 2 + pairs.noise1[i, k, c] ** 2
-            significant = flow * flow > limit * 0.5 * variance * (1.0 - mt * mt)
+            significant = flow * flow > limit * flow_variance(pairs, i) * (1.0 - mt * mt)
             forward += limit if significant and flow < 0.0 else cost
             backward += limit if significant and flow > 0.0 else cost
         if forward >= best and backward >= best:

@@ -15,7 +15,7 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.epipolar import parallax, sampson_curvature, sampson_jacobian
 from farpoint._kernels.linear import apply_rotation_step, clear, copy, solve_spd, tangent_basis
-from farpoint._kernels.pairs import RayPairs
+from farpoint._kernels.pairs import RayPairs, flow_variance
 from farpoint._kernels.vectors import cross, dot, rotate, row, vector
 
 # Sigma of a poor match over that of a good one.
@@ -251,11 +251,7 @@ def dot5(a: np.ndarray, b: np.ndarray) -> float:
 def _is_at_epipole(pairs: RayPairs, R: np.ndarray, t: np.ndarray, i: int, variance: float) -> bool:
     """Whether match ``i`` lies within a few sigma of the epipole, or straight behind."""
     across = cross(vector(t), rotate(R, row(pairs.rays0, i)))
-    noise = 0.0
-    for k in range(3):
-        for c in range(2):
-            noise += pairs.noise0[i, k, c] ** 2 + pairs.noise1[i, k, c] ** 2
-    return dot(across, across) < EPIPOLE_SIGMA * EPIPOLE_SIGMA * 0.5 * noise * variance
+    return dot(across, across) < EPIPOLE_SIGMA**2 * variance * flow_variance(pairs, i)
 
 
 @kernel
