@@ -11,6 +11,7 @@ from farpoint.camera.field_of_view import FieldOfView, field_of_view, valid_regi
 from farpoint.camera.files import load_camera
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
+from farpoint.camera.path import project_path
 from farpoint.camera.pinhole import Pinhole
 from farpoint.camera.radial_curve import RadialCurve, draw_radial_curve, radial_curve
 from farpoint.camera.scaramuzza import Scaramuzza
@@ -34,6 +35,7 @@ __all__ = [
     "draw_radial_curve",
     "field_of_view",
     "load_camera",
+    "project_path",
     "radial_curve",
     "valid_region",
 ]

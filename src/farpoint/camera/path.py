@@ -1,0 +1,114 @@
+"""Paths on the sphere as a lens shows them: bent, cut at the rim of the field, split at a seam."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint.camera.camera import Camera
+from farpoint.camera.values import as_rows
+
+__all__ = ["project_path"]
+
+_STRAIGHT_PX = 0.2  # a chord may miss the middle of its arc by this
+_WIDEST_RAD = np.deg2rad(2.0)  # steps so small that none leaps over a part of the field
+_FINEST_RAD = 1e-7  # where two neighbours still disagree at this distance, the picture is torn
+_HALVINGS = 30
+_JUMP_PX = 1.0
+_CROWDED_PX = 0.1
+
+
+def project_path(camera: Camera, rays: np.ndarray) -> np.ndarray:
+    """The line through the image of a path that joins rays by arcs of great circles.
+
+    Pixels are added until the chords between them lie within a fifth of a pixel of the arcs. The
+    line ends where the lens sees no more (the end is found to a fraction of a pixel), where it has
+    left the image by the image's own size, and at the seam of a 360-degree picture.
+
+    Parameters
+    ----------
+    camera : Camera
+        Any lens. Without an image size the line goes on as far as the lens sees.
+    rays : ndarray, shape (K, 3)
+        Corners of the path in camera axes, any length; neighbours less than half a turn apart. A
+        row of NaN begins a new path, so that many can be drawn in one call.
+
+    Returns
+    -------
+    ndarray, shape (M, 2)
+        Pixels in the order of the path, with a row of NaN between pieces; empty where nothing of
+        it is seen.
+
+    Examples
+    --------
+    >>> from farpoint.camera import Equirectangular
+    >>> sphere = Camera(model=Equirectangular(width=400, height=200), size=(400, 200))
+    >>> line = project_path(sphere, np.array([[0.1, 0.0, -1.0], [-0.1, 0.0, -1.0]]))
+    >>> at_seam = int(np.flatnonzero(np.isnan(line[:, 0]))[0])
+    >>> line[[0, at_seam - 1, at_seam + 1, -1], 0].round(1)  # out right, in again left
+    array([393.2, 399.5,  -0.5,   5.8])
+    """
+    rays = as_rows(rays, 3, "rays")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    pixels = _seen(camera, rays)
+    torn = np.ones(max(len(rays) - 1, 0), bool)
+    for _ in range(_HALVINGS):
+        torn, middles, middles_px = _unsettled(camera, rays, pixels, torn)
+        if not torn.any():
+            break
+        after = np.flatnonzero(torn) + 1
+        rays = np.insert(rays, after, middles, axis=0)
+        pixels = np.insert(pixels, after, middles_px, axis=0)
+        torn = np.repeat(torn, 1 + torn)
+    return _pieces(rays, pixels)
+
+
+def _unsettled(
+    camera: Camera, rays: np.ndarray, pixels: np.ndarray, suspect: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which of the suspect arcs need their middle, with the middles' rays and pixels."""
+    start = np.flatnonzero(suspect)
+    one, two = rays[start], rays[start + 1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        middle = (one + two) / np.linalg.norm(one + two, axis=1, keepdims=True)
+    angle = np.linalg.norm(two - one, axis=1)  # NaN where a new path begins
+    middle_px = _seen(camera, middle)
+    one_px, two_px = pixels[start], pixels[start + 1]
+    miss_px = np.linalg.norm((one_px + two_px) / 2.0 - middle_px, axis=1)
+    seen = np.isfinite(np.stack([one_px, two_px, middle_px])[..., 0])
+    rough = np.where(seen.all(axis=0), miss_px > _STRAIGHT_PX, seen.any(axis=0))
+    needed = (angle > _FINEST_RAD) & (rough | (angle > _WIDEST_RAD))
+    marked = np.zeros(len(suspect), bool)
+    marked[start[needed]] = True
+    return marked, middle[needed], middle_px[needed]
+
+
+def _seen(camera: Camera, rays: np.ndarray) -> np.ndarray:
+    """Pixels of rays, NaN also where they lie farther out of the image than its own size."""
+    pixels = camera.project(rays)
+    if camera.size is not None:
+        size = np.array(camera.size)
+        with np.errstate(invalid="ignore"):
+            near = np.all((pixels > -size) & (pixels < 2 * size), axis=1)
+        pixels[~near] = np.nan
+    return pixels
+
+
+def _pieces(rays: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """The pixels with one row of NaN at each break: where nothing is seen, and at a seam."""
+    closest = np.linalg.norm(np.diff(rays, axis=0), axis=1) <= 2.0 * _FINEST_RAD
+    jump = closest & (np.linalg.norm(np.diff(pixels, axis=0), axis=1) > _JUMP_PX)
+    pixels = np.insert(pixels, np.flatnonzero(jump) + 1, np.nan, axis=0)
+    pixels = pixels[~_crowded(pixels)]
+    gap = np.isnan(pixels[:, 0])
+    first_gap = gap & ~np.concatenate([[True], gap[:-1]])
+    kept = pixels[~gap | first_gap]
+    return kept[:-1] if len(kept) and np.isnan(kept[-1, 0]) else kept
+
+
+def _crowded(pixels: np.ndarray) -> np.ndarray:
+    """Which pixels tell nothing beside their neighbours: they crowd where an end was sought."""
+    crowded = np.zeros(len(pixels), bool)
+    close = np.linalg.norm(np.diff(pixels, axis=0), axis=1) < _CROWDED_PX
+    crowded[1:-1] = close[:-1] & close[1:]
+    return crowded
