@@ -4,6 +4,7 @@ from farpoint.camera import Camera, load_camera
 from farpoint.frames import Frame, FrameSource, open_frames
 from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
 from farpoint.pose import (
+    PoseOrder,
     PoseStats,
     PoseStatus,
     RelativePose,
@@ -23,6 +24,7 @@ __all__ = [
     "Odometry",
     "OdometryOptions",
     "OdometryResult",
+    "PoseOrder",
     "PoseStats",
     "PoseStatus",
     "RelativePose",

@@ -91,3 +91,12 @@ def test_angles_do_not_change_when_both_directions_turn(a, b, v):
 def test_normalize_keeps_the_direction_of_each_row():
     v = np.array([[3.0, 0.0, 4.0], [0.0, -1e-8, 0.0]])
     np.testing.assert_allclose(sphere.normalize(v), [[0.6, 0.0, 0.8], [0.0, -1.0, 0.0]])
+
+
+def test_a_confidence_ring_needs_no_lens():
+    sideways = np.array([1.0, 0.0, 0.0])
+    across = np.eye(3) - np.outer(sideways, sideways)
+    ring = sphere.confidence_ring(sideways, 0.01**2 * across, 0.95, points=32)
+    assert ring.shape == (32, 3)
+    angles = np.arccos(ring @ sideways)
+    np.testing.assert_allclose(angles, np.arctan(0.01 * 2.4477468), rtol=1e-4)

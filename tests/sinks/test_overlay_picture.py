@@ -17,7 +17,7 @@ from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus, RelativePose, TrackLabel
 from farpoint.sinks.overlay import draw_overlay
 from farpoint.sinks.overlay.canvas import FAR_RED, HEADING_YELLOW, NEAR_GREEN, OUTLIER_GREY, WHITE
-from farpoint.sinks.overlay.epipole import confidence_ring, view_epipole
+from farpoint.sinks.overlay.epipole import view_epipole
 from farpoint.sinks.overlay.layout import Layout
 
 MakeResult = Callable[..., OdometryResult]
@@ -120,13 +120,6 @@ def test_the_ellipse_holds_95_percent_of_the_drawn_headings(
     assert np.mean(inside) == pytest.approx(0.95, abs=0.012)
     picture = draw_overlay(None, make_result(3, sigma_deg=sigma_deg), camera)
     assert near_pixel(pane(picture, 1), view.ring_px[0], HEADING_YELLOW)
-
-
-def test_a_ring_on_the_sphere_needs_no_lens() -> None:
-    sideways = np.array([1.0, 0.0, 0.0])
-    ring = confidence_ring(sideways, 0.01**2 * (np.eye(3) - np.outer(sideways, sideways)))
-    angles = np.arccos(ring @ sideways)
-    np.testing.assert_allclose(angles, np.arctan(0.01 * 2.4477468), rtol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["angle_between", "normalize", "retract", "tangent_basis"]
+__all__ = ["angle_between", "confidence_ring", "normalize", "retract", "tangent_basis"]
 
 
 def normalize(v: np.ndarray) -> np.ndarray:
@@ -36,3 +36,31 @@ def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Angle, rad, between unit vectors (..., 3); accurate near 0 and near pi."""
     cross = np.linalg.norm(np.cross(a, b), axis=-1)
     return np.arctan2(cross, np.sum(a * b, axis=-1))
+
+
+def confidence_ring(
+    direction: np.ndarray, covariance: np.ndarray, confidence: float, points: int = 256
+) -> np.ndarray:
+    """Boundary of the region that holds a direction with this probability: unit rays (points, 3).
+
+    The last is the first. It is drawn on the sphere, from the tangent plane, so that any lens can
+    project it.
+
+    Parameters
+    ----------
+    direction : ndarray, shape (3,)
+        Unit vector.
+    covariance : ndarray, shape (3, 3)
+        Of the direction, rad^2; what lies along the direction is not looked at.
+    confidence : float
+        Between 0 and 1.
+    points : int
+        Number of rays.
+    """
+    basis = tangent_basis(direction)
+    variances, axes = np.linalg.eigh(basis.T @ covariance @ basis)
+    # In two dimensions the chi-square quantile is closed-form.
+    reach = np.sqrt(-2.0 * np.log1p(-confidence) * np.maximum(variances, 0.0))
+    turn = np.linspace(0.0, 2.0 * np.pi, points)
+    steps = axes @ (reach[:, None] * np.stack([np.cos(turn), np.sin(turn)]))
+    return normalize(direction + (basis @ steps).T)

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
+from typing import Any
 
 import numpy as np
 
+from farpoint.camera import Camera
+from farpoint.errors import InputError
 from farpoint.geometry.so3 import skew
+from farpoint.geometry.sphere import confidence_ring
+from farpoint.pose.gtsam_factors import between_factor, essential_matrix_constraint
+from farpoint.pose.metric import PoseOrder, pose_covariance_in, twist_covariance
 
 __all__ = ["PoseStats", "PoseStatus", "RelativePose", "TrackLabel"]
 
@@ -130,3 +136,116 @@ class RelativePose:
             return None
         jacobian = -R.T @ np.hstack([skew(t), B])
         return jacobian @ self.covariance @ jacobian.T
+
+    def heading_region(self, confidence: float = 0.95) -> np.ndarray | None:
+        """Boundary, on the sphere, of the region that holds the true heading: the epipole's cap.
+
+        Parameters
+        ----------
+        confidence : float
+            Probability, between 0 and 1.
+
+        Returns
+        -------
+        ndarray, shape (K, 3), or None
+            Unit rays in camera 0, closed (the last is the first); None unless status is OK.
+        """
+        if not 0.0 < confidence < 1.0:
+            raise InputError(
+                f"expected a probability between 0 and 1, got {confidence}", field="confidence"
+            )
+        heading, covariance = self.heading_cam0, self.heading_covariance
+        if heading is None or covariance is None:
+            return None
+        return confidence_ring(heading, covariance, confidence)
+
+    def epipole_ellipse_px(self, camera: Camera, confidence: float = 0.95) -> np.ndarray | None:
+        """Boundary, in image 0, of the region that holds the epipole with this probability.
+
+        An ellipse where the lens is straight and the region small; `heading_region` through the
+        lens in any case. Where the lens sees only the place that the camera comes from, as a
+        pinhole does that travels backwards, the region is around that one.
+
+        Parameters
+        ----------
+        camera : Camera
+            Of image 0.
+        confidence : float
+            Probability, between 0 and 1.
+
+        Returns
+        -------
+        ndarray, shape (K, 2), or None
+            Pixels, closed; NaN where the lens does not see the boundary. None unless status is OK.
+        """
+        ring, heading = self.heading_region(confidence), self.heading_cam0
+        if ring is None or heading is None:
+            return None
+        ahead, behind = np.isfinite(camera.project(np.stack([heading, -heading])))[:, 0]
+        return camera.project(-ring if behind and not ahead else ring)
+
+    def pose_covariance(
+        self, scale: float, scale_sigma: float, order: PoseOrder | str = PoseOrder.ROS
+    ) -> np.ndarray | None:
+        """Covariance of the metric motion, its length coming from elsewhere.
+
+        Parameters
+        ----------
+        scale, scale_sigma : float
+            Length of the translation and its 1-sigma, m (or any unit, then the result's); its
+            error is taken as independent of this estimate. A sigma of 0 leaves rank 5.
+        order : PoseOrder or str
+            ``"ros"``: ``[translation, rotation]`` of the pose of camera 1 in camera 0.
+            ``"colmap"``: ``[rotation, translation]`` of ``cam1_from_cam0``. `PoseOrder` tells
+            axes and sides.
+
+        Returns
+        -------
+        ndarray, shape (6, 6), or None
+            In rad and the unit of ``scale``, squared; None unless status is OK.
+
+        Raises
+        ------
+        InputError
+            If the scale is not positive, its sigma negative, or the order unknown.
+        """
+        if order not in list(PoseOrder):
+            raise InputError(f"expected 'ros' or 'colmap', got {order!r}", field="order")
+        R, d, B = self.rotation_cam1_from_cam0, self.direction_cam1_from_cam0, self.direction_basis
+        if R is None or d is None or B is None or self.covariance is None:
+            return None
+        twist = twist_covariance(d, B, self.covariance, scale, scale_sigma)
+        return pose_covariance_in(PoseOrder(order), R, twist)
+
+    def to_gtsam_factor(
+        self, key0: int, key1: int, *, scale: float | None = None, scale_sigma: float = 0.0
+    ) -> Any:
+        """Give this motion as a factor between two poses ``world_from_cam`` of a GTSAM graph.
+
+        Parameters
+        ----------
+        key0, key1 : int
+            Keys of the ``gtsam.Pose3`` of camera 0 and camera 1.
+        scale, scale_sigma : float, optional
+            Length of the translation and its 1-sigma, where they are known.
+
+        Returns
+        -------
+        gtsam.EssentialMatrixConstraint, gtsam.BetweenFactorPose3 or None
+            The first without a scale (rotation and direction, 5 degrees of freedom), the second
+            with one (6). None unless status is OK.
+
+        Raises
+        ------
+        MissingExtraError
+            Without gtsam.
+        InputError
+            If the scale or its sigma is not positive.
+        """
+        R, d, B = self.rotation_cam1_from_cam0, self.direction_cam1_from_cam0, self.direction_basis
+        if R is None or d is None or B is None or self.covariance is None:
+            return None
+        if scale is None:
+            return essential_matrix_constraint(key0, key1, R, d, B, self.covariance)
+        twist = twist_covariance(d, B, self.covariance, scale, scale_sigma)
+        return between_factor(key0, key1, R, scale * d, twist)

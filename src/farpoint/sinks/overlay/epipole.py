@@ -7,15 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.camera import Camera
-from farpoint.geometry.sphere import normalize, tangent_basis
 from farpoint.pose import RelativePose
 
-__all__ = ["EpipoleView", "confidence_ring", "view_epipole"]
-
-CHI_95 = float(np.sqrt(-2.0 * np.log(0.05)))
-"""Radius that holds 95 % of a two-dimensional normal distribution, in sigmas."""
-
-_RING_POINTS = 256
+__all__ = ["EpipoleView", "view_epipole"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,31 +36,16 @@ class EpipoleView:
 
 def view_epipole(pose: RelativePose, camera: Camera, size: tuple[int, int]) -> EpipoleView | None:
     """The epipole of a pose in an image of size (width, height); None without a direction."""
-    heading, covariance = pose.heading_cam0, pose.heading_covariance
-    if heading is None or covariance is None:
+    heading, ring = pose.heading_cam0, pose.heading_region(0.95)
+    if heading is None or ring is None:
         return None
     ends_px = camera.project(np.stack([heading, -heading]))
     beyond = np.abs(ends_px - (np.array(size) - 1) / 2.0) - np.array(size) / 2.0
     ahead_seen, behind_seen = np.all(beyond <= 0.0, axis=1)  # NaN compares as outside
     backward = bool(behind_seen and not ahead_seen)
-    ring = confidence_ring(heading, covariance)
     return EpipoleView(
         heading=heading,
         pixel=ends_px[int(backward)] if ahead_seen or behind_seen else None,
         backward=backward,
         ring_px=camera.project(-ring if backward else ring),
     )
-
-
-def confidence_ring(heading: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Boundary of the 95 % region of a heading (3,), as unit rays (K, 3); the last is the first.
-
-    It is drawn on the sphere, in the tangent plane that `covariance` (3, 3), rad^2, lives in, so
-    that any lens can project it.
-    """
-    basis = tangent_basis(heading)
-    variances, axes = np.linalg.eigh(basis.T @ covariance @ basis)
-    turn = np.linspace(0.0, 2.0 * np.pi, _RING_POINTS)
-    circle = np.stack([np.cos(turn), np.sin(turn)])
-    steps = axes @ (CHI_95 * np.sqrt(np.maximum(variances, 0.0))[:, None] * circle)
-    return normalize(heading + (basis @ steps).T)

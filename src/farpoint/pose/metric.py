@@ -1,0 +1,82 @@
+"""The covariance of a motion whose length is known, in the orders that other programs expect."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.geometry.so3 import skew
+
+__all__ = ["PoseOrder", "pose_covariance_in", "twist_covariance"]
+
+
+class PoseOrder(StrEnum):
+    """Whose pose a 6x6 covariance is about, in which order, and on which side it perturbs."""
+
+    ROS = "ros"
+    """``[translation, rotation]`` of the pose of camera 1 in camera 0, both in camera 0's fixed
+    axes: ``p_true = p + dp``, ``Q_true = Exp(dphi) @ Q`` with ``p = scale * heading_cam0`` and
+    ``Q = R.T``. That is ``geometry_msgs/PoseWithCovariance``."""
+    COLMAP = "colmap"
+    """``[rotation, translation]`` of ``cam1_from_cam0`` as a twist on the left, in camera 1's axes:
+    ``T_true = Exp([dtheta, dtau]) @ T``. That is what pycolmap's functions on covariances of
+    ``Rigid3d`` take. GTSAM's twist on the right of the pose of camera 1 in camera 0 is the same
+    with the opposite sign, so the matrix serves there too."""
+
+
+def pose_covariance_in(
+    order: PoseOrder, R_cam1_from_cam0: np.ndarray, twist: np.ndarray
+) -> np.ndarray:
+    """`twist_covariance` (6, 6) in the order asked for.
+
+    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``: seen from camera 0 both halves of the
+    twist turn by ``-R.T``.
+    """
+    if order is PoseOrder.COLMAP:
+        return twist
+    turn = np.zeros((6, 6))
+    turn[:3, 3:] = turn[3:, :3] = -R_cam1_from_cam0.T
+    return turn @ twist @ turn.T
+
+
+def twist_covariance(
+    direction: np.ndarray,
+    direction_basis: np.ndarray,
+    covariance: np.ndarray,
+    scale: float,
+    scale_sigma: float,
+) -> np.ndarray:
+    """Covariance (6, 6) of the left twist ``[dtheta, dtau]`` of ``cam1_from_cam0``.
+
+    With ``t = scale * direction`` and ``t_true = Exp(dtheta) @ t + dtau``, to first order
+    ``dtau = dscale * direction + scale * (direction_basis @ dbeta + skew(direction) @ dtheta)``.
+
+    Parameters
+    ----------
+    direction, direction_basis, covariance : ndarray, shapes (3,), (3, 2), (5, 5)
+        Of a `RelativePose`.
+    scale, scale_sigma : float
+        Length of the translation and its 1-sigma, in the unit of the result; the error of the
+        length is taken as independent of those of rotation and direction.
+
+    Raises
+    ------
+    InputError
+        If the scale is not positive or its sigma negative.
+    """
+    if not (math.isfinite(scale) and scale > 0.0):
+        raise InputError(f"expected a positive length, got {scale}", field="scale")
+    if not (math.isfinite(scale_sigma) and scale_sigma >= 0.0):
+        raise InputError(f"expected a 1-sigma, 0 or more, got {scale_sigma}", field="scale_sigma")
+    jacobian = np.zeros((6, 6))  # of [dtheta, dtau] by [dtheta, dbeta, dscale]
+    jacobian[:3, :3] = np.eye(3)
+    jacobian[3:, :3] = scale * skew(direction)
+    jacobian[3:, 3:5] = scale * direction_basis
+    jacobian[3:, 5] = direction
+    known = np.zeros((6, 6))
+    known[:5, :5] = covariance
+    known[5, 5] = scale_sigma**2
+    return jacobian @ known @ jacobian.T
