@@ -18,9 +18,9 @@ import pytest
 
 from farpoint.camera import Camera
 from farpoint.errors import InputError
+from farpoint.geometry.angles import heading_angles_deg
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus
-from farpoint.sinks.angles import heading_angles_deg
 from farpoint.sinks.motions import COLUMNS
 from farpoint.sinks.output_folder import OutputFolder, OutputOptions
 from farpoint.sinks.overlay.video import KEYFRAME_INTERVAL

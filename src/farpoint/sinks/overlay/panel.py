@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from farpoint.geometry.angles import heading_angles_deg, rotation_vector_deg
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus, RelativePose
-from farpoint.sinks.angles import heading_angles_deg, rotation_vector_deg
 from farpoint.sinks.overlay.canvas import (
     FAR_RED,
     FAULT_RED,

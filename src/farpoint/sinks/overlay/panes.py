@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint.camera import Camera
+from farpoint.geometry.angles import heading_angles_deg
 from farpoint.odometry import OdometryResult
 from farpoint.pose import RelativePose, TrackLabel
-from farpoint.sinks.angles import heading_angles_deg
+from farpoint.pose.flow import derotated_points
 from farpoint.sinks.overlay.canvas import (
     BACKGROUND,
     FAR_RED,
@@ -21,7 +22,6 @@ from farpoint.sinks.overlay.canvas import (
     text_width,
 )
 from farpoint.sinks.overlay.epipole import EpipoleView, view_epipole
-from farpoint.tracks import Tracks
 
 __all__ = ["draw_flow_pane", "draw_points_pane"]
 
@@ -46,8 +46,8 @@ def draw_flow_pane(
     _caption(canvas, "translational flow (rotation removed)", line_px, top=True)
     if pose is None or pose.rotation_cam1_from_cam0 is None:
         return
-    derotated = _derotated(result.tracks, pose.rotation_cam1_from_cam0, camera)
-    _draw_tracks(canvas, result, result.tracks.points0, derotated)
+    heads = derotated_points(camera, result.tracks.points1, pose.rotation_cam1_from_cam0)
+    _draw_tracks(canvas, result, result.tracks.points0, heads)
     view = view_epipole(pose, camera, size)
     if view is None:
         _caption(canvas, "direction not observable", line_px, top=False)
@@ -58,13 +58,6 @@ def draw_flow_pane(
         _draw_border_arrow(canvas, view, camera)
     canvas.path(view.ring_px, HEADING_YELLOW)  # on top: a sure heading's ellipse is a small one
     _caption(canvas, _epipole_caption(view, pose), line_px, top=False)
-
-
-def _derotated(tracks: Tracks, R_cam1_from_cam0: np.ndarray, camera: Camera) -> np.ndarray:
-    """Where ``points1`` would be in camera 0 if it had not turned: pixels of ``R.T @ ray1``."""
-    if len(tracks) == 0:
-        return tracks.points1
-    return camera.project(camera.unproject(tracks.points1) @ R_cam1_from_cam0)
 
 
 def _draw_tracks(

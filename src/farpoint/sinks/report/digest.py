@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from farpoint.errors import InputError
+from farpoint.geometry.angles import heading_angles_deg, rotation_vector_deg
 from farpoint.pose import PoseStatus
-from farpoint.sinks.angles import heading_angles_deg, rotation_vector_deg
 from farpoint.sinks.motions import Motions, iter_motions
 from farpoint.trajectory.files import iter_tum
 

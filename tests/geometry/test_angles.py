@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from farpoint.geometry.angles import heading_angles_deg, rotation_vector_deg
 from farpoint.geometry.sphere import normalize
-from farpoint.sinks.angles import heading_angles_deg, rotation_vector_deg
 
 DRAWS = 40_000
 
