@@ -18,6 +18,7 @@ from farpoint.pose import (
     estimate_relative_pose,
     failed_pose,
 )
+from farpoint.pose.card import card, pose_rows
 from farpoint.tracks import Tracker, TrackerOptions, Tracks, grey_size
 from farpoint.trajectory.chain import chain
 from farpoint.trajectory.prediction import predict_points
@@ -76,6 +77,19 @@ class OdometryResult:
     world_from_cam: np.ndarray
     scale: float | None
     scale_sigma: float | None
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: which frames, where the camera is, and the motion."""
+        x, y, z = self.world_from_cam[:3, 3]
+        rows = [
+            ("frames", f"{self.frame0} to {self.frame1}"),
+            ("times", f"{self.timestamp0:.3f} s to {self.timestamp:.3f} s"),
+            ("position x, y, z", f"{x:+.3f}, {y:+.3f}, {z:+.3f}"),
+        ]
+        status = "first frame" if self.pose is None else self.pose.status.value
+        return card(
+            f"OdometryResult: {status}", rows + ([] if self.pose is None else pose_rows(self.pose))
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,6 +12,7 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.so3 import skew
 from farpoint.geometry.sphere import confidence_ring
+from farpoint.pose.card import card, pose_rows
 from farpoint.pose.gtsam_factors import between_factor, essential_matrix_constraint
 from farpoint.pose.metric import PoseOrder, pose_covariance_in, twist_covariance
 
@@ -249,3 +250,7 @@ class RelativePose:
             return essential_matrix_constraint(key0, key1, R, d, B, self.covariance)
         twist = twist_covariance(d, B, self.covariance, scale, scale_sigma)
         return between_factor(key0, key1, R, scale * d, twist)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the status, why, and the numbers with their 1-sigma."""
+        return card(f"RelativePose: {self.status.value}", pose_rows(self))
