@@ -1,5 +1,11 @@
 """farpoint: camera motion from any two images, with an honest covariance."""
 
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+from typing import TYPE_CHECKING
+
 from farpoint.camera import Camera, load_camera
 from farpoint.frames import Frame, FrameSource, open_frames
 from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
@@ -16,6 +22,9 @@ from farpoint.pose import (
     observable_motion,
 )
 from farpoint.tracks import Tracks
+
+if TYPE_CHECKING:
+    from farpoint import plot as plot
 
 __all__ = [
     "Camera",
@@ -40,3 +49,12 @@ __all__ = [
 ]
 
 __version__ = "0.1.0"
+
+
+if not TYPE_CHECKING:  # a type checker must still tell names that do not exist
+
+    def __getattr__(name: str) -> ModuleType:
+        """``farpoint.plot`` on first use: whoever only estimates need not wait for it."""
+        if name == "plot":
+            return importlib.import_module("farpoint.plot")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,71 @@
+"""``plot.epipole``: where the camera travels to, and how surely."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError
+from farpoint.plot.axes import image_axes, sized_camera
+from farpoint.pose import RelativePose
+from farpoint.sinks.overlay.epipole import view_epipole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["epipole"]
+
+_COLOUR = "#d18a00"
+
+
+def epipole(
+    pose: RelativePose,
+    camera: Camera,
+    *,
+    image: np.ndarray | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the epipole in image 0, a circle with a cross, inside its 95 % region.
+
+    Where the camera moves backward and only the place it comes from is in view, that is drawn, and
+    the label says so; where neither is, the region alone, as far as the lens sees it.
+
+    Parameters
+    ----------
+    pose : RelativePose
+        With a direction.
+    camera : Camera
+        Of image 0.
+    image : ndarray, shape (height, width) or (height, width, 3), optional
+        Image 0, drawn behind.
+    ax : matplotlib.axes.Axes, optional
+        New ones by default, of the size of the image.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        In pixels of image 0, y down.
+
+    Raises
+    ------
+    InputError
+        If the pose has no direction, or neither the camera nor the image has a size.
+    MissingExtraError
+        If matplotlib is not installed (extra ``plot``).
+    """
+    camera, size = sized_camera(camera, image)
+    view = view_epipole(pose, camera, size)
+    if view is None:
+        raise InputError(
+            f"has no direction, its status is {pose.status.value}; expected OK", field="pose"
+        )
+    ax = image_axes(ax, size, image)
+    ax.plot(*view.ring_px.T, color=_COLOUR, label="95 % of the epipole")
+    if view.pixel is not None:
+        name = "where the camera comes from" if view.backward else "epipole"
+        x, y = view.pixel
+        ax.plot(x, y, linestyle="", marker="o", markersize=11, fillstyle="none", color=_COLOUR)
+        ax.plot(x, y, linestyle="", marker="+", markersize=16, color=_COLOUR, label=name)
+    return ax

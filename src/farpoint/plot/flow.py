@@ -1,0 +1,111 @@
+"""``plot.flow``: the image motion that translation leaves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError
+from farpoint.plot.axes import image_axes, sized_camera
+from farpoint.plot.epipole import epipole
+from farpoint.pose import RelativePose, TrackLabel
+from farpoint.pose.flow import derotated_points
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["flow"]
+
+# Red and green as in the paper; the shapes tell them apart without colour.
+_STYLES = (
+    (TrackLabel.OUTLIER, "outlier", "0.6", "x"),
+    (TrackLabel.FAR, "far", "#e5352b", "o"),
+    (TrackLabel.NEAR, "near", "#1f9d4d", "."),
+)
+
+
+def flow(
+    pose: RelativePose,
+    points0: np.ndarray,
+    points1: np.ndarray,
+    camera: Camera,
+    *,
+    image: np.ndarray | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the translational flow: every match with the rotation taken out, and the epipole.
+
+    A line goes from each point of image 0 to where it would be in image 1 if the camera had not
+    turned. Far points stay; near points move along lines through the epipole.
+
+    Parameters
+    ----------
+    pose : RelativePose
+        Motion between the two images; a FAILED one shows the whole flow.
+    points0, points1 : ndarray, shape (N, 2)
+        The matches it was estimated from, px, such as ``result.tracks.points0``.
+    camera : Camera
+        Of both images.
+    image : ndarray, shape (height, width) or (height, width, 3), optional
+        Image 0, drawn behind.
+    ax : matplotlib.axes.Axes, optional
+        New ones by default.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        In pixels of image 0, y down.
+
+    Raises
+    ------
+    InputError
+        If the points are not those of the pose, or neither the camera nor the image has a size.
+    MissingExtraError
+        If matplotlib is not installed (extra ``plot``).
+
+    Examples
+    --------
+    >>> pose = fp.estimate_relative_pose(points0, points1, camera)  # doctest: +SKIP
+    >>> fp.plot.flow(pose, points0, points1, camera, image=image0)  # doctest: +SKIP
+    """
+    points0 = _points(points0, pose, "points0")
+    points1 = _points(points1, pose, "points1")
+    camera, size = sized_camera(camera, image)
+    ax = image_axes(ax, size, image)
+    heads = points1
+    if pose.rotation_cam1_from_cam0 is not None:
+        heads = derotated_points(camera, points1, pose.rotation_cam1_from_cam0)
+    for label, name, colour, marker in _STYLES:
+        chosen = pose.labels == label
+        ends = np.stack([points0[chosen], heads[chosen]], axis=1)
+        # One line for all of them, broken by NaN: much faster than a line each.
+        broken = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1)
+        ax.plot(*broken.reshape(-1, 2).T, color=colour, linewidth=1.0)
+        ax.plot(
+            *heads[chosen].T,
+            linestyle="",
+            marker=marker,
+            markersize=4.0,
+            fillstyle="none" if marker == "o" else "full",
+            color=colour,
+            label=f"{name} ({int(chosen.sum())})",
+        )
+    title = None if pose.heading_cam0 is not None else f"{pose.status.value}: no direction"
+    if title is None:
+        epipole(pose, camera, ax=ax)
+    # Above the picture: every corner of it may hold points.
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False, title=title)
+    return ax
+
+
+def _points(points: np.ndarray, pose: RelativePose, name: str) -> np.ndarray:
+    points = np.asarray(points, float)
+    if points.shape != (len(pose.labels), 2):
+        raise InputError(
+            f"expected shape ({len(pose.labels)}, 2), a row for each label of the pose, "
+            f"got {points.shape}",
+            field=name,
+        )
+    return points
