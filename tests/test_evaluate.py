@@ -12,9 +12,10 @@ import pytest
 from farpoint.errors import InputError
 from farpoint.evaluate import EvaluationOptions, FolderEvaluation, evaluate_folder, write_pairs
 from farpoint.geometry import so3, sphere
-from farpoint.metrics import AssociationOptions, relative_motions
+from farpoint.metrics import AssociationOptions, SplitHalf, relative_motions, to_text
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStats, PoseStatus, RelativePose
+from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.motions import MotionsFile
 from farpoint.sinks.trajectory import TrajectoryFile
 from farpoint.tracks import Tracks
@@ -96,6 +97,20 @@ def write_run(
             )
             motions.write(result, None)
             trajectory.write(result, None)
+
+
+def first_frame() -> OdometryResult:
+    return OdometryResult(
+        frame0=0,
+        frame1=1,
+        timestamp0=0.0,
+        timestamp=0.1,
+        pose=None,
+        tracks=Tracks.empty(),
+        world_from_cam=np.eye(4),
+        scale=None,
+        scale_sigma=None,
+    )
 
 
 def winding(times: np.ndarray) -> np.ndarray:
@@ -215,6 +230,27 @@ def test_standing_still_has_motions_but_no_trajectory(tmp_path: Path):
     assert found.motions.rotation.count == 9
     assert found.trajectory is None
     assert found.trajectory_fault == "positions lie on one line: no unique alignment"
+
+
+def test_without_truth_the_claims_and_the_halves_are_left(run: Path):
+    found = evaluate_folder(run)
+    motions = found.evaluation.motions
+    assert (motions.pairs, motions.pairs_with_truth, motions.pose.count) == (119, 0, 0)
+    assert motions.direction_sigma_rad.median == pytest.approx(np.sqrt(2.0) * 1e-2)
+    assert (found.evaluation.trajectory, found.evaluation.trajectory_fault) == (None, None)
+    assert found.evaluation.halves is None
+    claimed = SplitHalf(
+        statuses=(PoseStatus.OK, PoseStatus.OK), difference=SIGMA, covariance=np.diag(SIGMA**2)
+    )
+    with HalvesFile(run / "halves.csv") as file:
+        file.write(first_frame(), claimed)
+    halves = evaluate_folder(run).evaluation.halves
+    assert halves is not None
+    assert (halves.pairs, halves.pose.mean_nees) == (1, pytest.approx(5.0))
+    text = to_text(evaluate_folder(run).evaluation)
+    assert "two halves of the matches, 1 pairs: 1 compared" in text
+    assert "\nrotation, deg" not in text
+    assert "\nclaimed rotation, deg" in text
 
 
 def test_pairs_are_written_with_their_frames(run: Path, tmp_path: Path):

@@ -22,6 +22,7 @@ from farpoint import (
 )
 from farpoint.errors import InputError
 from farpoint.geometry import so3, sphere
+from farpoint.metrics import evaluate_halves
 from farpoint.tracks import TrackerOptions
 
 OPTIONS = OdometryOptions(tracker=TrackerOptions(max_tracks=250))
@@ -75,6 +76,20 @@ def test_every_pair_has_the_motion_that_was_made(results):
         off = sphere.angle_between(pose.direction_cam1_from_cam0, sphere.normalize(STEP))
         assert math.degrees(off) < 2.0
         assert len(result.tracks) == len(pose.labels) > 100
+
+
+def test_halves_of_the_tracks_of_a_pair_agree_about_its_motion():
+    odometry = Odometry(CAMERA, OPTIONS)
+    results = list(odometry.run(frames(list(IMAGES))))
+    halves = [odometry.split_half(result) for result in results[1:]]
+    found = evaluate_halves(halves)
+    assert (found.pairs, found.compared) == (5, 5)
+    assert found.ratio.ratio < 3.0
+    # Each half knows less than all tracks together, so the two differ by more than they err.
+    for half, result in zip(halves, results[1:], strict=True):
+        assert np.trace(half.covariance) > 2.0 * np.trace(result.pose.covariance)
+    again = odometry.split_half(results[3])
+    np.testing.assert_array_equal(again.difference, halves[2].difference)
 
 
 @pytest.mark.parametrize("seed", range(70, 90))

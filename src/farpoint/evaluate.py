@@ -1,4 +1,4 @@
-"""A folder that ``farpoint run`` wrote against a file of true poses."""
+"""A folder that ``farpoint run`` wrote: against itself, and against a file of true poses."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from farpoint.metrics import (
     PAIR_COLUMNS,
     AssociationOptions,
     Evaluation,
+    HalvesEvaluation,
     PairErrors,
     TrajectoryEvaluation,
+    evaluate_halves,
     evaluate_motions,
     evaluate_trajectory,
     pair_errors,
@@ -24,6 +26,7 @@ from farpoint.metrics import (
     poses_at_times,
     relative_motions,
 )
+from farpoint.sinks.halves import read_halves
 from farpoint.sinks.motions import Motions, read_motions
 from farpoint.sinks.sink import open_output
 from farpoint.trajectory.files import Trajectory, read_trajectory, read_tum
@@ -69,7 +72,7 @@ class FolderEvaluation:
     evaluation : Evaluation
         The figures; `farpoint.metrics.to_text` and `to_json` write them.
     errors : PairErrors
-        Errors pair by pair, a row of ``motions.csv`` each.
+        Errors pair by pair, a row of ``motions.csv`` each; without truth they are undefined.
     motions : Motions
         Those rows.
     """
@@ -81,22 +84,23 @@ class FolderEvaluation:
 
 def evaluate_folder(
     folder: str | Path,
-    truth: str | Path,
+    truth: str | Path | None = None,
     options: EvaluationOptions | None = None,
     *,
     body_from_cam: np.ndarray | None = None,
 ) -> FolderEvaluation:
-    """Compare ``motions.csv`` and ``trajectory.tum`` of a folder with true poses.
+    """Test the covariances of a folder by its ``halves.csv``, and by true poses if there are any.
 
-    Truth with time stamps (TUM, EuRoC) is interpolated at the times of the run; truth without
-    (KITTI) has one pose a frame of the source.
+    ``motions.csv`` and ``trajectory.tum`` are compared with the truth. Truth with time stamps (TUM,
+    EuRoC) is interpolated at the times of the run; truth without (KITTI) has one pose a frame of
+    the source.
 
     Parameters
     ----------
     folder : str or Path
         What ``farpoint run`` wrote.
-    truth : str or Path
-        TUM, KITTI or EuRoC trajectory.
+    truth : str or Path, optional
+        TUM, KITTI or EuRoC trajectory; without it, the halves alone speak.
     options : EvaluationOptions, optional
         What counts.
     body_from_cam : ndarray, shape (4, 4), optional
@@ -114,17 +118,24 @@ def evaluate_folder(
     motions = read_motions(motions_file)
     if not len(motions):
         raise InputError("expected at least one pair of frames", file=motions_file)
-    reference = _of_camera(read_trajectory(truth), body_from_cam)
+    halves = _evaluated_halves(folder / "halves.csv")
+    reference = None if truth is None else _of_camera(read_trajectory(truth), body_from_cam)
     try:
         errors = _motion_errors(motions, reference, options)
     except InputError as error:
-        where = motions_file if str(error.field).startswith("covariances") else truth
+        in_motions = truth is None or str(error.field).startswith("covariances")
+        where = motions_file if in_motions else truth
         raise InputError(error.problem, file=where, field=error.field) from error
-    trajectory, fault = _evaluated_trajectory(
-        read_tum(folder / "trajectory.tum"), motions, reference, options
-    )
+    trajectory, fault = None, None
+    if reference is not None:
+        trajectory, fault = _evaluated_trajectory(
+            read_tum(folder / "trajectory.tum"), motions, reference, options
+        )
     evaluation = Evaluation(
-        motions=evaluate_motions(errors), trajectory=trajectory, trajectory_fault=fault
+        motions=evaluate_motions(errors),
+        trajectory=trajectory,
+        trajectory_fault=fault,
+        halves=halves,
     )
     return FolderEvaluation(evaluation=evaluation, errors=errors, motions=motions)
 
@@ -156,13 +167,28 @@ def _true_poses(
     return poses_at_times(truth.timestamps, truth.world_from_body, timestamps, options.association)
 
 
-def _motion_errors(motions: Motions, truth: Trajectory, options: EvaluationOptions) -> PairErrors:
-    poses = _true_poses(
-        truth,
-        np.concatenate([motions.timestamp0, motions.timestamp1]),
-        np.concatenate([motions.frame0, motions.frame1]),
-        options,
-    )
+def _evaluated_halves(path: Path) -> HalvesEvaluation | None:
+    """Figures of the split-half tests; None where the run made none."""
+    if not path.exists():
+        return None
+    halves = read_halves(path)
+    try:
+        return evaluate_halves(halves) if halves else None
+    except InputError as error:
+        raise InputError(error.problem, file=path, field=error.field) from error
+
+
+def _motion_errors(
+    motions: Motions, truth: Trajectory | None, options: EvaluationOptions
+) -> PairErrors:
+    poses = np.full((2 * len(motions), 4, 4), np.nan)
+    if truth is not None:
+        poses = _true_poses(
+            truth,
+            np.concatenate([motions.timestamp0, motions.timestamp1]),
+            np.concatenate([motions.frame0, motions.frame1]),
+            options,
+        )
     true_rotations, true_translations = relative_motions(*np.split(poses, 2))
     return pair_errors(
         statuses=list(motions.status),

@@ -10,6 +10,7 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.frames import Frame
+from farpoint.metrics import SplitHalf, split_half
 from farpoint.pose import (
     PoseStatus,
     RelativePose,
@@ -186,23 +187,31 @@ class Odometry:
             return self._begin(image, index, timestamp)
         return self._compare(self._reference, image, index, timestamp)
 
+    def split_half(self, result: OdometryResult) -> SplitHalf:
+        """Estimate the motion of a pair from two halves of its tracks, and compare.
+
+        Over many pairs, `farpoint.metrics.evaluate_halves` tells whether the covariances hold,
+        without any truth.
+
+        Parameters
+        ----------
+        result : OdometryResult
+            Of this odometry; the frame decides how the tracks are dealt.
+        """
+        tracks = result.tracks
+        return split_half(
+            (tracks.points0, tracks.points1, tracks.covariance_px2),
+            self._estimate,
+            seed=result.frame1,
+        )
+
     def _compare(
         self, reference: _Reference, image: np.ndarray, index: int, timestamp: float
     ) -> OdometryResult:
         start = time.perf_counter()
         tracks = self._tracker.match(image, self._prediction(reference))
         matched = time.perf_counter()
-        # The covariance is that of the displacement: each end carries half of it.
-        covariance_px2 = 0.5 * tracks.covariance_px2
-        pose = estimate_relative_pose(
-            tracks.points0,
-            tracks.points1,
-            self.camera,
-            options=self.options.pose,
-            seed=self.options.seed,
-            covariance0_px2=covariance_px2,
-            covariance1_px2=covariance_px2,
-        )
+        pose = self._estimate(tracks.points0, tracks.points1, tracks.covariance_px2)
         estimated = time.perf_counter()
         if pose.status is not PoseStatus.FAILED:
             good = tracks.select(pose.labels != TrackLabel.OUTLIER)
@@ -228,6 +237,22 @@ class Odometry:
             world_from_cam=self._world_from_cam.copy(),
             scale=scale,
             scale_sigma=None,
+        )
+
+    def _estimate(
+        self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
+    ) -> RelativePose:
+        """The motion behind `Tracks`, given as arrays so that parts of them can be given."""
+        # The covariance is that of the displacement: each end carries half of it.
+        half_px2 = 0.5 * covariance_px2
+        return estimate_relative_pose(
+            points0,
+            points1,
+            self.camera,
+            options=self.options.pose,
+            seed=self.options.seed,
+            covariance0_px2=half_px2,
+            covariance1_px2=half_px2,
         )
 
     def _prediction(self, reference: _Reference) -> Callable[[np.ndarray], np.ndarray] | None:

@@ -240,7 +240,7 @@ def test_a_folder_without_permission(
         ),
         (["run", "x", "--camera", "y", "--pose.confidence", "2"], ["--pose.confidence: "]),
         (["run", "x", "--camera", "y", "--pose.confidence", "nan"], ["--pose.confidence: "]),
-        (["evaluate"], ["DIR", "--truth", "evaluate --help"]),
+        (["evaluate"], ["DIR", "evaluate --help"]),
         (["evaluate", "x", "--truth", "y", "--delta-frames", "0"], ["delta", "0"]),
         (["camera"], ["CALIB", "camera --help"]),
         (["demo", "--frames", "2"], ["frames", "2"]),

@@ -26,7 +26,14 @@ from farpoint.trajectory.files import read_tum
 
 Pictures = tuple[np.ndarray, ...]
 
-FILES = {"motions.csv", "trajectory.tum", "overlay.mp4", "report.html", "run.json"}
+FILES = {
+    "motions.csv",
+    "trajectory.tum",
+    "halves.csv",
+    "overlay.mp4",
+    "report.html",
+    "run.json",
+}
 
 
 @pytest.fixture
@@ -121,6 +128,30 @@ def test_options_reach_the_estimator(
     odometry = record_of(tmp_path / "few")["options"]["odometry"]
     assert odometry["tracker"]["max_tracks"] == 40
     assert odometry["pose"]["refine"] is False
+
+
+def test_a_run_is_evaluated_without_any_truth(
+    farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path, images: Pictures
+):
+    out, pairs = tmp_path / "out", len(images) - 1
+    quick = ("--camera", calibration, "--out", out, "--no-overlay", "--no-report")
+    farpoint("run", shots, *quick, "--halves-every", "2")
+    table = farpoint("evaluate", out).out
+    tested = (pairs + 1) // 2
+    assert f"pairs {pairs} (0 with truth)" in table
+    assert f"two halves of the matches, {tested} pairs: {tested} compared" in table
+    assert "trajectory" not in table
+    halves = json.loads(farpoint("evaluate", out, "--json").out)["halves"]
+    assert halves["pose"]["count"] == tested
+    assert halves["ratio"]["dof"] == 5 * tested
+    # Rendered images and honest covariances: no half of a hundred matches is far off.
+    assert 0.1 < halves["ratio"]["ratio"] < 4.0
+    refused = farpoint("evaluate", out, "--pairs", tmp_path / "pairs.csv")
+    assert refused.err == "farpoint: --pairs: errors pair by pair need --truth\n"
+
+    farpoint("run", shots, *quick, "--halves-every", "0")
+    assert not (out / "halves.csv").exists()
+    assert "halves" not in farpoint("evaluate", out).out
 
 
 def test_a_run_is_evaluated_against_its_truth(

@@ -9,7 +9,7 @@ import pytest
 
 from farpoint.errors import InputError
 from farpoint.geometry import so3, sphere
-from farpoint.metrics import consistency_ratio, pose_difference, split_half
+from farpoint.metrics import consistency_ratio, evaluate_halves, pose_difference, split_half
 from farpoint.pose import PoseStats, PoseStatus, RelativePose
 
 TRUE_R = so3.exp([0.1, -0.2, 0.05])
@@ -98,6 +98,16 @@ def test_ten_per_cent_of_sigma_is_noticed(sigma_factor: float):
     assert not found.low < found.ratio < found.high
 
 
+@pytest.mark.parametrize("sigma_factor", [0.9, 1.0, 1.1])
+def test_the_figures_of_a_run_tell_rotation_and_direction_apart(sigma_factor: float):
+    found = evaluate_halves(halves_of(sigma_factor))
+    assert (found.pairs, found.compared, found.compared_in_rotation) == (400, 400, 0)
+    assert found.ratio.ratio == pytest.approx(found.pose.mean_nees / 5.0)
+    for kind in (found.rotation, found.direction, found.pose):
+        assert kind.sigma_over_error == pytest.approx(sigma_factor, abs=0.08)
+        assert (kind.nees_low < kind.mean_nees < kind.nees_high) == (sigma_factor == 1.0)
+
+
 def test_halves_are_disjoint_complete_and_follow_the_seed():
     seen: list[np.ndarray] = []
 
@@ -137,6 +147,10 @@ def test_only_what_both_know_is_compared():
     ratio = consistency_ratio([rotation, nothing])
     assert (ratio.count, ratio.dof) == (1, 3)
     assert np.isnan(consistency_ratio([nothing]).ratio)
+    figures = evaluate_halves([rotation, nothing])
+    assert (figures.pairs, figures.compared, figures.compared_in_rotation) == (2, 0, 1)
+    assert (figures.rotation.count, figures.direction.count, figures.pose.count) == (1, 0, 0)
+    assert figures.rotation.mean_nees == rotation.nees
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.5, 2.0])

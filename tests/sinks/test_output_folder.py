@@ -22,7 +22,14 @@ from farpoint.trajectory.files import read_tum
 
 MakeResult = Callable[..., OdometryResult]
 IMAGE = np.full((480, 640), 60, np.uint8)
-NAMES = {"motions.csv", "trajectory.tum", "overlay.mp4", "report.html", "run.json"}
+NAMES = {
+    "motions.csv",
+    "trajectory.tum",
+    "halves.csv",
+    "overlay.mp4",
+    "report.html",
+    "run.json",
+}
 
 
 @pytest.fixture
@@ -139,9 +146,10 @@ def test_an_older_report_does_not_outlive_a_new_start(
 ) -> None:
     with OutputFolder(tmp_path, run) as folder:
         write_frames(folder, make_result, 3)
-    running = OutputFolder(tmp_path, run, OutputOptions(overlay=False))
-    assert {path.name for path in tmp_path.iterdir()} == NAMES - {"report.html", "overlay.mp4"}
+    running = OutputFolder(tmp_path, run, OutputOptions(overlay=False, halves_every=0))
+    left = {path.name for path in tmp_path.iterdir()}
     running.close()
+    assert left == NAMES - {"report.html", "overlay.mp4", "halves.csv"}
 
 
 def test_no_frame_at_all_still_makes_a_page(tmp_path: Path, run: RunDescription) -> None:

@@ -1,4 +1,4 @@
-"""``farpoint evaluate``: a run against the truth."""
+"""``farpoint evaluate``: whether a run's covariances hold, with truth or without."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from farpoint.errors import InputError
 from farpoint.evaluate import EvaluationOptions, evaluate_folder, write_pairs
 from farpoint.metrics import to_json, to_text
 
@@ -16,24 +17,24 @@ __all__ = ["Evaluate"]
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate:
-    """Compare a folder that farpoint run wrote with true poses.
+    """Test the covariances of a run by halves of its matches, and compare it with true poses.
 
     Attributes
     ----------
     folder : Path
         Folder of a run.
-    truth : Path
+    truth : Path or None
         TUM or KITTI trajectory, or EuRoC ground truth.
     json : bool
         Print JSON instead of a table.
     pairs : Path or None
-        File for the errors pair by pair, CSV.
+        File for the errors pair by pair, CSV; needs the truth.
     options : EvaluationOptions
         What counts.
     """
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
-    truth: Path
+    truth: Path | None = None
     json: bool = False
     pairs: Path | None = None
     options: Annotated[EvaluationOptions, tyro.conf.arg(name="")] = field(
@@ -42,6 +43,8 @@ class Evaluate:
 
     def __call__(self) -> None:
         """Do it."""
+        if self.pairs is not None and self.truth is None:
+            raise InputError("errors pair by pair need --truth", field="--pairs")
         found = evaluate_folder(self.folder, self.truth, self.options)
         if self.pairs is not None:
             write_pairs(self.pairs, found)

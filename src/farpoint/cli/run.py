@@ -16,7 +16,7 @@ from farpoint.camera import Camera, load_camera
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError
 from farpoint.frames import Frame, FrameSource, open_frames
-from farpoint.odometry import Odometry, OdometryOptions
+from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
 from farpoint.pose import PoseStatus
 from farpoint.sinks import OutputFolder, OutputOptions, RunDescription
 
@@ -107,7 +107,8 @@ def process_frames(
         notes=(UNIT_STEPS,),
     )
     with OutputFolder(out, description, output) as folder:
-        counts = _run_into(folder, chain(first, timed), Odometry(camera, options), frames.count)
+        odometry, every = Odometry(camera, options), output.halves_every
+        counts = _run_into(folder, chain(first, timed), odometry, frames.count, every)
     print(f"{sum(counts.values())} pairs of frames: {_in_words(counts)}")
     print(f"time stamps: {frames.timestamp_source}")
     print(f"results in {out}")
@@ -118,6 +119,7 @@ def _run_into(
     timed: Iterable[tuple[Frame, float]],
     odometry: Odometry,
     frame_count: int | None,
+    halves_every: int,
 ) -> Counter[PoseStatus]:
     """Every frame through the odometry into the folder; how many pairs have which status."""
     counts: Counter[PoseStatus] = Counter()
@@ -129,11 +131,19 @@ def _run_into(
                 folder.write(result, frame.image)
                 if result.pose is not None:
                     counts[result.pose.status] += 1
+                    if halves_every and (counts.total() - 1) % halves_every == 0:
+                        _test_halves(folder, odometry, result)
                 progress.step()
         finally:
             for stage, seconds in odometry.seconds.items():
                 folder.add_time(stage, seconds)
     return counts
+
+
+def _test_halves(folder: OutputFolder, odometry: Odometry, result: OdometryResult) -> None:
+    start = time.perf_counter()
+    folder.write_halves(result, odometry.split_half(result))
+    folder.add_time("halves", time.perf_counter() - start)
 
 
 def _missing_camera(source: str, frames: FrameSource) -> InputError:

@@ -15,8 +15,10 @@ from farpoint.metrics.evaluation import (
 )
 from farpoint.metrics.halves import (
     ConsistencyRatio,
+    HalvesEvaluation,
     SplitHalf,
     consistency_ratio,
+    evaluate_halves,
     pose_difference,
     split_half,
 )
@@ -38,6 +40,7 @@ from farpoint.metrics.statistics import (
     coverage,
     nees,
     summarize,
+    total_sigma,
 )
 from farpoint.metrics.trajectories import (
     KITTI_LENGTHS_M,
@@ -57,6 +60,7 @@ __all__ = [
     "ConsistencyRatio",
     "Coverage",
     "Evaluation",
+    "HalvesEvaluation",
     "MotionEvaluation",
     "PairErrors",
     "RelativeErrors",
@@ -75,6 +79,7 @@ __all__ = [
     "consistency_ratio",
     "coverage",
     "direction_error",
+    "evaluate_halves",
     "evaluate_motions",
     "evaluate_trajectory",
     "kitti_segment_errors",
@@ -92,4 +97,5 @@ __all__ = [
     "summarize",
     "to_json",
     "to_text",
+    "total_sigma",
 ]

@@ -7,8 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.metrics.alignment import align_se3, align_sim3
+from farpoint.metrics.halves import HalvesEvaluation
 from farpoint.metrics.pairs import PairErrors
-from farpoint.metrics.statistics import Consistency, Summary, consistency, summarize
+from farpoint.metrics.statistics import (
+    Consistency,
+    Summary,
+    consistency,
+    summarize,
+    total_sigma,
+)
 from farpoint.metrics.trajectories import (
     SegmentErrors,
     absolute_errors,
@@ -46,6 +53,9 @@ class MotionEvaluation:
         Directions 90 degrees or more off.
     rotation_rad, direction_rad : Summary
         Sizes of the errors, rad.
+    rotation_sigma_rad, direction_sigma_rad : Summary
+        Sizes that the covariances claim for them, ``sqrt(trace)``, of all pairs, with truth or
+        without: how sharp the estimates are.
     rotation, direction, pose : Consistency
         Errors against their covariances, of 3, 2 and 5 degrees of freedom, rad.
     """
@@ -58,6 +68,8 @@ class MotionEvaluation:
     directions_opposed: int
     rotation_rad: Summary
     direction_rad: Summary
+    rotation_sigma_rad: Summary
+    direction_sigma_rad: Summary
     rotation: Consistency
     direction: Consistency
     pose: Consistency
@@ -131,11 +143,14 @@ class Evaluation:
         The poses they add up to; None where they cannot be compared.
     trajectory_fault : str or None
         Why `trajectory` is None.
+    halves : HalvesEvaluation or None
+        The test that needs no truth; None where the run made none.
     """
 
     motions: MotionEvaluation
     trajectory: TrajectoryEvaluation | None
     trajectory_fault: str | None = None
+    halves: HalvesEvaluation | None = None
 
 
 def evaluate_motions(errors: PairErrors) -> MotionEvaluation:
@@ -150,6 +165,8 @@ def evaluate_motions(errors: PairErrors) -> MotionEvaluation:
         directions_opposed=errors.directions_opposed,
         rotation_rad=summarize(errors.rotation_angle_rad),
         direction_rad=summarize(errors.direction_angle_rad),
+        rotation_sigma_rad=summarize(total_sigma(errors.covariances[:, :3, :3])),
+        direction_sigma_rad=summarize(total_sigma(errors.covariances[:, 3:, 3:])),
         rotation=consistency(errors.errors[:, :3], errors.covariances[:, :3, :3]),
         direction=consistency(errors.errors[:, 3:], errors.covariances[:, 3:, 3:]),
         pose=consistency(errors.errors, errors.covariances),

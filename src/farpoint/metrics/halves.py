@@ -17,10 +17,18 @@ import numpy as np
 from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.metrics.pairs import direction_error
-from farpoint.metrics.statistics import chi2_quantile, nees
+from farpoint.metrics.statistics import Consistency, chi2_quantile, consistency, nees
 from farpoint.pose import PoseStatus, RelativePose
 
-__all__ = ["ConsistencyRatio", "SplitHalf", "consistency_ratio", "pose_difference", "split_half"]
+__all__ = [
+    "ConsistencyRatio",
+    "HalvesEvaluation",
+    "SplitHalf",
+    "consistency_ratio",
+    "evaluate_halves",
+    "pose_difference",
+    "split_half",
+]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,18 +42,25 @@ class SplitHalf:
     difference : ndarray, shape (dof,)
         ``[dtheta, dbeta]`` from the first estimate to the second, rad; ``dtheta`` alone where only
         the rotations can be compared, empty where nothing can.
-    nees : float
-        Normalised square of the difference; 0 where ``dof`` is 0.
+    covariance : ndarray, shape (dof, dof)
+        Of the difference, rad^2, as both estimates claim it.
     """
 
     statuses: tuple[PoseStatus, PoseStatus]
     difference: np.ndarray
-    nees: float
+    covariance: np.ndarray
 
     @property
     def dof(self) -> int:
         """Degrees of freedom of the difference: 5, 3 or 0."""
         return len(self.difference)
+
+    @property
+    def nees(self) -> float:
+        """Normalised square of the difference; 0 where `dof` is 0."""
+        if not self.dof:
+            return 0.0
+        return float(nees(self.difference[None], self.covariance[None])[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +86,33 @@ class ConsistencyRatio:
     ratio: float
     low: float
     high: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class HalvesEvaluation:
+    """The split-half tests of a run.
+
+    Attributes
+    ----------
+    pairs : int
+        Pairs of frames that were tested.
+    compared, compared_in_rotation : int
+        Those whose halves both gave a direction, and those that could be compared in rotation
+        alone; the others not at all.
+    ratio : ConsistencyRatio
+        Everything in one figure.
+    rotation, direction, pose : Consistency
+        Differences of the halves against their covariances, of 3, 2 and 5 degrees of freedom,
+        rad. Where a true error stands elsewhere, here stands a difference.
+    """
+
+    pairs: int
+    compared: int
+    compared_in_rotation: int
+    ratio: ConsistencyRatio
+    rotation: Consistency
+    direction: Consistency
+    pose: Consistency
 
 
 def split_half(
@@ -127,8 +169,7 @@ def pose_difference(a: RelativePose, b: RelativePose) -> SplitHalf:
     elif a.rotation_covariance is not None and b.rotation_covariance is not None:
         difference = _rotation_difference(a, b)
         covariance = a.rotation_covariance + b.rotation_covariance
-    squared = float(nees(difference[None], covariance[None])[0]) if difference.size else 0.0
-    return SplitHalf(statuses=(a.status, b.status), difference=difference, nees=squared)
+    return SplitHalf(statuses=(a.status, b.status), difference=difference, covariance=covariance)
 
 
 def consistency_ratio(halves: Sequence[SplitHalf]) -> ConsistencyRatio:
@@ -142,6 +183,25 @@ def consistency_ratio(halves: Sequence[SplitHalf]) -> ConsistencyRatio:
         ratio=sum(half.nees for half in compared) / dof if dof else nan,
         low=chi2_quantile(0.025, dof) / dof if dof else nan,
         high=chi2_quantile(0.975, dof) / dof if dof else nan,
+    )
+
+
+def evaluate_halves(halves: Sequence[SplitHalf]) -> HalvesEvaluation:
+    """Figures of the split-half tests of a run."""
+    differences = np.full((len(halves), 5), np.nan)
+    covariances = np.full((len(halves), 5, 5), np.nan)
+    for k, half in enumerate(halves):
+        differences[k, : half.dof] = half.difference
+        covariances[k, : half.dof, : half.dof] = half.covariance
+    known = [half.dof for half in halves]
+    return HalvesEvaluation(
+        pairs=len(halves),
+        compared=known.count(5),
+        compared_in_rotation=known.count(3),
+        ratio=consistency_ratio(halves),
+        rotation=consistency(differences[:, :3], covariances[:, :3, :3]),
+        direction=consistency(differences[:, 3:], covariances[:, 3:, 3:]),
+        pose=consistency(differences, covariances),
     )
 
 

@@ -10,6 +10,7 @@ from dataclasses import asdict
 import numpy as np
 
 from farpoint.metrics.evaluation import Evaluation, MotionEvaluation, TrajectoryEvaluation
+from farpoint.metrics.halves import HalvesEvaluation
 from farpoint.metrics.pairs import PairErrors
 from farpoint.metrics.statistics import Consistency, Coverage, Summary
 
@@ -59,13 +60,17 @@ def to_json(evaluation: Evaluation) -> str:
 
 
 def to_text(evaluation: Evaluation) -> str:
-    """Aligned tables, to be read in a terminal."""
-    lines = _motion_lines(evaluation.motions)
-    lines += ["", *_consistency_lines(evaluation.motions), ""]
-    if evaluation.trajectory is None:
-        lines.append(f"trajectory not compared: {evaluation.trajectory_fault}")
-    else:
-        lines += _trajectory_lines(evaluation.trajectory)
+    """Aligned tables, to be read in a terminal; without any truth only what needs none."""
+    motions = evaluation.motions
+    lines = _motion_lines(motions)
+    if motions.pairs_with_truth:
+        lines += ["", *_consistency_lines(motions, "truths", "errors")]
+    if evaluation.halves is not None:
+        lines += ["", *_halves_lines(evaluation.halves)]
+    if evaluation.trajectory is not None:
+        lines += ["", *_trajectory_lines(evaluation.trajectory)]
+    elif evaluation.trajectory_fault is not None:
+        lines += ["", f"trajectory not compared: {evaluation.trajectory_fault}"]
     return "\n".join(lines) + "\n"
 
 
@@ -79,29 +84,45 @@ def _motion_lines(motions: MotionEvaluation) -> list[str]:
         )
     if motions.directions_opposed:
         lines.append(f"direction 90 deg or more off for {motions.directions_opposed} pairs")
+    errors = [
+        ("rotation, deg", motions.rotation_rad),
+        ("direction, deg", motions.direction_rad),
+    ]
+    claims = [
+        ("claimed rotation, deg", motions.rotation_sigma_rad),
+        ("claimed direction, deg", motions.direction_sigma_rad),
+    ]
+    shown = errors + claims if motions.pairs_with_truth else claims
+    rows = [(name, *_summary_cells(figures.scaled(DEG))) for name, figures in shown]
+    return [*lines, "", *_table(("error", *_SUMMARY_HEAD), rows)]
+
+
+def _consistency_lines(
+    found: MotionEvaluation | HalvesEvaluation, points: str, errors: str
+) -> list[str]:
+    """Errors against covariances; ``points`` and ``errors`` name what was compared."""
+    head = ("covariance", "dof", "pairs", "NEES mean", "95 % bounds", "median")
+    head += ("in 68 %", "in 95 %", "sigma, deg", "sigma/error")
+    kinds = (("rotation", found.rotation), ("direction", found.direction), ("pose", found.pose))
     return [
-        *lines,
-        "",
-        *_table(
-            ("error", *_SUMMARY_HEAD),
-            [
-                ("rotation, deg", *_summary_cells(motions.rotation_rad.scaled(DEG))),
-                ("direction, deg", *_summary_cells(motions.direction_rad.scaled(DEG))),
-            ],
-        ),
+        *_table(head, [(name, *_consistency_cells(kind)) for name, kind in kinds]),
+        f"in n %: share of {points} inside the n % region [95 % interval of that share].",
+        "sigma: median of the claimed root mean square error (the pose's: of all 5 components).",
+        f"sigma/error: claimed over true size of the {errors}, from the median NEES; 1 is honest.",
     ]
 
 
-def _consistency_lines(motions: MotionEvaluation) -> list[str]:
-    head = ("covariance", "dof", "pairs", "NEES mean", "95 % bounds", "median")
-    head += ("in 68 %", "in 95 %", "sigma, deg", "sigma/error")
-    kinds = (("rotation", motions.rotation), ("direction", motions.direction))
-    rows = [(name, *_consistency_cells(kind)) for name, kind in (*kinds, ("pose", motions.pose))]
+def _halves_lines(halves: HalvesEvaluation) -> list[str]:
+    """Without truth: the differences between estimates from two halves of the matches."""
+    neither = halves.pairs - halves.compared - halves.compared_in_rotation
+    r = halves.ratio
     return [
-        *_table(head, rows),
-        "in n %: share of truths inside the n % region [95 % interval of that share].",
-        "sigma: median of the claimed root mean square error (the pose's: of all 5 components).",
-        "sigma/error: claimed over true size of the errors, from the median NEES; 1 is honest.",
+        f"two halves of the matches, {halves.pairs} pairs: {halves.compared} compared, "
+        f"{halves.compared_in_rotation} in rotation alone, {neither} not at all",
+        f"difference over covariance, all together: {_number(r.ratio)} "
+        f"(1 is honest; chance: {_number(r.low)} to {_number(r.high)})",
+        "",
+        *_consistency_lines(halves, "differences", "differences"),
     ]
 
 

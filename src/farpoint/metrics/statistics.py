@@ -19,6 +19,7 @@ __all__ = [
     "coverage",
     "nees",
     "summarize",
+    "total_sigma",
 ]
 
 
@@ -202,7 +203,6 @@ def consistency(errors: np.ndarray, covariances: np.ndarray) -> Consistency:
     used = ~np.isnan(values)
     dof, count = errors.shape[1], int(np.count_nonzero(used))
     figures = summarize(values)
-    sigma_squared = np.trace(covariances[used], axis1=1, axis2=2)
     total = count * dof
     return Consistency(
         dof=dof,
@@ -213,9 +213,14 @@ def consistency(errors: np.ndarray, covariances: np.ndarray) -> Consistency:
         nees_high=chi2_quantile(0.975, total) / count if count else float("nan"),
         coverage68=coverage(values, dof, 0.68),
         coverage95=coverage(values, dof, 0.95),
-        median_sigma=summarize(np.sqrt(sigma_squared)).median,
+        median_sigma=summarize(total_sigma(covariances[used])).median,
         sigma_over_error=_root_ratio(chi2_quantile(0.5, dof), figures.median),
     )
+
+
+def total_sigma(covariances: np.ndarray) -> np.ndarray:
+    """Sharpness of covariances (N, D, D): ``sqrt(trace)`` (N,), the root mean square claimed."""
+    return np.sqrt(np.trace(covariances, axis1=1, axis2=2))
 
 
 def _root_ratio(expected: float, found: float) -> float:

@@ -13,7 +13,9 @@ from typing import Self
 import numpy as np
 
 from farpoint.errors import InputError
+from farpoint.metrics import SplitHalf
 from farpoint.odometry import OdometryResult
+from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.motions import MotionsFile
 from farpoint.sinks.overlay import OverlayVideo
 from farpoint.sinks.report import REPORT_NAME, write_report
@@ -34,14 +36,22 @@ class OutputOptions:
         Write ``overlay.mp4`` (about 20 ms a frame); the report shows pictures only if it is there.
     report : bool
         Write ``report.html`` at the end.
+    halves_every : int
+        Of so many pairs one is also estimated from two halves of its matches, for ``halves.csv``;
+        0 for none.
     """
 
     overlay: bool = True
     report: bool = True
+    halves_every: int = 5
+
+    def __post_init__(self) -> None:
+        if self.halves_every < 0:
+            raise InputError(f"expected 0 or more, got {self.halves_every}", field="halves_every")
 
 
 class OutputFolder:
-    """``motions.csv``, ``trajectory.tum``, ``overlay.mp4``, ``run.json`` and ``report.html``.
+    """All files of a run: motions, trajectory, split-half tests, overlay, record and report.
 
     Used as a context manager it ends as the block does: done, interrupted by Ctrl-C, or failed
     with the error's message; the files are valid each time.
@@ -78,6 +88,10 @@ class OutputFolder:
             opened.callback(self._sinks["motions"].close)
             self._sinks["trajectory"] = TrajectoryFile(self.path / "trajectory.tum")
             opened.callback(self._sinks["trajectory"].close)
+            self._halves: HalvesFile | None = None
+            if self._options.halves_every:
+                self._halves = HalvesFile(self.path / "halves.csv")
+                opened.callback(self._halves.close)
             if self._options.overlay:
                 self._sinks["overlay"] = OverlayVideo(self.path / "overlay.mp4", run.camera)
             opened.pop_all()
@@ -89,6 +103,11 @@ class OutputFolder:
             sink.write(result, image)
             self._record.add_time(name, time.perf_counter() - start)
         self._record.write(result, image)
+
+    def write_halves(self, result: OdometryResult, halves: SplitHalf) -> None:
+        """Add the split-half test of one pair, if the options ask for such tests."""
+        if self._halves is not None:
+            self._halves.write(result, halves)
 
     def add_time(self, stage: str, seconds: float) -> None:
         """Add to the time spent in a stage that happens elsewhere, such as reading."""
@@ -106,6 +125,8 @@ class OutputFolder:
             return
         self._closed = True
         steps: list[Callable[[], object]] = [sink.close for sink in self._sinks.values()]
+        if self._halves is not None:
+            steps.append(self._halves.close)
         steps.append(lambda: self._record.finish(state, error))
         if self._options.report:
             steps.append(lambda: write_report(self.path))
@@ -144,7 +165,7 @@ def _prepare(folder: Path) -> None:
     """Make the folder and take away what only the end of a run writes again."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in (REPORT_NAME, "overlay.mp4"):
+        for name in (REPORT_NAME, "overlay.mp4", "halves.csv"):
             (folder / name).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=folder) from error

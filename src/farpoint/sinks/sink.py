@@ -11,7 +11,7 @@ import numpy as np
 from farpoint.errors import InputError
 from farpoint.odometry import OdometryResult
 
-__all__ = ["Sink", "TextSink", "open_output"]
+__all__ = ["Sink", "TextFile", "TextSink", "open_output"]
 
 
 class Sink(Protocol):
@@ -26,8 +26,8 @@ class Sink(Protocol):
         ...
 
 
-class TextSink:
-    """A sink of lines, each of them in the file before the next result comes.
+class TextFile:
+    """A file of lines, each of them in the file before the next comes.
 
     Parameters
     ----------
@@ -41,17 +41,8 @@ class TextSink:
         self._file = open_output(path)
         self._put(header)
 
-    def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Append the lines of one result; the image is not looked at."""
-        del image
-        self._put(self.lines(result))
-
-    def lines(self, result: OdometryResult) -> str:
-        """What is written of a result, with line ends."""
-        raise NotImplementedError
-
     def close(self) -> None:
-        """Close the file."""
+        """Close the file; a second call does nothing."""
         self._file.close()
 
     def __enter__(self) -> Self:
@@ -69,6 +60,19 @@ class TextSink:
         # One write and one flush: a killed run loses no row and leaves none cut in half.
         self._file.write(text)
         self._file.flush()
+
+
+class TextSink(TextFile):
+    """A sink of lines: what a result has to say, as text."""
+
+    def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
+        """Append the lines of one result; the image is not looked at."""
+        del image
+        self._put(self.lines(result))
+
+    def lines(self, result: OdometryResult) -> str:
+        """What is written of a result, with line ends."""
+        raise NotImplementedError
 
 
 def open_output(path: Path) -> IO[str]:
