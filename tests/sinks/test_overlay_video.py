@@ -108,3 +108,47 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, camera: Camera)
 
 def test_an_empty_run_closes(tmp_path: Path, camera: Camera) -> None:
     film(tmp_path / "overlay.mp4", camera, [])
+
+
+def boxes(path: Path) -> list[str]:
+    """Names of the top boxes of an MP4 file (ISO/IEC 14496-12), in their order."""
+    data, names, at = path.read_bytes(), [], 0
+    while at < len(data):
+        size = int.from_bytes(data[at : at + 4], "big")
+        names.append(data[at + 4 : at + 8].decode())
+        at += size
+    return names
+
+
+def test_a_finished_film_has_one_index_in_front_and_the_same_pictures(
+    tmp_path: Path, camera: Camera, make_result: MakeResult
+) -> None:
+    video = OverlayVideo(tmp_path / "overlay.mp4", camera)
+    for k in range(2 * KEYFRAME_INTERVAL + 1):
+        video.write(make_result(k), IMAGE)
+    shutil.copy(tmp_path / "overlay.mp4", tmp_path / "killed.mp4")
+    video.close()
+    assert "moof" in boxes(tmp_path / "killed.mp4")
+    packed = boxes(tmp_path / "overlay.mp4")
+    assert "moof" not in packed
+    assert packed.index("moov") < packed.index("mdat")
+    assert {path.name for path in tmp_path.iterdir()} == {"overlay.mp4", "killed.mp4"}
+    with av.open(str(tmp_path / "overlay.mp4")) as film:
+        assert film.duration is not None
+        assert film.duration / av.time_base == pytest.approx(2 * KEYFRAME_INTERVAL / 10, abs=0.11)
+    before, after = frames_of(tmp_path / "killed.mp4"), frames_of(tmp_path / "overlay.mp4")
+    assert len(before) == 2 * KEYFRAME_INTERVAL
+    for old, new in zip(before, after, strict=False):
+        np.testing.assert_array_equal(old.to_ndarray(), new.to_ndarray())
+        assert old.time == new.time
+
+
+def test_a_film_that_cannot_be_packed_stays_as_it_was(
+    tmp_path: Path, camera: Camera, make_result: MakeResult
+) -> None:
+    (tmp_path / "overlay.mp4.part").mkdir()  # where the packed film would be written
+    video = OverlayVideo(tmp_path / "overlay.mp4", camera)
+    for k in range(4):
+        video.write(make_result(k), IMAGE)
+    video.close()
+    assert len(frames_of(tmp_path / "overlay.mp4")) == 4

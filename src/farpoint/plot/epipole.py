@@ -29,8 +29,8 @@ def epipole(
 ) -> Axes:
     """Draw the epipole in image 0, a circle with a cross, inside its 95 % region.
 
-    Where the camera moves backward and only the place it comes from is in view, that is drawn, and
-    the label says so; where neither is, the region alone, as far as the lens sees it.
+    Where the place it comes from is in view, that is drawn as well, with a slanting cross; where
+    neither is, the regions alone, as far as the lens sees them.
 
     Parameters
     ----------
@@ -63,9 +63,12 @@ def epipole(
         )
     ax = image_axes(ax, size, image)
     ax.plot(*view.ring_px.T, color=_COLOUR, label="95 % of the epipole")
-    if view.pixel is not None:
-        name = "where the camera comes from" if view.backward else "epipole"
-        x, y = view.pixel
-        ax.plot(x, y, linestyle="", marker="o", markersize=11, fillstyle="none", color=_COLOUR)
-        ax.plot(x, y, linestyle="", marker="+", markersize=16, color=_COLOUR, label=name)
+    for pixel, marker, name in (
+        (view.ahead_px, "+", "epipole"),
+        (view.behind_px, "x", "where the camera comes from"),
+    ):
+        if pixel is not None:
+            x, y = pixel
+            ax.plot(x, y, linestyle="", marker="o", markersize=11, fillstyle="none", color=_COLOUR)
+            ax.plot(x, y, linestyle="", marker=marker, markersize=16, color=_COLOUR, label=name)
     return ax

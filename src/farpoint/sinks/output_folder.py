@@ -15,9 +15,10 @@ import numpy as np
 from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
 from farpoint.odometry import OdometryResult
+from farpoint.sinks.background import BackgroundSink
 from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.motions import MotionsFile
-from farpoint.sinks.overlay import OverlayVideo
+from farpoint.sinks.overlay import PALETTES, OverlayVideo, PaletteName
 from farpoint.sinks.report import REPORT_NAME, write_report
 from farpoint.sinks.run_record import RunDescription, RunRecord, RunState
 from farpoint.sinks.sink import Sink
@@ -33,21 +34,29 @@ class OutputOptions:
     Attributes
     ----------
     overlay : bool
-        Write ``overlay.mp4`` (about 20 ms a frame); the report shows pictures only if it is there.
+        Write ``overlay.mp4``, in a thread of its own; the report shows pictures only if it is
+        there.
     report : bool
         Write ``report.html`` at the end.
     halves_every : int
         Of so many pairs one is also estimated from two halves of its matches, for ``halves.csv``;
         0 for none.
+    palette : {"red-green", "orange-blue"}
+        Colours of far and near points in both; the second is told apart with any colour vision.
     """
 
     overlay: bool = True
     report: bool = True
     halves_every: int = 5
+    palette: PaletteName = "red-green"
 
     def __post_init__(self) -> None:
         if self.halves_every < 0:
             raise InputError(f"expected 0 or more, got {self.halves_every}", field="halves_every")
+        if self.palette not in PALETTES:
+            raise InputError(
+                f"expected one of {', '.join(PALETTES)}, got {self.palette!r}", field="palette"
+            )
 
 
 class OutputFolder:
@@ -93,11 +102,12 @@ class OutputFolder:
                 self._halves = HalvesFile(self.path / "halves.csv")
                 opened.callback(self._halves.close)
             if self._options.overlay:
-                self._sinks["overlay"] = OverlayVideo(self.path / "overlay.mp4", run.camera)
+                film = OverlayVideo(self.path / "overlay.mp4", run.camera, self._options.palette)
+                self._sinks["overlay"] = BackgroundSink(film)
             opened.pop_all()
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Add what one frame brought to every output."""
+        """Add what one frame brought to every output; neither may be changed afterwards."""
         for name, sink in self._sinks.items():
             start = time.perf_counter()
             sink.write(result, image)

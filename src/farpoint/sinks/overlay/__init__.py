@@ -1,6 +1,7 @@
-"""``overlay.mp4``: the working of the method, drawn over the frames."""
+"""``overlay.mp4``: the working display of the method, as pictures and as a film."""
 
+from farpoint.sinks.overlay.palette import PALETTES, PaletteName
 from farpoint.sinks.overlay.picture import draw_overlay
 from farpoint.sinks.overlay.video import OverlayVideo
 
-__all__ = ["OverlayVideo", "draw_overlay"]
+__all__ = ["PALETTES", "OverlayVideo", "PaletteName", "draw_overlay"]

@@ -8,33 +8,9 @@ from types import ModuleType
 import numpy as np
 
 from farpoint.errors import optional_import
+from farpoint.sinks.overlay.palette import BACKGROUND, Colour, Palette
 
-__all__ = [
-    "BACKGROUND",
-    "FAR_RED",
-    "FAULT_RED",
-    "HEADING_YELLOW",
-    "NEAR_GREEN",
-    "OUTLIER_GREY",
-    "QUIET_GREY",
-    "WHITE",
-    "Canvas",
-    "Colour",
-    "draw_text",
-    "text_width",
-]
-
-Colour = tuple[int, int, int]
-"""Red, green, blue."""
-
-BACKGROUND: Colour = (22, 24, 28)
-WHITE: Colour = (242, 242, 242)
-QUIET_GREY: Colour = (165, 170, 178)
-FAR_RED: Colour = (255, 72, 60)
-NEAR_GREEN: Colour = (70, 220, 105)
-OUTLIER_GREY: Colour = (150, 150, 150)
-HEADING_YELLOW: Colour = (255, 214, 64)
-FAULT_RED: Colour = (214, 48, 49)
+__all__ = ["Canvas", "draw_text", "text_width"]
 
 _SHIFT = 4  # bits of a pixel's fraction that OpenCV draws with
 _REACH_PX = 16384.0  # beyond this OpenCV's fixed-point coordinates come near to overflowing
@@ -52,11 +28,14 @@ class Canvas:
         Pane pixels per camera pixel, across and down.
     stroke : int
         Width of a line, pane pixels.
+    palette : Palette
+        What has which colour.
     """
 
     pixels: np.ndarray
     scale: np.ndarray
     stroke: int
+    palette: Palette
 
     def to_pane(self, points_px: np.ndarray) -> np.ndarray:
         """Pane coordinates of camera pixels (..., 2); both count from the first pixel's centre."""
@@ -64,16 +43,18 @@ class Canvas:
 
     def path(self, points_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
         """A line through camera pixels (K, 2), broken where a point is NaN or far off."""
-        self.segments(np.stack([points_px[:-1], points_px[1:]], axis=1), colour, thickness)
+        points = self.to_pane(points_px)
+        near = np.all(np.abs(points) < _REACH_PX, axis=1)
+        breaks = np.flatnonzero(np.diff(near)) + 1
+        pieces = [piece for piece in np.split(_fixed(points), breaks) if len(piece)]
+        first = 0 if near[:1].all() else 1  # every other piece is off
+        self._lines(pieces[first::2], colour, thickness)
 
     def segments(self, ends_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
         """Lines between camera pixels (N, 2, 2); those with NaN or far off are left out."""
         ends = self.to_pane(ends_px)
         ends = ends[(np.abs(ends) < _REACH_PX).all(axis=(1, 2))]
-        cv2 = _cv2()
-        lines = _fixed(ends)
-        thickness = thickness or self.stroke
-        cv2.polylines(self.pixels, list(lines), False, colour, thickness, cv2.LINE_AA, _SHIFT)
+        self._lines(list(_fixed(ends)), colour, thickness)
 
     def dots(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
         """Filled discs at camera pixels (N, 2); the radius is in strokes."""
@@ -83,11 +64,27 @@ class Canvas:
         """Circles around camera pixels (N, 2); the radius is in strokes."""
         self._circles(points_px, colour, radius, self.stroke)
 
-    def crosses(self, points_px: np.ndarray, colour: Colour, reach: float) -> None:
-        """Upright crosses at camera pixels (N, 2); the reach of their arms is in strokes."""
+    def holes(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
+        """Thick rings, dark within, at camera pixels (N, 2); the radius is in strokes.
+
+        Two discs: OpenCV fills one in a fifth of the time that it takes to draw its outline.
+        """
+        self._circles(points_px, colour, radius, -1)
+        self._circles(points_px, BACKGROUND, 0.5 * radius, -1)
+
+    def crosses(
+        self, points_px: np.ndarray, colour: Colour, reach: float, *, slanting: bool = False
+    ) -> None:
+        """Upright or slanting crosses at camera pixels (N, 2); their arms reach so many strokes."""
         arm = reach * self.stroke / self.scale
-        for offset in (arm * [1, 0], arm * [0, 1]):
+        arms = np.array([[1.0, 1.0], [1.0, -1.0]]) * np.sqrt(0.5) if slanting else np.eye(2)
+        for offset in arm * arms:
             self.segments(np.stack([points_px - offset, points_px + offset], axis=1), colour)
+
+    def _lines(self, lines: list[np.ndarray], colour: Colour, thickness: int) -> None:
+        cv2 = _cv2()
+        thickness = thickness or self.stroke
+        cv2.polylines(self.pixels, lines, False, colour, thickness, cv2.LINE_AA, _SHIFT)
 
     def _circles(
         self, points_px: np.ndarray, colour: Colour, radius: float, thickness: int
@@ -131,7 +128,8 @@ def _size(height: float) -> float:
 
 
 def _fixed(values: np.ndarray | float) -> np.ndarray:
-    return np.rint(np.asarray(values) * (1 << _SHIFT)).astype(np.int32)
+    with np.errstate(invalid="ignore"):  # NaN has no place and is left out by whoever draws
+        return np.rint(np.asarray(values) * (1 << _SHIFT)).astype(np.int32)
 
 
 def _cv2() -> ModuleType:

@@ -1,4 +1,4 @@
-"""Where the direction of travel meets the image, and how surely."""
+"""Where the line of travel meets the image: ahead, behind, and how surely."""
 
 from __future__ import annotations
 
@@ -6,31 +6,35 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint.camera import Camera
+from farpoint.camera import Camera, project_path
+from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose import RelativePose
 
-__all__ = ["EpipoleView", "view_epipole"]
+__all__ = ["EpipoleView", "meridians", "view_epipole"]
+
+_MERIDIANS = 16
+_POLE_GAP_RAD = np.deg2rad(9.0)  # nearer to their pole meridians would be one blot
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpipoleView:
-    """The epipole as an image shows it.
+    """The epipole and its antipode as an image shows them.
 
     Attributes
     ----------
     heading : ndarray, shape (3,)
         Direction of travel in camera 0.
-    pixel : ndarray, shape (2,), or None
-        The epipole in image 0; None where neither end of the line of travel is in the image.
-    backward : bool
-        The pixel is where the camera comes from, not where it goes.
+    ahead_px, behind_px : ndarray, shape (2,), or None
+        Where the camera travels to and where it comes from, in image 0; None outside of it. A
+        wide lens may see both.
     ring_px : ndarray, shape (K, 2)
-        Boundary of the heading's 95 % region, closed; NaN where the lens does not see it.
+        Boundary of the heading's 95 % region and of its mirror image behind, as far as the lens
+        sees them; a row of NaN begins a new piece.
     """
 
     heading: np.ndarray
-    pixel: np.ndarray | None
-    backward: bool
+    ahead_px: np.ndarray | None
+    behind_px: np.ndarray | None
     ring_px: np.ndarray
 
 
@@ -41,11 +45,26 @@ def view_epipole(pose: RelativePose, camera: Camera, size: tuple[int, int]) -> E
         return None
     ends_px = camera.project(np.stack([heading, -heading]))
     beyond = np.abs(ends_px - (np.array(size) - 1) / 2.0) - np.array(size) / 2.0
-    ahead_seen, behind_seen = np.all(beyond <= 0.0, axis=1)  # NaN compares as outside
-    backward = bool(behind_seen and not ahead_seen)
+    ahead, behind = np.all(beyond <= 0.0, axis=1)  # NaN compares as outside
+    both = np.concatenate([ring, np.full((1, 3), np.nan), -ring])
     return EpipoleView(
         heading=heading,
-        pixel=ends_px[int(backward)] if ahead_seen or behind_seen else None,
-        backward=backward,
-        ring_px=camera.project(-ring if backward else ring),
+        ahead_px=ends_px[0] if ahead else None,
+        behind_px=ends_px[1] if behind else None,
+        ring_px=project_path(camera, both),
     )
+
+
+def meridians(heading: np.ndarray) -> np.ndarray:
+    """Half great circles from the heading (3,) to its antipode: rays (K, 3), NaN between them.
+
+    Whatever the camera moves past flows along one of them.
+    """
+    basis = tangent_basis(heading)
+    turn = np.arange(_MERIDIANS) * 2.0 * np.pi / _MERIDIANS
+    sides = np.stack([np.cos(turn), np.sin(turn)], axis=1) @ basis.T
+    # Three corners make arcs of less than half a turn.
+    angles = np.linspace(_POLE_GAP_RAD, np.pi - _POLE_GAP_RAD, 3)[:, None]
+    paths = np.cos(angles) * heading + np.sin(angles) * sides[:, None]
+    gap = np.full((_MERIDIANS, 1, 3), np.nan)
+    return np.concatenate([paths, gap], axis=1).reshape(-1, 3)

@@ -9,53 +9,43 @@ import numpy as np
 from farpoint.geometry.angles import heading_angles_deg, rotation_vector_deg
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus, RelativePose
-from farpoint.sinks.overlay.canvas import (
-    FAR_RED,
-    FAULT_RED,
-    NEAR_GREEN,
-    OUTLIER_GREY,
-    QUIET_GREY,
-    WHITE,
-    Colour,
-    draw_text,
-    text_width,
-)
+from farpoint.sinks.overlay.canvas import draw_text, text_width
+from farpoint.sinks.overlay.palette import QUIET_GREY, WHITE, Colour, Palette
 
 __all__ = ["draw_panel"]
-
-STATUS_COLOURS: dict[PoseStatus, Colour] = {
-    PoseStatus.OK: (30, 140, 75),
-    PoseStatus.ROTATION_ONLY: (176, 112, 10),
-    PoseStatus.STATIC: (50, 105, 190),
-    PoseStatus.FAILED: FAULT_RED,
-}
 
 Row = tuple[str, str, str]
 """Name, value and its 1-sigma."""
 
 
-def draw_panel(pixels: np.ndarray, result: OdometryResult, line_px: float) -> None:
+def draw_panel(
+    pixels: np.ndarray, result: OdometryResult, line_px: float, palette: Palette
+) -> None:
     """Fill the panel (H, W, 3) with the values of one pair."""
     pose = result.pose
     if pose is None:
         _write(pixels, "first frame: nothing to compare it with", 0.5, 1.0, line_px, QUIET_GREY)
         return
-    _draw_verdict(pixels, result, pose, line_px)
+    _draw_verdict(pixels, result, pose, line_px, palette)
     third = pixels.shape[1] / line_px / 3.0
     _draw_table(pixels, "rotation vector, deg (1 sigma)", _rotation_rows(pose), 0.5, line_px)
     _draw_table(pixels, "heading, deg (1 sigma)", _heading_rows(result, pose), 0.5 + third, line_px)
-    _draw_matches(pixels, pose, 0.5 + 2.0 * third, line_px)
+    _draw_matches(pixels, pose, 0.5 + 2.0 * third, line_px, palette)
 
 
 def _draw_verdict(
-    pixels: np.ndarray, result: OdometryResult, pose: RelativePose, line_px: float
+    pixels: np.ndarray,
+    result: OdometryResult,
+    pose: RelativePose,
+    line_px: float,
+    palette: Palette,
 ) -> None:
     """The status as a coloured label, which frames, and below it the reason."""
     capital, word = 0.5 * line_px, pose.status.value
     width = text_width(word, capital, bold=True) + line_px
     top, left = 0.35 * line_px, 0.4 * line_px
     pixels[round(top) : round(top + 1.1 * line_px), round(left) : round(left + width)] = (
-        STATUS_COLOURS[pose.status]
+        _status_colour(pose.status, palette)
     )
     draw_text(pixels, word, left + 0.5 * line_px, 1.15 * line_px, capital, WHITE, bold=True)
     frames = f"{result.frame0} to {result.frame1}"
@@ -63,6 +53,15 @@ def _draw_verdict(
     used = (left + width) / line_px + 1.5 + text_width(frames, 0.46 * line_px) / line_px
     reason = _shortened(pose.reason, pixels.shape[1] - (used + 0.5) * line_px, 0.46 * line_px)
     _write(pixels, reason, used, 1.15, line_px, WHITE)
+
+
+def _status_colour(status: PoseStatus, palette: Palette) -> Colour:
+    return {
+        PoseStatus.OK: palette.good,
+        PoseStatus.ROTATION_ONLY: palette.partial,
+        PoseStatus.STATIC: palette.still,
+        PoseStatus.FAILED: palette.bad,
+    }[status]
 
 
 def _rotation_rows(pose: RelativePose) -> list[Row]:
@@ -103,14 +102,16 @@ def _draw_table(
             _write(pixels, sigma, left + 9.2, line, line_px, WHITE, to_the_left=True)
 
 
-def _draw_matches(pixels: np.ndarray, pose: RelativePose, left: float, line_px: float) -> None:
+def _draw_matches(
+    pixels: np.ndarray, pose: RelativePose, left: float, line_px: float, palette: Palette
+) -> None:
     noise = "" if pose.noise_px is None else f", noise {pose.noise_px:.2f} px"
     stats = pose.stats
     _write(pixels, f"{stats.matches} matches{noise}", left, 2.75, line_px, QUIET_GREY)
     counts = (
-        ("far", stats.far, FAR_RED),
-        ("near", stats.near, NEAR_GREEN),
-        ("outliers", stats.outliers, OUTLIER_GREY),
+        ("far", stats.far, palette.far),
+        ("near", stats.near, palette.near),
+        ("outliers", stats.outliers, palette.outlier),
     )
     for index, (name, count, colour) in enumerate(counts):
         line = 3.85 + index

@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from farpoint.camera import Camera
+from farpoint.camera import Camera, Pinhole, project_path
 from farpoint.geometry.angles import heading_angles_deg
 from farpoint.odometry import OdometryResult
 from farpoint.pose import RelativePose, TrackLabel
 from farpoint.pose.flow import derotated_points
-from farpoint.sinks.overlay.canvas import (
-    BACKGROUND,
-    FAR_RED,
-    HEADING_YELLOW,
-    NEAR_GREEN,
-    OUTLIER_GREY,
-    QUIET_GREY,
-    WHITE,
-    Canvas,
-    draw_text,
-    text_width,
-)
-from farpoint.sinks.overlay.epipole import EpipoleView, view_epipole
+from farpoint.sinks.overlay.canvas import Canvas, draw_text, text_width
+from farpoint.sinks.overlay.epipole import EpipoleView, meridians, view_epipole
+from farpoint.sinks.overlay.palette import BACKGROUND, GUIDE_GREY, QUIET_GREY, WHITE
 
 __all__ = ["draw_flow_pane", "draw_points_pane"]
 
 _ARROW_REACH = 0.95  # how far out the arrow's tip stands, as a part of the way to the border
 
 
-def draw_points_pane(canvas: Canvas, result: OdometryResult, line_px: float) -> None:
-    """Tracks over the newer image: far red rings, near green discs, outliers grey crosses."""
-    _draw_tracks(canvas, result, result.tracks.points0, result.tracks.points1)
+def draw_points_pane(
+    canvas: Canvas, result: OdometryResult, camera: Camera, line_px: float
+) -> None:
+    """Tracks over the newer image: far rings, near discs, outliers crosses."""
+    tracks = result.tracks
+    if result.pose is not None and len(tracks):
+        _draw_matches(canvas, result.pose, camera, tracks.points0, tracks.points1)
     _caption(canvas, f"frame {result.frame1}   {result.timestamp:.3f} s", line_px, top=True)
 
 
@@ -43,52 +39,84 @@ def draw_flow_pane(
 ) -> None:
     """The flow with the rotation taken out, in the pixels of the older image; the epipole."""
     pose = result.pose
-    _caption(canvas, "translational flow (rotation removed)", line_px, top=True)
     if pose is None or pose.rotation_cam1_from_cam0 is None:
+        _caption(canvas, "translational flow (rotation removed)", line_px, top=True)
         return
-    heads = derotated_points(camera, result.tracks.points1, pose.rotation_cam1_from_cam0)
-    _draw_tracks(canvas, result, result.tracks.points0, heads)
     view = view_epipole(pose, camera, size)
-    if view is None:
-        _caption(canvas, "direction not observable", line_px, top=False)
-        return
-    if view.pixel is not None:
-        _draw_marker(canvas, view.pixel)
-    else:
-        _draw_border_arrow(canvas, view, camera)
-    canvas.path(view.ring_px, HEADING_YELLOW)  # on top: a sure heading's ellipse is a small one
+    if view is not None and _bends(camera):
+        canvas.path(project_path(camera, meridians(view.heading)), GUIDE_GREY)
+    if len(result.tracks):
+        heads = derotated_points(camera, result.tracks.points1, pose.rotation_cam1_from_cam0)
+        _draw_matches(canvas, pose, camera, result.tracks.points0, heads)
+    if view is not None:
+        _draw_epipole(canvas, view, camera)
+    _caption(canvas, "translational flow (rotation removed)", line_px, top=True)
     _caption(canvas, _epipole_caption(view, pose), line_px, top=False)
 
 
-def _draw_tracks(
-    canvas: Canvas, result: OdometryResult, tails: np.ndarray, heads: np.ndarray
+# Near points last: they are fewest where it matters and must not be hidden.
+_DRAWN_IN_ORDER = (TrackLabel.OUTLIER, TrackLabel.FAR, TrackLabel.NEAR)
+
+
+def _draw_matches(
+    canvas: Canvas, pose: RelativePose, camera: Camera, tails: np.ndarray, heads: np.ndarray
 ) -> None:
-    if result.pose is None:
-        return
-    flow = np.stack([tails, heads], axis=1)
-    # Near points last: they are fewest where it matters and must not be hidden.
-    for label, colour in (
-        (TrackLabel.OUTLIER, OUTLIER_GREY),
-        (TrackLabel.FAR, FAR_RED),
-        (TrackLabel.NEAR, NEAR_GREEN),
-    ):
-        chosen = result.pose.labels == label
-        canvas.segments(flow[chosen], colour)
-        if label is TrackLabel.OUTLIER:
-            canvas.crosses(heads[chosen], colour, 2.0)
-        elif label is TrackLabel.FAR:
-            canvas.rings(heads[chosen], colour, 3.0)
+    """A line and a sign for each match; lines follow great circles where the lens bends them."""
+    for label in _DRAWN_IN_ORDER:
+        chosen = pose.labels == label
+        colour = _colour(canvas, label)
+        if _bends(camera):
+            ends = [camera.unproject(points[chosen]) for points in (tails, heads)]
+            arcs = np.stack([*ends, np.full_like(ends[0], np.nan)], axis=1)
+            canvas.path(project_path(camera, arcs.reshape(-1, 3)), colour)
         else:
-            canvas.dots(heads[chosen], colour, 2.6)
+            canvas.segments(np.stack([tails, heads], axis=1)[chosen], colour)
+        _draw_heads(canvas, heads[chosen], label)
 
 
-def _draw_marker(canvas: Canvas, pixel: np.ndarray) -> None:
+def _bends(camera: Camera) -> bool:
+    """Whether straight lines in space are not straight in the picture, or may cross its seam."""
+    return not isinstance(camera.model, Pinhole)
+
+
+def _colour(canvas: Canvas, label: TrackLabel) -> tuple[int, int, int]:
+    palette = canvas.palette
+    return {
+        TrackLabel.OUTLIER: palette.outlier,
+        TrackLabel.FAR: palette.far,
+        TrackLabel.NEAR: palette.near,
+    }[label]
+
+
+def _draw_heads(canvas: Canvas, heads: np.ndarray, label: TrackLabel) -> None:
+    """A sign for each label of its own, so that colour is not all that tells them apart."""
+    colour = _colour(canvas, label)
+    if label is TrackLabel.OUTLIER:
+        canvas.crosses(heads, colour, 3.0)
+    elif label is TrackLabel.FAR:
+        canvas.holes(heads, colour, 3.4)
+    else:
+        canvas.dots(heads, colour, 2.6)
+
+
+def _draw_epipole(canvas: Canvas, view: EpipoleView, camera: Camera) -> None:
+    """The two ends of the line of travel, and on top their region: a sure one is small."""
+    if view.ahead_px is None and view.behind_px is None:
+        _draw_border_arrow(canvas, view, camera)
+    if view.behind_px is not None:
+        _draw_marker(canvas, view.behind_px, slanting=True)
+    if view.ahead_px is not None:
+        _draw_marker(canvas, view.ahead_px, slanting=False)
+    canvas.path(view.ring_px, canvas.palette.heading)
+
+
+def _draw_marker(canvas: Canvas, pixel: np.ndarray, *, slanting: bool) -> None:
     """The circle with a cross; dark underneath, so that it stands out of any flow."""
     centre = pixel[None]
     for colour, width in ((BACKGROUND, 3), (WHITE, 1)):
-        heavy = Canvas(pixels=canvas.pixels, scale=canvas.scale, stroke=width * canvas.stroke)
+        heavy = replace(canvas, stroke=width * canvas.stroke)
         heavy.rings(centre, colour, 9.0 / width)
-        heavy.crosses(centre, colour, 14.0 / width)
+        heavy.crosses(centre, colour, 14.0 / width, slanting=slanting)
 
 
 def _draw_border_arrow(canvas: Canvas, view: EpipoleView, camera: Camera) -> None:
@@ -105,13 +133,17 @@ def _draw_border_arrow(canvas: Canvas, view: EpipoleView, camera: Camera) -> Non
         canvas.segments(np.stack([end, tip])[None], WHITE, 3 * canvas.stroke)
 
 
-def _epipole_caption(view: EpipoleView, pose: RelativePose) -> str:
+def _epipole_caption(view: EpipoleView | None, pose: RelativePose) -> str:
+    if view is None:
+        return "direction not observable"
     assert pose.heading_covariance is not None
-    (azimuth, elevation), _ = heading_angles_deg(view.heading, pose.heading_covariance)
-    if view.backward:
-        return "epipole: where the camera comes from (it moves backward); 95 % ellipse"
-    if view.pixel is not None:
+    if view.ahead_px is not None and view.behind_px is not None:
+        return "epipole (+) with 95 % ellipse; behind: (x)"
+    if view.ahead_px is not None:
         return "epipole with 95 % ellipse"
+    if view.behind_px is not None:
+        return "moving backward: (x) is where the camera comes from; 95 % ellipse"
+    (azimuth, elevation), _ = heading_angles_deg(view.heading, pose.heading_covariance)
     across = f"{abs(azimuth):.0f} deg {'right' if azimuth > 0 else 'left'}"
     upright = f"{abs(elevation):.0f} deg {'up' if elevation > 0 else 'down'}"
     return f"epipole outside the image: heading {across}, {upright}"

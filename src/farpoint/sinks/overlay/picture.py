@@ -7,20 +7,28 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.errors import InputError, optional_import
 from farpoint.odometry import OdometryResult
-from farpoint.sinks.overlay.canvas import BACKGROUND, Canvas
+from farpoint.sinks.overlay.canvas import Canvas
 from farpoint.sinks.overlay.layout import Layout
+from farpoint.sinks.overlay.palette import BACKGROUND, PALETTES, Palette, PaletteName
 from farpoint.sinks.overlay.panel import draw_panel
 from farpoint.sinks.overlay.panes import draw_flow_pane, draw_points_pane
 
 __all__ = ["draw_overlay"]
 
 
-def draw_overlay(image: np.ndarray | None, result: OdometryResult, camera: Camera) -> np.ndarray:
+def draw_overlay(
+    image: np.ndarray | None,
+    result: OdometryResult,
+    camera: Camera,
+    palette: PaletteName = "red-green",
+) -> np.ndarray:
     """Draw the working display of the method, after the screen-shots of the paper.
 
     The newer image with its tracks (far red, near green, outliers grey); the translational flow
-    in the older image's pixels with the epipole as a circle with a cross and its 95 % ellipse, or
-    an arrow at the border towards an epipole outside the image; the motion with its 1-sigma.
+    in the older image's pixels, along great circles as the lens bends them, with the epipole as a
+    circle with a cross inside its 95 % ellipse, the opposite end of the line of travel as a circle
+    with a slanting cross, or an arrow at the border where both are outside the image; the motion
+    with its 1-sigma.
 
     Parameters
     ----------
@@ -31,6 +39,8 @@ def draw_overlay(image: np.ndarray | None, result: OdometryResult, camera: Camer
         What the frame brought.
     camera : Camera
         The camera of both frames.
+    palette : {"red-green", "orange-blue"}
+        The second is told apart with any kind of colour vision: far orange, near blue.
 
     Returns
     -------
@@ -40,8 +50,10 @@ def draw_overlay(image: np.ndarray | None, result: OdometryResult, camera: Camer
     Raises
     ------
     InputError
-        If neither the camera nor the image tells the size.
+        If neither the camera nor the image tells the size, or there is no such palette.
     """
+    if palette not in PALETTES:
+        raise InputError(f"expected one of {', '.join(PALETTES)}, got {palette!r}", field="palette")
     size = camera.size if image is None or camera.size is not None else image.shape[1::-1]
     if size is None:
         raise InputError("expected an image, or a camera that knows its image size", field="image")
@@ -51,15 +63,23 @@ def draw_overlay(image: np.ndarray | None, result: OdometryResult, camera: Camer
     picture[1:] = picture[0]  # by rows: ten times faster than by pixels
     if image is not None:
         picture[layout.pane_slices(0)] = _fitted(image, layout.pane)
-    draw_points_pane(_canvas(picture, layout, 0, size), result, layout.line_px)
-    draw_flow_pane(_canvas(picture, layout, 1, size), result, camera, size, layout.line_px)
-    draw_panel(picture[-layout.panel_height :], result, layout.line_px)
+    colours = PALETTES[palette]
+    points, flow = (_canvas(picture, layout, index, size, colours) for index in (0, 1))
+    draw_points_pane(points, result, camera, layout.line_px)
+    draw_flow_pane(flow, result, camera, size, layout.line_px)
+    draw_panel(picture[-layout.panel_height :], result, layout.line_px, colours)
     return picture
 
 
-def _canvas(picture: np.ndarray, layout: Layout, index: int, size: tuple[int, int]) -> Canvas:
-    scale = np.array(layout.pane) / np.array(size)
-    return Canvas(pixels=picture[layout.pane_slices(index)], scale=scale, stroke=layout.stroke)
+def _canvas(
+    picture: np.ndarray, layout: Layout, index: int, size: tuple[int, int], palette: Palette
+) -> Canvas:
+    return Canvas(
+        pixels=picture[layout.pane_slices(index)],
+        scale=np.array(layout.pane) / np.array(size),
+        stroke=layout.stroke,
+        palette=palette,
+    )
 
 
 def _fitted(image: np.ndarray, pane: tuple[int, int]) -> np.ndarray:
@@ -70,4 +90,4 @@ def _fitted(image: np.ndarray, pane: tuple[int, int]) -> np.ndarray:
         image = cv2.resize(
             image, pane, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
         )
-    return image if image.ndim == 3 else np.repeat(image[:, :, None], 3, axis=2)
+    return image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)

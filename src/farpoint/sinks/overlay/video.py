@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from farpoint.camera import Camera
 from farpoint.errors import optional_import
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.overlay.layout import Layout
+from farpoint.sinks.overlay.palette import PaletteName
 from farpoint.sinks.overlay.picture import draw_overlay
 from farpoint.sinks.sink import open_output
 
@@ -23,10 +25,13 @@ KEYFRAME_INTERVAL = 15
 _TICK = Fraction(1, 90_000)  # s: exact for 24, 25, 30 and 60 frames a second
 _NOMINAL_RATE = 30  # frames a second, for the encoder's book-keeping only: time stamps are true
 
-# A fragment at every key frame, each complete in itself: a file that was never closed plays.
+# A fragment at every key frame, each complete in itself: a file that was never closed plays. Once
+# it is closed it is packed anew, with one index in front: then phones know its length and seek.
 _CONTAINER = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
-# No look-ahead and no B-frames: every picture is in the file as soon as it can be.
-_ENCODER = {"preset": "veryfast", "tune": "zerolatency", "crf": "23"}
+# No look-ahead and no B-frames: every picture is in the file as soon as it can be. A slower preset
+# than this would save a third of the bytes and take as long again; threads would take the cores
+# that estimate.
+_ENCODER = {"preset": "superfast", "tune": "zerolatency", "crf": "24"}
 
 
 class OverlayVideo:
@@ -38,6 +43,8 @@ class OverlayVideo:
         Replaced if it exists.
     camera : Camera
         Camera of the frames; its image size, or else the first image, fixes the picture's size.
+    palette : {"red-green", "orange-blue"}
+        Colours, as `draw_overlay` takes them.
 
     Raises
     ------
@@ -47,10 +54,11 @@ class OverlayVideo:
         If PyAV or OpenCV is not installed.
     """
 
-    def __init__(self, path: Path, camera: Camera) -> None:
+    def __init__(self, path: Path, camera: Camera, palette: PaletteName = "red-green") -> None:
         self._av = optional_import("av", extra="video", purpose="writing overlay.mp4")
-        optional_import("cv2", extra="video", purpose="drawing overlay.mp4")
-        self._camera = camera
+        self._cv2 = optional_import("cv2", extra="video", purpose="drawing overlay.mp4")
+        self._path, self._camera = path, camera
+        self._palette: PaletteName = palette
         self._stream: Any = None
         self._start_s = 0.0
         self._last_tick = -1
@@ -64,8 +72,11 @@ class OverlayVideo:
                 return  # the size of the picture is not known yet
             self._camera = self._camera.with_size(image.shape[1], image.shape[0])
         stream = self._stream or self._open_stream(result.timestamp)
-        picture = draw_overlay(image, result, self._camera)
-        frame = self._av.VideoFrame.from_ndarray(picture, format="rgb24")
+        picture = draw_overlay(image, result, self._camera, self._palette)
+        planes = self._cv2.cvtColor(
+            picture, self._cv2.COLOR_RGB2YUV_I420
+        )  # three times PyAV's pace
+        frame = self._av.VideoFrame.from_ndarray(planes, format="yuv420p")
         # A clock that stands still or runs back must not stop the film.
         tick = max(round((result.timestamp - self._start_s) / _TICK), self._last_tick + 1)
         frame.pts, frame.time_base = tick, _TICK
@@ -82,6 +93,9 @@ class OverlayVideo:
                 container.mux(self._stream.encode(None))
         finally:
             container.close()
+        if self._stream is not None:
+            with contextlib.suppress(OSError, self._av.FFmpegError):  # then it stays as it was
+                _pack(self._av, self._path)
 
     def _open_stream(self, start_s: float) -> Any:
         assert self._camera.size is not None
@@ -90,8 +104,27 @@ class OverlayVideo:
         stream.width, stream.height, stream.pix_fmt = layout.width, layout.height, "yuv420p"
         stream.time_base = stream.codec_context.time_base = _TICK
         stream.codec_context.gop_size = KEYFRAME_INTERVAL
+        stream.codec_context.thread_count = 1
         # Said aloud, or players would take the colours of tall pictures for BT.709.
         stream.codec_context.colorspace = self._av.video.reformatter.Colorspace.ITU601
         stream.codec_context.color_range = self._av.video.reformatter.ColorRange.MPEG
         self._stream, self._start_s = stream, start_s
         return stream
+
+
+def _pack(av: Any, path: Path) -> None:
+    """Replace a film in fragments by one whose index stands in front; pictures stay as they are."""
+    part = path.with_name(path.name + ".part")
+    try:
+        with av.open(str(path)) as film:
+            options = {"movflags": "faststart"}
+            with av.open(str(part), "w", format="mp4", options=options) as packed:
+                source = film.streams.video[0]
+                target = packed.add_stream_from_template(source)
+                for packet in film.demux(source):
+                    if packet.dts is not None:
+                        packet.stream = target
+                        packed.mux(packet)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

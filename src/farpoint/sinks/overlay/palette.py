@@ -1,0 +1,71 @@
+"""Colours of the display, each with a meaning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+__all__ = [
+    "BACKGROUND",
+    "GUIDE_GREY",
+    "PALETTES",
+    "QUIET_GREY",
+    "RED_GREEN",
+    "WHITE",
+    "Colour",
+    "Palette",
+    "PaletteName",
+]
+
+Colour = tuple[int, int, int]
+"""Red, green, blue."""
+
+PaletteName = Literal["red-green", "orange-blue"]
+"""What users call a palette."""
+
+BACKGROUND: Colour = (22, 24, 28)
+GUIDE_GREY: Colour = (62, 68, 76)
+QUIET_GREY: Colour = (165, 170, 178)
+WHITE: Colour = (242, 242, 242)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Palette:
+    """Colours of what the display tells apart; shapes tell it as well.
+
+    Attributes
+    ----------
+    far, near, outlier : Colour
+        Of matches, by their label.
+    heading : Colour
+        Of the region that holds the epipole.
+    good, partial, still, bad : Colour
+        Behind the words OK, ROTATION_ONLY, STATIC and FAILED.
+    """
+
+    far: Colour
+    near: Colour
+    outlier: Colour = (172, 172, 176)
+    heading: Colour = (255, 214, 64)
+    good: Colour
+    partial: Colour = (176, 112, 10)
+    still: Colour = (50, 105, 190)
+    bad: Colour = (214, 48, 49)
+
+
+RED_GREEN = Palette(far=(255, 72, 60), near=(70, 220, 105), good=(30, 140, 75))
+"""The colours of the paper."""
+
+# Told apart with any kind of colour vision: they differ in blue and yellow, and in brightness
+# (M. Okabe, K. Ito, "Color Universal Design", 2008: its orange and sky blue, a little brighter).
+_ORANGE_BLUE = Palette(
+    far=(245, 150, 20),
+    near=(96, 190, 255),
+    heading=(250, 240, 130),
+    good=(0, 110, 170),
+    still=(90, 95, 105),
+    bad=(190, 70, 0),
+)
+
+PALETTES: dict[PaletteName, Palette] = {"red-green": RED_GREEN, "orange-blue": _ORANGE_BLUE}
+"""Palettes by name."""
