@@ -12,6 +12,7 @@ from farpoint.pose import RelativePose
 
 __all__ = ["EpipoleView", "meridians", "view_epipole"]
 
+_STEP_PX = 2.0
 _MERIDIANS = 16
 _POLE_GAP_RAD = np.deg2rad(9.0)  # nearer to their pole meridians would be one blot
 
@@ -46,13 +47,23 @@ def view_epipole(pose: RelativePose, camera: Camera, size: tuple[int, int]) -> E
     ends_px = camera.project(np.stack([heading, -heading]))
     beyond = np.abs(ends_px - (np.array(size) - 1) / 2.0) - np.array(size) / 2.0
     ahead, behind = np.all(beyond <= 0.0, axis=1)  # NaN compares as outside
-    both = np.concatenate([ring, np.full((1, 3), np.nan), -ring])
+    outlines = [line for line in (_outline(camera, ring), _outline(camera, -ring)) if len(line)]
+    if len(outlines) == 2:
+        outlines.insert(1, np.full((1, 2), np.nan))
     return EpipoleView(
         heading=heading,
         ahead_px=ends_px[0] if ahead else None,
         behind_px=ends_px[1] if behind else None,
-        ring_px=project_path(camera, both),
+        ring_px=np.concatenate([np.empty((0, 2)), *outlines]),
     )
+
+
+def _outline(camera: Camera, ring: np.ndarray) -> np.ndarray:
+    """A closed ring of rays (K, 3) as the lens shows it, (M, 2) px."""
+    pixels = camera.project(ring)
+    steps = np.linalg.norm(np.diff(pixels, axis=0), axis=1)
+    # A small ring in the middle of the view needs no finer steps, and has to keep those it has.
+    return pixels if np.all(steps < _STEP_PX) else project_path(camera, ring)
 
 
 def meridians(heading: np.ndarray) -> np.ndarray:
