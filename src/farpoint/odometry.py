@@ -20,7 +20,7 @@ from farpoint.pose import (
     failed_pose,
 )
 from farpoint.pose.card import card, pose_rows
-from farpoint.tracks import Tracker, TrackerOptions, Tracks, grey_size
+from farpoint.tracks import Tracker, TrackerOptions, Tracks, grey_size, trackable_region
 from farpoint.trajectory.chain import chain
 from farpoint.trajectory.prediction import predict_points
 
@@ -172,6 +172,8 @@ class Odometry:
         width, height = grey_size(image)
         if not self._has_seen:
             self.camera = self.camera.with_size(width, height)
+            region = trackable_region(self.camera, self.options.tracker)
+            self._tracker = Tracker(self.options.tracker, mask=region)
             self._has_seen = True
         assert self.camera.size is not None
         if self.camera.size != (width, height):

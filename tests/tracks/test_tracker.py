@@ -41,6 +41,7 @@ def test_tracks_live_on_with_their_ids_through_a_sequence():
     tracker = Tracker(FEW)
     shifts = [(2.3 * k, -1.4 * k) for k in range(8)]
     seen: dict[int, np.ndarray] = {}
+    begun: dict[int, np.ndarray] = {}
     for k, shift in enumerate(shifts):
         tracks = tracker.track(photo(SCENE.grey(shift=shift)))
         for identity, point0, point1 in zip(
@@ -49,13 +50,23 @@ def test_tracks_live_on_with_their_ids_through_a_sequence():
             if k > 1 and identity in seen:
                 np.testing.assert_array_equal(seen[identity], point0)
             seen[identity] = point1
+            begun.setdefault(identity, point0)
     assert tracks.ids.dtype == np.int64
     assert len(np.unique(tracks.ids)) == len(tracks)
     old = tracks.ids < 120  # begun in the first image
     assert old.sum() > 60
     # Seven matches, each to a few hundredths of a pixel, have not drifted off the scene.
-    home = tracks.points1[old] - shifts[-1]
-    assert np.median(np.abs(home - np.rint(home))) < 0.05
+    start = np.array([begun[identity] for identity in tracks.ids[old]])
+    assert np.median(np.abs(tracks.points1[old] - start - shifts[-1])) < 0.05
+
+
+def test_tracks_begin_at_all_fractions_of_a_pixel():
+    """On whole pixels they would share what interpolation does to a match, and be off together."""
+    fraction = (started(options=TrackerOptions(max_tracks=400)).points % 1.0).T
+    for values in fraction:
+        held, _ = np.histogram(values, bins=8, range=(0, 1))
+        assert held.min() > 0.6 * held.mean()
+    assert abs(np.corrcoef(fraction)[0, 1]) < 0.15
 
 
 def test_missing_tracks_are_replenished_and_ids_never_used_again():

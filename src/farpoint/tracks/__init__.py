@@ -6,6 +6,7 @@ from farpoint.tracks.options import (
     RefinementOptions,
     TrackerOptions,
 )
+from farpoint.tracks.region import trackable_region
 from farpoint.tracks.tracker import Tracker, grey_size
 from farpoint.tracks.tracks import Tracks
 
@@ -17,4 +18,5 @@ __all__ = [
     "TrackerOptions",
     "Tracks",
     "grey_size",
+    "trackable_region",
 ]
