@@ -16,7 +16,13 @@ CLI = ROOT / "docs" / "cli.md"
 
 OPTION = r"(?<![\w-])--[a-z]\w*(?:[-.]\w+)*"
 
-PUBLIC_MODULES = ("farpoint", "farpoint.metrics", "farpoint.plot", "farpoint.synthetic")
+PUBLIC_MODULES = (
+    "farpoint",
+    "farpoint.fusion",
+    "farpoint.metrics",
+    "farpoint.plot",
+    "farpoint.synthetic",
+)
 """Modules whose ``__all__`` is a promise to users."""
 
 

@@ -1,6 +1,7 @@
 """Scenes whose truth is known exactly: point sets, and rendered images."""
 
 from farpoint.synthetic.bound import cramer_rao_bound, rotation_cramer_rao_bound
+from farpoint.synthetic.inertial import InertialPath, SimulatedImu
 from farpoint.synthetic.paper import (
     PAPER_NOISE_PX,
     PAPER_OUTLIERS,
@@ -26,11 +27,13 @@ __all__ = [
     "PAPER_NOISE_PX",
     "PAPER_OUTLIERS",
     "ImagingOptions",
+    "InertialPath",
     "OutlierKind",
     "PointScene",
     "PointSceneOptions",
     "RenderedSequence",
     "RenderedView",
+    "SimulatedImu",
     "cramer_rao_bound",
     "make_point_scene",
     "paper_camera",

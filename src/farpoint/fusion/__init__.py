@@ -1,0 +1,16 @@
+"""Seen motions in a Kalman filter with an IMU."""
+
+from farpoint.fusion.filter import InertialFilter, Innovation, StartSigmas
+from farpoint.fusion.imu import ImuNoise, ImuSamples, ImuSteps, read_euroc_imu
+from farpoint.fusion.state import InertialState
+
+__all__ = [
+    "ImuNoise",
+    "ImuSamples",
+    "ImuSteps",
+    "InertialFilter",
+    "InertialState",
+    "Innovation",
+    "StartSigmas",
+    "read_euroc_imu",
+]

@@ -1,0 +1,250 @@
+"""An error-state Kalman filter that fuses seen motions, each with its covariance, with an IMU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from farpoint.errors import InputError
+from farpoint.fusion.imu import ImuNoise, ImuSteps
+from farpoint.fusion.models import central_differences, moved, seen_error
+from farpoint.fusion.state import (
+    ACCEL_BIAS,
+    ATTITUDE,
+    DISPLACEMENT,
+    ERROR_SIZE,
+    GYRO_BIAS,
+    KNOWN,
+    LAST_ATTITUDE,
+    VELOCITY,
+    InertialState,
+    difference,
+    retract,
+)
+from farpoint.geometry import sphere
+from farpoint.metrics import chi2_quantile
+from farpoint.pose import RelativePose
+
+__all__ = ["InertialFilter", "Innovation", "StartSigmas"]
+
+_STEPS_AT_ONCE = 20  # every step's noise has a column of its own in the derivative
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartSigmas:
+    """1-sigma of the state that a filter starts from, of each axis.
+
+    Attributes
+    ----------
+    tilt_rad, heading_rad : float
+        Attitude, about the horizontal axes and about the vertical. The heading is a choice of the
+        map until something tells it.
+    velocity : float
+        m/s. Where it is much more than a third of the speed, the first directions make the filter
+        surer of the speed than it can be.
+    gyro_bias : float
+        rad/s.
+    accel_bias : float
+        m/s^2.
+    """
+
+    tilt_rad: float = 0.02
+    heading_rad: float = 1e-3
+    velocity: float = 0.2
+    gyro_bias: float = 0.02
+    accel_bias: float = 0.1
+
+    def covariance(self) -> np.ndarray:
+        """Covariance (18, 18) of the error at an image: the last attitude is the present one."""
+        sigmas = np.zeros(ERROR_SIZE)
+        sigmas[ATTITUDE] = (self.tilt_rad, self.tilt_rad, self.heading_rad)
+        sigmas[VELOCITY] = self.velocity
+        sigmas[GYRO_BIAS] = self.gyro_bias
+        sigmas[ACCEL_BIAS] = self.accel_bias
+        return _at_an_image(np.diag(sigmas**2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Innovation:
+    """What a seen motion said that the filter had not expected.
+
+    Attributes
+    ----------
+    dof : int
+        5 for rotation and direction, 3 for rotation alone, 0 where nothing was seen.
+    nis : float
+        Normalised innovation squared; `dof` on average where filter and covariance are honest.
+    used : bool
+        False where it was too unlikely, or nothing was seen: then the filter ignored it.
+    """
+
+    dof: int
+    nis: float
+    used: bool
+
+
+class InertialFilter:
+    """Attitude, velocity and biases of a body from its IMU and a camera on it.
+
+    The camera gives the rotation between two images and the direction of travel, each with its
+    covariance. The gyroscope's bias shows in the rotations; the speed, which no direction tells,
+    in how the direction turns under the accelerations that are felt.
+
+    Parameters
+    ----------
+    state : InertialState
+        At the time of the first image.
+    start : StartSigmas
+        How sure the state is.
+    noise : ImuNoise
+        Of the IMU.
+    body_from_cam : ndarray, shape (4, 4)
+        Pose of the camera on the IMU (Kalibr's and EuRoC's ``T_BS`` of the camera).
+    gate : float
+        A motion that an honest filter would see less often than once in ``1 / (1 - gate)`` times
+        is ignored; 1 ignores none.
+
+    Attributes
+    ----------
+    state : InertialState
+        The estimate now.
+    covariance : ndarray, shape (18, 18)
+        Of its error, in the order of `farpoint.fusion.state`.
+
+    Examples
+    --------
+    >>> for result in odometry.run(frames):  # doctest: +SKIP
+    ...     if result.pose is not None:
+    ...         fused.predict(imu.between(result.timestamp0, result.timestamp))
+    ...         fused.update(result.pose)
+    """
+
+    def __init__(
+        self,
+        state: InertialState,
+        start: StartSigmas,
+        noise: ImuNoise,
+        body_from_cam: np.ndarray,
+        *,
+        gate: float = 0.9999,
+    ) -> None:
+        if np.shape(body_from_cam) != (4, 4):
+            raise InputError("expected a 4x4 matrix", field="body_from_cam")
+        if not 0.0 < gate <= 1.0:
+            raise InputError(f"expected a probability, got {gate}", field="gate")
+        self.state, self.covariance = state, start.covariance()
+        self._noise, self._body_from_cam, self._gate = noise, np.asarray(body_from_cam), gate
+
+    def predict(self, steps: ImuSteps) -> None:
+        """Move on by what the IMU felt."""
+        for part in steps.parts(_STEPS_AT_ONCE):
+            self._move(part)
+
+    def _move(self, steps: ImuSteps) -> None:
+        state, count = moved(self.state, steps), len(steps)
+
+        def error_after(step: np.ndarray) -> np.ndarray:
+            before = retract(self.state, step[:, :ERROR_SIZE])
+            noise = step[:, ERROR_SIZE:].reshape(-1, 2, count, 3)
+            felt = ImuSteps(
+                gyro=steps.gyro + noise[:, 0], accel=steps.accel + noise[:, 1], dt=steps.dt
+            )
+            return difference(moved(before, felt), state)
+
+        jacobian = central_differences(error_after, ERROR_SIZE + 6 * count)
+        by_state, by_noise = np.hsplit(jacobian, [ERROR_SIZE])
+        n = self._noise
+        density = np.repeat([n.gyro_density, n.accel_density], 3 * count)
+        variance = density**2 / np.tile(np.repeat(steps.dt, 3), 2)
+        covariance = by_state @ self.covariance @ by_state.T + (by_noise * variance) @ by_noise.T
+        for part, walk in ((GYRO_BIAS, n.gyro_walk), (ACCEL_BIAS, n.accel_walk)):
+            covariance[part, part] += walk**2 * steps.dt.sum() * np.eye(3)
+        self.state, self.covariance = state, covariance
+
+    def update(self, pose: RelativePose) -> Innovation:
+        """Learn from the motion since the last image; the next motion starts now.
+
+        Whatever the pose gives is used: rotation and direction, rotation alone, or nothing.
+        """
+        innovation = self._learn(pose)
+        self.state = InertialState.at(
+            self.state.world_from_body,
+            self.state.velocity,
+            self.state.gyro_bias,
+            self.state.accel_bias,
+        )
+        self.covariance = _at_an_image(self.covariance)
+        return innovation
+
+    def travel_direction(self) -> tuple[np.ndarray, np.ndarray]:
+        """Direction of travel in the body's axes, a unit vector (3,), and its covariance (3, 3).
+
+        Means nothing while the speed is not known to be more than 0.
+        """
+
+        def direction(step: np.ndarray) -> np.ndarray:
+            return sphere.normalize(retract(self.state, step).velocity_body)
+
+        jacobian = central_differences(direction, ERROR_SIZE)
+        return direction(np.zeros(ERROR_SIZE)), jacobian @ self.covariance @ jacobian.T
+
+    def nees(self, truth: InertialState) -> float:
+        """Normalised square of the error of attitude, velocity and biases: 12 if all is honest."""
+        error = difference(truth, self.state)[KNOWN]
+        return float(error @ np.linalg.solve(self.covariance[KNOWN, KNOWN], error))
+
+    def _learn(self, pose: RelativePose) -> Innovation:
+        noise = pose.covariance if pose.covariance is not None else pose.rotation_covariance
+        if noise is None:
+            return Innovation(dof=0, nis=0.0, used=False)
+
+        def error_seen(step: np.ndarray) -> np.ndarray:
+            return seen_error(retract(self.state, step), pose, self._body_from_cam)
+
+        # The prior is the unit ball in x: the covariance is singular, its root is not in the way.
+        root = _root(self.covariance)
+        white = np.linalg.inv(np.linalg.cholesky(noise))
+
+        def misfit(x: np.ndarray) -> np.ndarray:
+            return np.concatenate([x, white @ error_seen(root @ x)])
+
+        def slope(x: np.ndarray) -> np.ndarray:
+            return np.vstack([np.eye(ERROR_SIZE), white @ _slope(error_seen, root @ x) @ root])
+
+        # The most probable state, not the first step to it (Bell and Cathey, IEEE TAC 38(2), 1993,
+        # doi:10.1109/9.250476): a direction is linear in the velocity only where the velocity is
+        # known, and at first it is not.
+        start: Any = np.zeros(ERROR_SIZE), slope  # SciPy's types know no callable derivative
+        best = least_squares(misfit, *start, method="lm")
+        dof, nis = len(noise), 2.0 * float(best.cost)
+        if nis > chi2_quantile(self._gate, dof):
+            return Innovation(dof=dof, nis=nis, used=False)
+        step, found = root @ best.x, retract(self.state, root @ best.x)
+        # Errors are told from the new state now, no longer from the predicted one.
+        carry = _slope(lambda steps: difference(retract(self.state, steps), found), step)
+        carried = carry @ root
+        self.covariance = carried @ np.linalg.inv(best.jac.T @ best.jac) @ carried.T
+        self.state = found
+        return Innovation(dof=dof, nis=nis, used=True)
+
+
+def _slope(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+    return central_differences(lambda steps: function(at + steps), len(at))
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """A matrix whose square, ``root @ root.T``, is the covariance, be it singular."""
+    variances, axes = np.linalg.eigh(covariance)
+    return axes * np.sqrt(np.maximum(variances, 0.0))
+
+
+def _at_an_image(covariance: np.ndarray) -> np.ndarray:
+    """The same covariance when an image is taken: nothing moved, the last attitude is this one."""
+    carry = np.eye(ERROR_SIZE)
+    carry[DISPLACEMENT] = carry[LAST_ATTITUDE] = 0.0
+    carry[LAST_ATTITUDE, ATTITUDE] = np.eye(3)
+    return carry @ covariance @ carry.T

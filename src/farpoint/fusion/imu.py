@@ -1,0 +1,163 @@
+"""What an inertial measurement unit says: rates and forces over time, and how noisy they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from farpoint.errors import InputError
+
+__all__ = ["ImuNoise", "ImuSamples", "ImuSteps", "read_euroc_imu"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImuNoise:
+    """Noise of an IMU, in the terms of Kalibr and of EuRoC's ``sensor.yaml``.
+
+    Attributes
+    ----------
+    gyro_density : float
+        White noise of the angular rate, rad/s/sqrt(Hz).
+    gyro_walk : float
+        Random walk of its bias, rad/s^2/sqrt(Hz).
+    accel_density : float
+        White noise of the specific force, m/s^2/sqrt(Hz).
+    accel_walk : float
+        Random walk of its bias, m/s^3/sqrt(Hz).
+
+    Raises
+    ------
+    InputError
+        If a field is not positive.
+    """
+
+    gyro_density: float = 1.7e-4
+    gyro_walk: float = 2.0e-5
+    accel_density: float = 2.0e-3
+    accel_walk: float = 3.0e-3
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if not (np.isfinite(value := getattr(self, field.name)) and value > 0.0):
+                raise InputError(f"expected more than 0, got {value}", field=field.name)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImuSteps:
+    """Stretches of time, one after the other, and what was felt in each on average.
+
+    Attributes
+    ----------
+    gyro : ndarray, shape (N, 3)
+        Mean angular rate, rad/s. In a stack of what may have been felt, shape (..., N, 3).
+    accel : ndarray, shape (N, 3)
+        Mean specific force, m/s^2; stacked likewise.
+    dt : ndarray, shape (N,)
+        Lengths, s.
+    """
+
+    gyro: np.ndarray
+    accel: np.ndarray
+    dt: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.dt)
+
+    def parts(self, size: int) -> Iterator[ImuSteps]:
+        """The same steps, at most so many at a time."""
+        for k in range(0, len(self), size):
+            part = slice(k, k + size)
+            yield ImuSteps(gyro=self.gyro[part], accel=self.accel[part], dt=self.dt[part])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImuSamples:
+    """Measurements of an IMU in its own axes.
+
+    Attributes
+    ----------
+    timestamps : ndarray, shape (N,)
+        Seconds, increasing.
+    gyro : ndarray, shape (N, 3)
+        Angular rate of the body against the world, rad/s.
+    accel : ndarray, shape (N, 3)
+        Specific force, m/s^2: at rest it points up and is as large as gravity.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, times do not increase or a number is not finite.
+    """
+
+    timestamps: np.ndarray
+    gyro: np.ndarray
+    accel: np.ndarray
+
+    def __post_init__(self) -> None:
+        n = len(self.timestamps)
+        for name in ("gyro", "accel"):
+            values = getattr(self, name)
+            if values.shape != (n, 3) or not np.isfinite(values).all():
+                raise InputError(f"expected ({n}, 3) finite numbers", field=name)
+        if n < 2 or not (np.diff(self.timestamps) > 0.0).all():
+            raise InputError("expected at least 2, increasing", field="timestamps")
+
+    def between(self, start_s: float, end_s: float) -> ImuSteps:
+        """The steps that lead from one time to another.
+
+        Measurements are joined by straight lines, so that steps may begin and end between them.
+
+        Raises
+        ------
+        InputError
+            If the samples do not reach over the whole interval.
+        """
+        t = self.timestamps
+        if not t[0] <= start_s <= end_s <= t[-1]:
+            raise InputError(
+                f"expected samples from {start_s} to {end_s} s, got {t[0]} to {t[-1]} s",
+                field="timestamps",
+            )
+        times = np.unique([start_s, *t[(t > start_s) & (t < end_s)], end_s])
+        values = np.hstack([self.gyro, self.accel])
+        at = np.column_stack([np.interp(times, t, column) for column in values.T])
+        gyro, accel = np.hsplit(0.5 * (at[1:] + at[:-1]), 2)
+        return ImuSteps(gyro=gyro, accel=accel, dt=np.diff(times))
+
+
+def read_euroc_imu(path: str | Path) -> ImuSamples:
+    """Read EuRoC's ``imu0/data.csv``: ``t[ns],wx,wy,wz,ax,ay,az``, rad/s and m/s^2.
+
+    Raises
+    ------
+    InputError
+        With the file and the line.
+    """
+    path = Path(path)
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError("cannot be read as text", file=path) from error
+    stamps, rows = [], []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        cells = line.split(",")
+        try:
+            nanoseconds, *values = int(cells[0]), *map(float, cells[1:])
+            if len(values) != 6:
+                raise ValueError
+        except ValueError:
+            raise InputError(
+                "expected t[ns] and 6 numbers, with commas", file=path, field=f"line {number}"
+            ) from None
+        stamps.append(nanoseconds / 1e9)
+        rows.append(values)
+    table = np.array(rows).reshape(-1, 6)
+    try:
+        return ImuSamples(timestamps=np.array(stamps), gyro=table[:, :3], accel=table[:, 3:])
+    except InputError as error:
+        raise InputError(error.problem, file=path, field=error.field) from error

@@ -1,0 +1,82 @@
+"""The two models of the filter: how the body moves, and what a camera on it sees of that.
+
+Both are plain functions of states, which may be stacked; their derivatives are central differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from farpoint.fusion.imu import ImuSteps
+from farpoint.fusion.state import InertialState
+from farpoint.geometry import so3
+from farpoint.pose import RelativePose
+
+__all__ = ["GRAVITY", "central_differences", "moved", "predicted_motion", "seen_error"]
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+"""Acceleration of free fall in the world, m/s^2; over the Earth it varies by a quarter per cent."""
+
+_STEP = 1e-5
+
+
+def central_differences(function: Callable[[np.ndarray], np.ndarray], size: int) -> np.ndarray:
+    """Derivative (M, size) at 0 of a function that takes stacked steps (2 * size, size)."""
+    values = function(np.concatenate([_STEP * np.eye(size), -_STEP * np.eye(size)]))
+    return ((values[:size] - values[size:]) / (2.0 * _STEP)).T
+
+
+def moved(state: InertialState, steps: ImuSteps) -> InertialState:
+    """The state after these steps, if what was felt in them has no error but the state's biases."""
+    # The force turns with the body: its attitude in the middle of a step is good to dt^3.
+    half_turns = so3.exp(0.5 * steps.dt[:, None] * (steps.gyro - state.gyro_bias[..., None, :]))
+    forces = steps.accel - state.accel_bias[..., None, :]
+    R, v, p = state.world_from_body, state.velocity, state.displacement
+    for k, dt in enumerate(steps.dt):
+        middle = R @ half_turns[..., k, :, :]
+        acceleration = (middle @ forces[..., k, :, None])[..., 0] + GRAVITY
+        p = p + dt * v + 0.5 * dt**2 * acceleration
+        v = v + dt * acceleration
+        R = middle @ half_turns[..., k, :, :]
+    return replace(state, world_from_body=R, velocity=v, displacement=p)
+
+
+def predicted_motion(
+    state: InertialState, body_from_cam: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (..., 3, 3) and translation (..., 3), m, of ``cam1_from_cam0`` since the last image.
+
+    Parameters
+    ----------
+    state : InertialState
+        Now, at camera 1; its displacement and last attitude tell where camera 0 was.
+    body_from_cam : ndarray, shape (4, 4)
+        Pose of the camera on the body.
+    """
+    cam1_from_world = np.swapaxes(state.world_from_body @ body_from_cam[:3, :3], -1, -2)
+    world_from_cam0 = state.last_world_from_body @ body_from_cam[:3, :3]
+    lever = (state.world_from_body - state.last_world_from_body) @ body_from_cam[:3, 3]
+    travel = state.displacement + lever
+    return cam1_from_world @ world_from_cam0, -(cam1_from_world @ travel[..., None])[..., 0]
+
+
+def seen_error(state: InertialState, pose: RelativePose, body_from_cam: np.ndarray) -> np.ndarray:
+    """``[dtheta, dbeta]`` (..., 5), rad, from the motion seen to the state's.
+
+    For the true state that is the error whose covariance the pose gives, but for ``dbeta`` being
+    an angle here and not its tangent, so that it is finite for a state that moves the other way.
+    ``dtheta`` alone (..., 3) where no direction was seen.
+    """
+    R_seen, d, B = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0, pose.direction_basis
+    assert R_seen is not None
+    R, t = predicted_motion(state, body_from_cam)
+    dtheta = so3.log(R @ R_seen.T)
+    if d is None or B is None:
+        return dtheta
+    across = t @ B
+    size = np.linalg.norm(across, axis=-1, keepdims=True)
+    angle = np.arctan2(size, (t @ d)[..., None])
+    return np.concatenate([dtheta, across * (angle / np.maximum(size, 1e-300))], axis=-1)

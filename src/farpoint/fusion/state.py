@@ -1,0 +1,139 @@
+"""What the filter knows: attitude, velocity, biases, and how the body moved since the last image.
+
+Errors of attitude, velocity and displacement are those of the right-invariant filter (Barrau and
+Bonnabel, "The Invariant Extended Kalman Filter as a Stable Observer", IEEE TAC 62(4), 2017,
+doi:10.1109/TAC.2016.2594085): they turn the whole world. What no measurement can tell, the heading
+on the map, is then the same step of the error at every state, and linearising at different states
+cannot make the filter believe that it has learnt it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.geometry import so3, sphere
+
+__all__ = [
+    "ACCEL_BIAS",
+    "ATTITUDE",
+    "DISPLACEMENT",
+    "ERROR_SIZE",
+    "GYRO_BIAS",
+    "KNOWN",
+    "LAST_ATTITUDE",
+    "VELOCITY",
+    "InertialState",
+    "difference",
+    "retract",
+]
+
+ATTITUDE, VELOCITY, GYRO_BIAS, ACCEL_BIAS = (slice(k, k + 3) for k in (0, 3, 6, 9))
+DISPLACEMENT, LAST_ATTITUDE = slice(12, 15), slice(15, 18)
+KNOWN = slice(0, 12)
+ERROR_SIZE = 18
+"""Order of the error: the first 12 are what users ask for, the others serve the next image."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InertialState:
+    """State of a body with an IMU; the world's z axis points up. Leading axes may stack states.
+
+    Attributes
+    ----------
+    world_from_body : ndarray, shape (..., 3, 3)
+        Attitude of the IMU.
+    velocity : ndarray, shape (..., 3)
+        Of the IMU in the world, m/s.
+    gyro_bias : ndarray, shape (..., 3)
+        What the gyroscope says too much, rad/s.
+    accel_bias : ndarray, shape (..., 3)
+        What the accelerometer says too much, m/s^2.
+    displacement : ndarray, shape (..., 3)
+        How the IMU moved since the last image, in the world, m.
+    last_world_from_body : ndarray, shape (..., 3, 3)
+        Its attitude at the last image.
+    """
+
+    world_from_body: np.ndarray
+    velocity: np.ndarray
+    gyro_bias: np.ndarray
+    accel_bias: np.ndarray
+    displacement: np.ndarray
+    last_world_from_body: np.ndarray
+
+    @classmethod
+    def at(
+        cls,
+        world_from_body: np.ndarray,
+        velocity: np.ndarray,
+        gyro_bias: np.ndarray | None = None,
+        accel_bias: np.ndarray | None = None,
+    ) -> InertialState:
+        """State at an image; biases are 0 unless given."""
+        return cls(
+            world_from_body=world_from_body,
+            velocity=velocity,
+            gyro_bias=np.zeros(3) if gyro_bias is None else gyro_bias,
+            accel_bias=np.zeros(3) if accel_bias is None else accel_bias,
+            displacement=np.zeros(3),
+            last_world_from_body=world_from_body,
+        )
+
+    @classmethod
+    def at_rest(cls, accel: np.ndarray) -> InertialState:
+        """State of a body that stands still and feels this force (3,), m/s^2: level, heading 0.
+
+        A bias of the accelerometer tilts it: by 0.1 rad for 1 m/s^2.
+        """
+        up = np.array([0.0, 0.0, 1.0])
+        axis = np.cross(accel, up)
+        sine = float(np.linalg.norm(axis))
+        if sine == 0.0:  # upright, or upside down: any horizontal axis will do
+            axis, sine = np.array([1.0, 0.0, 0.0]), 1.0
+        angle = sphere.angle_between(sphere.normalize(accel), up)
+        return cls.at(so3.exp(float(angle) * axis / sine), np.zeros(3))
+
+    @property
+    def velocity_body(self) -> np.ndarray:
+        """Velocity in the body's own axes, m/s, shape (..., 3)."""
+        return _turned(np.swapaxes(self.world_from_body, -1, -2), self.velocity)
+
+
+def retract(state: InertialState, error: np.ndarray) -> InertialState:
+    """The true state of an estimate and its error (..., 18).
+
+    ``R_true = Exp(dtheta) @ R``, ``v_true = Exp(dtheta) @ v + dv`` and the displacement likewise;
+    biases add; the last attitude has a ``dtheta`` of its own.
+    """
+    turn, last_turn = so3.exp(error[..., ATTITUDE]), so3.exp(error[..., LAST_ATTITUDE])
+    return InertialState(
+        world_from_body=turn @ state.world_from_body,
+        velocity=_turned(turn, state.velocity) + error[..., VELOCITY],
+        gyro_bias=state.gyro_bias + error[..., GYRO_BIAS],
+        accel_bias=state.accel_bias + error[..., ACCEL_BIAS],
+        displacement=_turned(turn, state.displacement) + error[..., DISPLACEMENT],
+        last_world_from_body=last_turn @ state.last_world_from_body,
+    )
+
+
+def difference(truth: InertialState, estimate: InertialState) -> np.ndarray:
+    """The error (..., 18) that `retract` takes from the estimate to the truth."""
+    turn = truth.world_from_body @ np.swapaxes(estimate.world_from_body, -1, -2)
+    last_turn = truth.last_world_from_body @ np.swapaxes(estimate.last_world_from_body, -1, -2)
+    return np.concatenate(
+        [
+            so3.log(turn),
+            truth.velocity - _turned(turn, estimate.velocity),
+            truth.gyro_bias - estimate.gyro_bias,
+            truth.accel_bias - estimate.accel_bias,
+            truth.displacement - _turned(turn, estimate.displacement),
+            so3.log(last_turn),
+        ],
+        axis=-1,
+    )
+
+
+def _turned(R: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return (R @ v[..., None])[..., 0]
