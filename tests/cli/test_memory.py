@@ -6,15 +6,22 @@ import tracemalloc
 from pathlib import Path
 
 import numpy as np
+import pytest
 from cli_kit import CommandLine, statuses_of, there_and_back, write_folder
 
 Pictures = tuple[np.ndarray, ...]
 
 
 def test_memory_does_not_grow_with_the_length(
-    farpoint: CommandLine, tmp_path: Path, images: Pictures, calibration: Path
+    farpoint: CommandLine,
+    tmp_path: Path,
+    images: Pictures,
+    calibration: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ):
     """Of Python and NumPy; the report, written at the end, has a test of its own."""
+    # How many frames wait for the film depends on how busy the machine is: here at most one.
+    monkeypatch.setattr("farpoint.sinks.background.WAITING", 1)
     repeated = there_and_back(images)
     arguments = ("--camera", calibration, "--no-report", "--out")
 
@@ -28,7 +35,7 @@ def test_memory_does_not_grow_with_the_length(
             tracemalloc.stop()
 
     peak_bytes("first", 1)  # what is loaded and compiled on use
-    short, long = peak_bytes("short", 1), peak_bytes("long", 5)
-    assert len(statuses_of(tmp_path / "long-out")) == 5 * len(repeated) - 1
-    images_more = 4 * len(repeated) * images[0].nbytes
+    short, long = peak_bytes("short", 1), peak_bytes("long", 7)
+    assert len(statuses_of(tmp_path / "long-out")) == 7 * len(repeated) - 1
+    images_more = 6 * len(repeated) * images[0].nbytes
     assert long - short < 0.1 * images_more

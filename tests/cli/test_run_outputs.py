@@ -13,6 +13,7 @@ from cli_kit import (
     HEIGHT,
     WIDTH,
     CommandLine,
+    assert_refused,
     record_of,
     rows_of,
     statuses_of,
@@ -190,3 +191,30 @@ def test_the_demo_meets_its_truth(farpoint: CommandLine, tmp_path: Path):
     assert medians["rotation"] < 0.02
     assert medians["direction"] < 0.2
     assert "report.html" in outcome.out
+
+
+def test_the_display_is_recorded_beside_the_outputs(
+    farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path, images: Pictures
+):
+    reader = pytest.importorskip("rerun.chunk").RrdReader
+    rrd = tmp_path / "drive.rrd"
+    arguments = ("--camera", calibration, "--no-overlay", "--no-report", "--rrd", rrd)
+    assert farpoint("run", shots, *arguments, "--out", tmp_path / "with").code == 0
+    parts = [part for part in reader(rrd).stream() if part.entity_path == "/image"]
+    assert sum(part.num_rows for part in parts) == len(images)
+    assert "viewer" in record_of(tmp_path / "with")["wall_clock"]["stages_s"]
+    # The display changes nothing of what is computed.
+    without = (*arguments[:-2], "--out", tmp_path / "without")
+    assert farpoint("run", shots, *without).code == 0
+    for name in ("motions.csv", "trajectory.tum"):
+        written = [(tmp_path / out / name).read_bytes() for out in ("with", "without")]
+        assert written[0] == written[1]
+
+
+def test_a_display_that_cannot_be_had_replaces_nothing(
+    farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path
+):
+    out, rrd = tmp_path / "out", tmp_path / "missing" / "drive.rrd"
+    outcome = farpoint("run", shots, "--camera", calibration, "--out", out, "--rrd", rrd)
+    assert_refused(outcome, rrd, "cannot be written")
+    assert not out.exists()

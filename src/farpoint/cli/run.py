@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import chain, islice
 from pathlib import Path
@@ -18,7 +19,7 @@ from farpoint.errors import InputError
 from farpoint.frames import Frame, FrameSource, open_frames
 from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
 from farpoint.pose import PoseStatus
-from farpoint.sinks import OutputFolder, OutputOptions, RunDescription
+from farpoint.sinks import OutputFolder, OutputOptions, RunDescription, ViewerOptions, open_viewer
 
 __all__ = ["Run", "process_frames"]
 
@@ -48,6 +49,8 @@ class Run:
         Options of tracking and estimation.
     output : OutputOptions
         Which outputs are made.
+    viewer : ViewerOptions
+        Where the working display goes.
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
@@ -59,6 +62,7 @@ class Run:
         default_factory=OdometryOptions
     )
     output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=OutputOptions)
+    viewer: Annotated[ViewerOptions, tyro.conf.arg(name="")] = field(default_factory=ViewerOptions)
 
     def __call__(self) -> None:
         """Do it."""
@@ -68,7 +72,9 @@ class Run:
             raise _missing_camera(self.source, frames)
         out = self.out or Path("farpoint-out") / frames.name
         try:
-            process_frames(frames, self.source, camera, out, self.odometry, self.output)
+            process_frames(
+                frames, self.source, camera, out, self.odometry, self.output, self.viewer
+            )
         except InputError as error:
             if error.field != "camera":
                 raise
@@ -82,6 +88,7 @@ def process_frames(
     out: Path,
     options: OdometryOptions,
     output: OutputOptions,
+    viewer: ViewerOptions | None = None,
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
 
@@ -89,7 +96,7 @@ def process_frames(
     ------
     InputError
         Where images are not of the camera's size (field ``camera``), none can be decoded, or
-        ``out`` cannot be written.
+        ``out`` or a recording cannot be written.
     """
     timed = _timed(frames, source)
     # The first frame comes before the folder: a wrong calibration must not cost an earlier result.
@@ -106,7 +113,15 @@ def process_frames(
         timestamp_source=frames.timestamp_source,
         notes=(UNIT_STEPS,),
     )
-    with OutputFolder(out, description, output) as folder:
+    with ExitStack() as opened:
+        # The display comes before the folder too: where it cannot be had, nothing is replaced.
+        display = None
+        if viewer is not None and viewer.wanted:
+            display = open_viewer(viewer, frames.name, camera, output.palette)
+            opened.callback(display.close)
+        folder = opened.enter_context(OutputFolder(out, description, output))
+        if display is not None:
+            folder.add("viewer", display)
         odometry, every = Odometry(camera, options), output.halves_every
         counts = _run_into(folder, chain(first, timed), odometry, frames.count, every)
     print(f"{sum(counts.values())} pairs of frames: {_in_words(counts)}")

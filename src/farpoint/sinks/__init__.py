@@ -5,14 +5,19 @@ from farpoint.sinks.output_folder import OutputFolder, OutputOptions
 from farpoint.sinks.overlay import draw_overlay
 from farpoint.sinks.report import write_report
 from farpoint.sinks.run_record import RunDescription, RunState, read_run
+from farpoint.sinks.viewer import LiveViewer, Viewer, ViewerOptions, open_viewer
 
 __all__ = [
+    "LiveViewer",
     "Motions",
     "OutputFolder",
     "OutputOptions",
     "RunDescription",
     "RunState",
+    "Viewer",
+    "ViewerOptions",
     "draw_overlay",
+    "open_viewer",
     "read_motions",
     "read_run",
     "write_report",

@@ -45,6 +45,14 @@ class BackgroundSink:
         self._frames.put((result, image))
         self._raise_problem()
 
+    def offer(self, result: OdometryResult, image: np.ndarray | None) -> bool:
+        """Queue one frame as `write` does if there is room; whether there was."""
+        if not self._room.acquire(blocking=False):
+            return False
+        self._frames.put((result, image))
+        self._raise_problem()
+        return True
+
     def close(self) -> None:
         """Wait until all is written and the sink is closed; a second call does nothing."""
         if not self._closed:

@@ -106,6 +106,10 @@ class OutputFolder:
                 self._sinks["overlay"] = BackgroundSink(film)
             opened.pop_all()
 
+    def add(self, name: str, sink: Sink) -> None:
+        """Give results to a further sink as well, which is closed with the others."""
+        self._sinks[name] = sink
+
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
         """Add what one frame brought to every output; neither may be changed afterwards."""
         for name, sink in self._sinks.items():
@@ -118,6 +122,10 @@ class OutputFolder:
         """Add the split-half test of one pair, if the options ask for such tests."""
         if self._halves is not None:
             self._halves.write(result, halves)
+
+    def put(self, name: str, fact: object) -> None:
+        """Say something more of the run in ``run.json``, under a key of its own."""
+        self._record.put(name, fact)
 
     def add_time(self, stage: str, seconds: float) -> None:
         """Add to the time spent in a stage that happens elsewhere, such as reading."""

@@ -106,6 +106,7 @@ class RunRecord:
         self._counts = dict.fromkeys(PoseStatus, 0)
         self._reasons: list[dict[str, Any]] = []
         self._stages_s: dict[str, float] = {}
+        self._facts: dict[str, Any] = {}
         self._started = datetime.now(UTC)
         self._clock_start = self._clock_saved = time.monotonic()
         self._fixed = {
@@ -138,6 +139,10 @@ class RunRecord:
     def add_time(self, stage: str, seconds: float) -> None:
         """Add to the time spent in a stage of the run."""
         self._stages_s[stage] = self._stages_s.get(stage, 0.0) + seconds
+
+    def put(self, name: str, fact: object) -> None:
+        """Say something more of the run: under its own key, in place of what was said before."""
+        self._facts[name] = plain(fact)
 
     def finish(self, state: RunState, error: str | None = None) -> None:
         """Write how the run ended; `error` is one line on why it failed."""
@@ -197,6 +202,7 @@ class RunRecord:
             "pairs": {status.value: count for status, count in self._counts.items()},
             "reasons": self._reasons,
             "reasons_omitted": not_ok - len(self._reasons),
+            **self._facts,
             WALL_CLOCK: {
                 "started": self._started.isoformat(timespec="seconds"),
                 "elapsed_s": round(elapsed_s, 3),

@@ -1,0 +1,40 @@
+"""Where things are in the recording: the entities that the layout shows and the drawing fills."""
+
+from __future__ import annotations
+
+__all__ = [
+    "CAMERA",
+    "CONE",
+    "DELAYS",
+    "FLOW",
+    "HEADING",
+    "IMAGE",
+    "LINK",
+    "PATH",
+    "POINTS",
+    "ROTATION",
+    "STATUS",
+    "VALUES",
+    "WORLD",
+]
+
+IMAGE = "image"
+"""The newer image with its tracks."""
+FLOW = "flow"
+"""The translational flow with the epipole, in the pixels of the older image."""
+WORLD = "world"
+CAMERA = "world/camera"
+PATH = "world/path"
+POINTS = "world/points"
+CONE = "world/heading"
+"""The 95 % region of the heading, from where the camera was."""
+ROTATION = "rotation"
+"""Rate of rotation, deg/s: x, y, z, each with its value and its band."""
+HEADING = "heading"
+"""Direction of travel, deg: to the right and up, with their bands."""
+STATUS = "status"
+VALUES = "values"
+DELAYS = "delays"
+"""Latency and frames left out, of live sessions."""
+LINK = "status/source"
+"""Whether the source delivers, of live sessions."""

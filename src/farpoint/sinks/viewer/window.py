@@ -1,0 +1,70 @@
+"""The viewer's window: a process of its own that only this machine can reach."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+
+from farpoint.errors import InputError, optional_import
+
+__all__ = ["open_window"]
+
+_LOOPBACK = "127.0.0.1"
+_PATIENCE_S = 20.0
+# A live session has no end, so what the viewer keeps of it must have one.
+_MEMORY = "2GB"
+
+
+def open_window() -> str:
+    """Start the Rerun viewer and return the address that recordings are sent to.
+
+    The viewer listens on the loopback interface alone (its own default are all interfaces), with
+    its usage statistics off. It outlives this process, so that a run can be looked at when it has
+    ended.
+
+    Raises
+    ------
+    MissingExtraError
+        If rerun-sdk is not installed.
+    InputError
+        If the viewer ends at once, as it does where there is no display.
+    """
+    optional_import("rerun_cli", extra="rerun", purpose="the viewer")
+    port = _free_port()
+    command = [sys.executable, "-m", "rerun_cli", "--bind", _LOOPBACK, "--port", str(port)]
+    process = subprocess.Popen(
+        [*command, "--memory-limit", _MEMORY, "--expect-data-soon"],
+        # Rerun sends no statistics from continuous integration; the setting that a user can make
+        # for good ("rerun analytics disable") is not ours to change.
+        env={**os.environ, "CI": "true"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # Ctrl-C ends the run, not the window
+    )
+    _wait_until_it_listens(process, port)
+    return f"rerun+http://{_LOOPBACK}:{port}/proxy"
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((_LOOPBACK, 0))
+        return probe.getsockname()[1]
+
+
+def _wait_until_it_listens(process: subprocess.Popen[bytes], port: int) -> None:
+    end = time.monotonic() + _PATIENCE_S
+    while process.poll() is None and time.monotonic() < end:
+        with socket.socket() as probe:
+            probe.settimeout(0.5)
+            if probe.connect_ex((_LOOPBACK, port)) == 0:
+                return
+        time.sleep(0.05)
+    process.terminate()
+    raise InputError(
+        "the viewer does not start, as where there is no display; --rrd FILE records instead",
+        field="--show",
+    )
