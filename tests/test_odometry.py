@@ -110,7 +110,7 @@ def test_the_wall_is_far_and_the_boards_are_near(results):
     assert (labels[~on_wall] == TrackLabel.NEAR).mean() > 0.8
 
 
-def test_poses_are_chained_with_steps_of_one(results):
+def test_poses_are_chained_on_one_scale(results):
     expected = np.eye(4)
     for result in results[1:]:
         pose = result.pose
@@ -119,7 +119,10 @@ def test_poses_are_chained_with_steps_of_one(results):
         cam1_from_cam0[:3, 3] = result.scale * pose.direction_cam1_from_cam0
         expected = expected @ np.linalg.inv(cam1_from_cam0)
         np.testing.assert_allclose(result.world_from_cam, expected, rtol=0.0, atol=1e-12)
-        assert result.scale == 1.0
+        assert abs(result.scale - 1.0) <= 4.0 * result.scale_sigma
+        assert result.segment == 0
+    assert (results[1].scale, results[1].scale_sigma) == (1.0, 0.0)
+    assert 0.0 < results[5].scale_sigma < 0.03
 
 
 def test_tracks_keep_their_ids_from_frame_to_frame(results):
@@ -229,6 +232,7 @@ def test_a_cut_begins_anew():
     assert statuses(cut) == ["-", "OK", "FAILED", "OK"]
     assert compared(cut)[1:] == [(0, 1), (1, 2), (2, 3)]
     np.testing.assert_array_equal(cut[2].world_from_cam, cut[1].world_from_cam)
+    assert [result.segment for result in cut] == [0, 0, 1, 1]
     # No track lives on, and no number is given twice.
     assert not np.isin(cut[3].tracks.ids, cut[1].tracks.ids).any()
     off = so3.angle_between(cut[3].pose.rotation_cam1_from_cam0, TURN)

@@ -21,7 +21,7 @@ from farpoint.pose import (
 )
 from farpoint.pose.card import card, pose_rows
 from farpoint.tracks import Tracker, TrackerOptions, Tracks, grey_size, trackable_region
-from farpoint.trajectory.chain import chain
+from farpoint.trajectory.path import PathBuilder, PathOptions, PathPoint
 from farpoint.trajectory.prediction import predict_points
 
 __all__ = ["Odometry", "OdometryOptions", "OdometryResult"]
@@ -37,12 +37,15 @@ class OdometryOptions:
         How points are found and followed.
     pose : RelativePoseOptions
         How the motion is estimated from them.
+    path : PathOptions
+        How motions are strung together.
     seed : int
         Of the random samples.
     """
 
     tracker: TrackerOptions = field(default_factory=TrackerOptions)
     pose: RelativePoseOptions = field(default_factory=RelativePoseOptions)
+    path: PathOptions = field(default_factory=PathOptions)
     seed: int = 0
 
 
@@ -65,8 +68,16 @@ class OdometryResult:
     world_from_cam : ndarray, shape (4, 4)
         Camera axes to world; the first frame is the world.
     scale, scale_sigma : float or None
-        Length of the translation of this pair in the unit of the trajectory, and its 1-sigma;
-        None where there is none.
+        Length of the translation of this pair in the unit of the trajectory, which is the first
+        motion of the segment, and its 1-sigma; None where there is none.
+    world_covariance : ndarray, shape (7, 7), or None
+        Of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the segment:
+        ``R_true = Exp(dtheta) @ R`` and ``p_true = p + dposition`` of ``world_from_cam``, world
+        axes, rad and units of the trajectory, and the error of the scale that all later motions
+        share.
+    segment : int
+        0, and one more from each frame at which the scale was lost, or everything, as at a cut:
+        lengths within a segment have one scale.
     """
 
     frame0: int
@@ -78,6 +89,8 @@ class OdometryResult:
     world_from_cam: np.ndarray
     scale: float | None
     scale_sigma: float | None
+    world_covariance: np.ndarray | None = None
+    segment: int = 0
 
     def _repr_html_(self) -> str:
         """What a notebook shows: which frames, where the camera is, and the motion."""
@@ -108,7 +121,8 @@ class Odometry:
 
     Each frame is compared with the last one that was of use. A frame of no use (not decoded, of
     another size, without texture) gives a FAILED result and is passed over. Where the matches of a
-    textured frame have no consensus, as at a cut, the sequence begins anew from that frame.
+    textured frame have no consensus, as at a cut, the sequence begins anew from that frame, as
+    another segment of the trajectory; within a segment it has one scale.
 
     Parameters
     ----------
@@ -122,7 +136,7 @@ class Odometry:
     camera : Camera
         With the size of the frames, once there was one.
     seconds : dict
-        Time spent so far in ``"tracks"`` and ``"pose"``.
+        Time spent so far in ``"tracks"``, ``"pose"`` and ``"path"``.
 
     Examples
     --------
@@ -134,10 +148,10 @@ class Odometry:
     def __init__(self, camera: Camera, options: OdometryOptions | None = None) -> None:
         self.camera = camera
         self.options = options or OdometryOptions()
-        self.seconds = {"tracks": 0.0, "pose": 0.0}
+        self.seconds = {"tracks": 0.0, "pose": 0.0, "path": 0.0}
         self._tracker = Tracker(self.options.tracker)
         self._reference: _Reference | None = None
-        self._world_from_cam = np.eye(4)
+        self._path = PathBuilder(self._estimate, self.options.path)
         self._next_index = 0
         self._has_seen = False  # an image, which fixed the size
 
@@ -219,27 +233,19 @@ class Odometry:
             good = tracks.select(pose.labels != TrackLabel.OUTLIER)
             self._tracker.advance(image, good)
             self._reference = _Reference(index=index, timestamp=timestamp, motion=pose, tracks=good)
+            advanced = time.perf_counter()
+            point = self._path.add(self.camera, tracks, pose, timestamp - reference.timestamp)
         elif self._tracker.sees_texture(image):
             # A cut, or a motion too large to follow: what comes next resembles this frame.
             self._restart(image, index, timestamp)
+            advanced = time.perf_counter()
+            point = self._path.break_off()
         else:
             return self._pass_over(index, timestamp, "The frame shows nothing to track.")
-        self.seconds["tracks"] += matched - start + time.perf_counter() - estimated
+        self.seconds["tracks"] += matched - start + advanced - estimated
         self.seconds["pose"] += estimated - matched
-        # Until the scale is estimated, every translation has the length of one unit.
-        scale = 1.0 if pose.status is PoseStatus.OK else None
-        self._world_from_cam = chain(self._world_from_cam, pose, scale)
-        return OdometryResult(
-            frame0=reference.index,
-            frame1=index,
-            timestamp0=reference.timestamp,
-            timestamp=timestamp,
-            pose=pose,
-            tracks=tracks,
-            world_from_cam=self._world_from_cam.copy(),
-            scale=scale,
-            scale_sigma=None,
-        )
+        self.seconds["path"] += time.perf_counter() - advanced
+        return self._result(reference, index, timestamp, pose, tracks, point)
 
     def _estimate(
         self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
@@ -281,15 +287,28 @@ class Odometry:
     def _without_motion(
         self, index: int, timestamp: float, pose: RelativePose | None
     ) -> OdometryResult:
-        reference = self._reference
+        tracks, point = Tracks.empty(), self._path.now
+        return self._result(self._reference, index, timestamp, pose, tracks, point)
+
+    @staticmethod
+    def _result(
+        reference: _Reference | None,
+        index: int,
+        timestamp: float,
+        pose: RelativePose | None,
+        tracks: Tracks,
+        point: PathPoint,
+    ) -> OdometryResult:
         return OdometryResult(
             frame0=index if reference is None else reference.index,
             frame1=index,
             timestamp0=timestamp if reference is None else reference.timestamp,
             timestamp=timestamp,
             pose=pose,
-            tracks=Tracks.empty(),
-            world_from_cam=self._world_from_cam.copy(),
-            scale=None,
-            scale_sigma=None,
+            tracks=tracks,
+            world_from_cam=point.world_from_cam.copy(),
+            world_covariance=point.covariance.copy(),
+            segment=point.segment,
+            scale=point.scale,
+            scale_sigma=point.scale_sigma,
         )

@@ -23,11 +23,6 @@ from farpoint.sinks import OutputFolder, OutputOptions, RunDescription, ViewerOp
 
 __all__ = ["Run", "process_frames"]
 
-UNIT_STEPS = (
-    "The scale of the translation is not estimated: every pair with a direction moves by one unit, "
-    "so positions show the shape of the path only where the speed was constant."
-)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
@@ -111,7 +106,6 @@ def process_frames(
         options={"odometry": options, "output": output},
         frame_count=frames.count,
         timestamp_source=frames.timestamp_source,
-        notes=(UNIT_STEPS,),
     )
     with ExitStack() as opened:
         # The display comes before the folder too: where it cannot be had, nothing is replaced.

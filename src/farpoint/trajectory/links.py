@@ -1,0 +1,132 @@
+"""Keyframes, and the link from the last of them to the frame of now."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.pose import PoseStatus, RelativePose, TrackLabel
+from farpoint.tracks import Tracks
+from farpoint.trajectory.depths import Depths
+from farpoint.trajectory.parallax import Parallax
+from farpoint.trajectory.scale import ScaleFit
+
+__all__ = ["Keyframe", "Link", "Moved", "good_tracks", "join_tracks"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Keyframe:
+    """A frame that later ones are compared with.
+
+    Attributes
+    ----------
+    world_from_cam : ndarray, shape (4, 4)
+        Its pose.
+    covariance : ndarray, shape (7, 7)
+        Of ``[dtheta, dposition, dlog_scale]``.
+    depths : Depths
+        What is known of the tracks that it sees.
+    segment : int
+        Of the trajectory.
+    """
+
+    world_from_cam: np.ndarray
+    covariance: np.ndarray
+    depths: Depths
+    segment: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Moved:
+    """A motion with its length.
+
+    Attributes
+    ----------
+    parallax : Parallax
+        Of its points.
+    fit : ScaleFit
+        Its length.
+    """
+
+    parallax: Parallax
+    fit: ScaleFit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Link:
+    """The motion from a keyframe to another frame.
+
+    Attributes
+    ----------
+    key : Keyframe
+        Where it begins.
+    tracks : Tracks
+        Good matches between the two.
+    begun : int
+        Tracks that the keyframe had.
+    steps : int
+        Motions from frame to frame since the keyframe, this one included.
+    motion : RelativePose
+        Not FAILED.
+    moved : Moved or None
+        None where no translation was observed, or none of known length.
+    world_from_cam : ndarray, shape (4, 4)
+        Pose of the other frame.
+    covariance : ndarray, shape (7, 7)
+        As that of `Keyframe`.
+    segment : int
+        That of the keyframe, or the next one where the motion began it.
+    """
+
+    key: Keyframe
+    tracks: Tracks
+    begun: int
+    steps: int
+    motion: RelativePose
+    moved: Moved | None
+    world_from_cam: np.ndarray
+    covariance: np.ndarray
+    segment: int
+
+    def is_firm(self, direction_sigma_rad: float) -> bool:
+        """Whether a direction is known to this 1-sigma."""
+        covariance = self.motion.covariance
+        return (
+            self.motion.status is PoseStatus.OK
+            and covariance is not None
+            and float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]) <= direction_sigma_rad**2
+        )
+
+    def end(self) -> Keyframe:
+        """The other frame as the keyframe of what follows."""
+        if self.moved is None:
+            depths = self.key.depths  # turning leaves distances as they are
+        else:
+            fit, direction = self.moved.fit, self.motion.direction_cam1_from_cam0
+            assert direction is not None
+            depths = self.key.depths.seen_again(
+                self.moved.parallax, fit.scale, fit.correction, fit.scale * direction
+            )
+        return Keyframe(
+            world_from_cam=self.world_from_cam,
+            covariance=self.covariance,
+            depths=depths,
+            segment=self.segment,
+        )
+
+
+def good_tracks(tracks: Tracks, motion: RelativePose) -> Tracks:
+    """Those that the motion explains."""
+    return tracks.select(motion.labels != TrackLabel.OUTLIER)
+
+
+def join_tracks(first: Tracks, second: Tracks) -> Tracks:
+    """Matches over two steps, of tracks in both; the errors of the steps add up."""
+    _, row0, row1 = np.intersect1d(first.ids, second.ids, assume_unique=True, return_indices=True)
+    return Tracks(
+        ids=first.ids[row0],
+        points0=first.points0[row0],
+        points1=second.points1[row1],
+        covariance_px2=first.covariance_px2[row0] + second.covariance_px2[row1],
+    )

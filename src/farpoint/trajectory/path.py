@@ -1,0 +1,277 @@
+"""Motions strung together on one scale: the camera's path, with how sure it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError
+from farpoint.pose import PoseStatus, RelativePose
+from farpoint.tracks import Tracks
+from farpoint.trajectory.chain import chain
+from farpoint.trajectory.depths import Depths
+from farpoint.trajectory.links import Keyframe, Link, Moved, good_tracks, join_tracks
+from farpoint.trajectory.parallax import Parallax, measure_parallax
+from farpoint.trajectory.scale import ScaleFit, fit_scale
+from farpoint.trajectory.uncertainty import advance_moving, advance_turning
+
+__all__ = ["PathBuilder", "PathOptions", "PathPoint"]
+
+Estimate = Callable[[np.ndarray, np.ndarray, np.ndarray], RelativePose]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathOptions:
+    """When a frame becomes the keyframe that later ones are compared with.
+
+    Attributes
+    ----------
+    keyframe_direction_deg : float
+        1-sigma, deg, to which the direction of travel since the last keyframe must be known.
+    keyframe_share : float
+        Share, 0 to 1, of the keyframe's tracks: with fewer left, it is replaced in any case.
+    shared_error_factor : float
+        How many times larger the error of a length is than independent errors of the tracks would
+        make it, at least 1. Tracks at edges of things err alike, and in the same sense again and
+        again.
+    """
+
+    keyframe_direction_deg: float = 1.0
+    keyframe_share: float = 0.5
+    shared_error_factor: float = 2.5
+
+    def __post_init__(self) -> None:
+        degrees = self.keyframe_direction_deg
+        if not (math.isfinite(degrees) and degrees > 0.0):
+            raise InputError(
+                f"expected a positive angle, deg, got {degrees}", field="keyframe_direction_deg"
+            )
+        if not 0.0 <= self.keyframe_share <= 1.0:
+            raise InputError(
+                f"expected a share, 0 to 1, got {self.keyframe_share}", field="keyframe_share"
+            )
+        if not (math.isfinite(self.shared_error_factor) and self.shared_error_factor >= 1.0):
+            raise InputError(
+                f"expected a factor, 1 or more, got {self.shared_error_factor}",
+                field="shared_error_factor",
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathPoint:
+    """Where the camera is.
+
+    Attributes
+    ----------
+    world_from_cam : ndarray, shape (4, 4)
+        Camera axes to world; the first frame is the world.
+    covariance : ndarray, shape (7, 7)
+        Of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the segment.
+    segment : int
+        Counts the parts of the path between which the scale, or everything, was lost.
+    scale, scale_sigma : float or None
+        Length of the last motion, frame to frame, and its 1-sigma; None where it has none.
+    """
+
+    world_from_cam: np.ndarray
+    covariance: np.ndarray
+    segment: int
+    scale: float | None = None
+    scale_sigma: float | None = None
+
+
+class PathBuilder:
+    """Strings motions of consecutive frames together.
+
+    Motions well observed are strung as they are. Where the camera moves little from frame to frame,
+    each frame is compared with a keyframe some frames back, until the direction of travel since
+    then is known well: slow motion gets a baseline worth measuring, and a camera at rest does not
+    wander. The length of a motion is that which fits the distances of points seen before.
+
+    Cost and memory for a frame do not depend on the number of frames.
+
+    Parameters
+    ----------
+    estimate : callable
+        Motion of the camera from matches of two frames: pixels (N, 2) in each, and covariances
+        (N, 2, 2), px^2, of their displacements.
+    options : PathOptions
+        When a frame becomes a keyframe.
+    """
+
+    def __init__(self, estimate: Estimate, options: PathOptions) -> None:
+        self._estimate = estimate
+        self._options = options
+        self._key = _keyframe_at(np.eye(4), 0)
+        self._last: Link | None = None
+        self._now = PathPoint(world_from_cam=np.eye(4), covariance=np.zeros((7, 7)), segment=0)
+        self._has_scale = False
+        self._speed: float | None = None  # units a second
+
+    @property
+    def now(self) -> PathPoint:
+        """Where the camera was last seen; without a motion."""
+        return PathPoint(
+            world_from_cam=self._now.world_from_cam,
+            covariance=self._now.covariance,
+            segment=self._now.segment,
+        )
+
+    def break_off(self) -> PathPoint:
+        """Begin a new segment where the last one ended: nothing connects the two."""
+        self._key = _keyframe_at(self._now.world_from_cam, self._now.segment + 1)
+        self._last = None
+        self._has_scale = False
+        self._now = PathPoint(
+            world_from_cam=self._key.world_from_cam,
+            covariance=self._key.covariance,
+            segment=self._key.segment,
+        )
+        return self._now
+
+    def add(
+        self, camera: Camera, tracks: Tracks, motion: RelativePose, seconds: float
+    ) -> PathPoint:
+        """Add a motion from the last frame to the next, of any status but FAILED.
+
+        Parameters
+        ----------
+        camera : Camera
+            Of both frames.
+        tracks : Tracks
+            The matches behind the motion.
+        motion : RelativePose
+            What they say.
+        seconds : float
+            Time between the frames.
+        """
+        if self._last is not None and self._makes_keyframe(self._last):
+            self._advance_key()
+        link = None if self._last is None else self._link_back(camera, tracks, motion, seconds)
+        if link is None:
+            self._advance_key()
+            link = self._link(camera, tracks, motion, len(tracks), 1, seconds)
+        point = self._point(link, motion, seconds)
+        self._last, self._now = link, point
+        return point
+
+    def _makes_keyframe(self, link: Link) -> bool:
+        if link.moved is not None and not link.moved.fit.points:
+            return True  # it has set the scale
+        firm = link.is_firm(math.radians(self._options.keyframe_direction_deg))
+        return firm or len(link.tracks) < self._options.keyframe_share * link.begun
+
+    def _advance_key(self) -> None:
+        if self._last is not None:
+            self._key, self._last = self._last.end(), None
+
+    def _link_back(
+        self, camera: Camera, tracks: Tracks, motion: RelativePose, seconds: float
+    ) -> Link | None:
+        """The link from an earlier keyframe; None where the last frame serves better."""
+        last = self._last
+        assert last is not None
+        joined = join_tracks(last.tracks, good_tracks(tracks, motion))
+        since_key = self._estimate(joined.points0, joined.points1, joined.covariance_px2)
+        if since_key.status is PoseStatus.FAILED:
+            return None
+        if motion.status is PoseStatus.OK and since_key.status is not PoseStatus.OK:
+            return None
+        link = self._link(camera, joined, since_key, last.begun, last.steps + 1, seconds)
+        return None if link.segment != self._key.segment else link
+
+    def _link(
+        self,
+        camera: Camera,
+        tracks: Tracks,
+        motion: RelativePose,
+        begun: int,
+        steps: int,
+        seconds: float,
+    ) -> Link:
+        key, moved, segment = self._key, None, self._key.segment
+        if motion.status is PoseStatus.OK:
+            assert motion.covariance is not None
+            parallax = measure_parallax(camera, tracks, motion)
+            fit = fit_scale(key.depths, parallax, motion.covariance)
+            if fit is not None:
+                fit = fit.widened(self._options.shared_error_factor)
+                moved = Moved(parallax=parallax, fit=fit)
+            else:
+                moved = self._set_scale(parallax, motion, seconds)
+                segment += int(self._has_scale)
+                key = key if segment == key.segment else _keyframe_at(key.world_from_cam, segment)
+        pose, covariance = self._end_of(key, motion, moved)
+        return Link(
+            key=key,
+            tracks=good_tracks(tracks, motion),
+            begun=begun,
+            steps=steps,
+            motion=motion,
+            moved=moved,
+            world_from_cam=pose,
+            covariance=covariance,
+            segment=segment,
+        )
+
+    def _set_scale(self, parallax: Parallax, motion: RelativePose, seconds: float) -> Moved:
+        """The scale begins with this motion: one unit, or what the last speed makes of its time."""
+        assert motion.covariance is not None
+        length = 0.0 if self._speed is None else self._speed * seconds
+        fit = ScaleFit.unit(length if length > 0.0 else 1.0, motion.covariance)
+        return Moved(parallax=parallax, fit=fit)
+
+    def _end_of(
+        self, key: Keyframe, motion: RelativePose, moved: Moved | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        if moved is not None:
+            pose = chain(key.world_from_cam, motion, moved.fit.scale)
+            return pose, advance_moving(key.covariance, key.world_from_cam, motion, moved.fit)
+        # The camera stays where it was last seen; small motions since the keyframe stay in.
+        pose = chain(key.world_from_cam, motion, None)
+        pose[:3, 3] = self._now.world_from_cam[:3, 3]
+        return pose, advance_turning(key.covariance, key.world_from_cam, motion)
+
+    def _point(self, link: Link, motion: RelativePose, seconds: float) -> PathPoint:
+        scale = sigma = None
+        if link.moved is not None:
+            self._has_scale = True
+        if link.moved is not None and motion.status is PoseStatus.OK:
+            scale, sigma = self._length(link)
+            if seconds > 0.0 and scale > 0.0:
+                self._speed = scale / seconds
+        return PathPoint(
+            world_from_cam=link.world_from_cam,
+            covariance=link.covariance,
+            segment=link.segment,
+            scale=scale,
+            scale_sigma=sigma,
+        )
+
+    def _length(self, link: Link) -> tuple[float, float]:
+        """Length of the last step, from frame to frame, and its 1-sigma."""
+        assert link.moved is not None
+        fit, last = link.moved.fit, self._last
+        shared = float(link.key.covariance[6, 6])
+        own = fit.scale**2 * float(fit.covariance[0, 0])
+        if last is None:
+            return fit.scale, math.sqrt(own + fit.scale**2 * shared)
+        scale = float(np.linalg.norm(link.world_from_cam[:3, 3] - self._now.world_from_cam[:3, 3]))
+        # Both ends hang on one keyframe: an error of its distances changes all lengths since by the
+        # same ratio; only the noise of the last of the steps is this one's alone.
+        alone = own * (1.0 - fit.gain) / link.steps
+        return scale, math.sqrt(alone + scale**2 * (shared + float(fit.covariance[0, 0])))
+
+
+def _keyframe_at(world_from_cam: np.ndarray, segment: int) -> Keyframe:
+    """A keyframe of which nothing is known but where it is said to be."""
+    return Keyframe(
+        world_from_cam=world_from_cam,
+        covariance=np.zeros((7, 7)),
+        depths=Depths.empty(),
+        segment=segment,
+    )

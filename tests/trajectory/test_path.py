@@ -1,0 +1,172 @@
+"""Motions on one scale: right, as sure as stated, and whole where they can be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from drive_kit import CAMERA, Cloud, cloud, estimate, forward, motion_of, poses_of
+
+from farpoint import PoseStatus
+from farpoint.errors import InputError
+from farpoint.trajectory.path import PathBuilder, PathOptions, PathPoint
+
+INDEPENDENT = PathOptions(shared_error_factor=1.0)  # that is what these tracks are
+
+
+def build(scene: Cloud, options: PathOptions = INDEPENDENT) -> list[PathPoint]:
+    builder = PathBuilder(estimate, options)
+    points = [builder.now]
+    for tracks in scene.tracks():
+        motion = motion_of(tracks)
+        assert motion.status is not PoseStatus.FAILED
+        points.append(builder.add(CAMERA, tracks, motion, 0.1))
+    return points
+
+
+def lengths(poses: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+
+
+def log_errors(points: list[PathPoint], poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of the logarithms of the lengths over that of the first, and their 1-sigmas."""
+    scale = np.array([point.scale for point in points[1:]], float)
+    sigma = np.array([point.scale_sigma for point in points[1:]], float)
+    true = lengths(poses)
+    return np.log(scale / scale[0]) - np.log(true / true[0]), sigma / scale
+
+
+def test_without_noise_the_path_is_exact():
+    poses = poses_of(forward(40), np.tile([0.0, 0.01, 0.0], (40, 1)))
+    points = build(cloud(poses, noise_px=0.0))
+    unit = lengths(poses)[0]
+    found = np.array([point.world_from_cam for point in points])
+    np.testing.assert_allclose(found[:, :3, 3], poses[:, :3, 3] / unit, rtol=0.0, atol=2e-3)
+    assert points[1].scale == 1.0
+    assert points[1].scale_sigma == 0.0
+    assert {point.segment for point in points} == {0}
+
+
+@pytest.fixture(scope="module")
+def many_drives() -> list[tuple[list[PathPoint], np.ndarray]]:
+    drives = []
+    for seed in range(40):
+        turns = np.random.default_rng(seed).normal(0.0, 0.01, (25, 3))
+        poses = poses_of(forward(25, seed=seed), turns)
+        drives.append((build(cloud(poses, seed=seed, noise_px=0.15)), poses))
+    return drives
+
+
+def test_the_scale_is_as_sure_as_stated(many_drives):
+    z = np.array([e[1:] / s[1:] for e, s in (log_errors(*drive) for drive in many_drives)])
+    covered = np.mean(np.abs(z) < 1.96)
+    assert 0.88 < covered < 0.985
+    # No bias: the errors of the drives are independent.
+    assert abs(np.mean(z[:, -1])) < 3.0 / math.sqrt(len(z)) * np.std(z[:, -1])
+
+
+def test_the_path_is_as_sure_as_stated(many_drives):
+    nees = []
+    for points, poses in many_drives:
+        unit = lengths(poses)[0]
+        last, true = points[-1], poses[-1]
+        error = true[:3, 3] / unit - last.world_from_cam[:3, 3]
+        nees.append(error @ np.linalg.solve(last.covariance[3:6, 3:6], error))
+    # 3 degrees of freedom, 40 drives: 99.9 % of the means of honest ones lie within.
+    assert 1.9 < np.mean(nees) < 4.5
+
+
+def test_things_that_move_by_themselves_do_not_bend_the_scale():
+    poses = poses_of(forward(40), np.zeros((40, 3)))
+    scene = cloud(poses, noise_px=0.1)
+    velocity = np.zeros_like(scene.points)
+    moving = np.random.default_rng(4).random(len(velocity)) < 0.2
+    velocity[moving] = [0.0, 0.0, -0.25]  # towards the camera: along its flow
+    scene.velocity = velocity
+    errors, _ = log_errors(build(scene), poses)
+    assert np.abs(errors).max() < 0.04
+
+
+def test_slow_motion_is_measured_from_a_keyframe():
+    steps = np.tile([0.004, 0.0, 0.0], (120, 1))
+    poses = poses_of(steps, np.zeros((120, 3)))
+    points = build(cloud(poses, count=6000, noise_px=0.1))
+    found = np.array([point.world_from_cam[:3, 3] for point in points])
+    assert {point.segment for point in points} == {0}
+    # A step moves the points by a fifth of a pixel; over a hundred of them the way is known.
+    way, half = found[-1] - found[20], found[70] - found[20]
+    assert np.linalg.norm(way) / np.linalg.norm(half) == pytest.approx(2.0, rel=0.06)
+    assert math.degrees(math.acos(abs(way[0]) / np.linalg.norm(way))) < 1.5
+
+
+def test_turning_on_the_spot_carries_the_scale_across():
+    steps = np.concatenate([forward(15), np.zeros((10, 3)), forward(15, seed=1)])
+    turns = np.zeros((40, 3))
+    turns[15:25, 1] = math.radians(2.0)
+    poses = poses_of(steps, turns)
+    points = build(cloud(poses, count=3000, noise_px=0.1))
+    still = np.array([point.world_from_cam[:3, 3] for point in points[15:26]])
+    np.testing.assert_array_equal(still, np.tile(still[0], (11, 1)))
+    assert {point.segment for point in points} == {0}
+    scale = np.array([point.scale or np.nan for point in points[1:]])
+    ratio = scale / lengths(poses).clip(1e-9) * lengths(poses)[0]
+    assert abs(np.median(ratio[25:]) - np.median(ratio[1:15])) < 0.03
+
+
+def test_turning_until_nothing_known_is_in_view_begins_a_segment():
+    steps = np.concatenate([forward(15), np.zeros((30, 3)), forward(10, seed=1)])
+    turns = np.zeros((55, 3))
+    turns[15:45, 1] = math.radians(4.0)
+    poses = poses_of(steps, turns)
+    points = build(cloud(poses, count=3000, noise_px=0.1))
+    assert [point.segment for point in points[:46]] == [0] * 46
+    assert [point.segment for point in points[46:]] == [1] * 10
+    # The rotation goes on, and so does the speed, which is all that is known of the length.
+    turned = points[-1].world_from_cam[:3, :3].T @ poses[-1, :3, :3]
+    assert math.degrees(math.acos(min(1.0, (np.trace(turned) - 1.0) / 2.0))) < 0.3
+    assert points[46].scale == pytest.approx(points[15].scale, rel=1e-9)
+    assert points[46].scale_sigma == 0.0
+
+
+def test_standing_still_nothing_wanders():
+    steps = np.concatenate([forward(15), np.zeros((60, 3)), forward(10, seed=1)])
+    poses = poses_of(steps, np.zeros((85, 3)))
+    points = build(cloud(poses, count=3000, noise_px=0.1))
+    still = np.array([point.world_from_cam[:3, 3] for point in points[15:76]])
+    assert np.linalg.norm(still - still[0], axis=1).max() < 0.01  # of the first step
+    assert {point.segment for point in points} == {0}
+    errors, _ = log_errors(points[:16], poses[:16])
+    scale = np.array([point.scale for point in points[76:]])
+    later = np.log(scale / lengths(poses)[75:] * lengths(poses)[0])
+    assert abs(np.median(later) - np.median(errors)) < 0.03
+
+
+def test_a_break_begins_a_segment_where_the_last_one_ended():
+    poses = poses_of(forward(6), np.zeros((6, 3)))
+    builder = PathBuilder(estimate, PathOptions())
+    pairs = list(cloud(poses).tracks())
+    for tracks in pairs[:3]:
+        end = builder.add(CAMERA, tracks, motion_of(tracks), 0.1)
+    broken = builder.break_off()
+    assert broken.segment == 1
+    np.testing.assert_array_equal(broken.world_from_cam, end.world_from_cam)
+    np.testing.assert_array_equal(broken.covariance, np.zeros((7, 7)))
+    after = builder.add(CAMERA, pairs[4], motion_of(pairs[4]), 0.1)
+    assert after.segment == 1
+    assert after.scale == pytest.approx(end.scale)  # the speed goes on
+    assert after.scale_sigma == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("keyframe_direction_deg", 0.0),
+        ("keyframe_direction_deg", math.nan),
+        ("keyframe_share", 1.5),
+        ("shared_error_factor", 0.5),
+    ],
+)
+def test_options_out_of_their_range_are_refused(name, value):
+    with pytest.raises(InputError, match=name):
+        PathOptions(**{name: value})
