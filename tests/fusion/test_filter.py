@@ -144,6 +144,14 @@ def test_the_direction_of_travel_has_a_covariance_of_its_own():
     assert low < flights().direction_nees[:, -1].mean() < high
 
 
+def test_the_first_covariance_is_that_of_the_sigmas():
+    start = StartSigmas(tilt_rad=1.0, heading_rad=2.0, velocity=3.0, gyro_bias=4.0, accel_bias=5.0)
+    covariance = start.covariance()
+    expected = np.square([1, 1, 2, 3, 3, 3, 4, 4, 4, 5, 5, 5, 0, 0, 0, 1, 1, 2])
+    np.testing.assert_array_equal(np.diag(covariance), expected)
+    np.testing.assert_array_equal(covariance[LAST_ATTITUDE, ATTITUDE], np.diag(expected[:3]))
+
+
 def test_after_an_image_the_next_motion_starts_from_it():
     *_, (filter_, _, _) = fused(fly(winding_path(), seed=1, seconds=0.5), seed=1)
     np.testing.assert_array_equal(filter_.state.displacement, 0.0)

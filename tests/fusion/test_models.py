@@ -105,6 +105,19 @@ def test_the_seen_error_of_the_truth_is_the_error_of_the_pose():
     np.testing.assert_allclose(whitened, np.eye(5), atol=0.12)
 
 
+def test_the_seen_error_has_the_sides_and_signs_of_the_poses_covariance():
+    pose = seen_pose(*fly(winding_path(), seed=3).motions[5], np.random.default_rng(5))
+    R, d, B = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0, pose.direction_basis
+    error = np.array([0.01, -0.02, 0.03, 1e-5, -2e-5])
+    # The world has the axes of camera 1, which is the body.
+    state = replace(
+        InertialState.at(np.eye(3), np.zeros(3)),
+        displacement=-0.2 * sphere.retract(d, B, error[3:]),
+        last_world_from_body=so3.exp(error[:3]) @ R,
+    )
+    np.testing.assert_allclose(seen_error(state, pose, np.eye(4)), error, rtol=1e-8)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_the_heading_on_the_map_is_the_same_unknown_at_every_state(seed: int):
     """Turning the world about the vertical changes nothing that is felt or seen."""
