@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from farpoint.pose import (
     failed_pose,
 )
 from farpoint.pose.card import card, pose_rows
+from farpoint.pose.lens_doubt import with_lens_doubt
 from farpoint.tracks import Tracker, TrackerOptions, Tracks, grey_size, trackable_region
 from farpoint.trajectory.path import PathBuilder, PathOptions, PathPoint
 from farpoint.trajectory.prediction import predict_points
@@ -217,7 +219,7 @@ class Odometry:
         tracks = result.tracks
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
-            self._estimate,
+            partial(self._estimate_by, self.camera),  # a wrong lens is wrong for both halves alike
             seed=result.frame1,
         )
 
@@ -251,12 +253,21 @@ class Odometry:
         self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
     ) -> RelativePose:
         """The motion behind `Tracks`, given as arrays so that parts of them can be given."""
+        return with_lens_doubt(
+            self.camera,
+            lambda camera: self._estimate_by(camera, points0, points1, covariance_px2),
+        )
+
+    def _estimate_by(
+        self, camera: Camera, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
+    ) -> RelativePose:
+        """The motion by a lens that is not doubted."""
         # The covariance is that of the displacement: each end carries half of it.
         half_px2 = 0.5 * covariance_px2
         return estimate_relative_pose(
             points0,
             points1,
-            self.camera,
+            camera,
             options=self.options.pose,
             seed=self.options.seed,
             covariance0_px2=half_px2,

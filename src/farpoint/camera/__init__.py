@@ -1,5 +1,6 @@
 """Cameras: from pixels to rays and back, and the calibration files they come from."""
 
+from farpoint.camera.approximate import CameraGuess, EquivalentFocalLength, HorizontalField
 from farpoint.camera.arctangent import Arctangent
 from farpoint.camera.camera import Camera
 from farpoint.camera.describe import describe
@@ -20,12 +21,15 @@ from farpoint.camera.unified import Unified
 __all__ = [
     "Arctangent",
     "Camera",
+    "CameraGuess",
     "CameraModel",
     "Division",
     "DoubleSphere",
     "Equirectangular",
+    "EquivalentFocalLength",
     "ExtendedUnified",
     "FieldOfView",
+    "HorizontalField",
     "KannalaBrandt",
     "Pinhole",
     "RadialCurve",

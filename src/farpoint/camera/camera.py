@@ -29,12 +29,16 @@ class Camera:
         Name within its calibration file, or of the file.
     source : str or None
         The kind of file it was read from, and its path; None for one made in code.
+    doubts : tuple of CameraModel
+        Lenses that are one sigma off, one each way for each thing that is known only roughly; none
+        for a calibrated camera. `Odometry` lets them widen the covariances.
     """
 
     model: CameraModel
     size: tuple[int, int] | None = None
     name: str = "camera"
     source: str | None = field(default=None, compare=False)
+    doubts: tuple[CameraModel, ...] = ()
 
     @classmethod
     def pinhole(

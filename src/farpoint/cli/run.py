@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from farpoint.camera import Camera, load_camera
+from farpoint.camera import Camera, CameraGuess, HorizontalField, load_camera
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError
-from farpoint.frames import Frame, FrameSource, open_frames
+from farpoint.frames import Frame, FrameSource, find_focal_length, open_frames
 from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
 from farpoint.pose import PoseStatus
 from farpoint.sinks import OutputFolder, OutputOptions, RunDescription, ViewerOptions, open_viewer
 
 __all__ = ["Run", "process_frames"]
+
+APPROXIMATE = (
+    "Not calibrated: the camera is {}. Rotations may be off by a tenth of the turn, directions by "
+    "several degrees towards the edges of the image. The covariances allow for a focal length "
+    "wrong by 10 % and a distortion of 5 % at the corners (1 sigma). Calibrate for more."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +40,9 @@ class Run:
     source : str
         Video file, image folder or pattern, KITTI / EuRoC / TUM folder, camera index, stream URL.
     camera : Path or None
-        Calibration file; without it, the error names one that stands beside the images.
+        Calibration file, or auto for the focal length that EXIF or a video's metadata tells.
+    fov : float or None
+        Instead of a calibration: field of view across the width of the image, deg, about right.
     name : str or None
         Camera to take from a calibration file of several.
     out : Path or None
@@ -50,6 +59,7 @@ class Run:
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
     camera: Annotated[Path | None, tyro.conf.arg(metavar="CALIB")] = None
+    fov: Annotated[float | None, tyro.conf.arg(metavar="DEG")] = None
     name: str | None = None
     out: Path | None = None
     fps: float | None = None
@@ -61,10 +71,10 @@ class Run:
 
     def __call__(self) -> None:
         """Do it."""
-        camera = None if self.camera is None else load_camera(self.camera, self.name)
+        # What is wrong with the calibration is told before the source is looked at.
+        known = self._known_camera()
         frames = open_frames(self.source, fps=self.fps)
-        if camera is None:
-            raise _missing_camera(self.source, frames)
+        camera = known or self._guess(frames)
         out = self.out or Path("farpoint-out") / frames.name
         try:
             process_frames(
@@ -75,17 +85,38 @@ class Run:
                 raise
             raise InputError(error.problem, file=self.camera, field="image size") from None
 
+    def _known_camera(self) -> Camera | HorizontalField | None:
+        """What the options alone tell of the camera."""
+        if self.fov is not None and self.camera is not None:
+            raise InputError("expected --fov or --camera, not both", field="--fov")
+        if self.fov is not None:
+            return HorizontalField(degrees=self.fov)
+        if self.camera is None or self._is_auto:
+            return None
+        return load_camera(self.camera, self.name)
+
+    def _guess(self, frames: FrameSource) -> CameraGuess:
+        if self._is_auto:
+            return find_focal_length(frames, self.source)
+        raise _missing_camera(self.source, frames)
+
+    @property
+    def _is_auto(self) -> bool:
+        return str(self.camera) == "auto"
+
 
 def process_frames(
     frames: FrameSource,
     source: str,
-    camera: Camera,
+    camera: Camera | CameraGuess,
     out: Path,
     options: OdometryOptions,
     output: OutputOptions,
     viewer: ViewerOptions | None = None,
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
+
+    A guess becomes a camera when the first image tells its size.
 
     Raises
     ------
@@ -94,11 +125,17 @@ def process_frames(
         ``out`` or a recording cannot be written.
     """
     timed = _timed(frames, source)
-    # The first frame comes before the folder: a wrong calibration must not cost an earlier result.
-    first = list(islice(timed, 1))
-    for frame, _ in first:
-        if frame.image is not None:
-            camera.with_size(*frame.image.shape[::-1])
+    # The first image comes before the folder: a wrong calibration must not cost an earlier result.
+    first = _up_to_an_image(timed)
+    image = first[-1][0].image if first else None
+    notes = ()
+    if not isinstance(camera, Camera):
+        assert image is not None  # or `_timed` had raised
+        camera = camera.camera(*image.shape[::-1])
+        notes = (APPROXIMATE.format(camera.source),)
+        print(f"farpoint: {notes[0]}", file=sys.stderr)
+    elif image is not None:
+        camera.with_size(*image.shape[::-1])
     description = RunDescription(
         source=source,
         source_name=frames.name,
@@ -106,6 +143,7 @@ def process_frames(
         options={"odometry": options, "output": output},
         frame_count=frames.count,
         timestamp_source=frames.timestamp_source,
+        notes=notes,
     )
     with ExitStack() as opened:
         # The display comes before the folder too: where it cannot be had, nothing is replaced.
@@ -155,8 +193,18 @@ def _test_halves(folder: OutputFolder, odometry: Odometry, result: OdometryResul
     folder.add_time("halves", time.perf_counter() - start)
 
 
+def _up_to_an_image(timed: Iterator[tuple[Frame, float]]) -> list[tuple[Frame, float]]:
+    """The first frames, as far as one that could be decoded."""
+    first = []
+    for frame, seconds in timed:
+        first.append((frame, seconds))
+        if frame.image is not None:
+            break
+    return first
+
+
 def _missing_camera(source: str, frames: FrameSource) -> InputError:
-    problem = "missing; expected a calibration file"
+    problem = "missing; expected a calibration file, or auto, or --fov DEG for a rough guess"
     if frames.calibration_path is not None:
         problem += f"; beside the images stands {frames.calibration_path}"
     return InputError(problem, file=source, field="--camera")

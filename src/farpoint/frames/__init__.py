@@ -1,6 +1,7 @@
 """Frames: one small reader for each kind of source, all yielding the same record."""
 
+from farpoint.frames.focal_length import find_focal_length
 from farpoint.frames.frame import Frame, FrameSource
 from farpoint.frames.opening import open_frames
 
-__all__ = ["Frame", "FrameSource", "open_frames"]
+__all__ = ["Frame", "FrameSource", "find_focal_length", "open_frames"]

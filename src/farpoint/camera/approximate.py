@@ -1,0 +1,106 @@
+"""A camera without a calibration: a pinhole of about the right focal length, and how far it is off.
+
+What is unknown is said by lenses that are off by one sigma each way of being wrong; the motion that
+each of them gives tells how wrong the motion may be.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from farpoint.camera.camera import Camera
+from farpoint.camera.pinhole import Pinhole
+from farpoint.camera.values import positive
+from farpoint.errors import InputError
+
+__all__ = ["CameraGuess", "EquivalentFocalLength", "HorizontalField"]
+
+FOCAL_SIGMA = 0.1
+"""1-sigma of the focal length, as a share of it: crops, stabilisation and rounding."""
+
+DISTORTION_SIGMA = 0.05
+"""1-sigma of the unknown distortion at the image's corner, as a share of its distance."""
+
+_WIDEST_DEG = 150.0  # beyond it even a rough pinhole is no pinhole
+_FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
+
+
+class CameraGuess(Protocol):
+    """What makes a camera once the size of the images is known."""
+
+    def camera(self, width: int, height: int) -> Camera:
+        """Approximate camera for images of this size."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class HorizontalField:
+    """A field of view, as a person or a data sheet states it.
+
+    Attributes
+    ----------
+    degrees : float
+        Angle across the width of the image, up to 150.
+    """
+
+    degrees: float
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.degrees <= _WIDEST_DEG:
+            raise InputError(
+                f"expected 1 to {_WIDEST_DEG:g} degrees, got {self.degrees:g}; a wider lens "
+                "needs a calibration",
+                field="--fov",
+            )
+
+    def camera(self, width: int, height: int) -> Camera:
+        """Approximate camera for images of this size."""
+        focal_px = 0.5 * width / math.tan(math.radians(self.degrees) / 2.0)
+        return _pinhole(width, height, focal_px, f"a field of view of {self.degrees:g} deg")
+
+
+@dataclass(frozen=True, kw_only=True)
+class EquivalentFocalLength:
+    """A focal length in 35 mm equivalents: that of the same diagonal field on a 36 x 24 mm frame.
+
+    Attributes
+    ----------
+    millimetres : float
+        The focal length.
+    source : str
+        Where it was read.
+    """
+
+    millimetres: float
+    source: str
+
+    def __post_init__(self) -> None:
+        positive("focal length", self.millimetres)
+
+    def camera(self, width: int, height: int) -> Camera:
+        """Approximate camera for images of this size."""
+        focal_px = self.millimetres / _FULL_FRAME_DIAGONAL_MM * math.hypot(width, height)
+        words = f"{self.millimetres:g} mm in 35 mm equivalents, from {self.source}"
+        return _pinhole(width, height, focal_px, words)
+
+
+def _pinhole(width: int, height: int, focal_px: float, words: str) -> Camera:
+    def model(focal_px: float, *distortion: float) -> Pinhole:
+        centre = {"cx": 0.5 * (width - 1), "cy": 0.5 * (height - 1)}
+        return Pinhole(fx=focal_px, fy=focal_px, **centre, distortion=distortion)
+
+    corner = 0.5 * math.hypot(width, height) / focal_px
+    return Camera(
+        model=model(focal_px),
+        size=(width, height),
+        name="approximate",
+        source=f"a guess: {words}, without distortion",
+        doubts=(
+            model(focal_px * (1.0 + FOCAL_SIGMA)),
+            model(focal_px / (1.0 + FOCAL_SIGMA)),
+            model(focal_px, DISTORTION_SIGMA / corner**2, 0.0, 0.0, 0.0),
+            model(focal_px, -DISTORTION_SIGMA / corner**2, 0.0, 0.0, 0.0),
+        ),
+    )
