@@ -30,6 +30,8 @@ Pictures = tuple[np.ndarray, ...]
 FILES = {
     "motions.csv",
     "trajectory.tum",
+    "trajectory.kitti",
+    "positions.csv",
     "halves.csv",
     "overlay.mp4",
     "report.html",

@@ -25,6 +25,8 @@ IMAGE = np.full((480, 640), 60, np.uint8)
 NAMES = {
     "motions.csv",
     "trajectory.tum",
+    "trajectory.kitti",
+    "positions.csv",
     "halves.csv",
     "overlay.mp4",
     "report.html",

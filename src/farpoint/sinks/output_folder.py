@@ -19,12 +19,20 @@ from farpoint.sinks.background import BackgroundSink
 from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.motions import MotionsFile
 from farpoint.sinks.overlay import PALETTES, OverlayVideo, PaletteName
+from farpoint.sinks.positions import PositionsFile, load_pyarrow, write_positions_parquet
 from farpoint.sinks.report import REPORT_NAME, write_report
 from farpoint.sinks.run_record import RunDescription, RunRecord, RunState
 from farpoint.sinks.sink import Sink
-from farpoint.sinks.trajectory import TrajectoryFile
+from farpoint.sinks.trajectory import KittiFile, TrajectoryFile
 
 __all__ = ["OutputFolder", "OutputOptions"]
+
+_TEXT_FILES: dict[str, tuple[Callable[[Path], Sink], str]] = {
+    "motions": (MotionsFile, "motions.csv"),
+    "trajectory": (TrajectoryFile, "trajectory.tum"),
+    "kitti": (KittiFile, "trajectory.kitti"),
+    "positions": (PositionsFile, "positions.csv"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,12 +51,15 @@ class OutputOptions:
         0 for none.
     palette : {"red-green", "orange-blue"}
         Colours of far and near points in both; the second is told apart with any colour vision.
+    parquet : bool
+        Write ``positions.parquet`` at the end, beside ``positions.csv``; needs pyarrow.
     """
 
     overlay: bool = True
     report: bool = True
     halves_every: int = 5
     palette: PaletteName = "red-green"
+    parquet: bool = False
 
     def __post_init__(self) -> None:
         if self.halves_every < 0:
@@ -90,13 +101,15 @@ class OutputFolder:
         self.path = Path(folder)
         self._options = options or OutputOptions()
         self._closed = False
+        if self._options.parquet:
+            load_pyarrow()  # before hours of work, not after
         _prepare(self.path)
         with ExitStack() as opened:  # closes what is open already if a later one cannot be
             self._record = RunRecord(self.path / "run.json", run)
-            self._sinks: dict[str, Sink] = {"motions": MotionsFile(self.path / "motions.csv")}
-            opened.callback(self._sinks["motions"].close)
-            self._sinks["trajectory"] = TrajectoryFile(self.path / "trajectory.tum")
-            opened.callback(self._sinks["trajectory"].close)
+            self._sinks: dict[str, Sink] = {}
+            for name, (kind, file) in _TEXT_FILES.items():
+                self._sinks[name] = kind(self.path / file)
+                opened.callback(self._sinks[name].close)
             self._halves: HalvesFile | None = None
             if self._options.halves_every:
                 self._halves = HalvesFile(self.path / "halves.csv")
@@ -145,6 +158,8 @@ class OutputFolder:
         steps: list[Callable[[], object]] = [sink.close for sink in self._sinks.values()]
         if self._halves is not None:
             steps.append(self._halves.close)
+        if self._options.parquet:
+            steps.append(lambda: write_positions_parquet(self.path))
         steps.append(lambda: self._record.finish(state, error))
         if self._options.report:
             steps.append(lambda: write_report(self.path))
@@ -183,7 +198,7 @@ def _prepare(folder: Path) -> None:
     """Make the folder and take away what only the end of a run writes again."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in (REPORT_NAME, "overlay.mp4", "halves.csv"):
+        for name in (REPORT_NAME, "overlay.mp4", "halves.csv", "positions.parquet"):
             (folder / name).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=folder) from error

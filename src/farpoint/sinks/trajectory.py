@@ -1,12 +1,12 @@
-"""The sink ``trajectory.tum``: where the camera was, a line per frame."""
+"""The sinks ``trajectory.tum`` and ``trajectory.kitti``: where the camera was, a line per frame."""
 
 from __future__ import annotations
 
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.sink import TextSink
-from farpoint.trajectory.files import tum_line
+from farpoint.trajectory.files import kitti_line, tum_line
 
-__all__ = ["TrajectoryFile"]
+__all__ = ["KittiFile", "TrajectoryFile"]
 
 
 class TrajectoryFile(TextSink):
@@ -15,3 +15,11 @@ class TrajectoryFile(TextSink):
     def lines(self, result: OdometryResult) -> str:
         """The line of this frame."""
         return tum_line(result.timestamp, result.world_from_cam)
+
+
+class KittiFile(TextSink):
+    """Writes the upper 3x4 of ``world_from_cam``, row by row, without time stamps."""
+
+    def lines(self, result: OdometryResult) -> str:
+        """The line of this frame."""
+        return kitti_line(result.world_from_cam)

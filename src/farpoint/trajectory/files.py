@@ -19,6 +19,7 @@ from farpoint.geometry import so3
 __all__ = [
     "Trajectory",
     "iter_tum",
+    "kitti_line",
     "read_euroc",
     "read_kitti",
     "read_trajectory",
@@ -131,11 +132,7 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> None:
 
 def write_kitti(path: str | Path, trajectory: Trajectory) -> None:
     """Write a 3x4 matrix a line, row by row, without time stamps."""
-    rows = (
-        " ".join(repr(float(value)) for value in pose[:3].ravel())
-        for pose in trajectory.world_from_body
-    )
-    Path(path).write_text("".join(f"{row}\n" for row in rows))
+    Path(path).write_text("".join(map(kitti_line, trajectory.world_from_body)))
 
 
 def tum_line(timestamp: float, world_from_body: np.ndarray) -> str:
@@ -143,6 +140,11 @@ def tum_line(timestamp: float, world_from_body: np.ndarray) -> str:
     quat_xyzw = so3.quat_xyzw_from_matrix(world_from_body[:3, :3])
     values = (timestamp, *world_from_body[:3, 3], *quat_xyzw)
     return " ".join(repr(float(value)) for value in values) + "\n"
+
+
+def kitti_line(world_from_body: np.ndarray) -> str:
+    """One line of a KITTI file, with its end, for a pose (4, 4)."""
+    return " ".join(repr(float(value)) for value in world_from_body[:3].ravel()) + "\n"
 
 
 def _stamped(

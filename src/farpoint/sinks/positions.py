@@ -1,0 +1,171 @@
+"""``positions.csv``: where the camera was and how sure that is; and the same as Parquet."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from farpoint.errors import InputError, optional_import
+from farpoint.geometry import so3
+from farpoint.odometry import OdometryResult
+from farpoint.sinks.sink import TextSink
+
+__all__ = [
+    "COLUMNS",
+    "Positions",
+    "PositionsFile",
+    "load_pyarrow",
+    "read_positions",
+    "write_positions_parquet",
+]
+
+_UPPER_TRIANGLE = np.triu_indices(7)
+
+COLUMNS = (
+    "timestamp", "frame", "segment", "x", "y", "z", "qx", "qy", "qz", "qw",
+    *(f"cov_{row}{column}" for row, column in zip(*_UPPER_TRIANGLE, strict=True)),
+)  # fmt: skip
+"""The header of the file."""
+
+_ROWS_AT_ONCE = 2000
+
+
+class PositionsFile(TextSink):
+    """Writes a row per frame: ``world_from_cam`` and its covariance with the scale's."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, header=",".join(COLUMNS) + "\n")
+
+    def lines(self, result: OdometryResult) -> str:
+        """The row of this frame."""
+        pose, covariance = result.world_from_cam, result.world_covariance
+        numbers = [*pose[:3, 3], *so3.quat_xyzw_from_matrix(pose[:3, :3])]
+        cells = [repr(float(result.timestamp)), str(result.frame1), str(result.segment)]
+        cells += [repr(float(value)) for value in numbers]
+        if covariance is None:
+            cells += [""] * 28
+        else:
+            cells += [repr(float(value)) for value in covariance[_UPPER_TRIANGLE]]
+        return ",".join(cells) + "\n"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Positions:
+    """The rows of a ``positions.csv`` as columns.
+
+    Attributes
+    ----------
+    timestamps : ndarray, shape (N,)
+        Seconds.
+    frames, segments : ndarray of int64, shape (N,)
+        Indices of the frames in their source, and of the segment of the path.
+    positions : ndarray, shape (N, 3)
+        Of the camera, in the unit of the trajectory.
+    quat_xyzw : ndarray, shape (N, 4)
+        Orientations ``world_from_cam``.
+    covariances : ndarray, shape (N, 7, 7)
+        Of ``[dtheta, dposition, dlog_scale]``; NaN where there is none.
+    """
+
+    timestamps: np.ndarray
+    frames: np.ndarray
+    segments: np.ndarray
+    positions: np.ndarray
+    quat_xyzw: np.ndarray
+    covariances: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.timestamps)
+
+    @property
+    def world_from_cam(self) -> np.ndarray:
+        """Poses (N, 4, 4)."""
+        poses = np.tile(np.eye(4), (len(self), 1, 1))
+        poses[:, :3, 3] = self.positions
+        for pose, quat in zip(poses, self.quat_xyzw, strict=True):
+            pose[:3, :3] = so3.matrix_from_quat_xyzw(quat)
+        return poses
+
+
+def read_positions(path: str | Path) -> Positions:
+    """Read a ``positions.csv``; a last line without its end is left out.
+
+    Raises
+    ------
+    InputError
+        With the file, the line and what was expected there.
+    """
+    table = np.array(list(_rows(Path(path)))).reshape(-1, len(COLUMNS))
+    covariances = np.empty((len(table), 7, 7))
+    rows, columns = _UPPER_TRIANGLE
+    covariances[:, rows, columns] = table[:, 10:]
+    covariances[:, columns, rows] = table[:, 10:]
+    return Positions(
+        timestamps=table[:, 0],
+        frames=table[:, 1].astype(np.int64),
+        segments=table[:, 2].astype(np.int64),
+        positions=table[:, 3:6],
+        quat_xyzw=table[:, 6:10],
+        covariances=covariances,
+    )
+
+
+def load_pyarrow() -> tuple[Any, Any]:
+    """``pyarrow`` and ``pyarrow.parquet``, or the error that names the extra."""
+    arrow = optional_import("pyarrow", extra="parquet", purpose="writing Parquet")
+    parquet = optional_import("pyarrow.parquet", extra="parquet", purpose="writing Parquet")
+    return arrow, parquet
+
+
+def write_positions_parquet(folder: Path) -> None:
+    """Write the rows of ``positions.csv`` as ``positions.parquet``, some thousands at a time."""
+    arrow, parquet = load_pyarrow()
+    whole = {"frame", "segment"}
+    kinds = [(name, arrow.int64() if name in whole else arrow.float64()) for name in COLUMNS]
+    schema = arrow.schema(kinds)
+    path = folder / "positions.parquet"
+    try:
+        with parquet.ParquetWriter(str(path), schema) as writer:
+            for part in _parts(_rows(folder / "positions.csv")):
+                columns = [
+                    arrow.array(column, type=kind, from_pandas=True)  # NaN: no value
+                    for column, (_, kind) in zip(part.T, kinds, strict=True)
+                ]
+                writer.write_table(arrow.Table.from_arrays(columns, schema=schema))
+    except OSError as error:
+        raise InputError(f"cannot be written: {error}", file=path) from error
+
+
+def _parts(rows: Iterator[list[float]]) -> Iterator[np.ndarray]:
+    part: list[list[float]] = []
+    for row in rows:
+        part.append(row)
+        if len(part) == _ROWS_AT_ONCE:
+            yield np.array(part)
+            part = []
+    if part:
+        yield np.array(part)
+
+
+def _rows(path: Path) -> Iterator[list[float]]:
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            if file.readline().rstrip("\r\n").split(",") != list(COLUMNS):
+                raise InputError("expected the columns of positions.csv", file=path, field="line 1")
+            whole_lines = (text for text in file if text.endswith("\n"))
+            for line, cells in enumerate(csv.reader(whole_lines), start=2):
+                try:
+                    if len(cells) != len(COLUMNS):
+                        raise ValueError(f"expected {len(COLUMNS)} columns, got {len(cells)}")
+                    yield [float(cell or "nan") for cell in cells]
+                except ValueError as error:
+                    raise InputError(str(error), file=path, field=f"line {line}") from error
+    except UnicodeDecodeError as error:
+        raise InputError("expected a text file of positions", file=path) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
