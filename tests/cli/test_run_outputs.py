@@ -27,6 +27,7 @@ from farpoint.trajectory.files import read_tum
 
 Pictures = tuple[np.ndarray, ...]
 
+TRUE_PATH = '<polyline class="curve truth"'
 FILES = {
     "motions.csv",
     "trajectory.tum",
@@ -151,6 +152,8 @@ def test_a_run_is_evaluated_without_any_truth(
     assert 0.1 < halves["ratio"]["ratio"] < 4.0
     refused = farpoint("evaluate", out, "--pairs", tmp_path / "pairs.csv")
     assert refused.err == "farpoint: --pairs: errors pair by pair need --truth\n"
+    refused = farpoint("evaluate", out, "--report")
+    assert refused.err == "farpoint: --report: a true path in the report needs --truth\n"
 
     farpoint("run", shots, *quick, "--halves-every", "0")
     assert not (out / "halves.csv").exists()
@@ -167,7 +170,8 @@ def test_a_run_is_evaluated_against_its_truth(
     out, truth, pairs = tmp_path / "out", tmp_path / "truth.tum", tmp_path / "pairs.csv"
     farpoint("run", shots, "--camera", calibration, "--out", out, "--no-overlay", "--no-report")
     drive.write_truth(truth)
-    table = farpoint("evaluate", out, "--truth", truth, "--pairs", pairs)
+    table = farpoint("evaluate", out, "--truth", truth, "--pairs", pairs, "--report")
+    assert TRUE_PATH in (out / "report.html").read_text()
     assert (table.code, table.err) == (0, "")
     assert "rotation, deg" in table.out
     assert len(pairs.read_text().splitlines()) == len(statuses_of(out)) + 1
@@ -185,6 +189,10 @@ def test_the_demo_meets_its_truth(farpoint: CommandLine, tmp_path: Path):
     assert outcome.code == 0
     assert {path.name for path in (tmp_path / "demo").iterdir()} == {*FILES, "truth.tum"}
     assert statuses_of(tmp_path / "demo") == ["OK"] * 7
+    assert TRUE_PATH in (tmp_path / "demo" / "report.html").read_text()
+    last_words = outcome.out[outcome.out.index("\nOpen ") :]
+    for name in ("overlay.mp4", "report.html", "motions.csv"):
+        assert str(tmp_path / "demo" / name) in last_words
     medians = {
         line.split(",")[0]: float(line.split()[3])
         for line in outcome.out.splitlines()

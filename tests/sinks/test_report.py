@@ -18,17 +18,30 @@ import pytest
 
 from farpoint.camera import Camera
 from farpoint.errors import InputError
+from farpoint.geometry import so3
 from farpoint.geometry.angles import heading_angles_deg
+from farpoint.metrics import SplitHalf
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus
 from farpoint.sinks.motions import COLUMNS
 from farpoint.sinks.output_folder import OutputFolder, OutputOptions
 from farpoint.sinks.overlay.video import KEYFRAME_INTERVAL
 from farpoint.sinks.report import write_report
-from farpoint.sinks.report.charts import Chart, Curve, draw_chart, path_map
-from farpoint.sinks.report.digest import MAX_POINTS, Digest, Series, digest_motions
-from farpoint.sinks.report.stills import spread_key_packets, stills_of
+from farpoint.sinks.report.charts import Chart, Curve, draw_chart
+from farpoint.sinks.report.digest import (
+    MAX_BINS,
+    Digest,
+    Paths,
+    Series,
+    digest_motions,
+    paths_from_above,
+)
+from farpoint.sinks.report.histogram import halves_section
+from farpoint.sinks.report.maps import path_map
+from farpoint.sinks.report.moments import MomentSeeker
+from farpoint.sinks.report.stills import spread_key_packets, stills_at, thumbs_of
 from farpoint.sinks.run_record import RunDescription
+from farpoint.trajectory.files import Trajectory, read_tum, write_tum
 
 MakeResult = Callable[..., OdometryResult]
 IMAGE = np.full((480, 640), 60, np.uint8)
@@ -98,15 +111,114 @@ def test_it_tells_what_was_run_and_what_came_of_it(page: str) -> None:
     assert "drive &amp; &lt;b&gt;more&lt;/b&gt;" in page
 
 
-def test_the_pictures_are_spread_over_the_run(page: str) -> None:
-    pictures = re.findall(r"base64,([^\"]+)\"><figcaption>([\d.]+) s<", page)
+def test_the_pictures_at_a_glance_are_spread_over_the_run(page: str) -> None:
+    strip = page[page.index("At a glance") :]
+    pictures = re.findall(r"base64,([^\"]+)\"><figcaption>([\d.]+) s<", strip)
     times = [float(seconds) for _, seconds in pictures]
     assert times[0] > 0.0  # the first frame has nothing to show
     np.testing.assert_allclose(np.diff(times), KEYFRAME_INTERVAL * 0.1, atol=0.011)
     assert times[-1] > 4.0
     for data, _ in pictures:
         jpeg = np.frombuffer(base64.b64decode(data), np.uint8)
-        assert cv2.imdecode(jpeg, cv2.IMREAD_COLOR).shape[1] == 960
+        assert cv2.imdecode(jpeg, cv2.IMREAD_COLOR).shape[1] == 360
+
+
+def test_a_worst_moment_shows_the_frame_of_its_time(
+    tmp_path: Path, run: RunDescription, make_result: MakeResult
+) -> None:
+    with OutputFolder(tmp_path, run) as folder:
+        for k in range(40):
+            # Each frame has a brightness of its own, by which its picture is known.
+            folder.write(make_result(k), np.full((480, 640), 3 * k, np.uint8))
+    for k in (1, 17, 38):
+        (still,) = stills_at(tmp_path / "overlay.mp4", [0.1 * k])
+        assert still.time_s == pytest.approx(0.1 * k, abs=1e-4)
+        picture = cv2.imdecode(np.frombuffer(still.jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)
+        assert np.median(picture[:300, :400]) == pytest.approx(3 * k, abs=4)
+
+
+def test_the_worst_moments_are_the_failures_and_the_extremes(
+    tmp_path: Path, run: RunDescription, make_result: MakeResult
+) -> None:
+    stretch = {12, 13, 14}
+    with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
+        for k in range(1, 60):
+            status = PoseStatus.FAILED if k in stretch | {30} else PoseStatus.OK
+            result = make_result(k, status, sigma_deg=5.0 if k == 44 else 0.5, reason=f"cut {k}")
+            late = 0.7 if k > 50 else 0.0
+            folder.write(
+                replace(
+                    result,
+                    timestamp0=result.timestamp0 + (0.7 if k > 51 else 0.0),
+                    timestamp=result.timestamp + late,
+                ),
+                None,
+            )
+    moments = digest_motions(tmp_path / "motions.csv").moments.found({12: "cut 12", 30: "cut 30"})
+    found = [(moment.title, moment.frame1, moment.reason) for moment in moments]
+    assert found[0] == ("FAILED: 3 pairs in a row", 12, "cut 12")
+    assert found[1] == ("FAILED: one pair", 30, "cut 30")
+    by_title = {title: frame for title, frame, _ in found}
+    assert by_title["Direction least sure"] == 44
+    assert by_title["Longest time between frames"] == 51
+
+
+def test_the_true_path_is_carried_into_the_axes_of_the_run(
+    tmp_path: Path, run: RunDescription, make_result: MakeResult
+) -> None:
+    with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
+        for k in range(30):
+            folder.write(make_result(k), None)
+    estimate = read_tum(tmp_path / "trajectory.tum")
+    assert estimate.timestamps is not None
+    moved = np.eye(4)
+    moved[:3, :3] = so3.exp(np.array([0.3, -1.2, 0.4]))
+    moved[:3, 3] = [5.0, 6.0, -7.0]
+    true = moved @ estimate.world_from_body
+    true[:, :3, 3] *= 3.5
+    late = estimate.timestamps > estimate.timestamps[4]
+    write_tum(
+        tmp_path / "truth.tum",
+        Trajectory(timestamps=estimate.timestamps[late], world_from_body=true[late]),
+    )
+    paths = paths_from_above(tmp_path / "trajectory.tum", tmp_path / "truth.tum")
+    assert paths.true_x_z is not None
+    np.testing.assert_allclose(paths.true_x_z[late], paths.x_z[late], atol=1e-6)
+    assert np.isnan(paths.true_x_z[~late]).all()
+    page = write_report(tmp_path, tmp_path / "truth.tum").read_text()
+    assert 'class="curve truth"' in page
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"), [(1.0, "hold"), (9.0, "too small by about 2.9 times")]
+)
+def test_the_histogram_says_whether_the_covariances_hold(factor: float, words: str) -> None:
+    rng = np.random.default_rng(5)
+    halves = [
+        SplitHalf(
+            statuses=(PoseStatus.OK, PoseStatus.OK),
+            difference=np.sqrt(factor) * rng.normal(size=5),
+            covariance=np.eye(5),
+        )
+        for _ in range(400)
+    ]
+    section = halves_section(halves)
+    assert words in section
+    assert "5 degrees" in section
+    counts = [int(count) for count in re.findall(r"<title>(\d+) tests", section)]
+    assert sum(counts) == 400
+    assert (counts[-1] > 100) == (factor > 1.0)  # the bar of all that lie beyond
+    assert halves_section(halves[:3]) == ""
+
+
+def test_the_headline_gives_four_answers(page: str) -> None:
+    for question in ("How far", "How fast", "How sure", "What went wrong"):
+        assert f"<dt>{question}</dt>" in page
+    assert "<b>1 FAILED</b>" in page
+    rate = re.search(r"<b>([\d.]+) deg/s</b> turning", page)
+    assert rate
+    turn_deg = np.rad2deg(np.linalg.norm([0.004, 0.03, -0.01]))
+    assert float(rate[1]) == pytest.approx(turn_deg / 0.1, rel=0.01)
 
 
 def test_the_curves_are_those_of_the_poses(page: str, make_result: MakeResult) -> None:
@@ -164,16 +276,16 @@ def test_neither_size_nor_curves_grow_with_the_run_and_no_spike_is_lost(
     tmp_path: Path, run: RunDescription, make_result: MakeResult
 ) -> None:
     sizes = []
-    for rows in (3_000, 12_000):
+    for rows in (6_000, 24_000):
         folder = tmp_path / str(rows)
         write_long_run(folder, run, make_result(1), rows)
         sizes.append(write_report(folder).stat().st_size)
         digest = digest_motions(folder / "motions.csv")
-        assert MAX_POINTS / 2 < len(digest.time_s) <= MAX_POINTS
+        assert MAX_BINS / 2 < len(digest.time_s) <= MAX_BINS
         assert digest.counts[PoseStatus.OK] == rows
         assert digest.series["noise_px"].high.max() == 9.5
         assert digest.series["noise_px"].first.max() < 1.0
-    assert max(sizes) < 600_000
+    assert max(sizes) < 2_000_000
 
 
 def test_the_status_bar_gives_each_pair_its_own_time(page: str) -> None:
@@ -190,7 +302,7 @@ def test_the_worst_status_of_a_bin_is_the_one_shown(
     tmp_path: Path, run: RunDescription, make_result: MakeResult
 ) -> None:
     with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
-        for k in range(1, 2 * MAX_POINTS + 1):
+        for k in range(1, 2 * MAX_BINS + 1):
             status = PoseStatus.FAILED if k == 500 else PoseStatus.OK
             folder.write(replace(make_result(1, status), frame1=k, timestamp=100 + k / 10), None)
     digest = digest_motions(tmp_path / "motions.csv")
@@ -209,6 +321,7 @@ def one_curve(values: list[float], period: float = np.inf) -> str:
         worst=[PoseStatus.OK] * len(first),
         counts={},
         series={},
+        moments=MomentSeeker(0.0),
     )
     curve = Curve(name="a", style="c1", values=series, period=period)
     svg = draw_chart(Chart(title="t", unit="u", curves=[curve]), digest, 0)
@@ -221,12 +334,12 @@ def test_curves_break_at_gaps_and_where_angles_wrap() -> None:
     assert one_curve([170.0, 179.0, -179.0, -170.0], period=360.0).count("M") == 2
     assert one_curve([0.0, 700.0, 0.0]).count("M") == 1
     assert one_curve([np.nan, np.nan]) == ""
-    assert one_curve([5.0]) == "M0.0 150.0h0"
+    assert one_curve([5.0]) == "M0.00 150.0h0"
 
 
 def test_the_map_keeps_the_shape_of_the_path() -> None:
     x_z = np.array([[0.0, 0.0], [0.0, 30.0], [10.0, 30.0]])
-    svg = ElementTree.fromstring(path_map(x_z).split("<p>")[0])
+    svg = ElementTree.fromstring(path_map(Paths(time_s=np.arange(3.0), x_z=x_z)).split("<p>")[0])
     left, top, width, height = map(float, svg.attrib["viewBox"].split())
     line = svg.find("polyline")
     assert line is not None
@@ -237,11 +350,14 @@ def test_the_map_keeps_the_shape_of_the_path() -> None:
 
 
 def test_without_a_film_there_are_no_pictures(tmp_path: Path) -> None:
-    assert stills_of(tmp_path / "overlay.mp4", 4) == []
+    assert thumbs_of(tmp_path / "overlay.mp4", 4) == []
+    assert stills_at(tmp_path / "overlay.mp4", [0.1]) == []
     (tmp_path / "overlay.mp4").write_bytes(b"")
-    assert stills_of(tmp_path / "overlay.mp4", 4) == []
+    assert thumbs_of(tmp_path / "overlay.mp4", 4) == []
+    assert stills_at(tmp_path / "overlay.mp4", [0.1]) == []
     (tmp_path / "overlay.mp4").write_bytes(b"no film at all" * 100)
-    assert stills_of(tmp_path / "overlay.mp4", 4) == []
+    assert thumbs_of(tmp_path / "overlay.mp4", 4) == []
+    assert stills_at(tmp_path / "overlay.mp4", [0.1]) == []
 
 
 @pytest.mark.parametrize("keys", [2, 9, 40, 5000])

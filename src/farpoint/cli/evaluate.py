@@ -11,6 +11,7 @@ import tyro
 from farpoint.errors import InputError
 from farpoint.evaluate import EvaluationOptions, evaluate_folder, write_pairs
 from farpoint.metrics import to_json, to_text
+from farpoint.sinks.report import write_report
 
 __all__ = ["Evaluate"]
 
@@ -29,6 +30,9 @@ class Evaluate:
         Print JSON instead of a table.
     pairs : Path or None
         File for the errors pair by pair, CSV; needs the truth.
+    report : bool
+        Write ``report.html`` of the folder anew, with the true path beside the estimated one; needs
+        the truth.
     options : EvaluationOptions
         What counts.
     """
@@ -37,6 +41,7 @@ class Evaluate:
     truth: Path | None = None
     json: bool = False
     pairs: Path | None = None
+    report: bool = False
     options: Annotated[EvaluationOptions, tyro.conf.arg(name="")] = field(
         default_factory=EvaluationOptions
     )
@@ -45,7 +50,11 @@ class Evaluate:
         """Do it."""
         if self.pairs is not None and self.truth is None:
             raise InputError("errors pair by pair need --truth", field="--pairs")
+        if self.report and self.truth is None:
+            raise InputError("a true path in the report needs --truth", field="--report")
         found = evaluate_folder(self.folder, self.truth, self.options)
         if self.pairs is not None:
             write_pairs(self.pairs, found)
+        if self.report:
+            write_report(self.folder, self.truth)
         print(to_json(found.evaluation) if self.json else to_text(found.evaluation))

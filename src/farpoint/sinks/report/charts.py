@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from farpoint.pose import PoseStatus
 from farpoint.sinks.report.digest import Digest, Series
 
-__all__ = ["Chart", "Curve", "draw_chart", "path_map", "status_strip"]
+__all__ = ["Chart", "Curve", "draw_chart", "nice_step", "status_strip"]
 
 _WIDTH, _HEIGHT = 1000, 300  # units of the stretched square
 _MINUTE_STEPS_S = (30, 60, 120, 300, 600, 900, 1800, 3600)
@@ -98,11 +98,26 @@ def draw_chart(chart: Chart, digest: Digest, number: int) -> str:
     title = escape(chart.title)
     return (
         f"<figure><figcaption><b>{title}</b> <small>{escape(chart.unit)}</small> {legend}"
-        f'<output data-chart="{number}"></output></figcaption><div class="plot">'
+        f'<output data-chart="{number}" aria-live="off"></output></figcaption>'
+        f'<div class="plot" tabindex="0" role="group" aria-label="{title}: {_spoken(chart)}">'
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none" role="img" '
         f'aria-label="{title} over time">{"".join(shapes)}</svg>{"".join(labels)}'
         f'<i class="cursor"></i></div></figure>\n'
     )
+
+
+def _spoken(chart: Chart) -> str:
+    """The range of each curve in words, for who cannot see the chart."""
+    words = []
+    for curve in chart.curves:
+        known = np.isfinite(curve.values.first)
+        if known.any():
+            low, high = np.nanmin(curve.values.low), np.nanmax(curve.values.high)
+            middle = np.nanmedian(curve.values.first)
+            words.append(
+                f"{curve.name} from {low:.3g} to {high:.3g}, median {middle:.3g} {chart.unit}"
+            )
+    return escape("; ".join(words) or "no value")
 
 
 def _shapes(
@@ -140,42 +155,10 @@ def status_strip(digest: Digest) -> str:
     keys = " ".join(f'<span class="key {s.value}">{s.value}</span>' for s in PoseStatus)
     return (
         f"<figure><figcaption><b>Status</b> {keys}</figcaption>"
-        f'<div class="plot strip"><svg viewBox="0 0 {_WIDTH} 10" preserveAspectRatio="none" '
+        f'<div class="plot strip" tabindex="0" role="group" aria-label="status">'
+        f'<svg viewBox="0 0 {_WIDTH} 10" preserveAspectRatio="none" '
         f'role="img" aria-label="status over time">{"".join(rects)}</svg>'
         f'<i class="cursor"></i></div></figure>\n'
-    )
-
-
-def path_map(x_z: np.ndarray) -> str:
-    """The path from above, x to the right and z up the page, with a grid of round lengths."""
-    low, high = x_z.min(axis=0), x_z.max(axis=0)
-    extent = max(float((high - low).max()), 1e-6)
-    step = _nice_step(extent / 6.0)
-    left, bottom = np.floor(low / step - 0.5) * step
-    right, top = np.ceil(high / step + 0.5) * step
-    aside = step * np.ceil(max(0.0, 1.5 * (top - bottom) - (right - left)) / (2.0 * step))
-    left, right = left - aside, right + aside  # a narrow path gets a page of grid around it
-    grid = "".join(
-        f'<line class="grid" x1="{x:g}" x2="{x:g}" y1="{-bottom:g}" y2="{-top:g}"/>'
-        for x in np.arange(left, right + step / 2.0, step)
-    ) + "".join(
-        f'<line class="grid" x1="{left:g}" x2="{right:g}" y1="{-z:g}" y2="{-z:g}"/>'
-        for z in np.arange(bottom, top + step / 2.0, step)
-    )
-    digits = max(0, 3 - math.floor(math.log10(extent)))
-    points = " ".join(f"{x:.{digits}f},{-z:.{digits}f}" for x, z in x_z)
-
-    def dot(style: str, place: np.ndarray) -> str:
-        # A line of no length with round ends: a dot whose size does not stretch.
-        return f'<path class="dot {style}" d="M{place[0]:.{digits}f} {-place[1]:.{digits}f}h0"/>'
-
-    return (
-        f'<svg class="map" viewBox="{left:g} {-top:g} {right - left:g} {top - bottom:g}" '
-        f'role="img" aria-label="path from above">{grid}'
-        f'<polyline class="curve c1" points="{points}"/>{dot("start", x_z[0])}{dot("end", x_z[-1])}'
-        f"</svg><p>A square of the grid is {step:g} wide. "
-        f'<span class="key start">start</span> <span class="key end">end</span>; the first '
-        f"camera looks up the page.</p>"
     )
 
 
@@ -223,7 +206,7 @@ def _height_map(low: float, high: float, *, log: bool) -> Callable[[ArrayLike], 
 def _ticks(low: float, high: float, *, log: bool = False) -> list[float]:
     if log:
         return [10.0**k for k in range(round(math.log10(low)), round(math.log10(high)) + 1)]
-    step = _nice_step((high - low) / 6.0)
+    step = nice_step((high - low) / 6.0)
     first, last = math.ceil(low / step), math.floor(high / step)
     return [round(k * step, 12) for k in range(first, last + 1)]
 
@@ -231,12 +214,12 @@ def _ticks(low: float, high: float, *, log: bool = False) -> list[float]:
 def _time_ticks(span_s: float) -> list[float]:
     """Seconds to mark on an axis of this length: whole minutes where there are many."""
     step = next((s for s in _MINUTE_STEPS_S if span_s > 120.0 and span_s <= 7 * s), 0)
-    step = step or _nice_step(span_s / 7.0)
+    step = step or nice_step(span_s / 7.0)
     return [round(k * step, 12) for k in range(math.floor(span_s / step) + 1)]
 
 
-def _nice_step(rough: float) -> float:
-    """The least of 1, 2, 5 times a power of ten that is at least `rough`."""
+def nice_step(rough: float) -> float:
+    """Least of 1, 2, 5 times a power of ten that is at least `rough`."""
     decade = 10.0 ** math.floor(math.log10(rough))
     return next(m * decade for m in (1.0, 2.0, 5.0, 10.0) if m * decade >= rough * (1 - 1e-9))
 
@@ -255,10 +238,10 @@ def _line(x: np.ndarray, y: np.ndarray, wraps: np.ndarray) -> str:
         if not np.isfinite(y[index]):
             joined = False
         elif joined and not wraps[index - 1]:
-            words.append(f"L{x[index]:.1f} {y[index]:.1f}")
+            words.append(f"L{x[index]:.2f} {y[index]:.1f}")
         else:
             # A lone point is a line of no length: its round ends show it.
-            words.append(f"M{x[index]:.1f} {y[index]:.1f}h0")
+            words.append(f"M{x[index]:.2f} {y[index]:.1f}h0")
             joined = True
     return "".join(words)
 
@@ -270,7 +253,7 @@ def _band(x: np.ndarray, low: np.ndarray, high: np.ndarray, wraps: np.ndarray) -
     words = []
     for stretch in np.split(np.arange(len(x)), breaks):
         if known[stretch].all():
-            there = [f"{x[i]:.1f} {high[i]:.1f}" for i in stretch]
-            back = [f"{x[i]:.1f} {low[i]:.1f}" for i in stretch[::-1]]
+            there = [f"{x[i]:.2f} {high[i]:.1f}" for i in stretch]
+            back = [f"{x[i]:.2f} {low[i]:.1f}" for i in stretch[::-1]]
             words.append("M" + "L".join(there + back) + "Z")
     return "".join(words)

@@ -10,14 +10,16 @@ import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.geometry.angles import heading_angles_deg, rotation_vector_deg
+from farpoint.metrics import align_sim3, poses_at_frames, poses_at_times
 from farpoint.pose import PoseStatus
 from farpoint.sinks.motions import Motions, iter_motions
-from farpoint.trajectory.files import iter_tum
+from farpoint.sinks.report.moments import MomentSeeker
+from farpoint.trajectory.files import iter_tum, read_trajectory
 
-__all__ = ["Digest", "Series", "digest_motions", "path_from_above"]
+__all__ = ["Digest", "Paths", "Series", "digest_motions", "paths_from_above"]
 
-MAX_POINTS = 600
-"""Points of a curve; longer runs are drawn as the first, lowest and highest of each bin."""
+MAX_BINS = 1800
+"""Points of a curve; longer runs are kept as the first, lowest and highest of each bin."""
 
 _MAX_PATH_POINTS = 2000
 _BINS_AT_ONCE = 10
@@ -56,6 +58,8 @@ class Digest:
         Pairs of each status, of the whole run.
     series : dict of str to Series
         Curves by name: degrees, pixels and counts.
+    moments : MomentSeeker
+        Where it went worst.
     """
 
     span_s: float
@@ -65,22 +69,26 @@ class Digest:
     worst: list[PoseStatus]
     counts: dict[PoseStatus, int]
     series: dict[str, Series]
+    moments: MomentSeeker
 
 
 _WORSE = {status: rank for rank, status in enumerate(PoseStatus)}
 
 
 def digest_motions(path: Path) -> Digest:
-    """Read ``motions.csv`` in parts and keep at most `MAX_POINTS` bins of it."""
-    stride = max(1, -(-_count_lines(path) // MAX_POINTS))
+    """Read ``motions.csv`` in parts and keep at most `MAX_BINS` bins of it."""
+    stride = max(1, -(-_count_lines(path) // MAX_BINS))
     counts = dict.fromkeys(PoseStatus, 0)
     times: list[np.ndarray] = [np.empty((0, 2))]
     worst: list[PoseStatus] = []
     parts: list[dict[str, Series]] = []
     start_s: float | None = None
     end_s = 0.0
+    moments = MomentSeeker(0.0)
     for motions in iter_motions(path, chunk_rows=stride * _BINS_AT_ONCE):
-        start_s = float(motions.timestamp0[0]) if start_s is None else start_s
+        if start_s is None:
+            start_s = float(motions.timestamp0[0])
+            moments = MomentSeeker(start_s)
         starts = np.arange(0, len(motions), stride)
         for status in PoseStatus:
             counts[status] += int(np.sum(motions.status == status))
@@ -90,7 +98,9 @@ def digest_motions(path: Path) -> Digest:
         worst += [
             max(motions.status[start : start + stride], key=_WORSE.__getitem__) for start in starts
         ]
-        parts.append({name: _binned(row, starts) for name, row in _quantities(motions).items()})
+        quantities = _quantities(motions)
+        moments.look(motions, quantities)
+        parts.append({name: _binned(row, starts) for name, row in quantities.items()})
     begin_s, time_s = np.concatenate(times).T
     return Digest(
         span_s=end_s - (start_s or 0.0),
@@ -100,20 +110,79 @@ def digest_motions(path: Path) -> Digest:
         worst=worst,
         counts=counts,
         series={name: _joined(part[name] for part in parts) for name in parts[0]} if parts else {},
+        moments=moments,
     )
 
 
-def path_from_above(path: Path) -> np.ndarray:
-    """Positions x, z of a ``trajectory.tum``, thinned to a bounded number, shape (P, 2)."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Paths:
+    """Where the camera was, from above; x to the right of the first camera, z ahead of it.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (P,)
+        Seconds since the first frame.
+    x_z : ndarray, shape (P, 2)
+        Positions, in the unit of the trajectory.
+    true_x_z : ndarray, shape (P, 2), or None
+        True positions at the same times, carried into the same axes and unit by the similarity
+        that fits best; NaN where the truth does not reach. None without a truth.
+    """
+
+    time_s: np.ndarray
+    x_z: np.ndarray
+    true_x_z: np.ndarray | None = None
+
+
+def paths_from_above(path: Path, truth: Path | None = None) -> Paths:
+    """A ``trajectory.tum``, thinned to a bounded number of poses, beside the truth.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or the two have no time or frame in common.
+    """
     stride = max(1, -(-_count_lines(path) // _MAX_PATH_POINTS))
-    kept = [pose[[0, 2], 3] for row, (_, pose) in enumerate(iter_tum(path)) if row % stride == 0]
-    return np.array(kept).reshape(-1, 2)
+    kept = [
+        (row, stamp, pose[:3, 3])
+        for row, (stamp, pose) in enumerate(iter_tum(path))
+        if row % stride == 0
+    ]
+    stamps = np.array([stamp for _, stamp, _ in kept])
+    places = np.array([place for _, _, place in kept]).reshape(-1, 3)
+    true_places = None
+    if truth is not None and len(kept):
+        true_places = _true_places(truth, stamps, np.array([row for row, _, _ in kept]), places)
+    return Paths(
+        time_s=stamps - stamps[0] if len(stamps) else stamps,
+        x_z=places[:, [0, 2]],
+        true_x_z=None if true_places is None else true_places[:, [0, 2]],
+    )
+
+
+def _true_places(
+    truth: Path, stamps: np.ndarray, frames: np.ndarray, places: np.ndarray
+) -> np.ndarray | None:
+    """True positions (P, 3) in the axes of the estimate; None where too few are known to fit."""
+    reference = read_trajectory(truth)
+    if reference.timestamps is None:
+        poses = poses_at_frames(reference.world_from_body, frames)
+    else:
+        poses = poses_at_times(reference.timestamps, reference.world_from_body, stamps)
+    true_places = poses[:, :3, 3]
+    known = np.isfinite(true_places[:, 0])
+    try:
+        fit = align_sim3(true_places[known], places[known])
+    except InputError:  # a camera that stood still fits anywhere
+        return None
+    return fit.scale * true_places @ fit.rotation.T + fit.translation
 
 
 def _quantities(motions: Motions) -> dict[str, np.ndarray]:
     """Every curve of the page, a value per pair."""
     R, covariance = motions.rotation_cam1_from_cam0, motions.rotation_covariance
     rotation, rotation_sigma = rotation_vector_deg(R, covariance)
+    elapsed_s = motions.timestamp1 - motions.timestamp0
     heading, heading_covariance = _headings(motions, R)
     angles, angles_sigma = heading_angles_deg(heading, heading_covariance)
     return {
@@ -125,6 +194,9 @@ def _quantities(motions: Motions) -> dict[str, np.ndarray]:
         "up_sigma": angles_sigma[:, 1],
         "rotation_sigma": _largest_sigma_deg(covariance),
         "direction_sigma": _largest_sigma_deg(motions.covariance[:, 3:, 3:]),
+        "rate": np.linalg.norm(rotation, axis=1) / np.maximum(elapsed_s, 1e-6),
+        "scale": motions.scale,
+        "scale_sigma": motions.scale_sigma,
         "noise_px": motions.noise_px,
         "far": motions.far.astype(float),
         "near": motions.near.astype(float),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from farpoint.sinks.report.charts import Chart, Curve
 from farpoint.sinks.report.digest import Digest
 
@@ -33,6 +35,15 @@ def charts_of(digest: Digest) -> list[Chart]:
             (("x", "pitch"), ("y", "yaw"), ("z", "roll")), start=1
         )
     ]
+    lengths = []
+    if np.isfinite(series["scale_sigma"].first).any():
+        lengths.append(
+            Chart(
+                title="Length of the step",
+                unit="unit of the trajectory",
+                curves=[with_band("length", "scale", "c2")],
+            )
+        )
     return [
         *rotations,
         Chart(
@@ -54,6 +65,7 @@ def charts_of(digest: Digest) -> list[Chart]:
             ],
             log=True,
         ),
+        *lengths,
         Chart(title="Track noise", unit="px", curves=[curve("noise", "noise_px", "c3")]),
         Chart(
             title="Matches",

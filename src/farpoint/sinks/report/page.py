@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,10 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from farpoint.metrics import SplitHalf
 from farpoint.pose import PoseStatus
-from farpoint.sinks.report.charts import Chart, draw_chart, path_map, status_strip
-from farpoint.sinks.report.digest import Digest
+from farpoint.sinks.report.charts import Chart, draw_chart, status_strip
+from farpoint.sinks.report.digest import Digest, Paths
+from farpoint.sinks.report.headline import headline
+from farpoint.sinks.report.histogram import halves_section
+from farpoint.sinks.report.maps import path_map
 from farpoint.sinks.report.measures import charts_of
+from farpoint.sinks.report.moments import Moment
+from farpoint.sinks.report.pictures import data_uri, moments_section
 from farpoint.sinks.report.stills import Still
 
 __all__ = ["PageContents", "render_page"]
@@ -25,12 +30,6 @@ _MEANING = {
     PoseStatus.ROTATION_ONLY: "the rotation holds; the direction is not observable",
     PoseStatus.STATIC: "no motion beyond the noise",
     PoseStatus.FAILED: "no rotation can be trusted",
-}
-_STATE = {
-    "done": "the source was read to its end",
-    "interrupted": "stopped by the user; everything up to there is valid",
-    "failed": "stopped by an error; everything up to there is valid",
-    "running": "still going on, or killed before it could end",
 }
 
 
@@ -44,16 +43,25 @@ class PageContents:
         ``run.json``.
     digest : Digest
         ``motions.csv``.
-    path_x_z : ndarray, shape (P, 2)
-        ``trajectory.tum`` from above.
+    halves : list of SplitHalf
+        ``halves.csv``.
+    paths : Paths
+        ``trajectory.tum`` from above, beside the truth.
+    moments : list of Moment
+        Where it went worst.
     stills : list of Still
-        Pictures of ``overlay.mp4``.
+        Pictures of ``overlay.mp4`` at those moments.
+    thumbs : list of Still
+        Small ones, spread over the run.
     """
 
     run: dict[str, Any]
     digest: Digest
-    path_x_z: np.ndarray
+    halves: list[SplitHalf]
+    paths: Paths
+    moments: list[Moment]
     stills: list[Still]
+    thumbs: list[Still]
 
 
 def render_page(page: PageContents) -> str:
@@ -61,70 +69,22 @@ def render_page(page: PageContents) -> str:
     name = escape(page.run["source"]["name"])
     charts = charts_of(page.digest)
     sections = [
-        _headline(page),
+        headline(page.run, page.digest, page.paths),
         _status_table(page.digest),
+        moments_section(page.moments, page.stills, page.thumbs),
         _charts_section(charts, page.digest),
-        _stills_section(page.stills),
-        _path_section(page.path_x_z),
+        _path_section(page.paths),
+        halves_section(page.halves),
         _reasons_section(page.run),
         _options_section(page.run),
     ]
     return (
-        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<!doctype html>\n<html lang="en"{_palette(page.run)}>\n<head>\n<meta charset="utf-8">\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{name} – farpoint</title>\n<style>\n{_asset('page.css')}</style>\n</head>\n"
-        f"<body>\n<main>\n{''.join(sections)}</main>\n{_script(charts, page.digest)}"
+        f"<body>\n<main>\n{''.join(sections)}</main>\n{_script(charts, page)}"
         f"</body>\n</html>\n"
     )
-
-
-def _headline(page: PageContents) -> str:
-    run, digest = page.run, page.digest
-    pairs = sum(digest.counts.values())
-    ok = digest.counts[PoseStatus.OK]
-    part = f" ({100 * ok / pairs:.1f} %)" if pairs else ""
-    state = run["state"]
-    notes = "".join(f"<p>{escape(note)}</p>" for note in run["notes"])
-    notes = f'<div class="notes">{notes}</div>' if notes else ""
-    error = f'<p class="quiet">{escape(run["error"])}</p>' if run.get("error") else ""
-    facts = "".join(
-        f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in _facts(page) if value
-    )
-    return (
-        f"<header><h1>{escape(run['source']['name'])}</h1>"
-        f'<p class="lead"><b>{ok} of {pairs}</b> pairs of frames with rotation and direction'
-        f"{part}</p>"
-        f'<p><span class="state {escape(state)}">{escape(state)}</span> '
-        f"<small>{escape(_STATE.get(state, ''))}</small></p>{error}"
-        f"<dl>{facts}</dl>{notes}</header>\n"
-    )
-
-
-def _facts(page: PageContents) -> Iterator[tuple[str, str]]:
-    run, digest = page.run, page.digest
-    source, camera = run["source"], run["camera"]
-    pairs = sum(digest.counts.values())
-    yield "Source", source["given"]
-    size = "x".join(map(str, camera["size"])) if camera.get("size") else "size unknown"
-    focal = ", ".join(
-        f"{key} {camera['parameters'][key]:.6g}"
-        for key in ("fx", "fy")
-        if isinstance(camera.get("parameters", {}).get(key), int | float)
-    )
-    yield "Camera", ", ".join(part for part in (camera["model"], size, focal) if part)
-    if pairs:
-        yield "Duration", f"{digest.span_s:.2f} s, {pairs + 1} frames"
-    yield "Time stamps", source.get("timestamps") or ""
-    typical = [
-        f"{name} {np.nanmedian(digest.series[key].first):.3g} {unit}"
-        for name, key, unit in (
-            ("rotation", "rotation_sigma", "deg"),
-            ("direction", "direction_sigma", "deg"),
-            ("tracks", "noise_px", "px"),
-        )
-        if key in digest.series and np.isfinite(digest.series[key].first).any()
-    ]
-    yield "Typical 1-sigma", ", ".join(typical)
 
 
 def _status_table(digest: Digest) -> str:
@@ -153,32 +113,26 @@ def _charts_section(charts: list[Chart], digest: Digest) -> str:
         else ""
     )
     return (
-        f"<section><h2>Over time</h2>{status_strip(digest)}{drawn}"
+        f'<section><h2>Over time</h2><p class="quiet hint">Point or touch to read values and see '
+        f"the frame; drag sideways, or the keys + and -, to zoom; arrows move the cursor; Escape "
+        f'or a double click shows all. <button type="button" id="all" hidden>Show all</button></p>'
+        f'{status_strip(digest)}{drawn}<div id="peek" hidden aria-hidden="true"></div>'
         f'<p class="quiet">Bands are 1-sigma. Rotations are the rotation vector of cam1_from_cam0 '
         f"in camera axes (x right, y down, z forward).{thinned}</p></section>\n"
     )
 
 
-def _stills_section(stills: list[Still]) -> str:
-    if not stills:
-        return ""
-    figures = "".join(
-        f'<figure><img alt="working display at {still.time_s:.2f} s" loading="lazy" '
-        f'src="data:image/jpeg;base64,{base64.b64encode(still.jpeg).decode()}">'
-        f"<figcaption>{still.time_s:.2f} s</figcaption></figure>"
-        for still in stills
-    )
-    return (
-        f'<section><h2>Working display</h2><p class="quiet">From overlay.mp4: far points red, '
-        f"near points green, outliers grey; the flow that translation leaves, with the epipole "
-        f'and its 95 % ellipse.</p><div class="stills">{figures}</div></section>\n'
-    )
+def _palette(run: Mapping[str, Any]) -> str:
+    """The colours that the film was drawn in."""
+    output = run["options"].get("output", {})
+    name = output.get("palette") if isinstance(output, Mapping) else None
+    return f' data-palette="{escape(str(name))}"' if name else ""
 
 
-def _path_section(x_z: np.ndarray) -> str:
-    if len(x_z) < 2:
+def _path_section(paths: Paths) -> str:
+    if len(paths.x_z) < 2:
         return ""
-    return f"<section><h2>Path from above</h2><figure>{path_map(x_z)}</figure></section>\n"
+    return f"<section><h2>Path from above</h2><figure>{path_map(paths)}</figure></section>\n"
 
 
 def _reasons_section(run: Mapping[str, Any]) -> str:
@@ -231,10 +185,11 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield f"{prefix}{key}", value
 
 
-def _script(charts: list[Chart], digest: Digest) -> str:
+def _script(charts: list[Chart], page: PageContents) -> str:
     """The curves as data for the cursor, and the code that moves it."""
     if not charts:
         return ""
+    digest, paths = page.digest, page.paths
     curves = {
         "span": digest.span_s,
         "time": [round(float(value), 3) for value in digest.time_s],
@@ -249,6 +204,8 @@ def _script(charts: list[Chart], digest: Digest) -> str:
             ]
             for chart in charts
         ],
+        "thumbs": [[round(thumb.time_s, 3), data_uri(thumb)] for thumb in page.thumbs],
+        "path": [_numbers(column) for column in (paths.time_s, *paths.x_z.T)],
     }
     data = json.dumps(curves, separators=(",", ":"), allow_nan=False)
     return (

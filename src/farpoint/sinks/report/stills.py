@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from farpoint.errors import MissingExtraError, optional_import
 
-__all__ = ["Still", "spread_key_packets", "stills_of"]
+__all__ = ["Still", "spread_key_packets", "stills_at", "thumbs_of"]
 
-_MAX_WIDTH_PX = 960
-_JPEG_QUALITY = 78
+_WIDTH_PX, _QUALITY = 960, 74
+_THUMB_WIDTH_PX, _THUMB_QUALITY = 360, 55
+_TIME_TOLERANCE_S = 1e-4  # the film counts in ticks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,22 +32,54 @@ class Still:
     jpeg: bytes
 
 
-def stills_of(path: Path, count: int) -> list[Still]:
-    """At most `count` key frames, spread evenly over a film; none if there is no film to read.
+def thumbs_of(path: Path, count: int) -> list[Still]:
+    """At most `count` small key frames, spread evenly over a film; none if there is no film.
 
     Only the packets of key frames are held, and never more than twice `count`; a film cut off by
     a kill gives what it has.
     """
+
+    def read(stream: Any, packets: Iterable[Any]) -> list[Still]:
+        return [
+            _still([packet], stream, _THUMB_WIDTH_PX, _THUMB_QUALITY)
+            for packet in spread_key_packets(packets, count)
+        ]
+
+    return _from_film(path, read)
+
+
+def stills_at(path: Path, times_s: Iterable[float]) -> list[Still]:
+    """The pictures a film shows at these times, s since its start, in their order.
+
+    A time beyond what can be read, as of a film cut off by a kill, gives none.
+    """
+    wanted = sorted(set(times_s))
+
+    def read(stream: Any, packets: Iterable[Any]) -> list[Still]:
+        stills: list[Still] = []
+        group: list[Any] = []  # from the last key frame on: what a picture is decoded from
+        for packet in packets:
+            if packet.pts is None:
+                continue
+            group = [packet] if packet.is_keyframe else [*group, packet]
+            time_s = float(packet.pts * packet.time_base)
+            while len(stills) < len(wanted) and time_s >= wanted[len(stills)] - _TIME_TOLERANCE_S:
+                stills.append(_still(group, stream, _WIDTH_PX, _QUALITY))
+        return stills
+
+    return _from_film(path, read)
+
+
+def _from_film(path: Path, read: Callable[[Any, Iterable[Any]], list[Still]]) -> list[Still]:
     try:
         av = optional_import("av", extra="video", purpose="pictures in the report")
-        cv2 = optional_import("cv2", extra="video", purpose="pictures in the report")
+        optional_import("cv2", extra="video", purpose="pictures in the report")
     except MissingExtraError:
         return []
     try:
         with av.open(str(path)) as film:
             stream = film.streams.video[0]
-            packets = spread_key_packets(film.demux(stream), count)
-            return [_still(packet, stream, cv2) for packet in packets]
+            return read(stream, film.demux(stream))
     except (av.FFmpegError, OSError, IndexError):  # no film, or none with a picture in it
         return []
 
@@ -68,15 +101,17 @@ def spread_key_packets(packets: Iterable[Any], count: int) -> list[Any]:
     return [kept[(2 * k + 1) * len(kept) // (2 * chosen)] for k in range(chosen)]
 
 
-def _still(packet: Any, stream: Any, cv2: Any) -> Still:
-    time_s = float(packet.pts * packet.time_base)
-    decoder = stream.codec_context
-    frame = [*decoder.decode(packet), *decoder.decode(None)][0]
+def _still(packets: list[Any], stream: Any, width_px: int, quality: int) -> Still:
+    """The last picture of some packets that begin with a key frame."""
+    cv2 = optional_import("cv2", extra="video", purpose="pictures in the report")
+    last, decoder = packets[-1], stream.codec_context
+    frames = [frame for packet in packets for frame in decoder.decode(packet)]
+    frames += decoder.decode(None)
     decoder.flush_buffers()
-    picture = frame.to_ndarray(format="bgr24")
+    picture = frames[-1].to_ndarray(format="bgr24")
     height, width = picture.shape[:2]
-    if width > _MAX_WIDTH_PX:
-        size = (_MAX_WIDTH_PX, round(height * _MAX_WIDTH_PX / width))
+    if width > width_px:
+        size = (width_px, round(height * width_px / width))
         picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    return Still(time_s=time_s, jpeg=jpeg.tobytes())
+    _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return Still(time_s=float(last.pts * last.time_base), jpeg=jpeg.tobytes())

@@ -5,23 +5,32 @@ from __future__ import annotations
 from pathlib import Path
 
 from farpoint.errors import InputError
-from farpoint.sinks.report.digest import digest_motions, path_from_above
+from farpoint.sinks.halves import read_halves
+from farpoint.sinks.report.digest import digest_motions, paths_from_above
 from farpoint.sinks.report.page import PageContents, render_page
-from farpoint.sinks.report.stills import stills_of
+from farpoint.sinks.report.stills import stills_at, thumbs_of
 from farpoint.sinks.run_record import read_run
 
 __all__ = ["REPORT_NAME", "write_report"]
 
 REPORT_NAME = "report.html"
 
-_STILLS = 8
+_THUMBS = 80
 
 
-def write_report(folder: str | Path) -> Path:
+def write_report(folder: str | Path, truth: str | Path | None = None) -> Path:
     """Write ``report.html`` from the other files of a folder, of an interrupted run too.
 
     It is a function of those files: ``run.json``, ``motions.csv``, ``trajectory.tum`` and, where
-    it is there, ``overlay.mp4``. Its size and the memory it takes do not grow with the run.
+    they are there, ``halves.csv`` and ``overlay.mp4``. Its size and the memory it takes do not
+    grow with the run.
+
+    Parameters
+    ----------
+    folder : str or Path
+        What ``farpoint run`` wrote.
+    truth : str or Path, optional
+        TUM, KITTI or EuRoC trajectory of the camera, drawn beside the path.
 
     Returns
     -------
@@ -34,11 +43,18 @@ def write_report(folder: str | Path) -> Path:
         If one of the files is missing or damaged, or the page cannot be written.
     """
     folder = Path(folder)
+    run = read_run(folder / "run.json")
+    digest = digest_motions(folder / "motions.csv")
+    moments = digest.moments.found({item["frame1"]: item["reason"] for item in run["reasons"]})
+    film, halves = folder / "overlay.mp4", folder / "halves.csv"
     page = PageContents(
-        run=read_run(folder / "run.json"),
-        digest=digest_motions(folder / "motions.csv"),
-        path_x_z=path_from_above(folder / "trajectory.tum"),
-        stills=stills_of(folder / "overlay.mp4", _STILLS),
+        run=run,
+        digest=digest,
+        halves=read_halves(halves) if halves.is_file() else [],
+        paths=paths_from_above(folder / "trajectory.tum", None if truth is None else Path(truth)),
+        moments=moments,
+        stills=stills_at(film, [moment.time_s for moment in moments]),
+        thumbs=thumbs_of(film, _THUMBS),
     )
     path = folder / REPORT_NAME
     try:

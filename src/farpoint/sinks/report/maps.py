@@ -1,0 +1,64 @@
+"""The path from above."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint.sinks.report.charts import nice_step
+from farpoint.sinks.report.digest import Paths
+
+__all__ = ["path_map"]
+
+
+def path_map(paths: Paths) -> str:
+    """The path from above, x to the right and z up the page, with a grid of round lengths."""
+    shown = paths.x_z if paths.true_x_z is None else np.vstack([paths.x_z, paths.true_x_z])
+    low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
+    extent = max(float((high - low).max()), 1e-6)
+    step = nice_step(extent / 6.0)
+    left, bottom = np.floor(low / step - 0.5) * step
+    right, top = np.ceil(high / step + 0.5) * step
+    aside = step * np.ceil(max(0.0, 1.5 * (top - bottom) - (right - left)) / (2.0 * step))
+    left, right = left - aside, right + aside  # a narrow path gets a page of grid around it
+    digits = max(0, 3 - math.floor(math.log10(extent)))
+    lines = [_line(paths.x_z, "c1", digits)]
+    keys = '<span class="key start">start</span> <span class="key end">end</span>'
+    if paths.true_x_z is not None:
+        known = paths.true_x_z[np.isfinite(paths.true_x_z[:, 0])]
+        lines.insert(0, _line(known, "truth", digits))
+        keys += ' <span class="key c1">farpoint</span> <span class="key truth">truth</span>'
+    dots = _dot("start", paths.x_z[0], digits) + _dot("end", paths.x_z[-1], digits)
+    return (
+        f'<svg class="map" viewBox="{left:g} {-top:g} {right - left:g} {top - bottom:g}" '
+        f'role="img" aria-label="path from above, {_spoken(paths.x_z)}">'
+        f"{_grid(left, right, bottom, top, step)}{''.join(lines)}{dots}"
+        f'<path class="dot here" d="" /></svg><p>A square of the grid is {step:g} wide. {keys}; '
+        f"the first camera looks up the page.</p>"
+    )
+
+
+def _grid(left: float, right: float, bottom: float, top: float, step: float) -> str:
+    return "".join(
+        f'<line class="grid" x1="{x:g}" x2="{x:g}" y1="{-bottom:g}" y2="{-top:g}"/>'
+        for x in np.arange(left, right + step / 2.0, step)
+    ) + "".join(
+        f'<line class="grid" x1="{left:g}" x2="{right:g}" y1="{-z:g}" y2="{-z:g}"/>'
+        for z in np.arange(bottom, top + step / 2.0, step)
+    )
+
+
+def _line(x_z: np.ndarray, style: str, digits: int) -> str:
+    points = " ".join(f"{x:.{digits}f},{-z:.{digits}f}" for x, z in x_z)
+    return f'<polyline class="curve {style}" points="{points}"/>'
+
+
+def _dot(style: str, place: np.ndarray, digits: int) -> str:
+    # A line of no length with round ends: a dot whose size does not stretch.
+    return f'<path class="dot {style}" d="M{place[0]:.{digits}f} {-place[1]:.{digits}f}h0"/>'
+
+
+def _spoken(x_z: np.ndarray) -> str:
+    width, depth = np.ptp(x_z, axis=0)
+    return f"{width:.3g} wide and {depth:.3g} deep, in the unit of the trajectory"
