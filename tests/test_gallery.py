@@ -1,0 +1,48 @@
+"""The pictures of the documentation are those that its command draws."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import cv2
+import pytest
+from likeness import at_phone_width, likeness
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+@pytest.fixture(scope="module")
+def gallery() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("gallery", DOCS / "gallery.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["gallery"] = module  # where dataclasses look for their annotations
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_picture_has_its_scene_and_is_shown(gallery: ModuleType) -> None:
+    drawn = {f"{name}.webp" for name in gallery.SCENES}
+    assert {path.name for path in (DOCS / "images").iterdir()} == drawn
+    assert set(re.findall(r"\(images/([^)]*)\)", (DOCS / "gallery.md").read_text())) == drawn
+    for path in (DOCS / "images").iterdir():
+        assert path.stat().st_size < 300_000
+
+
+def test_the_command_draws_them(
+    gallery: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = cv2.imread(str(DOCS / "images" / "standing.webp"))
+    monkeypatch.setattr(gallery, "IMAGES", tmp_path / "images")
+    monkeypatch.setattr(sys, "argv", ["gallery.py", "standing"])
+    gallery.main()
+    drawn = cv2.imread(str(tmp_path / "images" / "standing.webp"))
+    found = likeness(at_phone_width(drawn), at_phone_width(kept))
+    # Digits, and tracks at the edge of what can be tracked, may change with the estimator.
+    assert found.mean < 1.5
+    assert found.share < 0.02
