@@ -39,9 +39,18 @@ def documented_names(text: str) -> dict[str, set[str]]:
 
 
 def named_options(text: str, command: str) -> set[str]:
-    """Options named in the section of a command, up to the next heading of its level."""
+    """Options named in the section of a command, up to the next heading of its level.
+
+    ``--group.*`` stands for all options of this group that the section of ``farpoint run`` names.
+    """
     section = re.search(rf"^## `farpoint {command}`$(.*?)(?=^## |\Z)", text, re.M | re.S)
-    return set(re.findall(OPTION, section[1])) if section else set()
+    if not section:
+        return set()
+    named = set(re.findall(OPTION + r"(?!\.\*)(?![\w.-])", section[1]))
+    groups = re.findall(r"--\w+\.(?=\*)", section[1])
+    if groups:
+        named |= {name for name in named_options(text, "run") if name.startswith(tuple(groups))}
+    return named
 
 
 @pytest.mark.parametrize("module", PUBLIC_MODULES)

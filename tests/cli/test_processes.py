@@ -5,42 +5,26 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
-import time
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
-from cli_kit import record_of, there_and_back, write_folder
+from cli_kit import (
+    BUFFERED,
+    FARPOINT,
+    PATIENCE_S,
+    record_of,
+    start,
+    there_and_back,
+    wait_for_rows,
+    write_folder,
+)
 
 from farpoint.sinks.motions import read_motions
 from farpoint.trajectory.files import read_tum
 
 Pictures = tuple[np.ndarray, ...]
-
-FARPOINT = (sys.executable, "-m", "farpoint")
-PATIENCE_S = 120.0
-BUFFERED = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
-"""What is printed may be written only when the process ends: the usual case."""
-
-
-def start(*arguments: str | Path) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [*FARPOINT, *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=BUFFERED,
-    )
-
-
-def wait_for_rows(path: Path, count: int, process: subprocess.Popen[str]) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not path.exists() or len(path.read_text().splitlines()) <= count:
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def test_ctrl_c_leaves_valid_files(tmp_path: Path, images: Pictures, calibration: Path):

@@ -17,7 +17,7 @@ from farpoint.errors import InputError, MissingExtraError
 from farpoint.geometry import so3
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus, TrackLabel
-from farpoint.sinks import ViewerOptions, open_viewer
+from farpoint.sinks import LiveViewer, ViewerOptions, open_viewer
 from farpoint.sinks.viewer import window
 from farpoint.sinks.viewer.world import sparse_points
 
@@ -167,6 +167,18 @@ def test_frames_without_an_image_keep_their_place(
     sink.close()
     assert set(column(tmp_path / "a.rrd", "image", "EncodedImage:blob")) == {0, 2}
     assert 1 in column(tmp_path / "a.rrd", "image", "Clear:is_recursive")
+
+
+def test_a_live_display_that_is_behind_leaves_frames_out(
+    tmp_path: Path, camera: Camera, results: list[OdometryResult]
+):
+    display = LiveViewer(ViewerOptions(rrd=tmp_path / "a.rrd"), "drive", camera)
+    shown = [replace(results[1], frame1=frame) for frame in range(60)]
+    for result in shown:
+        display.write(result, IMAGE)
+    display.close()
+    drawn = column(tmp_path / "a.rrd", "image", "EncodedImage:blob")
+    assert 0 < display.left_out == 60 - len(drawn)
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path: Path, camera: Camera):

@@ -13,7 +13,7 @@ from farpoint.errors import InputError
 
 __all__ = ["TABLES", "BenchOptions", "CoverageGrid", "Progress", "TableName"]
 
-TableName = Literal["paper", "accuracy", "time", "coverage", "pairs", "pipeline"]
+TableName = Literal["paper", "accuracy", "time", "coverage", "pairs", "pipeline", "live"]
 TABLES: tuple[TableName, ...] = get_args(TableName)
 
 Progress = Callable[[str, int, int], None]
@@ -78,7 +78,8 @@ class BenchOptions:
         Which tables to make.
     pairs : int or None
         Pairs of views in each cell of ``paper``, ``accuracy`` and ``pairs``, scenes for each time
-        in ``time``, frames of ``pipeline``. None takes 2000, 300, 60, 30 and 60.
+        in ``time``, frames of ``pipeline``, seconds of ``live``. None takes 2000, 300, 60, 30, 60
+        and 60.
     seed : int
         Of scenes and estimators: the same seed gives the same figures, times aside.
     data : tuple of Path
@@ -86,7 +87,8 @@ class BenchOptions:
         of them. ``pairs`` needs the former; ``pipeline`` renders a drive where the latter are
         missing.
     full : bool
-        Every pair of the files, and the whole grid of the table of coverage: hours.
+        Every pair of the files, the whole grid of the table of coverage, 10 minutes of ``live``:
+        hours.
     grid : CoverageGrid
         Cells of the table of coverage.
     """
@@ -118,7 +120,7 @@ class BenchOptions:
         words += ["--seed", str(self.seed)]
         if self.data and table in ("pairs", "pipeline"):
             words += ["--data", *map(str, self.data)]
-        words += ["--full"] if self.full and table in ("pairs", "coverage") else []
+        words += ["--full"] if self.full and table in ("pairs", "coverage", "live") else []
         if table == "coverage":
             words += _changed_words(self.grid)
         return shlex.join(words)

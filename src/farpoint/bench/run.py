@@ -15,6 +15,7 @@ from farpoint.bench.table import Table
 from farpoint.bench.tables.accuracy import accuracy_table
 from farpoint.bench.tables.coverage import coverage_table
 from farpoint.bench.tables.growth import growth_tables
+from farpoint.bench.tables.live import live_tables
 from farpoint.bench.tables.pairs import pairs_table
 from farpoint.bench.tables.paper import paper_table
 from farpoint.bench.tables.pipeline import pipeline_table
@@ -32,6 +33,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "coverage": (coverage_table,),
     "pairs": (pairs_table,),
     "pipeline": (pipeline_table,),
+    "live": (live_tables,),
 }
 
 

@@ -16,6 +16,7 @@ from farpoint.cli.bench import Bench
 from farpoint.cli.camera import ShowCamera
 from farpoint.cli.demo import Demo
 from farpoint.cli.evaluate import Evaluate
+from farpoint.cli.live import Live
 from farpoint.cli.run import Run
 from farpoint.errors import InputError, MissingExtraError
 
@@ -24,6 +25,7 @@ __all__ = ["COMMANDS", "main", "parse"]
 COMMANDS: dict[str, Callable[..., Any]] = {
     "demo": Demo,
     "run": Run,
+    "live": Live,
     "evaluate": Evaluate,
     "bench": Bench,
     "camera": ShowCamera,

@@ -30,13 +30,17 @@ class Progress:
         self._what, self._total = what, total
         self._stream = stream or sys.stderr
         self._terminal = self._stream.isatty()
-        self._done = 0
+        self._done, self._note = 0, ""
         self._shown_any = False
         self._start = self._shown = time.monotonic()
 
     def step(self) -> None:
         """One more is done."""
-        self._done += 1
+        self.reach(self._done + 1)
+
+    def reach(self, done: int, note: str = "") -> None:
+        """So many are done, with a word on how it goes."""
+        self._done, self._note = done, note
         now = time.monotonic()
         if now - self._shown >= (_TERMINAL_S if self._terminal else _LOG_S):
             self._shown = now
@@ -64,6 +68,7 @@ class Progress:
         text = f"{self._done}{of} {self._what}, {rate:.1f}/s"
         if self._total is not None and 0 < self._done < self._total:
             text += f", {_duration((self._total - self._done) / rate)} left"
+        text += f", {self._note}" if self._note else ""
         if self._terminal:
             print(f"\r\x1b[K{text}", end="", file=self._stream, flush=True)
         else:

@@ -6,7 +6,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -18,11 +18,11 @@ from farpoint.camera import Camera, CameraGuess, HorizontalField, load_camera
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError
 from farpoint.frames import Frame, FrameSource, find_focal_length, open_frames
-from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
+from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
 from farpoint.sinks import OutputFolder, OutputOptions, RunDescription, ViewerOptions, open_viewer
 
-__all__ = ["Run", "process_frames"]
+__all__ = ["Run", "in_words", "naming_calibration", "process_frames"]
 
 APPROXIMATE = (
     "Not calibrated: the camera is {}. Rotations may be off by a tenth of the turn, directions by "
@@ -76,14 +76,10 @@ class Run:
         frames = open_frames(self.source, fps=self.fps)
         camera = known or self._guess(frames)
         out = self.out or Path("farpoint-out") / frames.name
-        try:
+        with naming_calibration(self.camera):
             process_frames(
                 frames, self.source, camera, out, self.odometry, self.output, self.viewer
             )
-        except InputError as error:
-            if error.field != "camera":
-                raise
-            raise InputError(error.problem, file=self.camera, field="image size") from None
 
     def _known_camera(self) -> Camera | HorizontalField | None:
         """What the options alone tell of the camera."""
@@ -103,6 +99,17 @@ class Run:
     @property
     def _is_auto(self) -> bool:
         return str(self.camera) == "auto"
+
+
+@contextmanager
+def naming_calibration(path: Path | None) -> Iterator[None]:
+    """Name the file of a calibration that does not fit the images."""
+    try:
+        yield
+    except InputError as error:
+        if error.field != "camera":
+            raise
+        raise InputError(error.problem, file=path, field="image size") from None
 
 
 def process_frames(
@@ -154,9 +161,9 @@ def process_frames(
         folder = opened.enter_context(OutputFolder(out, description, output))
         if display is not None:
             folder.add("viewer", display)
-        odometry, every = Odometry(camera, options), output.halves_every
-        counts = _run_into(folder, chain(first, timed), odometry, frames.count, every)
-    print(f"{sum(counts.values())} pairs of frames: {_in_words(counts)}")
+        odometry = Odometry(camera, options)
+        counts = _run_into(folder, chain(first, timed), odometry, frames.count)
+    print(f"{sum(counts.values())} pairs of frames: {in_words(counts)}")
     print(f"time stamps: {frames.timestamp_source}")
     print(f"results in {out}")
 
@@ -166,7 +173,6 @@ def _run_into(
     timed: Iterable[tuple[Frame, float]],
     odometry: Odometry,
     frame_count: int | None,
-    halves_every: int,
 ) -> Counter[PoseStatus]:
     """Every frame through the odometry into the folder; how many pairs have which status."""
     counts: Counter[PoseStatus] = Counter()
@@ -176,21 +182,14 @@ def _run_into(
                 folder.add_time("read", seconds)
                 result = odometry.process(frame.image, frame.timestamp, fault=frame.fault)
                 folder.write(result, frame.image)
+                folder.check_halves(result, odometry)
                 if result.pose is not None:
                     counts[result.pose.status] += 1
-                    if halves_every and (counts.total() - 1) % halves_every == 0:
-                        _test_halves(folder, odometry, result)
                 progress.step()
         finally:
             for stage, seconds in odometry.seconds.items():
                 folder.add_time(stage, seconds)
     return counts
-
-
-def _test_halves(folder: OutputFolder, odometry: Odometry, result: OdometryResult) -> None:
-    start = time.perf_counter()
-    folder.write_halves(result, odometry.split_half(result))
-    folder.add_time("halves", time.perf_counter() - start)
 
 
 def _up_to_an_image(timed: Iterator[tuple[Frame, float]]) -> list[tuple[Frame, float]]:
@@ -224,5 +223,6 @@ def _timed(frames: FrameSource, source: str) -> Iterator[tuple[Frame, float]]:
         raise InputError("holds no image that can be decoded", file=source)
 
 
-def _in_words(counts: Counter[PoseStatus]) -> str:
+def in_words(counts: Counter[PoseStatus]) -> str:
+    """How many pairs have which status, as a list of words."""
     return ", ".join(f"{counts[status]} {status.value}" for status in PoseStatus)

@@ -14,7 +14,7 @@ import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
-from farpoint.odometry import OdometryResult
+from farpoint.odometry import Odometry, OdometryResult
 from farpoint.sinks.background import BackgroundSink
 from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.motions import MotionsFile
@@ -103,6 +103,7 @@ class OutputFolder:
         self._closed = False
         if self._options.parquet:
             load_pyarrow()  # before hours of work, not after
+        self._pairs = 0
         _prepare(self.path)
         with ExitStack() as opened:  # closes what is open already if a later one cannot be
             self._record = RunRecord(self.path / "run.json", run)
@@ -130,6 +131,17 @@ class OutputFolder:
             sink.write(result, image)
             self._record.add_time(name, time.perf_counter() - start)
         self._record.write(result, image)
+
+    def check_halves(self, result: OdometryResult, odometry: Odometry) -> None:
+        """Test the pair that was just written by two halves of its matches, if it is its turn."""
+        every = self._options.halves_every
+        if result.pose is None or not every:
+            return
+        self._pairs += 1
+        if (self._pairs - 1) % every == 0:
+            start = time.perf_counter()
+            self.write_halves(result, odometry.split_half(result))
+            self.add_time("halves", time.perf_counter() - start)
 
     def write_halves(self, result: OdometryResult, halves: SplitHalf) -> None:
         """Add the split-half test of one pair, if the options ask for such tests."""

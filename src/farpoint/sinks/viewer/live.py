@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import time
+from typing import Any
 
 import numpy as np
 
@@ -46,8 +48,8 @@ class LiveViewer:
         camera: Camera,
         palette: PaletteName = "red-green",
     ) -> None:
-        self._rr = optional_import("rerun", extra="rerun", purpose="the display")
-        self._recording = open_recording(options, name)
+        self._rr = _load_quietly()
+        self._recording = open_recording(options, name, endless=True)
         self._sink = BackgroundSink(Viewer(self._recording, camera, PALETTES[palette], live=True))
         self._link = ""
         self.left_out = 0
@@ -75,3 +77,17 @@ class LiveViewer:
     def close(self) -> None:
         """Write what is still on its way and let go of file and window."""
         self._sink.close()
+
+
+def _load_quietly() -> Any:
+    """Rerun without its warning that the recording has no footer, which is our own choice.
+
+    It reads what it may say when it is loaded, from the environment.
+    """
+    if "RUST_LOG" in os.environ:  # the user's word comes first
+        return optional_import("rerun", extra="rerun", purpose="the display")
+    os.environ["RUST_LOG"] = "warn,re_log_encoding=error"
+    try:
+        return optional_import("rerun", extra="rerun", purpose="the display")
+    finally:
+        del os.environ["RUST_LOG"]

@@ -116,13 +116,15 @@ def open_viewer(
     return BackgroundSink(viewer)
 
 
-def open_recording(options: ViewerOptions, name: str) -> Any:
+def open_recording(options: ViewerOptions, name: str, *, endless: bool = False) -> Any:
     """A Rerun recording that goes where the options say."""
     rr = optional_import("rerun", extra="rerun", purpose="the display")
     sinks: list[Any] = []
     if options.rrd is not None:
         open_output(options.rrd).close()  # Rerun would complain in a thread of its own
-        sinks.append(rr.FileSink(options.rrd))
+        # The footer lists every piece of the file, for faster scrubbing; until the end the list is
+        # held in memory, which a session without an end cannot afford.
+        sinks.append(rr.FileSink(options.rrd, write_footer=not endless))
     if options.show:
         sinks.append(rr.GrpcSink(open_window()))
     recording = rr.RecordingStream("farpoint")

@@ -1,0 +1,114 @@
+"""``farpoint live``: a camera or a stream, as it happens."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from farpoint.camera import load_camera
+from farpoint.cli.progress import Progress
+from farpoint.cli.run import in_words, naming_calibration
+from farpoint.errors import InputError
+from farpoint.frames.live import open_live
+from farpoint.live import LiveSession, LiveState
+from farpoint.odometry import OdometryOptions
+from farpoint.sinks import OutputOptions, ViewerOptions
+
+__all__ = ["Live"]
+
+
+def _no_film() -> OutputOptions:
+    return OutputOptions(overlay=False)
+
+
+def _shown() -> ViewerOptions:
+    return ViewerOptions(show=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Live:
+    """Watch a camera or a stream and estimate its motion as it happens, until Ctrl-C.
+
+    Attributes
+    ----------
+    source : str
+        Camera index or stream URL; a video or images are played at their own pace.
+    camera : Path
+        Calibration file.
+    name : str or None
+        Camera to take from a calibration file of several.
+    out : Path or None
+        Folder for the outputs; farpoint-out/<source name> by default.
+    duration_s : float or None
+        End after so many seconds.
+    loop : bool
+        Play a video or images over and over.
+    odometry : OdometryOptions
+        Options of tracking and estimation.
+    output : OutputOptions
+        Which outputs are made.
+    viewer : ViewerOptions
+        Where the working display goes.
+    """
+
+    source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[INDEX|URL]")] = "0"
+    camera: Annotated[Path, tyro.conf.arg(metavar="CALIB")]
+    name: str | None = None
+    out: Path | None = None
+    duration_s: float | None = None
+    loop: bool = False
+    odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
+        default_factory=OdometryOptions
+    )
+    output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=_no_film)
+    viewer: Annotated[ViewerOptions, tyro.conf.arg(name="")] = field(default_factory=_shown)
+
+    def __call__(self) -> None:
+        """Do it."""
+        if self.duration_s is not None and not self.duration_s > 0.0:
+            raise InputError(f"expected more than 0, got {self.duration_s}", field="--duration-s")
+        camera = load_camera(self.camera, self.name)
+        with naming_calibration(self.camera):
+            session = LiveSession(
+                open_live(self.source, loop=self.loop),
+                self.source,
+                camera,
+                self.out,
+                odometry=self.odometry,
+                output=self.output,
+                viewer=self.viewer,
+            )
+        try:
+            with session, Progress("frames", None) as progress:
+                session.run(
+                    math.inf if self.duration_s is None else self.duration_s,
+                    lambda state: progress.reach(state.account.taken, _so_far(state)),
+                )
+        finally:  # Ctrl-C is how most sessions end
+            print(f"{session.counts.total()} pairs of frames: {in_words(session.counts)}")
+            print(_account(session.state))
+            print(f"results in {session.path}")
+
+
+def _so_far(state: LiveState) -> str:
+    return (
+        f"latency {1e3 * state.latency_s:.0f} ms, {state.account.dropped} dropped, "
+        f"source {state.link}"
+    )
+
+
+def _account(state: LiveState) -> str:
+    account = state.account
+    broken = f", {account.broken} could not be decoded" if account.broken else ""
+    lines = [
+        f"{account.captured} frames came, {account.taken} were used, "
+        f"{account.dropped} dropped for newer ones{broken}",
+        f"source lost {account.disconnects} times, back {account.reconnects} times; "
+        f"longest silence {account.longest_silence_s:.1f} s, "
+        f"longest latency {1e3 * state.longest_latency_s:.0f} ms",
+    ]
+    return "\n".join(lines)

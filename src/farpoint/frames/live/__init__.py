@@ -1,0 +1,19 @@
+"""Frames as they happen: the newest wins, and what was left out is counted."""
+
+from farpoint.frames.live.account import LiveAccount
+from farpoint.frames.live.capture import Capture, LiveFrame
+from farpoint.frames.live.playback import Black, Disconnect, Fault, Playback, Stall
+from farpoint.frames.live.source import LiveSource, open_live
+
+__all__ = [
+    "Black",
+    "Capture",
+    "Disconnect",
+    "Fault",
+    "LiveAccount",
+    "LiveFrame",
+    "LiveSource",
+    "Playback",
+    "Stall",
+    "open_live",
+]

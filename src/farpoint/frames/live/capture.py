@@ -1,0 +1,209 @@
+"""Taking frames from a source in a thread: the newest waits for whoever asks, older ones go."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, replace
+from types import TracebackType
+from typing import Self
+
+from farpoint.frames.frame import Frame, FrameSource
+from farpoint.frames.live.account import LiveAccount
+from farpoint.frames.live.source import LiveSource
+
+__all__ = ["Capture", "LiveFrame"]
+
+_RETRY_S = 0.5
+"""Between two attempts to open a lost source."""
+_FAREWELL_S = 2.0
+"""How long closing waits for a source that does not answer."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LiveFrame:
+    """A frame, and how it came.
+
+    Attributes
+    ----------
+    frame : Frame
+        With an image. Its index counts what the source delivered, over all connections: gaps are
+        frames dropped or broken.
+    arrived_s : float
+        By the monotonic clock.
+    dropped : int
+        Frames replaced since the one taken before.
+    """
+
+    frame: Frame
+    arrived_s: float
+    dropped: int
+
+
+class Capture:
+    """Reads a live source so that it never waits: at most one frame is held, the newest.
+
+    A source that is lost (a camera unplugged, a stream that breaks off) is opened again, twice a
+    second, until it is back or the session ends. Used as a context manager it stops at the end of
+    the block; a source that hangs is left behind after 2 s.
+
+    Parameters
+    ----------
+    source : LiveSource
+        Opened here, and from within the thread again after it was lost.
+
+    Raises
+    ------
+    InputError
+        Where the source cannot be opened in the first place.
+    """
+
+    def __init__(self, source: LiveSource) -> None:
+        self._source = source
+        self._first: FrameSource | None = source.open()
+        self.name = self._first.name
+        """Short name of the source."""
+        self.timestamp_source = self._first.timestamp_source
+        """Where the time stamps come from, for a person."""
+        self._changed = threading.Condition()
+        self._account = LiveAccount()
+        self._slot: LiveFrame | None = None
+        self._last_arrival_s = time.monotonic()
+        self._connected, self._ended = True, False
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="farpoint-capture", daemon=True)
+        self._thread.start()
+
+    @property
+    def account(self) -> LiveAccount:
+        """The counts so far."""
+        with self._changed:
+            waiting = int(self._slot is not None)
+            silence_s = 0.0 if self._ended else self.silence_s
+            longest_s = max(self._account.longest_silence_s, silence_s)
+            return replace(self._account, waiting=waiting, longest_silence_s=longest_s)
+
+    @property
+    def silence_s(self) -> float:
+        """Time since the last frame came."""
+        return time.monotonic() - self._last_arrival_s
+
+    @property
+    def connected(self) -> bool:
+        """Whether the source is open, if silent perhaps."""
+        return self._connected
+
+    @property
+    def ended(self) -> bool:
+        """Whether no frame will come any more."""
+        with self._changed:
+            return self._ended and self._slot is None
+
+    def take(self, timeout_s: float) -> LiveFrame | None:
+        """The newest frame that nobody took yet; None if none comes in time."""
+        with self._changed:
+            self._wait(timeout_s)
+            taken, self._slot = self._slot, None
+            if taken is not None:
+                self._account = replace(self._account, taken=self._account.taken + 1)
+            return taken
+
+    def peek(self, timeout_s: float) -> Frame | None:
+        """The newest frame, which stays to be taken; None if none comes in time."""
+        with self._changed:
+            self._wait(timeout_s)
+            return None if self._slot is None else self._slot.frame
+
+    def close(self) -> None:
+        """Stop; what waits counts as dropped. A second call does nothing."""
+        self._stop.set()
+        self._thread.join(_FAREWELL_S)
+        with self._changed:
+            self._ended = True
+            if self._slot is not None:
+                self._slot = None
+                self._account = replace(self._account, dropped=self._account.dropped + 1)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _wait(self, timeout_s: float) -> None:
+        self._changed.wait_for(lambda: self._slot is not None or self._ended, timeout_s)
+
+    def _work(self) -> None:
+        source, self._first = self._first, None  # no reference may keep a lost device open
+        try:
+            while source is not None:
+                fault = self._read(source)
+                if self._stop.is_set() or (fault is None and not self._source.endless):
+                    break
+                self._lose(fault or "the source delivers no more frames")
+                source = None  # some drivers open a device once only
+                source = self._open_again()
+        finally:
+            with self._changed:
+                self._ended = True
+                self._changed.notify_all()
+
+    def _read(self, source: FrameSource) -> str | None:
+        """Frames until the source ends or this session does; why, where it is a fault."""
+        fault = None
+        try:
+            for frame in source:
+                fault = frame.fault
+                self._put(frame)
+                if self._stop.is_set():
+                    return None
+        except Exception as error:  # whatever a driver raises is a source that was lost
+            return f"{type(error).__name__}: {error}"
+        return fault if self._source.endless else None
+
+    def _put(self, frame: Frame) -> None:
+        now_s = time.monotonic()
+        with self._changed:
+            if self._ended:  # left behind by `close`: the account is final
+                return
+            account, before = self._account, self._slot
+            index, account = account.captured, replace(account, captured=account.captured + 1)
+            if frame.image is None:  # it must not take the place of one that shows something
+                self._account = replace(account, broken=account.broken + 1)
+                return
+            self._account = replace(
+                account,
+                dropped=account.dropped + int(before is not None),
+                longest_silence_s=max(account.longest_silence_s, now_s - self._last_arrival_s),
+            )
+            self._slot = LiveFrame(
+                frame=replace(frame, index=index),
+                arrived_s=now_s,
+                dropped=0 if before is None else before.dropped + 1,
+            )
+            self._last_arrival_s = now_s
+            self._changed.notify_all()
+
+    def _lose(self, fault: str) -> None:
+        with self._changed:
+            self._connected = False
+            self._account = replace(
+                self._account, disconnects=self._account.disconnects + 1, last_fault=fault
+            )
+
+    def _open_again(self) -> FrameSource | None:
+        while not self._stop.wait(_RETRY_S):
+            try:
+                source = self._source.open()
+            except Exception:  # not there yet, in whatever words the driver has for it
+                continue
+            with self._changed:
+                self._connected = True
+                self._account = replace(self._account, reconnects=self._account.reconnects + 1)
+            return source
+        return None

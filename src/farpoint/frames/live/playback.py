@@ -1,0 +1,132 @@
+"""A recording played at its own pace, as if a camera delivered it now; faults on demand."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.frames.frame import Frame
+
+__all__ = ["Black", "Disconnect", "Fault", "Playback", "Stall"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """Something that goes wrong for a while.
+
+    Attributes
+    ----------
+    at_s, for_s : float
+        When it begins, since the first opening, and how long it lasts.
+    """
+
+    at_s: float
+    for_s: float
+
+    def holds(self, seconds: float) -> bool:
+        """Whether it is going on."""
+        return self.at_s <= seconds < self.at_s + self.for_s
+
+
+class Stall(Fault):
+    """No frame comes, but the connection holds."""
+
+
+class Black(Fault):
+    """Frames come, but show nothing."""
+
+
+class Disconnect(Fault):
+    """The source is gone and cannot be opened."""
+
+
+@dataclass(kw_only=True, eq=False)
+class Playback:
+    """Frames of a recording, each when its time has come, stamped with the wall clock.
+
+    Parameters
+    ----------
+    frames : iterable of Frame
+        The recording; iterated again for every round.
+    endless : bool
+        Whether its end counts as a disconnection.
+    loop : bool
+        Begin anew at the end.
+    faults : tuple of Fault
+        What goes wrong, and when: a rehearsal of what cameras do.
+
+    Attributes
+    ----------
+    delivered, black : int
+        How many frames were handed out, and how many of them were blackened: the truth that an
+        account can be held against.
+    """
+
+    frames: Iterable[Frame]
+    endless: bool = False
+    loop: bool = False
+    faults: tuple[Fault, ...] = ()
+    delivered: int = field(default=0, init=False)
+    black: int = field(default=0, init=False)
+    _start_s: float | None = field(default=None, init=False)
+    _rest: Iterator[tuple[Frame, float]] | None = field(default=None, init=False)
+
+    name: str = field(default="playback", init=False)
+    count: int | None = field(default=None, init=False)
+    timestamp_source: str = field(default="wall clock", init=False)
+    calibration_path: Path | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        self.name = getattr(self.frames, "name", self.name)
+
+    def open(self) -> Playback:
+        """Start the clock, the first time; later go on where the recording was left."""
+        if self._start_s is None:
+            self._start_s = time.monotonic()
+            self._rest = self._paced()
+        if self._suffers(Disconnect):
+            raise InputError("the camera is unplugged", field="source")
+        return self
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Frames at their pace until the recording ends or the connection is lost."""
+        assert self._rest is not None
+        due = time.monotonic()
+        for frame, gap_s in self._rest:
+            due = max(due + gap_s, time.monotonic() - gap_s)  # no rush after a stall
+            self._wait_until(due)
+            while self._suffers(Stall):
+                time.sleep(0.005)
+            if self._suffers(Disconnect):
+                return
+            image = frame.image
+            if image is not None and self._suffers(Black):
+                image = np.zeros_like(image)
+                self.black += 1
+            self.delivered += 1
+            yield replace(frame, image=image, timestamp=time.time())
+
+    def _paced(self) -> Iterator[tuple[Frame, float]]:
+        """Each frame with the time since the one before, s; over and over if it loops."""
+        gap_s = 0.0
+        for _ in count() if self.loop else range(1):
+            earlier_s = None
+            for frame in self.frames:
+                if earlier_s is not None:
+                    gap_s = max(frame.timestamp - earlier_s, 0.0)
+                earlier_s = frame.timestamp
+                yield frame, gap_s
+
+    def _wait_until(self, due_s: float) -> None:
+        time.sleep(max(due_s - time.monotonic(), 0.0))
+
+    def _suffers(self, kind: type[Fault]) -> bool:
+        assert self._start_s is not None
+        now_s = time.monotonic() - self._start_s
+        return any(isinstance(fault, kind) and fault.holds(now_s) for fault in self.faults)

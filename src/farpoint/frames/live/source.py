@@ -1,0 +1,75 @@
+"""What can be watched live: cameras and streams, and recordings played as if they were."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from farpoint.frames.frame import FrameSource
+from farpoint.frames.live.playback import Playback
+from farpoint.frames.opening import open_frames
+
+__all__ = ["LiveSource", "open_live"]
+
+
+class LiveSource(Protocol):
+    """Something that can be opened again after it was lost."""
+
+    @property
+    def endless(self) -> bool:
+        """Whether its end is a fault (a camera unplugged) and not the end (a film is over)."""
+        ...
+
+    def open(self) -> FrameSource:
+        """Open it, or open it again.
+
+        Raises
+        ------
+        InputError
+            Where it cannot be opened now.
+        """
+        ...
+
+
+@dataclass(kw_only=True, eq=False)
+class Device:
+    """A camera index or a URL.
+
+    Parameters
+    ----------
+    source : str
+        As `open_frames` takes it.
+
+    Attributes
+    ----------
+    endless : bool
+        False once a URL has turned out to be a recording, which has an end.
+    """
+
+    source: str
+    endless: bool = field(default=True, init=False)
+
+    def open(self) -> FrameSource:
+        """Connect to it; a recording is played at its own pace, as a camera would deliver it."""
+        frames = open_frames(self.source)
+        if frames.timestamp_source == "wall clock":
+            return frames
+        self.endless = False
+        return Playback(frames=frames).open()
+
+
+def open_live(source: str, *, loop: bool = False) -> LiveSource:
+    """A camera index or URL as it is; a file, folder or pattern at its own pace.
+
+    Parameters
+    ----------
+    source : str
+        As `open_frames` takes it.
+    loop : bool
+        Play a file or folder over and over.
+    """
+    is_camera = source.isascii() and source.isdecimal() and not Path(source).exists()
+    if is_camera or "://" in source:
+        return Device(source=source)
+    return Playback(frames=open_frames(source), loop=loop)

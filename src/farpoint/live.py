@@ -1,0 +1,240 @@
+"""A live source through the odometry into outputs: the newest frame wins, all are accounted for."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError
+from farpoint.frames.live import Capture, LiveAccount, LiveFrame, LiveSource
+from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
+from farpoint.pose import PoseStatus
+from farpoint.sinks import LiveViewer, OutputFolder, OutputOptions, RunDescription, ViewerOptions
+
+__all__ = ["LiveSession", "LiveState"]
+
+_FIRST_S = 10.0  # how long an open source may take to deliver its first picture
+_TICK_S = 0.25  # how long to wait for a frame before looking at the clock again
+_SILENT_S = 1.0  # a source is called silent when it has been for so long
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveState:
+    """How a session stands.
+
+    Attributes
+    ----------
+    account : LiveAccount
+        Frames that came, were used, dropped.
+    link : str
+        ``receiving``, ``silent`` or ``lost``.
+    latency_s, longest_latency_s : float
+        From the arrival of a frame to its result in the outputs: of the newest, and the longest.
+    not_drawn : int
+        Results that the display left out, because its drawing was behind.
+    """
+
+    account: LiveAccount
+    link: str
+    latency_s: float
+    longest_latency_s: float
+    not_drawn: int
+
+
+class LiveSession:
+    """Odometry over a live source into a folder and a display.
+
+    Used as a context manager; leaving it, by Ctrl-C as well, closes every file.
+
+    Parameters
+    ----------
+    live : LiveSource
+        Opened here, and again whenever it is lost.
+    source : str
+        What the user called it.
+    camera : Camera
+        Of the frames.
+    out : Path or None
+        Folder for the outputs; ``farpoint-out/<source name>`` where None.
+    odometry, output, viewer : dataclasses, optional
+        Options. By default there is no display.
+    notes : tuple of str
+        What a reader of the results must know.
+
+    Raises
+    ------
+    InputError
+        Where the source cannot be opened or delivers no picture, its frames are not of the
+        camera's size (field ``camera``), or outputs cannot be written. Earlier outputs in the
+        folder are replaced only after the first picture came.
+
+    Attributes
+    ----------
+    path : Path
+        The folder.
+    counts : Counter of PoseStatus
+        Pairs of frames by status.
+    """
+
+    def __init__(
+        self,
+        live: LiveSource,
+        source: str,
+        camera: Camera,
+        out: Path | None = None,
+        *,
+        odometry: OdometryOptions | None = None,
+        output: OutputOptions | None = None,
+        viewer: ViewerOptions | None = None,
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        self.counts: Counter[PoseStatus] = Counter()
+        self._odometry = Odometry(camera, odometry)
+        output, viewer = output or OutputOptions(), viewer or ViewerOptions()
+        self._latency_s = self._longest_latency_s = 0.0
+        self._indices: dict[int, int] = {}  # of the odometry's frames, in the source
+        _rehearse(camera, viewer)
+        with ExitStack() as opened:
+            self._capture = opened.enter_context(Capture(live))
+            self._check_size(camera)
+            self._display: LiveViewer | None = None
+            if viewer.wanted:
+                self._display = LiveViewer(viewer, self._capture.name, camera, output.palette)
+                opened.callback(self._display.close)
+            description = RunDescription(
+                source=source,
+                source_name=self._capture.name,
+                camera=camera,
+                options={"odometry": self._odometry.options, "output": output},
+                timestamp_source=self._capture.timestamp_source,
+                notes=notes,
+            )
+            self.path = out or Path("farpoint-out") / self._capture.name
+            self._folder = opened.enter_context(OutputFolder(self.path, description, output))
+            if self._display is not None:
+                self._folder.add("viewer", self._display)
+            self._opened = opened.pop_all()
+
+    @property
+    def state(self) -> LiveState:
+        """How it stands."""
+        return LiveState(
+            account=self._capture.account,
+            link=self._link(),
+            latency_s=self._latency_s,
+            longest_latency_s=self._longest_latency_s,
+            not_drawn=0 if self._display is None else self._display.left_out,
+        )
+
+    def run(
+        self,
+        duration_s: float = math.inf,
+        notice: Callable[[LiveState], None] | None = None,
+    ) -> None:
+        """Take frames until the source or the time ends.
+
+        Parameters
+        ----------
+        duration_s : float
+            From now.
+        notice : callable, optional
+            Told how it stands after each frame, and four times a second while none comes.
+        """
+        end_s = time.monotonic() + duration_s
+        while (left_s := end_s - time.monotonic()) > 0.0 and not self._capture.ended:
+            frame = self._capture.take(min(_TICK_S, left_s))
+            if frame is not None:
+                self._process(frame)
+            state = self.state
+            self._record(state)
+            if self._display is not None:
+                self._display.tell_link(state.link)
+            if notice is not None:
+                notice(state)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        # The source first: what still waits counts as dropped in the account of the files.
+        self._capture.close()
+        self._record(self.state)
+        for stage, seconds in self._odometry.seconds.items():
+            self._folder.add_time(stage, seconds)
+        self._opened.__exit__(kind, error, trace)
+
+    def _check_size(self, camera: Camera) -> None:
+        first = self._capture.peek(_FIRST_S)
+        if first is None:
+            raise InputError("delivers no picture", file=self._capture.name)
+        assert first.image is not None
+        camera.with_size(*first.image.shape[::-1])
+
+    def _process(self, taken: LiveFrame) -> None:
+        frame = taken.frame
+        result = self._numbered(
+            self._odometry.process(frame.image, frame.timestamp, fault=frame.fault), frame.index
+        )
+        self._folder.write(result, frame.image)
+        self._latency_s = time.monotonic() - taken.arrived_s
+        self._longest_latency_s = max(self._longest_latency_s, self._latency_s)
+        self._folder.check_halves(result, self._odometry)
+        if result.pose is not None:
+            self.counts[result.pose.status] += 1
+        if self._display is not None:
+            self._display.tell(self._latency_s, taken.dropped)
+
+    def _numbered(self, found: OdometryResult, index: int) -> OdometryResult:
+        """The result with its frames counted as the source delivered them: gaps were dropped."""
+        self._indices[found.frame1] = index
+        self._indices = {k: v for k, v in self._indices.items() if k >= found.frame0}
+        return replace(found, frame0=self._indices[found.frame0], frame1=index)
+
+    def _record(self, state: LiveState) -> None:
+        """Put the account into ``run.json``."""
+        facts = {
+            **asdict(state.account),
+            "not_drawn": state.not_drawn,
+            "longest_latency_s": round(state.longest_latency_s, 4),
+        }
+        self._folder.put("live", facts)
+
+    def _link(self) -> str:
+        if not self._capture.connected:
+            return "lost"
+        return "silent" if self._capture.silence_s > _SILENT_S else "receiving"
+
+
+def _rehearse(camera: Camera, viewer: ViewerOptions) -> None:
+    """Go through everything once: what is loaded or compiled on use would cost frames later."""
+    width, height = camera.size or (320, 240)
+    blocks = np.random.default_rng(0)
+    texture = blocks.integers(0, 255, (height // 8 + 2, width // 8 + 2), np.uint8)
+    large = np.kron(texture, np.ones((8, 8), np.uint8))
+    images = [large[shift:, shift:][:height, :width].copy() for shift in (0, 2)]
+    odometry, display = Odometry(camera), None
+    if viewer.wanted:
+        display = LiveViewer(ViewerOptions(), "rehearsal", camera)  # into nowhere
+    try:
+        for index, image in enumerate(images):
+            result = odometry.process(image, 0.1 * index)
+            if display is not None:
+                display.write(result, image)
+    finally:
+        if display is not None:
+            display.close()

@@ -1,0 +1,110 @@
+"""``farpoint live``: watched until Ctrl-C, with valid files and a true account."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_kit import (
+    PATIENCE_S,
+    CommandLine,
+    assert_refused,
+    record_of,
+    rows_of,
+    start,
+    there_and_back,
+    wait_for_rows,
+    write_folder,
+    write_video,
+)
+
+from farpoint.sinks.motions import read_motions
+from farpoint.trajectory.files import read_tum
+
+Pictures = tuple[np.ndarray, ...]
+
+
+@pytest.fixture
+def film(tmp_path: Path, images: Pictures) -> Path:
+    return write_video(tmp_path / "drive.avi", there_and_back(images), fps=30)
+
+
+def test_a_film_is_watched_to_its_end(
+    farpoint: CommandLine, tmp_path: Path, film: Path, calibration: Path
+):
+    out = tmp_path / "out"
+    outcome = farpoint("live", film, "--camera", calibration, "--no-show", "--out", out)
+    assert outcome.code == 0
+    record = record_of(out)
+    live = record["live"]
+    assert (record["state"], record["source"]["timestamps"]) == ("done", "wall clock")
+    assert live["captured"] == 22
+    assert live["captured"] == live["taken"] + live["dropped"]
+    assert f"22 frames came, {live['taken']} were used, {live['dropped']} dropped" in outcome.out
+    assert "source lost 0 times" in outcome.out
+    assert f"results in {out}" in outcome.out
+    assert len(rows_of(out)) == live["taken"] - 1
+    assert not (out / "overlay.mp4").exists()  # only where it is asked for
+    assert "latency" in outcome.err
+    assert "source receiving" in outcome.err
+
+
+def test_a_film_can_be_looped_for_a_while(
+    farpoint: CommandLine, tmp_path: Path, film: Path, calibration: Path
+):
+    arguments = ("--camera", calibration, "--no-show", "--no-report", "--out", tmp_path / "out")
+    outcome = farpoint("live", film, *arguments, "--loop", "--duration-s", "2")
+    assert outcome.code == 0
+    assert record_of(tmp_path / "out")["live"]["captured"] > 30
+
+
+def test_ctrl_c_closes_all_files(tmp_path: Path, images: Pictures, calibration: Path):
+    chunk = pytest.importorskip("rerun.chunk")
+    shots, out = write_folder(tmp_path / "shots", there_and_back(images)), tmp_path / "out"
+    rrd = tmp_path / "live.rrd"
+    arguments = ("--camera", calibration, "--loop", "--no-show", "--rrd", rrd, "--out", out)
+    process = start("live", shots, *arguments)
+    wait_for_rows(out / "motions.csv", 5, process)
+    process.send_signal(signal.SIGINT)
+    said, told = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130
+    assert told.splitlines()[-1] == "farpoint: interrupted; what was computed is in the outputs"
+    assert "Traceback" not in told
+    record = record_of(out)
+    live = record["live"]
+    assert record["state"] == "interrupted"
+    assert f"{live['captured']} frames came, {live['taken']} were used" in said
+    assert live["captured"] == live["taken"] + live["dropped"]
+    motions, poses = read_motions(out / "motions.csv"), read_tum(out / "trajectory.tum")
+    # A frame in hand when the signal came may be in one file and not in the next.
+    assert 0 <= live["taken"] - 1 - len(motions) <= 1
+    assert 0 <= len(motions) - (len(poses) - 1) <= 1
+    shown = [part for part in chunk.RrdReader(rrd).stream() if part.entity_path == "/image"]
+    assert 0 <= live["taken"] - live["not_drawn"] - sum(part.num_rows for part in shown) <= 1
+    assert (out / "report.html").read_text().rstrip().endswith("</html>")
+
+
+def test_a_wrong_calibration_costs_no_earlier_result(
+    farpoint: CommandLine, tmp_path: Path, images: Pictures, calibration: Path
+):
+    shots, out = write_folder(tmp_path / "shots", [i[:100] for i in images]), tmp_path / "out"
+    outcome = farpoint("live", shots, "--camera", calibration, "--no-show", "--out", out)
+    assert_refused(outcome, calibration, "image size", "240x100")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("missing.mp4",), ("missing.mp4", "no such file")),
+        (("987",), ("no camera of index 987",)),
+        (("0", "--duration-s", "0"), ("--duration-s", "more than 0")),
+    ],
+)
+def test_what_cannot_be_watched_is_named(
+    farpoint: CommandLine, calibration: Path, arguments: tuple[str, ...], words: tuple[str, ...]
+):
+    outcome = farpoint("live", *arguments, "--camera", calibration, "--no-show")
+    assert_refused(outcome, *words)
