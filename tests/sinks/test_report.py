@@ -31,14 +31,13 @@ from farpoint.sinks.report.charts import Chart, Curve, draw_chart
 from farpoint.sinks.report.digest import (
     MAX_BINS,
     Digest,
-    Paths,
     Series,
     digest_motions,
-    paths_from_above,
 )
 from farpoint.sinks.report.histogram import halves_section
 from farpoint.sinks.report.maps import path_map
 from farpoint.sinks.report.moments import MomentSeeker
+from farpoint.sinks.report.paths import Paths, paths_from_above
 from farpoint.sinks.report.stills import spread_key_packets, stills_at, thumbs_of
 from farpoint.sinks.run_record import RunDescription
 from farpoint.trajectory.files import Trajectory, read_tum, write_tum
@@ -181,7 +180,7 @@ def test_the_true_path_is_carried_into_the_axes_of_the_run(
         tmp_path / "truth.tum",
         Trajectory(timestamps=estimate.timestamps[late], world_from_body=true[late]),
     )
-    paths = paths_from_above(tmp_path / "trajectory.tum", tmp_path / "truth.tum")
+    paths = paths_from_above(tmp_path, tmp_path / "truth.tum")
     assert paths.true_x_z is not None
     np.testing.assert_allclose(paths.true_x_z[late], paths.x_z[late], atol=1e-6)
     assert np.isnan(paths.true_x_z[~late]).all()
@@ -257,19 +256,21 @@ def write_long_run(folder: Path, run: RunDescription, result: OdometryResult, ro
     with OutputFolder(folder, run, OutputOptions(overlay=False, report=False)) as outputs:
         outputs.write(result, None)
     header, row = (folder / "motions.csv").read_text().splitlines()
-    pose = (folder / "trajectory.tum").read_text().split(" ", 1)[1]
+    heading, place = (folder / "positions.csv").read_text().splitlines()
+    place = place.split(",", 2)[2]
     cells = row.split(",")
     noisy = [*cells]
     noisy[COLUMNS.index("noise_px")] = "9.5"
     with (
         (folder / "motions.csv").open("w") as motions,
-        (folder / "trajectory.tum").open("w") as tum,
+        (folder / "positions.csv").open("w") as positions,
     ):
         motions.write(header + "\n")
+        positions.write(heading + "\n")
         for k in range(rows):
             body = noisy if k == rows // 2 + 1 else cells
             motions.write(",".join([repr(k / 30), repr((k + 1) / 30), *body[2:]]) + "\n")
-            tum.write(f"{k / 30} {pose}")
+            positions.write(f"{k / 30},{k},{place}\n")
 
 
 def test_neither_size_nor_curves_grow_with_the_run_and_no_spike_is_lost(
@@ -337,9 +338,66 @@ def test_curves_break_at_gaps_and_where_angles_wrap() -> None:
     assert one_curve([5.0]) == "M0.00 150.0h0"
 
 
+def drawn_map(
+    x_z: np.ndarray, segments: list[int], covariance: np.ndarray | None = None
+) -> ElementTree.Element:
+    if covariance is None:
+        covariance = np.full((2, 2), np.nan)
+    paths = Paths(
+        time_s=np.arange(len(x_z)) * 1.0,
+        x_z=x_z,
+        segments=np.array(segments),
+        covariance=np.broadcast_to(covariance, (len(x_z), 2, 2)),
+    )
+    return ElementTree.fromstring(path_map(paths).split("<p>")[0])
+
+
+def test_the_map_breaks_where_the_scale_was_lost_and_shows_how_sure_it_is() -> None:
+    x_z = np.array([[0.0, 0.0], [0.0, 30.0], [10.0, 30.0], [20.0, 30.0]])
+    svg = drawn_map(x_z, [0, 0, 1, 1], np.array([[4.0, 0.0], [0.0, 1.0]]))
+    assert [line.attrib["points"] for line in svg.findall("polyline")] == [
+        "0.00,-0.00 0.00,-30.00",
+        "10.00,-30.00 20.00,-30.00",
+    ]
+    (lost,) = (dot for dot in svg.findall("path") if "ROTATION_ONLY" in dot.attrib["class"])
+    assert lost.attrib["d"] == "M10.00 -30.00h0"
+    last = svg.findall("polygon")[-1].attrib["points"]
+    ring = np.array([pair.split(",") for pair in last.split()], float) - [20.0, -30.0]
+    # A normal distribution in the plane has 95 % within 2.4477 sigma.
+    np.testing.assert_allclose(np.abs(ring).max(axis=0), [2 * 2.4477, 2.4477], atol=0.01)
+
+
+def test_lengths_are_not_added_across_a_break(
+    tmp_path: Path, run: RunDescription, make_result: MakeResult
+) -> None:
+    with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
+        for k in range(1, 5):
+            place = np.eye(4)
+            place[2, 3] = 100.0 * (k > 2) + k
+            covariance = np.diag([0.0] * 5 + [0.04 * k, 0.0])
+            folder.write(
+                replace(
+                    make_result(k),
+                    world_from_cam=place,
+                    world_covariance=covariance,
+                    scale_sigma=0.1,
+                    segment=int(k > 2),
+                ),
+                None,
+            )
+    paths = paths_from_above(tmp_path)
+    np.testing.assert_allclose(paths.lengths, [1.0, 1.0])
+    np.testing.assert_allclose(paths.covariance[-1], [[0.0, 0.0], [0.0, 0.16]])
+    page = (tmp_path / "report.html").read_text()
+    assert "<b>2</b> units" in page
+    assert "the scale lost once" in page
+    (tmp_path / "positions.csv").unlink()  # an older run
+    np.testing.assert_allclose(paths_from_above(tmp_path).x_z, paths.x_z)
+
+
 def test_the_map_keeps_the_shape_of_the_path() -> None:
     x_z = np.array([[0.0, 0.0], [0.0, 30.0], [10.0, 30.0]])
-    svg = ElementTree.fromstring(path_map(Paths(time_s=np.arange(3.0), x_z=x_z)).split("<p>")[0])
+    svg = drawn_map(x_z, segments=[0, 0, 0])
     left, top, width, height = map(float, svg.attrib["viewBox"].split())
     line = svg.find("polyline")
     assert line is not None
@@ -376,6 +434,7 @@ def test_a_missing_file_is_named(
 ) -> None:
     with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
         folder.write(make_result(1), IMAGE)
+    (tmp_path / "positions.csv").unlink()  # which tells more than trajectory.tum
     (tmp_path / name).unlink()
     with pytest.raises(InputError, match=rf"{re.escape(name)}: cannot be read"):
         write_report(tmp_path)

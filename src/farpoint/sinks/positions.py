@@ -19,6 +19,7 @@ __all__ = [
     "COLUMNS",
     "Positions",
     "PositionsFile",
+    "iter_positions",
     "load_pyarrow",
     "read_positions",
     "write_positions_parquet",
@@ -100,7 +101,16 @@ def read_positions(path: str | Path) -> Positions:
     InputError
         With the file, the line and what was expected there.
     """
-    table = np.array(list(_rows(Path(path)))).reshape(-1, len(COLUMNS))
+    return _columns(np.array(list(_rows(Path(path)))))
+
+
+def iter_positions(path: str | Path) -> Iterator[Positions]:
+    """The same in parts of some thousand rows, so that a long file takes no more memory."""
+    return map(_columns, _parts(_rows(Path(path))))
+
+
+def _columns(table: np.ndarray) -> Positions:
+    table = table.reshape(-1, len(COLUMNS))
     covariances = np.empty((len(table), 7, 7))
     rows, columns = _UPPER_TRIANGLE
     covariances[:, rows, columns] = table[:, 10:]

@@ -10,18 +10,15 @@ import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.geometry.angles import heading_angles_deg, rotation_vector_deg
-from farpoint.metrics import align_sim3, poses_at_frames, poses_at_times
 from farpoint.pose import PoseStatus
 from farpoint.sinks.motions import Motions, iter_motions
 from farpoint.sinks.report.moments import MomentSeeker
-from farpoint.trajectory.files import iter_tum, read_trajectory
 
-__all__ = ["Digest", "Paths", "Series", "digest_motions", "paths_from_above"]
+__all__ = ["MAX_BINS", "Digest", "Series", "count_lines", "digest_motions"]
 
 MAX_BINS = 1800
 """Points of a curve; longer runs are kept as the first, lowest and highest of each bin."""
 
-_MAX_PATH_POINTS = 2000
 _BINS_AT_ONCE = 10
 
 
@@ -77,7 +74,7 @@ _WORSE = {status: rank for rank, status in enumerate(PoseStatus)}
 
 def digest_motions(path: Path) -> Digest:
     """Read ``motions.csv`` in parts and keep at most `MAX_BINS` bins of it."""
-    stride = max(1, -(-_count_lines(path) // MAX_BINS))
+    stride = max(1, -(-count_lines(path) // MAX_BINS))
     counts = dict.fromkeys(PoseStatus, 0)
     times: list[np.ndarray] = [np.empty((0, 2))]
     worst: list[PoseStatus] = []
@@ -112,70 +109,6 @@ def digest_motions(path: Path) -> Digest:
         series={name: _joined(part[name] for part in parts) for name in parts[0]} if parts else {},
         moments=moments,
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Paths:
-    """Where the camera was, from above; x to the right of the first camera, z ahead of it.
-
-    Attributes
-    ----------
-    time_s : ndarray, shape (P,)
-        Seconds since the first frame.
-    x_z : ndarray, shape (P, 2)
-        Positions, in the unit of the trajectory.
-    true_x_z : ndarray, shape (P, 2), or None
-        True positions at the same times, carried into the same axes and unit by the similarity
-        that fits best; NaN where the truth does not reach. None without a truth.
-    """
-
-    time_s: np.ndarray
-    x_z: np.ndarray
-    true_x_z: np.ndarray | None = None
-
-
-def paths_from_above(path: Path, truth: Path | None = None) -> Paths:
-    """A ``trajectory.tum``, thinned to a bounded number of poses, beside the truth.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or the two have no time or frame in common.
-    """
-    stride = max(1, -(-_count_lines(path) // _MAX_PATH_POINTS))
-    kept = [
-        (row, stamp, pose[:3, 3])
-        for row, (stamp, pose) in enumerate(iter_tum(path))
-        if row % stride == 0
-    ]
-    stamps = np.array([stamp for _, stamp, _ in kept])
-    places = np.array([place for _, _, place in kept]).reshape(-1, 3)
-    true_places = None
-    if truth is not None and len(kept):
-        true_places = _true_places(truth, stamps, np.array([row for row, _, _ in kept]), places)
-    return Paths(
-        time_s=stamps - stamps[0] if len(stamps) else stamps,
-        x_z=places[:, [0, 2]],
-        true_x_z=None if true_places is None else true_places[:, [0, 2]],
-    )
-
-
-def _true_places(
-    truth: Path, stamps: np.ndarray, frames: np.ndarray, places: np.ndarray
-) -> np.ndarray | None:
-    """True positions (P, 3) in the axes of the estimate; None where too few are known to fit."""
-    reference = read_trajectory(truth)
-    if reference.timestamps is None:
-        poses = poses_at_frames(reference.world_from_body, frames)
-    else:
-        poses = poses_at_times(reference.timestamps, reference.world_from_body, stamps)
-    true_places = poses[:, :3, 3]
-    known = np.isfinite(true_places[:, 0])
-    try:
-        fit = align_sim3(true_places[known], places[known])
-    except InputError:  # a camera that stood still fits anywhere
-        return None
-    return fit.scale * true_places @ fit.rotation.T + fit.translation
 
 
 def _quantities(motions: Motions) -> dict[str, np.ndarray]:
@@ -239,7 +172,8 @@ def _joined(parts: Iterable[Series]) -> Series:
     )
 
 
-def _count_lines(path: Path) -> int:
+def count_lines(path: Path) -> int:
+    """Lines of a file of any length, its header among them."""
     try:
         with path.open("rb") as file:
             return sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b""))

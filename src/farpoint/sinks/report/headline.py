@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from farpoint.pose import PoseStatus
-from farpoint.sinks.report.digest import Digest, Paths
+from farpoint.sinks.report.digest import Digest
+from farpoint.sinks.report.paths import Paths
 
 __all__ = ["headline"]
 
@@ -36,7 +37,7 @@ def headline(run: Mapping[str, Any], digest: Digest, paths: Paths) -> str:
             ("How far", _how_far(digest, paths)),
             ("How fast", _how_fast(digest)),
             ("How sure", _how_sure(digest)),
-            ("What went wrong", _what_went_wrong(run, digest)),
+            ("What went wrong", _what_went_wrong(run, digest, paths)),
         )
     )
     facts = "".join(
@@ -55,11 +56,22 @@ def headline(run: Mapping[str, Any], digest: Digest, paths: Paths) -> str:
 
 
 def _how_far(digest: Digest, paths: Paths) -> str:
-    steps = np.linalg.norm(np.diff(paths.x_z, axis=0), axis=1)
-    turned = f"{digest.span_s:.4g} s"
-    if len(steps) and _has_scale(digest):
-        return f"<b>{steps.sum():.4g}</b> units, {turned}<small>a unit is the first step</small>"
-    return f"<b>{turned}</b><small>lengths are not known: every step counts as one</small>"
+    lasted = f"{digest.span_s:.4g} s"
+    if not len(paths.lengths) or not _has_scale(digest):
+        return f"<b>{lasted}</b><small>lengths are not known</small>"
+    note = "a unit is the first step"
+    sigma = _final_sigma(paths)
+    if sigma is not None:
+        note += f"; the end is known to {sigma:.2g}, 1-sigma"
+    return f"<b>{paths.lengths.sum():.4g}</b> units, {lasted}<small>{note}</small>"
+
+
+def _final_sigma(paths: Paths) -> float | None:
+    """Along the longest axis; None where it is not known or the scale was lost on the way."""
+    covariance = paths.covariance[-1]
+    if paths.segments[-1] != paths.segments[0] or not np.isfinite(covariance).all():
+        return None
+    return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0.0)))
 
 
 def _how_fast(digest: Digest) -> str:
@@ -85,7 +97,7 @@ def _how_sure(digest: Digest) -> str:
     )
 
 
-def _what_went_wrong(run: Mapping[str, Any], digest: Digest) -> str:
+def _what_went_wrong(run: Mapping[str, Any], digest: Digest, paths: Paths) -> str:
     wrong = [
         f"{digest.counts[status]} {status.value}"
         for status in (PoseStatus.FAILED, PoseStatus.ROTATION_ONLY, PoseStatus.STATIC)
@@ -93,9 +105,11 @@ def _what_went_wrong(run: Mapping[str, Any], digest: Digest) -> str:
     ]
     if run.get("frames_without_image"):
         wrong.append(f"{run['frames_without_image']} frames without an image")
+    if len(paths.segments) and (lost := int(paths.segments[-1] - paths.segments[0])):
+        wrong.append(f"the scale lost {lost} times" if lost > 1 else "the scale lost once")
     if not wrong:
         return "<b>nothing</b><small>every pair has rotation and direction</small>"
-    return f"<b>{escape(', '.join(wrong))}</b><small>see the worst moments</small>"
+    return f"<b>{escape(', '.join(wrong))}</b><small>see below</small>"
 
 
 def _has_scale(digest: Digest) -> bool:

@@ -7,9 +7,12 @@ import math
 import numpy as np
 
 from farpoint.sinks.report.charts import nice_step
-from farpoint.sinks.report.digest import Paths
+from farpoint.sinks.report.paths import Paths
 
 __all__ = ["path_map"]
+
+_ELLIPSES = 8
+_CHI2_95 = 5.991  # of two degrees of freedom
 
 
 def path_map(paths: Paths) -> str:
@@ -23,17 +26,24 @@ def path_map(paths: Paths) -> str:
     aside = step * np.ceil(max(0.0, 1.5 * (top - bottom) - (right - left)) / (2.0 * step))
     left, right = left - aside, right + aside  # a narrow path gets a page of grid around it
     digits = max(0, 3 - math.floor(math.log10(extent)))
-    lines = [_line(paths.x_z, "c1", digits)]
+    breaks = np.flatnonzero(np.diff(paths.segments)) + 1
+    lines = [_line(part, "c1", digits) for part in np.split(paths.x_z, breaks)]
+    ellipses = _ellipses(paths, digits)
     keys = '<span class="key start">start</span> <span class="key end">end</span>'
     if paths.true_x_z is not None:
         known = paths.true_x_z[np.isfinite(paths.true_x_z[:, 0])]
         lines.insert(0, _line(known, "truth", digits))
         keys += ' <span class="key c1">farpoint</span> <span class="key truth">truth</span>'
-    dots = _dot("start", paths.x_z[0], digits) + _dot("end", paths.x_z[-1], digits)
+    if ellipses:
+        keys += ' <span class="key c1">95 % ellipses</span>'
+    if len(breaks):
+        keys += ' <span class="key ROTATION_ONLY">the scale was lost</span>'
+    dots = "".join(_dot("ROTATION_ONLY", paths.x_z[index], digits) for index in breaks)
+    dots += _dot("start", paths.x_z[0], digits) + _dot("end", paths.x_z[-1], digits)
     return (
         f'<svg class="map" viewBox="{left:g} {-top:g} {right - left:g} {top - bottom:g}" '
         f'role="img" aria-label="path from above, {_spoken(paths.x_z)}">'
-        f"{_grid(left, right, bottom, top, step)}{''.join(lines)}{dots}"
+        f"{_grid(left, right, bottom, top, step)}{ellipses}{''.join(lines)}{dots}"
         f'<path class="dot here" d="" /></svg><p>A square of the grid is {step:g} wide. {keys}; '
         f"the first camera looks up the page.</p>"
     )
@@ -52,6 +62,26 @@ def _grid(left: float, right: float, bottom: float, top: float, step: float) -> 
 def _line(x_z: np.ndarray, style: str, digits: int) -> str:
     points = " ".join(f"{x:.{digits}f},{-z:.{digits}f}" for x, z in x_z)
     return f'<polyline class="curve {style}" points="{points}"/>'
+
+
+def _ellipses(paths: Paths, digits: int) -> str:
+    """Where the camera is in 95 of 100 cases, since its segment began: a few, spread by length."""
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(paths.x_z, axis=0), axis=1))])
+    wanted = np.linspace(0.0, way[-1], _ELLIPSES + 1)[1:]
+    chosen = np.unique(np.minimum(np.searchsorted(way, wanted), len(way) - 1))
+    circle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+    shapes = []
+    for index in chosen:
+        covariance = paths.covariance[index]
+        if np.isfinite(covariance).all():
+            squares, axes = np.linalg.eigh(covariance)
+            radii = np.sqrt(_CHI2_95 * np.maximum(squares, 0.0))
+            ring = (
+                paths.x_z[index] + (np.stack([np.cos(circle), np.sin(circle)], 1) * radii) @ axes.T
+            )
+            points = " ".join(f"{x:.{digits}f},{-z:.{digits}f}" for x, z in ring)
+            shapes.append(f'<polygon class="band c1" points="{points}"/>')
+    return "".join(shapes)
 
 
 def _dot(style: str, place: np.ndarray, digits: int) -> str:

@@ -14,12 +14,13 @@ import numpy as np
 from farpoint.metrics import SplitHalf
 from farpoint.pose import PoseStatus
 from farpoint.sinks.report.charts import Chart, draw_chart, status_strip
-from farpoint.sinks.report.digest import Digest, Paths
+from farpoint.sinks.report.digest import Digest
 from farpoint.sinks.report.headline import headline
 from farpoint.sinks.report.histogram import halves_section
 from farpoint.sinks.report.maps import path_map
 from farpoint.sinks.report.measures import charts_of
 from farpoint.sinks.report.moments import Moment
+from farpoint.sinks.report.paths import Paths
 from farpoint.sinks.report.pictures import data_uri, moments_section
 from farpoint.sinks.report.stills import Still
 
@@ -46,7 +47,7 @@ class PageContents:
     halves : list of SplitHalf
         ``halves.csv``.
     paths : Paths
-        ``trajectory.tum`` from above, beside the truth.
+        ``positions.csv`` from above, beside the truth.
     moments : list of Moment
         Where it went worst.
     stills : list of Still

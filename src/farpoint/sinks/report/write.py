@@ -6,8 +6,9 @@ from pathlib import Path
 
 from farpoint.errors import InputError
 from farpoint.sinks.halves import read_halves
-from farpoint.sinks.report.digest import digest_motions, paths_from_above
+from farpoint.sinks.report.digest import digest_motions
 from farpoint.sinks.report.page import PageContents, render_page
+from farpoint.sinks.report.paths import paths_from_above
 from farpoint.sinks.report.stills import stills_at, thumbs_of
 from farpoint.sinks.run_record import read_run
 
@@ -21,9 +22,9 @@ _THUMBS = 80
 def write_report(folder: str | Path, truth: str | Path | None = None) -> Path:
     """Write ``report.html`` from the other files of a folder, of an interrupted run too.
 
-    It is a function of those files: ``run.json``, ``motions.csv``, ``trajectory.tum`` and, where
-    they are there, ``halves.csv`` and ``overlay.mp4``. Its size and the memory it takes do not
-    grow with the run.
+    It is a function of those files: ``run.json``, ``motions.csv``, ``positions.csv`` (or
+    ``trajectory.tum``) and, where they are there, ``halves.csv`` and ``overlay.mp4``. Its size and
+    the memory it takes do not grow with the run.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def write_report(folder: str | Path, truth: str | Path | None = None) -> Path:
         run=run,
         digest=digest,
         halves=read_halves(halves) if halves.is_file() else [],
-        paths=paths_from_above(folder / "trajectory.tum", None if truth is None else Path(truth)),
+        paths=paths_from_above(folder, None if truth is None else Path(truth)),
         moments=moments,
         stills=stills_at(film, [moment.time_s for moment in moments]),
         thumbs=thumbs_of(film, _THUMBS),
