@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
@@ -18,9 +18,17 @@ from farpoint.camera import Camera, CameraGuess, HorizontalField, load_camera
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError
 from farpoint.frames import Frame, FrameSource, find_focal_length, open_frames
+from farpoint.hints import Hint, MetricOptions
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
-from farpoint.sinks import OutputFolder, OutputOptions, RunDescription, ViewerOptions, open_viewer
+from farpoint.sinks import (
+    MetricSink,
+    OutputFolder,
+    OutputOptions,
+    RunDescription,
+    ViewerOptions,
+    open_viewer,
+)
 
 __all__ = ["Run", "in_words", "naming_calibration", "process_frames"]
 
@@ -55,6 +63,8 @@ class Run:
         Which outputs are made.
     viewer : ViewerOptions
         Where the working display goes.
+    metric : MetricOptions
+        What is known of lengths.
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
@@ -68,6 +78,7 @@ class Run:
     )
     output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=OutputOptions)
     viewer: Annotated[ViewerOptions, tyro.conf.arg(name="")] = field(default_factory=ViewerOptions)
+    metric: MetricOptions = field(default_factory=MetricOptions)
 
     def __call__(self) -> None:
         """Do it."""
@@ -78,7 +89,14 @@ class Run:
         out = self.out or Path("farpoint-out") / frames.name
         with naming_calibration(self.camera):
             process_frames(
-                frames, self.source, camera, out, self.odometry, self.output, self.viewer
+                frames,
+                self.source,
+                camera,
+                out,
+                self.odometry,
+                self.output,
+                self.viewer,
+                self.metric.hints(),
             )
 
     def _known_camera(self) -> Camera | HorizontalField | None:
@@ -120,6 +138,7 @@ def process_frames(
     options: OdometryOptions,
     output: OutputOptions,
     viewer: ViewerOptions | None = None,
+    hints: Sequence[Hint] = (),
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
 
@@ -140,7 +159,7 @@ def process_frames(
         assert image is not None  # or `_timed` had raised
         camera = camera.camera(*image.shape[::-1])
         notes = (APPROXIMATE.format(camera.source),)
-        print(f"farpoint: {notes[0]}", file=sys.stderr)
+        _warn(notes[0])
     elif image is not None:
         camera.with_size(*image.shape[::-1])
     description = RunDescription(
@@ -161,6 +180,10 @@ def process_frames(
         folder = opened.enter_context(OutputFolder(out, description, output))
         if display is not None:
             folder.add("viewer", display)
+        if hints:
+            metric = MetricSink(list(hints), camera, _warn, folder.put)
+            folder.add("metric", metric)
+            folder.at_end(metric.finish)
         odometry = Odometry(camera, options)
         counts = _run_into(folder, chain(first, timed), odometry, frames.count)
     print(f"{sum(counts.values())} pairs of frames: {in_words(counts)}")
@@ -190,6 +213,10 @@ def _run_into(
             for stage, seconds in odometry.seconds.items():
                 folder.add_time(stage, seconds)
     return counts
+
+
+def _warn(words: str) -> None:
+    print(f"farpoint: {words}", file=sys.stderr)
 
 
 def _up_to_an_image(timed: Iterator[tuple[Frame, float]]) -> list[tuple[Frame, float]]:

@@ -1,5 +1,6 @@
 """Where results go: files and pictures, each written as the run goes."""
 
+from farpoint.sinks.metric import MetricSink
 from farpoint.sinks.motions import Motions, read_motions
 from farpoint.sinks.output_folder import OutputFolder, OutputOptions
 from farpoint.sinks.overlay import draw_overlay
@@ -9,6 +10,7 @@ from farpoint.sinks.viewer import LiveViewer, Viewer, ViewerOptions, open_viewer
 
 __all__ = [
     "LiveViewer",
+    "MetricSink",
     "Motions",
     "OutputFolder",
     "OutputOptions",

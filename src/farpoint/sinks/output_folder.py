@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -101,6 +102,7 @@ class OutputFolder:
         self.path = Path(folder)
         self._options = options or OutputOptions()
         self._closed = False
+        self._last_steps: list[Callable[[Path], object]] = []
         if self._options.parquet:
             load_pyarrow()  # before hours of work, not after
         self._pairs = 0
@@ -123,6 +125,10 @@ class OutputFolder:
     def add(self, name: str, sink: Sink) -> None:
         """Give results to a further sink as well, which is closed with the others."""
         self._sinks[name] = sink
+
+    def at_end(self, step: Callable[[Path], object]) -> None:
+        """Have something done to the folder once its files of lines are complete."""
+        self._last_steps.append(step)
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
         """Add what one frame brought to every output; neither may be changed afterwards."""
@@ -170,6 +176,7 @@ class OutputFolder:
         steps: list[Callable[[], object]] = [sink.close for sink in self._sinks.values()]
         if self._halves is not None:
             steps.append(self._halves.close)
+        steps += [partial(step, self.path) for step in self._last_steps]
         if self._options.parquet:
             steps.append(lambda: write_positions_parquet(self.path))
         steps.append(lambda: self._record.finish(state, error))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,10 +18,12 @@ from farpoint.sinks.sink import TextSink
 
 __all__ = [
     "COLUMNS",
+    "PositionRow",
     "Positions",
     "PositionsFile",
     "iter_positions",
     "load_pyarrow",
+    "position_line",
     "read_positions",
     "write_positions_parquet",
 ]
@@ -36,6 +39,16 @@ COLUMNS = (
 _ROWS_AT_ONCE = 2000
 
 
+class PositionRow(NamedTuple):
+    """A row: ``world_from_cam`` (4, 4), and ``covariance`` (7, 7), NaN where there is none."""
+
+    timestamp: float
+    frame: int
+    segment: int
+    world_from_cam: np.ndarray
+    covariance: np.ndarray
+
+
 class PositionsFile(TextSink):
     """Writes a row per frame: ``world_from_cam`` and its covariance with the scale's."""
 
@@ -44,15 +57,26 @@ class PositionsFile(TextSink):
 
     def lines(self, result: OdometryResult) -> str:
         """The row of this frame."""
-        pose, covariance = result.world_from_cam, result.world_covariance
-        numbers = [*pose[:3, 3], *so3.quat_xyzw_from_matrix(pose[:3, :3])]
-        cells = [repr(float(result.timestamp)), str(result.frame1), str(result.segment)]
-        cells += [repr(float(value)) for value in numbers]
-        if covariance is None:
-            cells += [""] * 28
-        else:
-            cells += [repr(float(value)) for value in covariance[_UPPER_TRIANGLE]]
-        return ",".join(cells) + "\n"
+        covariance = result.world_covariance
+        return position_line(
+            PositionRow(
+                timestamp=result.timestamp,
+                frame=result.frame1,
+                segment=result.segment,
+                world_from_cam=result.world_from_cam,
+                covariance=np.full((7, 7), np.nan) if covariance is None else covariance,
+            )
+        )
+
+
+def position_line(row: PositionRow) -> str:
+    """The line of a row, with its end."""
+    pose = row.world_from_cam
+    numbers = [*pose[:3, 3], *so3.quat_xyzw_from_matrix(pose[:3, :3])]
+    numbers += list(row.covariance[_UPPER_TRIANGLE])
+    cells = [repr(float(row.timestamp)), str(row.frame), str(row.segment)]
+    cells += ["" if math.isnan(value) else repr(float(value)) for value in numbers]
+    return ",".join(cells) + "\n"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,6 +147,23 @@ def _columns(table: np.ndarray) -> Positions:
         quat_xyzw=table[:, 6:10],
         covariances=covariances,
     )
+
+
+def iter_positions(path: str | Path) -> Iterator[PositionRow]:
+    """Read a ``positions.csv`` row by row, so that its length costs no memory."""
+    for numbers in _rows(Path(path)):
+        pose, covariance = np.eye(4), np.empty((7, 7))
+        pose[:3, 3] = numbers[3:6]
+        pose[:3, :3] = so3.matrix_from_quat_xyzw(np.array(numbers[6:10]))
+        covariance[_UPPER_TRIANGLE] = numbers[10:]
+        covariance.T[_UPPER_TRIANGLE] = numbers[10:]
+        yield PositionRow(
+            timestamp=numbers[0],
+            frame=int(numbers[1]),
+            segment=int(numbers[2]),
+            world_from_cam=pose,
+            covariance=covariance,
+        )
 
 
 def load_pyarrow() -> tuple[Any, Any]:

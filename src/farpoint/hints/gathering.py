@@ -1,0 +1,235 @@
+"""Readings from hints and the results of the odometry, as they come."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.hints.ground import find_ground
+from farpoint.hints.kinds import CameraHeight, GnssPositions, Hint, KnownDistance, KnownSpeed
+from farpoint.hints.readings import Reading
+from farpoint.odometry import OdometryResult
+
+__all__ = ["Gatherer", "gatherer_of"]
+
+_WINDOW_S = 1.0  # readings nearer together would share their errors
+_LEAST_SPEED = 0.5  # m/s: slower, the error of the hint is no longer relative
+_LEAST_SIGMA = 0.002
+_GNSS_SIGMAS = 10.0  # positions are compared when so many sigma apart
+_HEIGHT_SPREAD = 0.05  # relative, of single readings: the road is not a plane
+
+
+class Gatherer(Protocol):
+    """Watches the results of a run."""
+
+    def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
+        """Readings that have become complete with this result."""
+        ...
+
+
+def gatherer_of(hint: Hint) -> Gatherer:
+    """What makes readings of a hint."""
+    match hint:
+        case KnownSpeed():
+            return _Speeds(hint)
+        case CameraHeight():
+            return _Heights(hint)
+        case KnownDistance():
+            return _Distance(hint)
+        case GnssPositions():
+            return _Gnss(hint)
+
+
+@dataclass
+class _Window:
+    """Sums over some seconds of one segment."""
+
+    segment: int = 0
+    start_s: float = 0.0
+    seconds: float = 0.0
+    metres: float = 0.0
+    units: float = 0.0
+    variance: float = 0.0
+
+
+class _Speeds:
+    """Metres by the speed over units by the path, second by second."""
+
+    def __init__(self, hint: KnownSpeed) -> None:
+        self._hint = hint
+        self._window = _Window()
+
+    def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
+        del camera
+        speed = self._speed(0.5 * (result.timestamp0 + result.timestamp))
+        if result.scale is None or speed is None or speed < _LEAST_SPEED:
+            return []
+        window = self._window
+        if window.segment != result.segment or not window.seconds:
+            window = _Window(segment=result.segment, start_s=result.timestamp0)
+        seconds = result.timestamp - result.timestamp0
+        window.seconds += seconds
+        window.metres += speed * seconds
+        window.units += result.scale
+        window.variance += _own_variance(result)
+        self._window = window
+        if window.seconds < _WINDOW_S:
+            return []
+        self._window = _Window()
+        if window.units <= 0.0:
+            return []
+        visual = window.variance / window.units**2
+        reading = Reading(
+            kind="speed",
+            start_s=window.start_s,
+            end_s=result.timestamp,
+            segment=result.segment,
+            log_ratio=math.log(window.metres / window.units),
+            sigma=math.sqrt(self._hint.sigma**2 + visual + _LEAST_SIGMA**2),
+            shared_sigma=self._hint.sigma,
+            drift=_drift(result),
+        )
+        return [reading]
+
+    def _speed(self, time_s: float) -> float | None:
+        times = self._hint.timestamps_s
+        if not times[0] <= time_s <= times[-1]:
+            return None
+        return float(np.interp(time_s, times, self._hint.speeds))
+
+
+class _Heights:
+    """The known height over that of the camera over the ground in view, second by second."""
+
+    def __init__(self, hint: CameraHeight) -> None:
+        self._hint = hint
+        self._logs: list[float] = []
+        self._segment, self._start_s = 0, 0.0
+
+    def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
+        height = find_ground(camera, result)
+        if height is None:
+            return []
+        if not self._logs or self._segment != result.segment:
+            self._logs, self._segment, self._start_s = [], result.segment, result.timestamp0
+        self._logs.append(math.log(height))
+        if result.timestamp - self._start_s < _WINDOW_S:
+            return []
+        logs, self._logs = np.array(self._logs), []
+        spread = 1.4826 * float(np.median(np.abs(logs - np.median(logs))))
+        reading = Reading(
+            kind="height",
+            start_s=self._start_s,
+            end_s=result.timestamp,
+            segment=result.segment,
+            log_ratio=math.log(self._hint.height_m) - float(np.median(logs)),
+            sigma=math.hypot(_HEIGHT_SPREAD, spread),
+            shared_sigma=self._hint.sigma,
+            drift=_drift(result),
+        )
+        return [reading]
+
+
+class _Distance:
+    """One distance, once its second frame has come."""
+
+    def __init__(self, hint: KnownDistance) -> None:
+        self._hint = hint
+        self._begin: OdometryResult | None = None
+
+    def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
+        del camera
+        if result.frame1 == self._hint.frame0:
+            self._begin = result
+        begin = self._begin
+        if result.frame1 != self._hint.frame1 or begin is None or begin.segment != result.segment:
+            return []
+        way = _way(begin, result)
+        if way <= 0.0:
+            return []
+        reading = Reading(
+            kind="distance",
+            start_s=begin.timestamp,
+            end_s=result.timestamp,
+            segment=result.segment,
+            log_ratio=math.log(self._hint.distance_m / way),
+            sigma=math.hypot(self._hint.sigma, _LEAST_SIGMA),
+            shared_sigma=0.0,
+            drift=0.5 * (_drift(begin) + _drift(result)),
+        )
+        return [reading]
+
+
+class _Gnss:
+    """Distances between positions that are far enough apart to tell a length."""
+
+    def __init__(self, hint: GnssPositions) -> None:
+        self._hint = hint
+        self._next = 0
+        self._last: OdometryResult | None = None
+        self._begin: tuple[int, float, np.ndarray] | None = None  # segment, time, position
+        self._begin_m = np.zeros(3)
+        self._recent: deque[Reading] = deque(maxlen=1)
+
+    def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
+        del camera
+        last, self._last = self._last, result
+        times, readings = self._hint.timestamps_s, []
+        while self._next < len(times) and times[self._next] <= result.timestamp:
+            time_s, fix = float(times[self._next]), self._hint.positions_m[self._next]
+            self._next += 1
+            if last is None or last.segment != result.segment or time_s < last.timestamp:
+                if last is not None or time_s < result.timestamp:
+                    continue
+                place = result.world_from_cam[:3, 3]
+            else:
+                share = (time_s - last.timestamp) / (result.timestamp - last.timestamp)
+                before, after = last.world_from_cam[:3, 3], result.world_from_cam[:3, 3]
+                place = before + share * (after - before)
+            reading = self._compare(result, time_s, place, fix)
+            readings += [] if reading is None else [reading]
+        return readings
+
+    def _compare(
+        self, result: OdometryResult, time_s: float, place: np.ndarray, fix: np.ndarray
+    ) -> Reading | None:
+        if self._begin is None or self._begin[0] != result.segment:
+            self._begin, self._begin_m = (result.segment, time_s, place), fix
+            return None
+        metres = float(np.linalg.norm(fix - self._begin_m))
+        units = float(np.linalg.norm(place - self._begin[2]))
+        if metres < _GNSS_SIGMAS * self._hint.sigma_m or units <= 0.0:
+            return None
+        start_s = self._begin[1]
+        self._begin, self._begin_m = (result.segment, time_s, place), fix
+        return Reading(
+            kind="gnss",
+            start_s=start_s,
+            end_s=time_s,
+            segment=result.segment,
+            log_ratio=math.log(metres / units),
+            sigma=math.hypot(math.sqrt(2.0) * self._hint.sigma_m / metres, _LEAST_SIGMA),
+            shared_sigma=0.0,
+            drift=_drift(result),
+        )
+
+
+def _way(begin: OdometryResult, end: OdometryResult) -> float:
+    return float(np.linalg.norm(end.world_from_cam[:3, 3] - begin.world_from_cam[:3, 3]))
+
+
+def _drift(result: OdometryResult) -> float:
+    """Variance of the logarithm of the scale since the beginning of the segment."""
+    return 0.0 if result.world_covariance is None else float(result.world_covariance[6, 6])
+
+
+def _own_variance(result: OdometryResult) -> float:
+    """Of the length of one step, without the error that all lengths share."""
+    assert result.scale is not None
+    sigma = result.scale_sigma or 0.0
+    return max(sigma**2 - result.scale**2 * _drift(result), 0.0)

@@ -1,0 +1,129 @@
+"""The kinds of hints: what is known, and how sure that is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.errors import InputError
+
+__all__ = ["CameraHeight", "GnssPositions", "Hint", "KnownDistance", "KnownSpeed"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownSpeed:
+    """Speeds at times, as of wheels.
+
+    Attributes
+    ----------
+    timestamps_s : ndarray, shape (N,)
+        Ascending, on the clock of the frames.
+    speeds : ndarray, shape (N,)
+        m/s, without sign.
+    sigma : float
+        1-sigma of them, relative: that of each second, and as much again that all have in common
+        (a wheel of another size).
+    """
+
+    timestamps_s: np.ndarray
+    speeds: np.ndarray
+    sigma: float = 0.02
+
+    def __post_init__(self) -> None:
+        _check_table(self.timestamps_s, self.speeds, "speeds", ())
+        if (np.asarray(self.speeds) < 0.0).any():
+            raise InputError("expected 0 or more", field="speeds")
+        _check_positive(self.sigma, "sigma")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraHeight:
+    """Height of the camera over flat ground in view, the camera about upright.
+
+    Attributes
+    ----------
+    height_m : float
+        Positive.
+    sigma : float
+        1-sigma of it, relative.
+    """
+
+    height_m: float
+    sigma: float = 0.05
+
+    def __post_init__(self) -> None:
+        _check_positive(self.height_m, "height_m")
+        _check_positive(self.sigma, "sigma")
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownDistance:
+    """Distance between the positions of the camera at two frames.
+
+    Attributes
+    ----------
+    frame0, frame1 : int
+        Indices in the source, ascending.
+    distance_m : float
+        In a straight line.
+    sigma : float
+        1-sigma of it, relative.
+    """
+
+    frame0: int
+    frame1: int
+    distance_m: float
+    sigma: float = 0.02
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.frame0 < self.frame1:
+            raise InputError(
+                f"expected two frames, the earlier first, got {self.frame0} and {self.frame1}",
+                field="frame0",
+            )
+        _check_positive(self.distance_m, "distance_m")
+        _check_positive(self.sigma, "sigma")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GnssPositions:
+    """Positions at times, in any fixed axes. They give the scale and nothing else.
+
+    Attributes
+    ----------
+    timestamps_s : ndarray, shape (N,)
+        Ascending, on the clock of the frames.
+    positions_m : ndarray, shape (N, 3)
+        Of the antenna; where it is not near the camera, turns make an error.
+    sigma_m : float
+        1-sigma of a coordinate, the errors of positions apart by ten times this independent.
+    """
+
+    timestamps_s: np.ndarray
+    positions_m: np.ndarray
+    sigma_m: float = 2.0
+
+    def __post_init__(self) -> None:
+        _check_table(self.timestamps_s, self.positions_m, "positions_m", (3,))
+        _check_positive(self.sigma_m, "sigma_m")
+
+
+Hint = KnownSpeed | CameraHeight | KnownDistance | GnssPositions
+
+
+def _check_positive(value: float, name: str) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise InputError(f"expected a positive number, got {value}", field=name)
+
+
+def _check_table(times: np.ndarray, values: np.ndarray, name: str, rest: tuple[int, ...]) -> None:
+    times, values = np.asarray(times), np.asarray(values)
+    if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all():
+        raise InputError("expected 2 or more ascending times", field="timestamps_s")
+    if values.shape != (len(times), *rest) or not np.isfinite(values).all():
+        raise InputError(
+            f"expected finite numbers of shape {(len(times), *rest)}, got {values.shape}",
+            field=name,
+        )

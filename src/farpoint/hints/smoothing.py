@@ -1,0 +1,206 @@
+"""Metres for a unit of the trajectory, from readings of which some may be wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import groupby, pairwise
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from farpoint.hints.readings import Reading
+
+__all__ = ["Contradiction", "MetricFit", "fit_readings"]
+
+_DOF = 3.0  # of the t distribution of readings: heavy tails
+_ROUNDS = 40
+_TOLERANCE = 1e-7
+_CONTRADICTS = 3.0  # sigma
+_LEAST_DRIFT = 1e-8  # variance between readings: a scale that could not drift at all has no inverse
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contradiction:
+    """Consecutive readings of one kind that do not fit the others.
+
+    Attributes
+    ----------
+    kind : str
+        The hint they come from.
+    start_s, end_s : float
+        Times, s.
+    readings : int
+        How many.
+    ratio : float
+        What they say over what the fit says, their median: 1.3 for lengths 30 % too large.
+    """
+
+    kind: str
+    start_s: float
+    end_s: float
+    readings: int
+    ratio: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.kind}: from {self.start_s:.1f} s to {self.end_s:.1f} s, lengths are "
+            f"{self.ratio:.2f} times what all else says"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MetricFit:
+    """Metres for a unit of the trajectory, over time.
+
+    Attributes
+    ----------
+    times_s : ndarray, shape (N,)
+        Of the readings, ascending.
+    segments : ndarray of int64, shape (N,)
+        Of the trajectory.
+    log_metres : ndarray, shape (N,)
+        Logarithm of metres for a unit.
+    sigma : ndarray, shape (N,)
+        1-sigma of it.
+    contradictions : tuple of Contradiction
+        Readings that were hardly counted.
+    """
+
+    times_s: np.ndarray
+    segments: np.ndarray
+    log_metres: np.ndarray
+    sigma: np.ndarray
+    contradictions: tuple[Contradiction, ...]
+
+    def at(self, time_s: float, segment: int) -> tuple[float, float]:
+        """Metres for a unit at a time of a segment, and the 1-sigma of its logarithm.
+
+        A segment without readings has the scale that the one before ended with, which is a guess.
+        """
+        inside = np.flatnonzero(self.segments == segment)
+        if not len(inside):
+            earlier = np.flatnonzero(self.segments < segment)
+            nearest = int(earlier[-1]) if len(earlier) else 0
+            return float(np.exp(self.log_metres[nearest])), float(self.sigma[nearest])
+        times = self.times_s[inside]
+        log_metres = np.interp(time_s, times, self.log_metres[inside])
+        return float(np.exp(log_metres)), float(np.interp(time_s, times, self.sigma[inside]))
+
+
+def fit_readings(readings: list[Reading]) -> MetricFit:
+    """Most likely scale over time.
+
+    The logarithm of metres for a unit walks at random from reading to reading, by as much as the
+    scale of the trajectory may have drifted. A reading deviates from it by an error of its own,
+    t-distributed with 3 degrees of freedom so that wrong ones count little, and by one that all of
+    its kind share, normal. Begun from the weighted median, so that a wrong minority has no say in
+    where.
+
+    Parameters
+    ----------
+    readings : list of Reading
+        At least one.
+    """
+    readings = sorted(readings, key=lambda reading: (reading.segment, reading.end_s))
+    z = np.array([reading.log_ratio for reading in readings])
+    variance = np.array([reading.sigma**2 for reading in readings])
+    kinds = sorted({reading.kind for reading in readings})
+    kind = np.array([kinds.index(reading.kind) for reading in readings])
+    shared = np.array(
+        [max(r.shared_sigma for r in readings if r.kind == name) ** 2 for name in kinds]
+    )
+    walk = _walk_precision(readings)
+    x, common = _medians(z, variance, readings), np.zeros(len(kinds))
+    spread = np.zeros(len(z))
+    for _ in range(_ROUNDS):
+        off = z - x - common[kind]
+        weight = (_DOF + 1.0) / (_DOF + off**2 / variance) / variance
+        before, (x, common, spread) = x, _solve(z, weight, kind, shared, walk)
+        if np.abs(x - before).max() < _TOLERANCE:
+            break
+    off = z - x - common[kind]
+    wrong = off**2 > _CONTRADICTS**2 * (variance + spread)
+    return MetricFit(
+        times_s=np.array([0.5 * (reading.start_s + reading.end_s) for reading in readings]),
+        segments=np.array([reading.segment for reading in readings], np.int64),
+        log_metres=x,
+        sigma=np.sqrt(spread),
+        contradictions=_contradictions(readings, off, wrong),
+    )
+
+
+def _walk_precision(readings: list[Reading]) -> np.ndarray:
+    """One over the variance of each step (N - 1,); 0 between segments."""
+    return np.array(
+        [
+            1.0 / max(after.drift - before.drift, _LEAST_DRIFT)
+            if after.segment == before.segment
+            else 0.0
+            for before, after in pairwise(readings)
+        ]
+    )
+
+
+def _medians(z: np.ndarray, variance: np.ndarray, readings: list[Reading]) -> np.ndarray:
+    """The weighted median of each segment, for each of its readings."""
+    segments = np.array([reading.segment for reading in readings])
+    found = np.empty(len(z))
+    for segment in np.unique(segments):
+        inside = segments == segment
+        order = np.argsort(z[inside])
+        weight = np.cumsum((1.0 / np.sqrt(variance[inside]))[order])
+        found[inside] = z[inside][order][np.searchsorted(weight, 0.5 * weight[-1])]
+    return found
+
+
+def _solve(
+    z: np.ndarray, weight: np.ndarray, kind: np.ndarray, shared: np.ndarray, walk: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scale (N,), errors of the kinds (K,), and variance of the scale (N,), the errors included."""
+    banded = np.zeros((2, len(z)))
+    banded[1] = weight
+    banded[1, :-1] += walk
+    banded[1, 1:] += walk
+    banded[0, 1:] = -walk
+    B = weight[:, None] * (kind[:, None] == np.arange(len(shared)))
+    right = np.column_stack([weight * z, B])
+    alone = solveh_banded(banded, right) if len(z) > 1 else right / weight[:, None]
+    # Errors of the kinds by elimination; one that is known to be zero drops out.
+    S = np.diag(B.sum(axis=0) + 1.0 / np.maximum(shared, _LEAST_DRIFT)) - B.T @ alone[:, 1:]
+    covariance = np.linalg.inv(S)
+    common = covariance @ (B.T @ (z - alone[:, 0]))
+    x = alone[:, 0] - alone[:, 1:] @ common
+    through = np.einsum("nk,kl,nl->n", alone[:, 1:], covariance, alone[:, 1:])
+    return x, common, _diagonal_of_inverse(banded) + through
+
+
+def _diagonal_of_inverse(banded: np.ndarray) -> np.ndarray:
+    """Of a tridiagonal positive matrix, by its continued fractions from both ends."""
+    aside, main = banded[0, 1:] ** 2, banded[1]
+    down, up = main.copy(), main.copy()
+    for k in range(1, len(main)):
+        down[k] -= aside[k - 1] / down[k - 1]
+        up[-1 - k] -= aside[-k] / up[-k]
+    return 1.0 / (down + up - main)
+
+
+def _contradictions(
+    readings: list[Reading], off: np.ndarray, wrong: np.ndarray
+) -> tuple[Contradiction, ...]:
+    found = []
+    for name in sorted({reading.kind for reading in readings}):
+        rows = [k for k, reading in enumerate(readings) if reading.kind == name]
+        sign = np.sign(off) * wrong
+        for value, group in groupby(rows, key=lambda k: sign[k]):
+            run = list(group)
+            if value:
+                found.append(
+                    Contradiction(
+                        kind=name,
+                        start_s=readings[run[0]].start_s,
+                        end_s=readings[run[-1]].end_s,
+                        readings=len(run),
+                        ratio=float(np.exp(np.median(off[run]))),
+                    )
+                )
+    return tuple(sorted(found, key=lambda one: one.start_s))

@@ -1,0 +1,75 @@
+"""The sink that puts a run's files in metres at its end, where hints tell the scale."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.hints import Hint, MetricFit, MetricScale
+from farpoint.odometry import OdometryResult
+from farpoint.sinks.metric_files import put_in_metres
+
+__all__ = ["MetricSink"]
+
+NO_READING = "no hint met a motion of known length: lengths are in the unit of the trajectory"
+
+
+class MetricSink:
+    """Compares results with hints, and at the end rewrites the files of lines in metres.
+
+    Parameters
+    ----------
+    hints : list of Hint
+        What is known of lengths.
+    camera : Camera
+        Of the frames.
+    say : callable
+        Takes each contradiction, in words.
+    put : callable
+        Takes what goes into ``run.json``, with its key.
+    """
+
+    def __init__(
+        self,
+        hints: list[Hint],
+        camera: Camera,
+        say: Callable[[str], object],
+        put: Callable[[str, object], object],
+    ) -> None:
+        self._scale = MetricScale(hints)
+        self._camera = camera
+        self._say, self._put = say, put
+
+    def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
+        """Take in one result; the image is not looked at."""
+        del image
+        self._scale.add(self._camera, result)
+
+    def close(self) -> None:
+        """Nothing to be closed."""
+
+    def finish(self, folder: Path) -> None:
+        """Put the files of ``folder`` in metres; they must be complete."""
+        fit = self._scale.fit()
+        if fit is None:
+            self._say(NO_READING)
+            self._put("metric", {"unit": "that of the trajectory", "note": NO_READING})
+            return
+        put_in_metres(folder, fit)
+        for contradiction in fit.contradictions:
+            self._say(str(contradiction))
+        self._put("metric", _facts(fit))
+
+
+def _facts(fit: MetricFit) -> dict[str, object]:
+    metres = np.exp(fit.log_metres)
+    return {
+        "unit": "m",
+        "readings": len(metres),
+        "metres_per_unit": {"first": float(metres[0]), "last": float(metres[-1])},
+        "relative_sigma": float(np.median(fit.sigma)),
+        "contradictions": [str(contradiction) for contradiction in fit.contradictions],
+    }

@@ -1,0 +1,108 @@
+"""The files of a run in metres, once hints have told the scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.hints import MetricFit
+from farpoint.sinks.motions import COLUMNS as MOTIONS_COLUMNS
+from farpoint.sinks.positions import COLUMNS, PositionRow, iter_positions, position_line
+from farpoint.sinks.sink import open_output
+from farpoint.trajectory.files import kitti_line, tum_line
+
+__all__ = ["put_in_metres"]
+
+_SCALE = MOTIONS_COLUMNS.index("scale")
+
+
+def put_in_metres(folder: Path, fit: MetricFit) -> None:
+    """Rewrite ``positions.csv``, the trajectories and the lengths of ``motions.csv``.
+
+    Each step of the path is multiplied by what a unit is at its time, so that a scale that has
+    drifted is put right; orientations stay. Line by line: the length of a run costs no memory.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or written.
+    """
+    segments: dict[int, int] = {}  # of the frames: motions.csv does not name them
+    with ExitStack() as stack:
+        positions, tum, kitti = (
+            stack.enter_context(_replacing(folder / name))
+            for name in ("positions.csv", "trajectory.tum", "trajectory.kitti")
+        )
+        positions(",".join(COLUMNS) + "\n")
+        for row in _in_metres(iter_positions(folder / "positions.csv"), fit):
+            segments[row.frame] = row.segment
+            positions(position_line(row))
+            tum(tum_line(row.timestamp, row.world_from_cam))
+            kitti(kitti_line(row.world_from_cam))
+    with _replacing(folder / "motions.csv") as motions:
+        for line in _motions_in_metres(folder / "motions.csv", fit, segments):
+            motions(line)
+
+
+def _in_metres(rows: Iterator[PositionRow], fit: MetricFit) -> Iterator[PositionRow]:
+    before, metric = None, np.zeros(3)
+    for row in rows:
+        position = row.world_from_cam[:3, 3].copy()
+        factor, sigma = fit.at(row.timestamp, row.segment)
+        if before is not None:
+            metric = metric + factor * (position - before)
+        before = position
+        pose = row.world_from_cam.copy()
+        pose[:3, 3] = metric
+        yield row._replace(
+            world_from_cam=pose,
+            covariance=_metric_covariance(row.covariance, metric, factor, sigma),
+        )
+
+
+def _metric_covariance(
+    covariance: np.ndarray, position: np.ndarray, factor: float, sigma: float
+) -> np.ndarray:
+    """The covariance in metres, with the error of the metric scale, along the whole way."""
+    stretch = np.ones(7)
+    stretch[3:6] = factor
+    metric = covariance * np.outer(stretch, stretch)
+    along = np.concatenate([np.zeros(3), position, [1.0]])
+    metric[6, :] = metric[:, 6] = 0.0  # the hints have told the scale
+    return metric + sigma**2 * np.outer(along, along)
+
+
+def _motions_in_metres(path: Path, fit: MetricFit, segments: dict[int, int]) -> Iterator[str]:
+    for number, line in enumerate(_lines(path)):
+        cells = line.split(",")
+        if number and cells[_SCALE]:
+            length, sigma = float(cells[_SCALE]), float(cells[_SCALE + 1] or 0.0)
+            factor, doubt = fit.at(float(cells[1]), segments.get(int(cells[3]), 0))
+            cells[_SCALE] = repr(factor * length)
+            cells[_SCALE + 1] = repr(factor * math.hypot(sigma, doubt * length))
+        yield ",".join(cells)
+
+
+def _lines(path: Path) -> Iterator[str]:
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            yield from file
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[Callable[[str], object]]:
+    """A file that takes the place of another when it is complete."""
+    new = path.with_name(path.name + ".part")
+    try:
+        with open_output(new) as file:
+            yield file.write
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)
