@@ -22,7 +22,7 @@ def seen(
     frame: int = 1,
     unit: float = 1.0,
 ) -> OdometryResult:
-    """A motion over a road with things beside it; ``unit`` metres are the unit of the trajectory."""
+    """A motion over a road with things beside it, in a unit of ``unit`` metres."""
     rng = np.random.default_rng(frame)
     count = ground + clutter
     X = np.column_stack(

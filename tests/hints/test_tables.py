@@ -32,8 +32,8 @@ def test_degrees_become_metres(tmp_path):
         "0,0.0,0.0,0.0\n1,0.0,0.001,0.0\n2,60.0,10.0,100.0\n3,60.001,10.0,100.0\n4,60.0,10.0,103.0\n"
     )
     _, places = read_gnss(path)
-    # 0.001 degrees: of the equator's circle, 6378137 m; of the meridian at 60 degrees north, 111412 m
-    # a degree by the series of WGS 84.
+    # 0.001 degrees: of the equator, whose radius is 6378137 m, and of the meridian at 60 degrees
+    # north, 111412 m a degree by the series of WGS 84.
     assert np.linalg.norm(places[1] - places[0]) == pytest.approx(111.319, abs=1e-3)
     assert np.linalg.norm(places[3] - places[2]) == pytest.approx(111.414, abs=5e-3)
     assert np.linalg.norm(places[4] - places[2]) == pytest.approx(3.0, abs=1e-6)

@@ -38,7 +38,7 @@ _INTERRUPTED = 130
 # tyro's words for a value that a record of options refused: the records it lies in, by the names
 # of their fields, and the problem, which begins with the field's own name.
 _REFUSED = re.compile(
-    r"Error parsing __tyro-dummy-inner__\.\w+(?P<records>[.\w]*): (?P<field>\w+): "
+    r"Error parsing __tyro-dummy-inner__(?:\.(?!metric\b)\w+)?(?P<records>[.\w]*): (?P<field>\w+): "
 )
 
 
@@ -113,6 +113,6 @@ def _first_lines(box: str) -> str:
 
 
 def _option_of(refused: re.Match[str]) -> str:
-    """The option as users type it; the outermost record gives it no prefix."""
+    """The option as users type it; the outermost record, `metric` apart, gives it no prefix."""
     path = f"{refused['records']}.{refused['field']}".removeprefix(".")
     return f"--{path.replace('_', '-')}: "

@@ -42,7 +42,9 @@ def find_ground(camera: Camera, result: OdometryResult) -> float | None:
     on = points[off[:, best]]
     if len(on) < max(_LEAST_POINTS, _LEAST_SHARE * len(points)):
         return None
-    return float(np.mean(on @ normals[best]))
+    # The plane n x = h of least squares, as (n / h) x = 1.
+    plane = np.linalg.lstsq(on, np.ones(len(on)), rcond=None)[0]
+    return float(1.0 / np.linalg.norm(plane))
 
 
 def _points_below(camera: Camera, result: OdometryResult) -> np.ndarray:
