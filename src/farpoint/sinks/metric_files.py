@@ -12,7 +12,7 @@ import numpy as np
 from farpoint.errors import InputError
 from farpoint.hints import MetricFit
 from farpoint.sinks.motions import COLUMNS as MOTIONS_COLUMNS
-from farpoint.sinks.positions import COLUMNS, PositionRow, iter_positions, position_line
+from farpoint.sinks.positions import COLUMNS, PositionRow, iter_position_rows, position_line
 from farpoint.sinks.sink import open_output
 from farpoint.trajectory.files import kitti_line, tum_line
 
@@ -39,7 +39,7 @@ def put_in_metres(folder: Path, fit: MetricFit) -> None:
             for name in ("positions.csv", "trajectory.tum", "trajectory.kitti")
         )
         positions(",".join(COLUMNS) + "\n")
-        for row in _in_metres(iter_positions(folder / "positions.csv"), fit):
+        for row in _in_metres(iter_position_rows(folder / "positions.csv"), fit):
             segments[row.frame] = row.segment
             positions(position_line(row))
             tum(tum_line(row.timestamp, row.world_from_cam))

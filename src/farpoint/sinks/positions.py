@@ -21,6 +21,7 @@ __all__ = [
     "PositionRow",
     "Positions",
     "PositionsFile",
+    "iter_position_rows",
     "iter_positions",
     "load_pyarrow",
     "position_line",
@@ -149,21 +150,12 @@ def _columns(table: np.ndarray) -> Positions:
     )
 
 
-def iter_positions(path: str | Path) -> Iterator[PositionRow]:
-    """Read a ``positions.csv`` row by row, so that its length costs no memory."""
-    for numbers in _rows(Path(path)):
-        pose, covariance = np.eye(4), np.empty((7, 7))
-        pose[:3, 3] = numbers[3:6]
-        pose[:3, :3] = so3.matrix_from_quat_xyzw(np.array(numbers[6:10]))
-        covariance[_UPPER_TRIANGLE] = numbers[10:]
-        covariance.T[_UPPER_TRIANGLE] = numbers[10:]
-        yield PositionRow(
-            timestamp=numbers[0],
-            frame=int(numbers[1]),
-            segment=int(numbers[2]),
-            world_from_cam=pose,
-            covariance=covariance,
-        )
+def iter_position_rows(path: str | Path) -> Iterator[PositionRow]:
+    """The same row by row."""
+    for part in iter_positions(path):
+        rows = (part.timestamps, part.frames, part.segments, part.world_from_cam, part.covariances)
+        for timestamp, frame, segment, pose, covariance in zip(*rows, strict=True):
+            yield PositionRow(float(timestamp), int(frame), int(segment), pose, covariance)
 
 
 def load_pyarrow() -> tuple[Any, Any]:
