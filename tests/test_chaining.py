@@ -9,7 +9,7 @@ from farpoint import PoseStatus, Tracks, estimate_relative_pose
 from farpoint.geometry import so3, sphere
 from farpoint.pose import failed_pose
 from farpoint.trajectory.chain import chain
-from farpoint.trajectory.prediction import inverse_depths, predict_points
+from farpoint.trajectory.prediction import inverse_depths, point_predictor
 
 
 def exact_matches(count: int = 40) -> tuple[Tracks, np.ndarray]:
@@ -40,13 +40,13 @@ def test_prediction_repeats_the_motion_exactly():
     motion = estimate_relative_pose(tracks.points0, tracks.points1, CAMERA)
     assert motion.status is PoseStatus.OK
     order = np.argsort(tracks.ids)
-    predicted = predict_points(CAMERA, motion, tracks, tracks.ids[order], tracks.points1[order])
+    predicted = point_predictor(CAMERA, motion, tracks, tracks.ids[order])(tracks.points1[order])
     np.testing.assert_allclose(predicted, after[order], rtol=0.0, atol=1e-4)
     # A track that the motion does not know is taken to be far: it turns.
     fresh = np.array([5000, 5001])
     points = np.array([[20.0, 30.0], [300.0, 200.0]])
     turned = CAMERA.project(CAMERA.unproject(points) @ motion.rotation_cam1_from_cam0.T)
-    np.testing.assert_allclose(predict_points(CAMERA, motion, tracks, fresh, points), turned)
+    np.testing.assert_allclose(point_predictor(CAMERA, motion, tracks, fresh)(points), turned)
 
 
 def test_prediction_without_a_direction_turns_and_without_a_motion_stays():
@@ -55,11 +55,11 @@ def test_prediction_without_a_direction_turns_and_without_a_motion_stays():
     turned = CAMERA.project(X @ TURN.T)
     motion = estimate_relative_pose(tracks.points0, turned, CAMERA)
     assert motion.status is PoseStatus.ROTATION_ONLY
-    predicted = predict_points(CAMERA, motion, tracks, np.sort(tracks.ids), turned)
+    predicted = point_predictor(CAMERA, motion, tracks, np.sort(tracks.ids))(turned)
     np.testing.assert_allclose(predicted, CAMERA.project(X @ (TURN @ TURN).T), rtol=0.0, atol=1e-4)
     nothing = failed_pose("No consensus here.", 40)
     np.testing.assert_array_equal(
-        predict_points(CAMERA, nothing, tracks, np.sort(tracks.ids), turned), turned
+        point_predictor(CAMERA, nothing, tracks, np.sort(tracks.ids))(turned), turned
     )
 
 

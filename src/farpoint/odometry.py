@@ -24,7 +24,7 @@ from farpoint.pose.card import card, pose_rows
 from farpoint.pose.lens_doubt import with_lens_doubt
 from farpoint.tracks import Tracker, TrackerOptions, Tracks, grey_size, trackable_region
 from farpoint.trajectory.path import PathBuilder, PathOptions, PathPoint
-from farpoint.trajectory.prediction import predict_points
+from farpoint.trajectory.prediction import point_predictor
 
 __all__ = ["Odometry", "OdometryOptions", "OdometryResult"]
 
@@ -279,8 +279,7 @@ class Odometry:
         motion = reference.motion
         if motion is None:
             return None
-        ids = self._tracker.ids
-        return lambda points: predict_points(self.camera, motion, reference.tracks, ids, points)
+        return point_predictor(self.camera, motion, reference.tracks, self._tracker.ids)
 
     def _begin(self, image: np.ndarray, index: int, timestamp: float) -> OdometryResult:
         self._restart(image, index, timestamp)

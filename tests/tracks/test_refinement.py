@@ -95,7 +95,28 @@ def test_a_change_of_exposure_does_not_move_the_matches():
     assert np.sqrt(np.mean((points1 - truth) ** 2)) < 0.02
 
 
-def oracle(image0, image1, point0, start, options):
+@pytest.mark.parametrize("scale", [0.75, 1.35])
+def test_windows_whose_shape_is_known_beforehand_are_matched_as_well_as_still_ones(scale):
+    scene = Waves(3)
+    rng = np.random.default_rng(1)
+    motion = {"shift": (2.37, -1.81), "scale": scale}
+    image0, image1 = photo(scene.grey()), photo(scene.grey(**motion))
+    points0, truth, start = starts(scene, image0, rng, **motion)
+    start, inside = (
+        truth + 0.5 * (start - truth),
+        np.all(np.abs(truth - 140 + [0, 40]) < 60, axis=1),
+    )
+    points0, truth, start = points0[inside], truth[inside], start[inside]
+    warps = np.tile(scale * np.eye(2), (len(points0), 1, 1))
+    points1, _, found = refine(image0, image1, points0, start, OPTIONS, warps)
+    assert len(points0) > 25
+    assert found.all()
+    assert np.sqrt(np.mean((points1 - truth) ** 2)) < 0.03
+    plain, _, plainly = refine(image0, image1, points0, start, OPTIONS)
+    assert np.sqrt(np.mean((plain - truth)[plainly] ** 2)) > 0.06
+
+
+def oracle(image0, image1, point0, start, options, warp):
     """Match and covariance of one window in plain NumPy, from the equations of the docstrings."""
     half = options.window_px // 2
     offset = np.stack(np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1)))
@@ -105,6 +126,8 @@ def oracle(image0, image1, point0, start, options):
         map_coordinates(values, [y, x], order=1)
         for values in (image0, correlate(image0, across), correlate(image0, across.T))
     )
+    dx, dy = np.tensordot(np.linalg.inv(warp).T, np.stack([dx, dy]), 1)
+    expected = np.concatenate([np.zeros(2), (warp - np.eye(2)).ravel(), np.zeros(2)])
     u, v = offset
     contrast = template - template.mean()
     parts = [dx, dy, dx * u, dx * v, dy * u, dy * v, -contrast, -np.ones_like(dx)]
@@ -120,9 +143,9 @@ def oracle(image0, image1, point0, start, options):
 
     def normal_equations(theta):
         r = residual(theta)
-        return J @ r + np.mean(r**2) * precision @ theta
+        return J @ r + np.mean(r**2) * precision @ (theta - expected)
 
-    theta = root(normal_equations, np.zeros(8), tol=1e-9).x
+    theta = root(normal_equations, expected, tol=1e-9).x
     r = residual(theta)
     noise = np.mean(r**2)
     P = np.linalg.inv(J @ J.T + noise * precision)[:2]
@@ -138,16 +161,18 @@ def oracle(image0, image1, point0, start, options):
     return start + theta[:2], S @ covariance @ S.T + 0.01**2 * np.eye(2)
 
 
-def test_the_kernel_computes_what_plain_numpy_computes():
+@pytest.mark.parametrize("warp", [np.eye(2), np.array([[1.06, 0.03], [-0.02, 1.01]])])
+def test_the_kernel_computes_what_plain_numpy_computes(warp):
     scene = Waves(7)
     rng = np.random.default_rng(2)
     image0 = photo(scene.grey(), 1, rng)
     image1 = photo(scene.grey(shift=(1.2, 0.3), scale=1.04, gain=1.1), 1, rng)
     points0, _, start = starts(scene, image0, rng, shift=(1.2, 0.3), scale=1.04)
     options = RefinementOptions(max_iterations=60, tolerance_px=1e-6, noise_floor=1e-3)
-    points1, covariance_px2, _ = refine(image0, image1, points0, start, options)
+    warps = np.tile(warp, (len(points0), 1, 1))
+    points1, covariance_px2, _ = refine(image0, image1, points0, start, options, warps)
     for k in range(12):
-        point, covariance = oracle(image0 / 1.0, image1 / 1.0, points0[k], start[k], options)
+        point, covariance = oracle(image0 / 1.0, image1 / 1.0, points0[k], start[k], options, warp)
         np.testing.assert_allclose(points1[k], point, atol=1e-3)
         np.testing.assert_allclose(
             covariance_px2[k], covariance, rtol=0.01, atol=0.01 * np.trace(covariance)

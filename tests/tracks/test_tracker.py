@@ -138,6 +138,21 @@ def test_prediction_finds_what_large_motion_hides():
     assert np.quantile(np.abs(told.points1 - true), 0.95) < 0.05
 
 
+def test_a_prediction_tells_how_windows_change_their_shapes():
+    """As in a wide lens, where what moves outwards is stretched."""
+    motion = {"shift": (2.0, -1.0), "scale": 1.2}
+    moved = photo(SCENE.grey(**motion))
+    told = started().match(moved, lambda points: SCENE.moved(points, **motion))
+    untold = started().match(moved)
+    told_px, untold_px = (
+        np.median(np.linalg.norm(tracks.points1 - SCENE.moved(tracks.points0, **motion), axis=1))
+        for tracks in (told, untold)
+    )
+    assert len(told) > 60
+    assert told_px < 0.02
+    assert untold_px > 2.0 * told_px
+
+
 def test_a_wrong_prediction_costs_no_tracks():
     moved = photo(SCENE.grey(shift=(3, 2)))
     tracks = started().match(moved)

@@ -5,8 +5,8 @@ For every pixel ``w = (u, v)`` of a window, counted from its centre, the model i
     I1(p1 + d + (I + M) w) = (1 + gain) (I0(p0 + w) - mean) + mean + offset
 
 with the eight parameters ``theta = [d (2), M by rows (4), gain, offset]`` and a Gaussian prior on
-all but ``d``. Gauss-Newton with the gradients of the first image, so that the normal matrix is
-built once (Baker and Matthews, "Lucas-Kanade 20 Years On", IJCV 56, 2004).
+all but ``d``. Gauss-Newton with the gradients of the first image, warped as expected, so that the
+normal matrix is built once (Baker and Matthews, "Lucas-Kanade 20 Years On", IJCV 56, 2004).
 
 Floats are float32: a window holds a few hundred 8-bit values. Sums may be reordered (``reassoc``)
 so that they use vector instructions; NaN and infinity keep their meaning.
@@ -32,6 +32,7 @@ def match_windows(
     image0,
     image1,
     points0,
+    expected,
     half,
     prior,
     noise_floor,
@@ -48,6 +49,8 @@ def match_windows(
     image0, image1 : ndarray of uint8, shape (H, W)
     points0 : ndarray of float64, shape (N, 2)
         Centres of the windows in the first image, px.
+    expected : ndarray of float64, shape (N, 8)
+        Prior mean of the parameters, and where they begin; the displacement's is zero.
     half : int
         Windows are ``2 half + 1`` pixels wide and high.
     prior : ndarray of float32, shape (8,)
@@ -78,9 +81,9 @@ def match_windows(
         correlation[k] = 0.0
         if not _sample_patch(image0, points0[k, 0], points0[k, 1], half + 1, patch):
             continue
-        _linearise(patch, half, template, jacobian)
+        _linearise(patch, half, expected[k], template, jacobian)
         _normal_matrix(jacobian, normal)
-        theta[:] = 0.0
+        theta[:] = expected[k]
         x, y = points1[k]
         seen = True
         variance = noise_floor
@@ -93,7 +96,7 @@ def match_windows(
             if not _cholesky(normal, prior, variance, factor):
                 seen = False
                 break
-            _gradient(jacobian, residual, prior, variance, theta, step)
+            _gradient(jacobian, residual, prior, variance, theta, expected[k], step)
             _solve(factor, step)
             for a in range(PARAMETERS):
                 theta[a] -= step[a]
@@ -127,9 +130,16 @@ def _sample_patch(image, x, y, reach, patch):
 
 
 @numba.njit(cache=True, fastmath=_SUMS)
-def _linearise(patch, half, template, jacobian):
-    """Window values, and the derivative of the residual by each parameter (Scharr gradients)."""
+def _linearise(patch, half, expected, template, jacobian):
+    """Window values, and the derivative of the residual by each parameter (Scharr gradients).
+
+    The gradients are those of the second image, as expected: ``inv(I + M).T`` times the first's.
+    """
     width = 2 * half + 1
+    a, b, c, d = 1.0 + expected[2], expected[3], expected[4], 1.0 + expected[5]
+    scale = 1.0 / (a * d - b * c)
+    xx, xy = np.float32(scale * d), np.float32(-scale * c)
+    yx, yy = np.float32(-scale * b), np.float32(scale * a)
     side, middle = np.float32(3.0 / 32.0), np.float32(10.0 / 32.0)
     total = np.float32(0.0)
     i = 0
@@ -139,6 +149,7 @@ def _linearise(patch, half, template, jacobian):
             dx += middle * (patch[v + 1, u + 2] - patch[v + 1, u])
             dy = side * (patch[v + 2, u] - patch[v, u] + patch[v + 2, u + 2] - patch[v, u + 2])
             dy += middle * (patch[v + 2, u + 1] - patch[v, u + 1])
+            dx, dy = xx * dx + xy * dy, yx * dx + yy * dy
             column, row = np.float32(u - half), np.float32(v - half)
             jacobian[0, i] = dx
             jacobian[1, i] = dy
@@ -234,9 +245,10 @@ def _residual(image, x, y, half, theta, template, jacobian, residual):
 
 
 @numba.njit(cache=True)
-def _gradient(jacobian, residual, prior, variance, theta, gradient):
+def _gradient(jacobian, residual, prior, variance, theta, expected, gradient):
     for a in range(PARAMETERS):
-        gradient[a] = _dot(jacobian[a], residual) + variance * prior[a] * theta[a]
+        pull = variance * prior[a] * (theta[a] - expected[a])
+        gradient[a] = _dot(jacobian[a], residual) + pull
 
 
 @numba.njit(cache=True)

@@ -25,6 +25,7 @@ def refine(
     points0: np.ndarray,
     points1: np.ndarray,
     options: RefinementOptions,
+    warps: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Precise positions in ``image1``, with what image gradients and residuals say of their errors.
 
@@ -47,6 +48,9 @@ def refine(
         Pixels in ``image1``, right to about a pixel.
     options : RefinementOptions
         Window, priors and bounds.
+    warps : ndarray of float64, shape (N, 2, 2), optional
+        Derivatives of ``points1`` by ``points0`` as they are expected: what a wide lens, or a turn
+        about its axis, does to the windows. Without, the windows keep their shapes.
 
     Returns
     -------
@@ -58,12 +62,16 @@ def refine(
         Whether the windows match.
     """
     refined = np.array(points1, dtype=np.float64)
+    expected = np.zeros((len(points0), 8))
+    if warps is not None:
+        expected[:, 2:6] = (warps - np.eye(2)).reshape(-1, 4)
     covariance_px2 = np.empty((len(points0), 2, 2))
     correlation = np.empty(len(points0))
     match_windows(
         np.ascontiguousarray(image0),
         np.ascontiguousarray(image1),
         np.ascontiguousarray(points0, dtype=np.float64),
+        expected,
         options.window_px // 2,
         _precision(options),
         options.noise_floor**2,

@@ -18,6 +18,9 @@ __all__ = ["Tracker", "grey_size"]
 
 Predict = Callable[[np.ndarray], np.ndarray]
 
+_WARP_STEP_PX = 4.0  # to either side: half of a window, over which the lens is about affine
+_LARGEST_WARP = 0.5  # elements farther off the identity are a seam or the edge of a field
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Reference:
@@ -90,7 +93,8 @@ class Tracker:
         predict : callable, optional
             Takes pixels (N, 2) in the reference, returns where they are expected (N, 2), such as
             by the last motion; where it returns NaN nothing is expected. A wrong prediction costs
-            time, not tracks.
+            time, not tracks. It is also asked a few pixels beside them, which tells how the windows
+            will change their shapes.
 
         Returns
         -------
@@ -111,11 +115,11 @@ class Tracker:
                 f"expected {_size(reference.image)} pixels like the reference, got {_size(image)}",
                 field="image",
             )
-        start = reference.points if predict is None else _predicted(predict, reference.points)
-        tracks = self._found(reference, image, start)
+        start, warps = _predicted(predict, reference.points)
+        tracks = self._found(reference, image, start, warps)
         if predict is not None and 2 * len(tracks) < len(reference.ids):
             # A prediction that loses most tracks may itself be the fault.
-            unpredicted = self._found(reference, image, reference.points)
+            unpredicted = self._found(reference, image, *_predicted(None, reference.points))
             tracks = max(tracks, unpredicted, key=len)
         return tracks
 
@@ -163,12 +167,14 @@ class Tracker:
         corners = self.options.corners
         return find_corners(image, points, count, reach, corners, self._mask_for(image))
 
-    def _found(self, reference: _Reference, image: np.ndarray, start: np.ndarray) -> Tracks:
+    def _found(
+        self, reference: _Reference, image: np.ndarray, start: np.ndarray, warps: np.ndarray
+    ) -> Tracks:
         options = self.options
         rough, seen = follow(reference.image, image, reference.points, start, options.matching)
         ids, points0 = reference.ids[seen], reference.points[seen]
         points1, covariance_px2, found = refine(
-            reference.image, image, points0, rough[seen], options.refinement
+            reference.image, image, points0, rough[seen], options.refinement, warps[seen]
         )
         return Tracks(
             ids=ids, points0=points0, points1=points1, covariance_px2=covariance_px2
@@ -231,10 +237,27 @@ def _size(image: np.ndarray) -> str:
     return f"{image.shape[1]}x{image.shape[0]}"
 
 
-def _predicted(predict: Predict, points: np.ndarray) -> np.ndarray:
+def _predicted(predict: Predict | None, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where points (N, 2) are expected, and the derivatives (N, 2, 2) of that by the points."""
+    warps = np.broadcast_to(np.eye(2), (len(points), 2, 2)).copy()
+    if predict is None:
+        return points, warps
+    places = [_checked_prediction(predict, points)]
+    for axis in range(2):
+        step = _WARP_STEP_PX * np.eye(2)[axis]
+        ahead, behind = (_checked_prediction(predict, points + sign * step) for sign in (1, -1))
+        warps[:, :, axis] = (ahead - behind) / (2.0 * _WARP_STEP_PX)
+    with np.errstate(invalid="ignore"):
+        known = np.abs(warps - np.eye(2)).max(axis=(1, 2), initial=0.0) < _LARGEST_WARP
+    warps[~known] = np.eye(2)
+    start = places[0]
+    return np.where(np.isfinite(start).all(axis=1, keepdims=True), start, points), warps
+
+
+def _checked_prediction(predict: Predict, points: np.ndarray) -> np.ndarray:
     predicted = np.asarray(predict(points.copy()), dtype=np.float64)
     if predicted.shape != points.shape:
         raise InputError(
             f"expected it to return shape {points.shape}, got {predicted.shape}", field="predict"
         )
-    return np.where(np.isfinite(predicted).all(axis=1, keepdims=True), predicted, points)
+    return predicted

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.pose import RelativePose
 from farpoint.tracks import Tracks
 
-__all__ = ["inverse_depths", "predict_points"]
+__all__ = ["inverse_depths", "point_predictor"]
 
 
 def inverse_depths(
@@ -25,10 +27,10 @@ def inverse_depths(
     return np.sum(plane_of_match * plane_of_motion, axis=1) / square
 
 
-def predict_points(
-    camera: Camera, motion: RelativePose, tracks: Tracks, ids: np.ndarray, points: np.ndarray
-) -> np.ndarray:
-    """Pixels (N, 2) of the tracks ``ids`` at ``points`` (N, 2) after the same motion once more.
+def point_predictor(
+    camera: Camera, motion: RelativePose, tracks: Tracks, ids: np.ndarray
+) -> Callable[[np.ndarray], np.ndarray]:
+    """What tells where the tracks ``ids`` go if the same motion comes once more.
 
     Parameters
     ----------
@@ -40,19 +42,17 @@ def predict_points(
         The matches behind it; they give the depths. A track without is taken to be far.
     ids : ndarray of int64, shape (N,)
         Ascending.
-    points : ndarray, shape (N, 2)
-        Pixels now.
 
     Returns
     -------
-    ndarray, shape (N, 2)
-        NaN rows where the lens sees none.
+    callable
+        Takes their pixels now (N, 2), or others as far away, and returns those to come (N, 2); NaN
+        rows where the lens sees none.
     """
     R, direction = motion.rotation_cam1_from_cam0, motion.direction_cam1_from_cam0
     if R is None:
-        return points
-    rays = camera.unproject(points)
-    moved = rays @ R.T
+        return lambda points: points
+    shift = np.zeros((len(ids), 3))
     if direction is not None:
         rays0, rays1 = camera.unproject(tracks.points0), camera.unproject(tracks.points1)
         depths = np.maximum(inverse_depths(rays0, rays1, R, direction), 0.0)
@@ -60,5 +60,5 @@ def predict_points(
         found = np.searchsorted(tracks.ids[order], ids)
         row = order[np.minimum(found, len(order) - 1)]
         known = tracks.ids[row] == ids
-        moved[known] += depths[row[known], None] * direction
-    return camera.project(moved)
+        shift[known] = depths[row[known], None] * direction
+    return lambda points: camera.project(camera.unproject(points) @ R.T + shift)
