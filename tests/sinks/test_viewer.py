@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from farpoint.camera import Camera
 from farpoint.errors import InputError, MissingExtraError
@@ -117,6 +118,27 @@ def test_the_path_goes_step_by_step(recording: Path, results: list[OdometryResul
     for frame in range(1, len(STATUSES)):
         ends = [results[k].world_from_cam[:3, 3] for k in (frame - 1, frame)]
         np.testing.assert_allclose(steps[frame][0], ends, atol=1e-6)
+
+
+def test_the_ellipsoid_holds_the_position(
+    tmp_path: Path, camera: Camera, results: list[OdometryResult]
+):
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(3, 3)) * [0.1, 0.4, 0.02]
+    covariance = np.eye(7)
+    covariance[3:6, 3:6] = root @ root.T
+    shown = [results[0], replace(results[1], world_covariance=covariance), results[2]]
+    path = recorded(tmp_path / "a.rrd", camera, shown)
+    drawn = {
+        name: column(path, "world/position", f"Ellipsoids3D:{name}")
+        for name in ("centers", "half_sizes", "quaternions")
+    }
+    assert [len(drawn["centers"][frame]) for frame in range(3)] == [0, 1, 0]
+    turn = Rotation.from_quat(drawn["quaternions"][1][0]).as_matrix()
+    draws = rng.normal(size=(20000, 3)) @ root.T  # off the estimate, by the covariance
+    inside = np.linalg.norm(draws @ turn / drawn["half_sizes"][1][0], axis=1) < 1.0
+    assert abs(inside.mean() - 0.95) < 0.006
+    np.testing.assert_allclose(drawn["centers"][1][0], shown[1].world_from_cam[:3, 3], atol=1e-6)
 
 
 def test_sparse_points_project_onto_their_tracks(camera: Camera, results: list[OdometryResult]):

@@ -57,6 +57,13 @@ class LiveViewer:
             names=["latency, ms", "frames left out"], colors=[(240, 170, 60), (214, 48, 49)]
         )
         self._recording.log(places.DELAYS, curves, static=True)
+        colours = PALETTES[palette]
+        lanes = self._rr.StateConfiguration(
+            values=["receiving", "silent", "lost"],
+            labels=["receiving", "silent", "lost"],
+            colors=[colours.good, colours.partial, colours.bad],
+        )
+        self._recording.log(places.LINK, lanes, static=True)
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
         """Draw one frame, if there is room for it."""

@@ -12,6 +12,7 @@ __all__ = [
     "LINK",
     "PATH",
     "POINTS",
+    "POSITION",
     "ROTATION",
     "STATUS",
     "VALUES",
@@ -26,6 +27,8 @@ WORLD = "world"
 CAMERA = "world/camera"
 PATH = "world/path"
 POINTS = "world/points"
+POSITION = "world/position"
+"""The 95 % region of the camera's position, by the errors since the beginning of the segment."""
 CONE = "world/heading"
 """The 95 % region of the heading, from where the camera was."""
 ROTATION = "rotation"

@@ -15,10 +15,12 @@ from farpoint.sinks.overlay.palette import WHITE, Colour, Palette
 from farpoint.sinks.viewer import places
 from farpoint.trajectory.prediction import inverse_depths
 
-__all__ = ["World", "sparse_points"]
+__all__ = ["World", "position_region", "sparse_points"]
 
 _FARTHEST = 60.0
 """Points farther than so many steps are left out: their depth is a guess."""
+
+_CHI2_3_AT_95 = 7.8147  # quantile of chi-square with 3 degrees of freedom
 
 # The camera as a pyramid, in steps of the path: tip, then the corners of its picture.
 _PYRAMID = np.array([[0, 0, 0], [-1, -0.6, 1.5], [1, -0.6, 1.5], [1, 0.6, 1.5], [-1, 0.6, 1.5]])
@@ -43,6 +45,12 @@ class World:
         recording.log(places.WORLD, self._rr.ViewCoordinates.RDF, static=True)
         self._style(places.PATH, WHITE, 1.5)
         self._style(places.CONE, palette.heading, 1.0)
+        region = self._rr.Ellipsoids3D.from_fields(
+            colors=[palette.heading],
+            line_radii=self._rr.Radius.ui_points(0.7),
+            fill_mode=self._rr.components.FillMode.MajorWireframe,
+        )
+        recording.log(places.POSITION, region, static=True)
         radius = self._rr.Radius.ui_points(1.5)
         dots = self._rr.Points3D.from_fields(colors=[palette.near], radii=radius)
         recording.log(places.POINTS, dots, static=True)
@@ -60,9 +68,20 @@ class World:
         if self._last is not None and np.any(position != self._last):
             self._draw_lines(places.PATH, [np.stack([self._last, position])])
         self._draw_lines(places.CONE, _heading_cone(result))
+        self._draw_position(result)
         points = self._rr.Points3D.from_fields(positions=sparse_points(result, camera))
         self._recording.log(places.POINTS, points)
         self._last = position
+
+    def _draw_position(self, result: OdometryResult) -> None:
+        rr, covariance = self._rr, result.world_covariance
+        centres, sizes, turns = [], [], []
+        if covariance is not None and np.any(covariance[3:6, 3:6]):
+            half_axes, R_world_from_axes = position_region(covariance[3:6, 3:6])
+            centres, sizes = [result.world_from_cam[:3, 3]], [half_axes]
+            turns = [rr.Quaternion(xyzw=so3.quat_xyzw_from_matrix(R_world_from_axes))]
+        region = rr.Ellipsoids3D.from_fields(centers=centres, half_sizes=sizes, quaternions=turns)
+        self._recording.log(places.POSITION, region)
 
     def _style(self, place: str, colour: Colour, radius: float) -> None:
         rr = self._rr
@@ -71,6 +90,27 @@ class World:
 
     def _draw_lines(self, place: str, strips: list[np.ndarray]) -> None:
         self._recording.log(place, self._rr.LineStrips3D.from_fields(strips=strips))
+
+
+def position_region(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The ellipsoid that holds a position with 95 %: its half axes (3,), and their directions.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (3, 3)
+        Of the position.
+
+    Returns
+    -------
+    half_axes : ndarray, shape (3,)
+        In the unit of the position.
+    axes : ndarray, shape (3, 3)
+        A rotation; its columns are the directions of the axes.
+    """
+    variances, axes = np.linalg.eigh(covariance)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 0] *= -1.0
+    return np.sqrt(_CHI2_3_AT_95 * np.maximum(variances, 0.0)), axes
 
 
 def _heading_cone(result: OdometryResult) -> list[np.ndarray]:
