@@ -45,9 +45,10 @@ BROKEN = Frame(index=0, timestamp=0.0, image=None, name="broken", fault="cannot 
 
 @dataclass
 class Connection:
-    """Delivers frames at once, then waits for a word before it ends, or fails with an error."""
+    """Delivers frames at once, waits for a word, delivers the later ones, and ends or fails."""
 
     frames: Iterable[Frame]
+    later: Iterable[Frame] = ()
     error: Exception | None = None
     go_on: threading.Event = field(default_factory=threading.Event)
     name: str = "scripted"
@@ -58,6 +59,7 @@ class Connection:
     def __iter__(self) -> Iterator[Frame]:
         yield from self.frames
         assert self.go_on.wait(PATIENCE_S)
+        yield from self.later
         if self.error is not None:
             raise self.error
 
@@ -171,14 +173,14 @@ def test_a_film_has_an_end():
 
 def test_a_source_that_hangs_is_left_behind(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(capture, "_FAREWELL_S", 0.05)
-    connection = Connection([picture(0)])
+    connection = Connection([picture(0)], later=[picture(1)])
     live = Capture(Scripted([connection]))
     wait_until(lambda: live.account.captured == 1)
     live.close()  # its thread still waits
     before = live.account
-    connection.frames = []
     connection.go_on.set()
-    assert live.account == before
+    wait_until(lambda: not live._thread.is_alive())
+    assert live.account == before  # final, whatever still came
 
 
 def test_the_first_opening_must_succeed():

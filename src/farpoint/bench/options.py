@@ -13,7 +13,7 @@ from farpoint.errors import InputError
 
 __all__ = ["TABLES", "BenchOptions", "CoverageGrid", "Progress", "TableName"]
 
-TableName = Literal["paper", "accuracy", "time", "coverage", "pairs", "pipeline", "live"]
+TableName = Literal["paper", "accuracy", "time", "coverage", "pairs", "pipeline", "drawing", "live"]
 TABLES: tuple[TableName, ...] = get_args(TableName)
 
 Progress = Callable[[str, int, int], None]
@@ -78,14 +78,14 @@ class BenchOptions:
         Which tables to make.
     pairs : int or None
         Pairs of views in each cell of ``paper``, ``accuracy`` and ``pairs``, scenes for each time
-        in ``time``, frames of ``pipeline``, seconds of ``live``. None takes 2000, 300, 60, 30, 60
-        and 60.
+        in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``. None takes 2000,
+        300, 60, 30, 60, 60 and 60.
     seed : int
         Of scenes and estimators: the same seed gives the same figures, times aside.
     data : tuple of Path
         Real data: files of matches (``.npz``), image sequences with their calibration, or folders
-        of them. ``pairs`` needs the former; ``pipeline`` renders a drive where the latter are
-        missing.
+        of them. ``pairs`` needs the former; ``pipeline`` and ``drawing`` render a drive where the
+        latter are missing.
     full : bool
         Every pair of the files, the whole grid of the table of coverage, 10 minutes of ``live``:
         hours.
@@ -118,7 +118,7 @@ class BenchOptions:
         words = ["farpoint", "bench", "--tables", table]
         words += [] if self.pairs is None else ["--pairs", str(self.pairs)]
         words += ["--seed", str(self.seed)]
-        if self.data and table in ("pairs", "pipeline"):
+        if self.data and table in ("pairs", "pipeline", "drawing"):
             words += ["--data", *map(str, self.data)]
         words += ["--full"] if self.full and table in ("pairs", "coverage", "live") else []
         if table == "coverage":

@@ -14,6 +14,7 @@ from farpoint.bench.options import BenchOptions, Progress, TableName
 from farpoint.bench.table import Table
 from farpoint.bench.tables.accuracy import accuracy_table
 from farpoint.bench.tables.coverage import coverage_table
+from farpoint.bench.tables.drawing import drawing_table
 from farpoint.bench.tables.growth import growth_tables
 from farpoint.bench.tables.live import live_tables
 from farpoint.bench.tables.pairs import pairs_table
@@ -33,6 +34,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "coverage": (coverage_table,),
     "pairs": (pairs_table,),
     "pipeline": (pipeline_table,),
+    "drawing": (drawing_table,),
     "live": (live_tables,),
 }
 

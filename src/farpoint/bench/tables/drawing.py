@@ -1,0 +1,122 @@
+"""What drawing costs: the estimation beside each output, and without any."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.sequences import Sequence, find_sequences, rendered_sequence
+from farpoint.bench.table import Column, Table
+from farpoint.odometry import Odometry
+from farpoint.sinks import OutputFolder, OutputOptions, RunDescription, ViewerOptions, open_viewer
+
+__all__ = ["drawing_table"]
+
+_FRAMES = 60
+_ROUNDS = 4
+_WARM_UP = 5  # frames whose time does not count: loading, compiling, the first tracks
+_WALL, _CPU, _OTHERS, _WHOLE = range(4)
+_QUIET = OutputOptions(overlay=False, report=False, halves_every=0)
+_FILM = OutputOptions(report=False, halves_every=0)
+# Name, outputs, and whether the display is recorded.
+_WAYS: tuple[tuple[str, OutputOptions | None, bool], ...] = (
+    ("nothing", None, False),
+    ("text files", _QUIET, False),
+    ("text files, overlay", _FILM, False),
+    ("text files, viewer", _QUIET, True),
+    ("all of them", _FILM, True),
+)
+
+
+def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
+    """A row for each choice of outputs, over the same frames, in turn."""
+    sequence = (find_sequences(options.data) or [rendered_sequence(options.seed)])[0]
+    images = sequence.images((options.pairs or _FRAMES) + _WARM_UP)
+    times_s: list[list[np.ndarray]] = [[] for _ in _WAYS]
+    steps = _ROUNDS * len(_WAYS)
+    for step in range(steps):
+        # In another order each round: what else the machine does hits all alike.
+        way = (step + step // len(_WAYS)) % len(_WAYS)
+        times_s[way].append(_run(sequence, images, *_WAYS[way][1:]))
+        progress("drawing", step + 1, steps)
+    medians_ms = [1e3 * np.median(np.concatenate(times), axis=0) for times in times_s]
+    return (
+        Table(
+            name="drawing",
+            title=f"What drawing costs, {sequence.name}",
+            command=options.command("drawing"),
+            columns=(
+                Column("outputs"),
+                Column("estimation_ms", 1),
+                Column("time_estimation_over_nothing", 3),
+                Column("estimation_cpu_ms", 1),
+                Column("time_cpu_over_nothing", 3),
+                Column("drawing_cpu_ms", 1),
+                Column("frame_ms", 1),
+            ),
+            rows=tuple(
+                (
+                    name,
+                    float(ms[_WALL]),
+                    float(ms[_WALL] / medians_ms[0][_WALL]),
+                    float(ms[_CPU]),
+                    float(ms[_CPU] / medians_ms[0][_CPU]),
+                    float(ms[_OTHERS]),
+                    float(ms[_WHOLE]),
+                )
+                for (name, *_), ms in zip(_WAYS, medians_ms, strict=True)
+            ),
+            notes=(
+                "estimation: tracking and pose, while the outputs are made in threads of their "
+                "own: by the clock, and by the processor's time that they took, which other "
+                "programs do not disturb; drawing: what all other threads took, the estimation's "
+                "own helpers included; frame: until the next one can begin, waiting for a full "
+                "queue included",
+                f"median of {_ROUNDS} rounds over {len(images) - _WARM_UP} frames",
+            ),
+        ),
+    )
+
+
+def _run(
+    sequence: Sequence, images: list[np.ndarray], output: OutputOptions | None, viewer: bool
+) -> np.ndarray:
+    """Seconds of each frame, (N, 4): see `_WALL` and what follows it."""
+    odometry = Odometry(sequence.camera)
+    seconds = np.empty((len(images), 4))
+    with ExitStack() as opened:
+        folder = _outputs(opened, sequence, output, viewer)
+        for index, image in enumerate(images):
+            start, start_cpu, start_all = (
+                time.perf_counter(),
+                time.thread_time(),
+                time.process_time(),
+            )
+            result = odometry.process(image, 0.1 * index)
+            seconds[index, _WALL] = time.perf_counter() - start
+            seconds[index, _CPU] = time.thread_time() - start_cpu
+            if folder is not None:
+                folder.write(result, image)
+            seconds[index, _WHOLE] = time.perf_counter() - start
+            own = time.thread_time() - start_cpu
+            seconds[index, _OTHERS] = time.process_time() - start_all - own
+    return seconds[_WARM_UP:]
+
+
+def _outputs(
+    opened: ExitStack, sequence: Sequence, output: OutputOptions | None, viewer: bool
+) -> OutputFolder | None:
+    if output is None:
+        return None
+    place = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="farpoint-bench-")))
+    run = RunDescription(source="bench", source_name="bench", camera=sequence.camera, options={})
+    folder = opened.enter_context(OutputFolder(place / "out", run, output))
+    if viewer:
+        options = ViewerOptions(rrd=place / "display.rrd")
+        folder.add("viewer", open_viewer(options, "bench", sequence.camera))
+    return folder

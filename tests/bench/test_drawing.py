@@ -1,0 +1,60 @@
+"""The table of what drawing costs."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from bench_kit import silent
+
+from farpoint.bench.options import BenchOptions
+from farpoint.bench.sequences import Sequence
+from farpoint.bench.tables import drawing
+from farpoint.camera import Camera
+from farpoint.sinks import OutputFolder
+from farpoint.synthetic.sequence import render_drive
+
+CAMERA = Camera.pinhole(160, 96, 120.0, 120.0, 79.5, 47.5)
+
+
+@pytest.fixture
+def _small(monkeypatch: pytest.MonkeyPatch):
+    """A drive of few pixels, seen twice."""
+    images = [frame.image for frame in render_drive(CAMERA, frames=9, seed=1)]
+    sequence = Sequence(name="small", camera=CAMERA, source=None)
+    monkeypatch.setattr(Sequence, "images", lambda _, count: images[:count])
+    monkeypatch.setattr(drawing, "rendered_sequence", lambda _: sequence)
+    monkeypatch.setattr(drawing, "_ROUNDS", 2)
+
+
+@pytest.mark.usefixtures("_small")
+def test_every_choice_of_outputs_is_made_and_timed(monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("rerun")
+    made: list[set[str]] = []
+    close = OutputFolder.close
+
+    def closed(folder: OutputFolder, *arguments: object) -> None:
+        close(folder, *arguments)  # type: ignore[arg-type]
+        made.append({path.name for path in [*folder.path.iterdir(), *folder.path.parent.iterdir()]})
+
+    monkeypatch.setattr(OutputFolder, "close", closed)
+    (table,) = drawing.drawing_table(BenchOptions(pairs=4), silent)
+    assert [row[0] for row in table.rows] == [name for name, *_ in drawing._WAYS]
+    assert np.all(np.array([row[1:] for row in table.rows], float) >= 0.0)
+    assert table.rows[0][2] == table.rows[0][4] == 1.0
+    both = {"motions.csv", "overlay.mp4", "display.rrd"}
+    found = sorted(len(files & both) for files in made)
+    assert found == [1, 1, 2, 2, 2, 2, 3, 3]
+
+
+@pytest.mark.usefixtures("_small")
+def test_work_in_the_same_thread_shows(monkeypatch: pytest.MonkeyPatch):
+    def slow(*_: object) -> None:
+        time.sleep(0.03)
+
+    monkeypatch.setattr(OutputFolder, "write", slow)
+    sequence = drawing.rendered_sequence(0)
+    seconds = drawing._run(sequence, sequence.images(8), drawing._QUIET, False)
+    assert seconds.shape == (3, 4)
+    assert np.all(seconds[:, drawing._WHOLE] - seconds[:, drawing._WALL] > 0.029)
