@@ -7,16 +7,49 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.pairs import RayPairs
+from farpoint._kernels.pairs import LANES, PANEL, pack_pairs, packed_length
 from farpoint.geometry import so3, sphere
+
+UNIT = np.eye(2)[None]
 
 
 class View(NamedTuple):
-    """Two views of points: what a kernel is given, and the true pose."""
+    """Two views of points: unit rays (N, 3), factors (N, 3, 2) of their noise, the true pose."""
 
-    pairs: RayPairs
+    rays0: np.ndarray
+    rays1: np.ndarray
+    noise0: np.ndarray
+    noise1: np.ndarray
     R: np.ndarray
     t: np.ndarray
+
+    @property
+    def size(self) -> int:
+        """Number of matches."""
+        return len(self.rays0)
+
+    @property
+    def pairs(self) -> np.ndarray:
+        """The matches as the kernels take them."""
+        n = self.size
+        pairs, index = np.full(packed_length(n) // LANES * PANEL, np.nan), np.empty(n, np.int64)
+        given = (np.ascontiguousarray(array) for array in self[:4])
+        count, _ = pack_pairs(*given, UNIT, UNIT, 0.0, pairs, index)
+        assert count == n
+        return pairs
+
+
+def packed(values: np.ndarray) -> np.ndarray:
+    """Values of the matches (N,), and zeros where the panels are filled up."""
+    out = np.zeros(packed_length(len(values)))
+    out[: len(values)] = values
+    return out
+
+
+def rays_only(rays0: np.ndarray, rays1: np.ndarray) -> View:
+    """Rays (N, 3) with round noise of one radian, of which no pose is known."""
+    noise = sphere.tangent_basis(rays0), sphere.tangent_basis(rays1)
+    return View(rays0, rays1, *noise, np.eye(3), np.array([0.0, 0.0, 1.0]))
 
 
 def two_views(
@@ -40,8 +73,16 @@ def two_views(
     factors = noise_rad * rng.normal(size=(2, matches, 2, 2)) + noise_rad * np.eye(2)
     noise0 = sphere.tangent_basis(rays0) @ factors[0]
     noise1 = sphere.tangent_basis(rays1) @ factors[1]
-    arrays = (np.ascontiguousarray(a) for a in (rays0, rays1, noise0, noise1))
-    return View(RayPairs(*arrays), R, t)
+    return View(rays0, rays1, noise0, noise1, R, t)
+
+
+def shaken(view: View, seed: int, sigma: np.ndarray | float = 1.0) -> View:
+    """The same views with the noise of their factors, times ``sigma`` (N,)."""
+    rng = np.random.default_rng(seed)
+    n = rng.normal(size=(2, view.size, 2)) * np.reshape(sigma, (-1, 1))
+    rays0 = sphere.normalize(view.rays0 + np.einsum("nij,nj->ni", view.noise0, n[0]))
+    rays1 = sphere.normalize(view.rays1 + np.einsum("nij,nj->ni", view.noise1, n[1]))
+    return view._replace(rays0=rays0, rays1=rays1)
 
 
 def moved(R: np.ndarray, t: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

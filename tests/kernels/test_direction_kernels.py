@@ -8,29 +8,24 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernels_kit import two_views
+from kernels_kit import View, rays_only, two_views
 
 from farpoint._kernels import direction
-from farpoint._kernels.pairs import RayPairs
 from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=30, deadline=None)
 seeds = st.integers(0, 2**32)
 
 
-def intersect(pairs: RayPairs, R: np.ndarray, i: int, j: int) -> np.ndarray | None:
+def intersect(view: View, R: np.ndarray, i: int, j: int) -> np.ndarray | None:
     t = np.full(3, np.nan)
-    return t if direction.intersect_circles(pairs, R, i, j, t) else None
+    return t if direction.intersect_circles(view.pairs, R, i, j, t) else None
 
 
-def pairwise(pairs: RayPairs, weight: np.ndarray, R: np.ndarray) -> np.ndarray:
+def pairwise(view: View, weight: np.ndarray, R: np.ndarray) -> np.ndarray:
     partial = np.full((len(weight), 3), np.nan)
-    direction.pairwise_direction(pairs, weight, R, partial)
+    direction.pairwise_direction(view.pairs, weight, R, partial)
     return partial
-
-
-def rays_only(rays0: np.ndarray, rays1: np.ndarray) -> RayPairs:
-    return RayPairs(rays0, rays1, sphere.tangent_basis(rays0), sphere.tangent_basis(rays1))
 
 
 def plain_pairwise(rays0, rays1, weight, R) -> np.ndarray:
@@ -52,7 +47,7 @@ def plain_pairwise(rays0, rays1, weight, R) -> np.ndarray:
 @given(seed=seeds)
 def test_two_exact_matches_meet_at_the_direction_they_flow_to(seed):
     view = two_views(seed, 2)
-    t = intersect(view.pairs, view.R, 0, 1)
+    t = intersect(view, view.R, 0, 1)
     assert t is not None
     assert sphere.angle_between(t, view.t) < 1e-6
 
@@ -85,8 +80,8 @@ def test_pairwise_sums_are_those_of_a_plain_loop(seed, n):
     view = two_views(seed, n, error_rad=1e-2)
     weight = np.random.default_rng(seed).uniform(0.0, 1.0, n)
     weight[seed % n] = 0.0
-    partial = pairwise(view.pairs, weight, view.R)
-    expected = plain_pairwise(view.pairs.rays0, view.pairs.rays1, weight, view.R)
+    partial = pairwise(view, weight, view.R)
+    expected = plain_pairwise(view.rays0, view.rays1, weight, view.R)
     # Each pair stands in the rows of both of its matches.
     np.testing.assert_allclose(partial.sum(axis=0) / 2, expected, rtol=1e-9, atol=1e-12)
 
@@ -96,13 +91,11 @@ def test_pairwise_sums_are_those_of_a_plain_loop(seed, n):
 def test_taking_off_a_row_leaves_the_sum_without_that_match(seed, n):
     view = two_views(seed, n, error_rad=1e-2)
     weight = np.random.default_rng(seed).uniform(0.1, 1.0, n)
-    partial = pairwise(view.pairs, weight, view.R)
+    partial = pairwise(view, weight, view.R)
     total = partial.sum(axis=0) / 2
     for i in range(n):
         rest = np.arange(n) != i
-        expected = plain_pairwise(
-            view.pairs.rays0[rest], view.pairs.rays1[rest], weight[rest], view.R
-        )
+        expected = plain_pairwise(view.rays0[rest], view.rays1[rest], weight[rest], view.R)
         np.testing.assert_allclose(total - partial[i], expected, rtol=1e-9, atol=1e-12)
 
 
@@ -110,15 +103,15 @@ def test_taking_off_a_row_leaves_the_sum_without_that_match(seed, n):
 @given(seed=seeds)
 def test_exact_matches_add_up_along_the_direction(seed):
     view = two_views(seed, 10)
-    total = pairwise(view.pairs, np.ones(10), view.R).sum(axis=0)
+    total = pairwise(view, np.ones(10), view.R).sum(axis=0)
     assert sphere.angle_between(sphere.normalize(total), view.t) < 1e-6
 
 
 def test_a_match_without_flow_adds_nothing():
     view = two_views(1, 6)
-    rays1 = view.pairs.rays1.copy()
+    rays1 = view.rays1.copy()
     # Where the first ray does not turn at all, its flow is exactly zero.
-    R, rays0 = np.eye(3), view.pairs.rays0
+    R, rays0 = np.eye(3), view.rays0
     rays1[0] = rays0[0]
     partial = pairwise(rays_only(rays0, rays1), np.ones(6), R)
     np.testing.assert_array_equal(partial[0], np.zeros(3))

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernels_kit import View, gradient, two_views
+from kernels_kit import View, gradient, packed, two_views
 
 from farpoint._kernels import rotation
 from farpoint._kernels.likelihood import POOR
-from farpoint._kernels.pairs import RayPairs
 from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=20, deadline=None)
@@ -25,43 +24,44 @@ CLUTTER, SPREAD = 0.05, 500.0
 class Linearized:
     """The robust cost at a rotation with everything that comes along."""
 
-    def __init__(self, pairs: RayPairs, prior: np.ndarray, R: np.ndarray) -> None:
-        self.H, self.g = np.full((3, 3), np.nan), np.full(3, np.nan)
-        self.d2, self.w, self.poor = np.full((3, len(prior)), np.nan)
-        out = (self.H, self.g, self.d2, self.w, self.poor)
-        self.cost = rotation.rotation_linearize(pairs, prior, R, MIXTURE, CLUTTER, *out)
+    def __init__(self, view: View, prior: np.ndarray, R: np.ndarray) -> None:
+        weights = packed(prior)
+        self.H, self.g, sums = np.full((3, 3), np.nan), np.full(3, np.nan), np.full(3, np.nan)
+        self.cost = rotation.rotation_linearize(
+            view.pairs, weights, R, MIXTURE, CLUTTER, self.H, self.g, sums
+        )
+        self.right, self.poor, self.squares = sums
 
 
-def distance2(pairs: RayPairs, R: np.ndarray) -> np.ndarray:
-    out = np.full(len(pairs.rays0), np.nan)
-    rotation.rotation_distance2(pairs, R, out)
-    return out
+def distance2(view: View, R: np.ndarray) -> np.ndarray:
+    out = packed(np.full(view.size, np.nan))
+    rotation.rotation_distance2(view.pairs, R, out)
+    return out[: view.size]
 
 
 def search(view: View, tolerance: float, seed: int = 0, limit: int = 300) -> np.ndarray:
     R, state = np.full((3, 3), np.nan), np.array([seed], np.uint64)
-    rotation.search_rotation(view.pairs, precision(view), tolerance, limit, state, R)
+    rotation.search_rotation(view.pairs, view.size, tolerance, limit, state, R)
     return R
 
 
 def enlarge(view: View, tolerance: float, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    R, weight = R.copy(), np.full(len(view.pairs.rays0), np.nan)
-    count = rotation.enlarge_rotation(view.pairs, precision(view), tolerance, R, weight)
-    assert count == np.count_nonzero(weight)
-    return R, weight > 0
+    R, consistent = R.copy(), np.empty(view.size, bool)
+    count = rotation.enlarge_rotation(view.pairs, view.size, tolerance, R, consistent)
+    assert count == np.count_nonzero(consistent)
+    return R, consistent
 
 
-def refine(view: View, prior: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    R, mixture, H = R.copy(), np.array([1.0, 0.2, 0.1]), np.empty((3, 3))
-    rotation.refine_rotation(
-        view.pairs, prior, SPREAD, 1e-6, 30, R, mixture, H, *np.empty((3, len(prior)))
-    )
+def refine(view: View, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    R, mixture, n = R.copy(), np.array([1.0, 0.2, 0.1]), view.size
+    weights = packed(np.ones(n))
+    given = (view.pairs, weights, n, SPREAD, 1e-6, 30)
+    rotation.refine_rotation(*given, R, mixture, np.empty((3, 3)))
     return R, mixture
 
 
 def precision(view: View) -> np.ndarray:
-    _, _, A, B = view.pairs
-    return 2.0 / (np.sum(A**2, axis=(1, 2)) + np.sum(B**2, axis=(1, 2)))
+    return 2.0 / np.sum(view.noise0**2 + view.noise1**2, axis=(1, 2))
 
 
 def turning(seed: int, matches: int, *, noise: float, wrong: int = 0) -> View:
@@ -78,13 +78,13 @@ def turning(seed: int, matches: int, *, noise: float, wrong: int = 0) -> View:
         shift = noise * np.einsum("nij,nj->ni", A, rng.normal(size=(matches, 2)))
         noisy.append(sphere.normalize(rays + shift))
         factors.append(np.ascontiguousarray(A))
-    return View(RayPairs(*noisy, *factors), R, np.array([0.0, 0.0, 1.0]))
+    return View(*noisy, *factors, R, np.array([0.0, 0.0, 1.0]))
 
 
-def plain_distance2(pairs: RayPairs, R: np.ndarray) -> np.ndarray:
+def plain_distance2(view: View, R: np.ndarray) -> np.ndarray:
     """Mahalanobis distance of ``b - R a`` on the tangent plane of b, matrix by matrix."""
     out = []
-    for a, b, A, B in zip(*pairs, strict=True):
+    for a, b, A, B in zip(*view[:4], strict=True):
         E = sphere.tangent_basis(b)
         S = E.T @ (B @ B.T + R @ A @ A.T @ R.T) @ E
         z = E.T @ (b - R @ a)
@@ -96,14 +96,12 @@ def plain_distance2(pairs: RayPairs, R: np.ndarray) -> np.ndarray:
 @given(seed=seeds)
 def test_distances_are_mahalanobis_distances(seed):
     view = two_views(seed, 6, error_rad=0.01)
-    np.testing.assert_allclose(
-        distance2(view.pairs, view.R), plain_distance2(view.pairs, view.R), rtol=1e-8
-    )
+    np.testing.assert_allclose(distance2(view, view.R), plain_distance2(view, view.R), rtol=1e-8)
 
 
 def test_distances_of_noise_are_chi_squared_with_two_degrees_of_freedom():
     view = turning(0, 3000, noise=1.0)
-    d2 = distance2(view.pairs, view.R)
+    d2 = distance2(view, view.R)
     # Three standard errors: the variance of chi^2 with 2 degrees of freedom is 4.
     assert d2.mean() == pytest.approx(2.0, abs=3 * 2 / math.sqrt(3000))
 
@@ -113,7 +111,7 @@ def test_distances_of_noise_are_chi_squared_with_two_degrees_of_freedom():
 def test_the_gradient_of_the_robust_cost_with_the_noise_held(seed):
     view = turning(seed, 8, noise=1.0)
     prior = np.random.default_rng(seed).uniform(0.5, 2.0, 8)
-    a, b, A, B = view.pairs
+    a, b, A, B = view[:4]
     E = sphere.tangent_basis(b)
     S = np.array(
         [e.T @ (y @ y.T + view.R @ x @ x.T @ view.R.T) @ e for e, x, y in zip(E, A, B, strict=True)]
@@ -127,7 +125,7 @@ def test_the_gradient_of_the_robust_cost_with_the_noise_held(seed):
         good, fair = (np.exp(-0.5 * d2 / variance / s**2) / s**2 for s in (1.0, POOR))
         return -np.log(prior * ((1.0 - share) * good + share * fair) + CLUTTER).sum()
 
-    at = Linearized(view.pairs, prior, view.R)
+    at = Linearized(view, prior, view.R)
     numeric = gradient(cost, 3, 1e-6)
     assert at.cost == pytest.approx(cost(np.zeros(3)), rel=1e-9)
     np.testing.assert_allclose(at.g, numeric, rtol=1e-5, atol=1e-6 * np.abs(numeric).max())
@@ -140,10 +138,10 @@ def test_the_gradient_is_that_of_the_whole_cost_where_noise_is_isotropic(seed):
     view = turning(seed, 8, noise=1.0)
 
     def cost(dtheta: np.ndarray) -> float:
-        return Linearized(view.pairs, np.ones(8), so3.exp(dtheta) @ view.R).cost
+        return Linearized(view, np.ones(8), so3.exp(dtheta) @ view.R).cost
 
     numeric = gradient(cost, 3, 1e-6)
-    g = Linearized(view.pairs, np.ones(8), view.R).g
+    g = Linearized(view, np.ones(8), view.R).g
     np.testing.assert_allclose(g, numeric, rtol=0.0, atol=1e-4 * np.abs(numeric).max())
 
 
@@ -152,32 +150,48 @@ def test_the_gradient_is_that_of_the_whole_cost_where_noise_is_isotropic(seed):
 def test_the_normal_matrix_is_the_information_of_the_matches(seed):
     # Far below the noise every match is right, and the cost is a paraboloid of this curvature.
     view = turning(seed, 12, noise=1e-4)
-    at = Linearized(view.pairs, np.ones(12), view.R)
+    at = Linearized(view, np.ones(12), view.R)
 
     def gradient_at(step: np.ndarray) -> np.ndarray:
-        return Linearized(view.pairs, np.ones(12), so3.exp(step) @ view.R).g
+        return Linearized(view, np.ones(12), so3.exp(step) @ view.R).g
 
+    # In two dimensions a density falls with the square of its sigma.
     right = 1.0 - MIXTURE[2] + MIXTURE[2] / POOR**2
-    np.testing.assert_allclose(at.w, right / (right + CLUTTER), rtol=1e-6)
-    np.testing.assert_allclose(at.poor, MIXTURE[2] / POOR**2 / (right + CLUTTER), rtol=1e-6)
+    assert at.right == pytest.approx(12 * right / (right + CLUTTER), rel=1e-6)
+    poor = 12 * MIXTURE[2] / POOR**2 / (right + CLUTTER)
+    assert at.poor == pytest.approx(poor, rel=1e-6)
     h = 1e-6
     numeric = np.array([(gradient_at(h * e) - gradient_at(-h * e)) / (2 * h) for e in np.eye(3)])
     np.testing.assert_allclose(at.H, numeric, rtol=1e-3, atol=1e-3 * at.H.max())
+
+
+def test_what_a_rotation_makes_of_each_match():
+    view = turning(6, 40, noise=1.0, wrong=8)
+    distance, right = np.full((2, 64), np.nan)
+    given = (view.pairs, packed(np.ones(40)), SPREAD, view.R, MIXTURE)
+    rotation.explain_rotation(*given, distance, right)
+    variance, wrong, share = MIXTURE
+    expected = plain_distance2(view, view.R)
+    np.testing.assert_allclose(distance[:40], expected, rtol=1e-8)
+    near = np.minimum(expected, 480.0 * variance)  # the exponential is constant beyond
+    good, fair = (np.exp(-0.5 * near / variance / s**2) / s**2 for s in (1.0, POOR))
+    density = (1.0 - share) * good + share * fair
+    # Wrong ones fill a disc of this radius, good ones a normal distribution.
+    clutter = wrong / (1.0 - wrong) * 2.0 * variance / SPREAD**2
+    np.testing.assert_allclose(right[:40], density / (density + clutter), rtol=1e-6, atol=1e-9)
+    assert not right[40:].any()
 
 
 def test_a_match_with_no_prior_counts_for_nothing():
     view = turning(3, 8, noise=1.0, wrong=1)
     prior = np.ones(8)
     prior[-1] = 0.0
-    without = View(RayPairs(*(array[:-1] for array in view.pairs)), view.R, view.t)
-    at, expected = (
-        Linearized(view.pairs, prior, view.R),
-        Linearized(without.pairs, np.ones(7), view.R),
-    )
-    assert at.cost == expected.cost
-    np.testing.assert_array_equal(at.g, expected.g)
-    np.testing.assert_array_equal(at.H, expected.H)
-    assert at.w[-1] == 0.0
+    without = View(*(array[:-1] for array in view[:4]), view.R, view.t)
+    at, expected = Linearized(view, prior, view.R), Linearized(without, np.ones(7), view.R)
+    assert at.cost == pytest.approx(expected.cost)
+    np.testing.assert_allclose(at.g, expected.g, rtol=1e-9)
+    np.testing.assert_allclose(at.H, expected.H, rtol=1e-9)
+    assert at.right == pytest.approx(expected.right)
 
 
 @pytest.mark.parametrize("wrong", [0, 10, 24])
@@ -194,22 +208,22 @@ def test_the_search_finds_the_rotation_of_the_consistent_rays(wrong):
 def test_enlarging_grows_the_set_from_a_poor_start_and_ends_at_its_own_fit():
     view = turning(2, 40, noise=0.3)
     off = so3.exp(np.array([1.5e-3, -1e-3, 1e-3])) @ view.R
-    inside = np.sqrt(plain_distance2(view.pairs, off)) < 1.5
+    inside = np.sqrt(plain_distance2(view, off)) < 1.5
     assert 2 < inside.sum() < 30
     R, consistent = enlarge(view, 3.0, off)
     assert consistent.all()
-    fit = np.einsum("n,ni,nj->ij", precision(view), view.pairs.rays1, view.pairs.rays0)
+    fit = np.einsum("n,ni,nj->ij", precision(view), view.rays1, view.rays0)
     U, _, Vt = np.linalg.svd(fit)
     np.testing.assert_allclose(R, U @ Vt, rtol=0.0, atol=1e-9)
 
 
 def test_the_maximum_of_the_likelihood_is_stationary_and_knows_its_noise():
     view = turning(4, 300, noise=0.7, wrong=30)
-    R, (variance, wrong, _) = refine(view, np.ones(300), search(view, 3.0))
+    R, (variance, wrong, _) = refine(view, search(view, 3.0))
     assert wrong == pytest.approx(0.1, abs=0.02)
     # The standard error of a variance of 540 coordinates is 6 %.
     assert variance == pytest.approx(0.49, rel=0.18)
     # Three standard errors: 0.7 mrad * sqrt(2) in each of 270 matches, over the rays' lever arms.
     assert so3.angle_between(R, view.R) < 3 * 0.7e-3 * math.sqrt(2 * 3 / 270) / 0.5
-    again, _ = refine(view, np.ones(300), R)
+    again, _ = refine(view, R)
     assert so3.angle_between(again, R) < 1e-7

@@ -7,7 +7,7 @@ import pytest
 from pose_kit import estimate, point_scene
 
 from farpoint import PoseStatus, TrackLabel
-from farpoint._kernels import epipolar
+from farpoint._kernels.likelihood import explain
 from farpoint.geometry import so3, sphere
 from farpoint.pose.matches import matches_from_points
 from farpoint.synthetic import PointScene
@@ -97,8 +97,12 @@ def test_the_residual_is_the_sampson_distance_of_the_textbook(scene):
     line1, line0 = x0 @ F.T, x1 @ F
     norm = np.sqrt(np.sum(line1[:, :2] ** 2 + line0[:, :2] ** 2, axis=1))
     textbook_px = np.sum(x1 * line1, axis=1) / norm
-    pairs = matches_from_points(scene.points0, scene.points1, scene.camera, scene.camera).pairs
-    residual_px = np.array([epipolar.sampson(pairs, R, t, i) for i in range(250)])
+    matches = matches_from_points(scene.points0, scene.points1, scene.camera, scene.camera)
+    everyone = matches.weights()
+    residual_px, parallax, right = np.empty((3, len(everyone)))
+    given = (matches.pairs, everyone, R, t, np.array([1.0, 0.1, 0.1]), 0.1)
+    explain(*given, residual_px, parallax, right)
+    residual_px = residual_px[:250]
     true = ~scene.is_outlier
     assert np.abs(textbook_px[true]).max() > 0.5
     np.testing.assert_allclose(residual_px[true], textbook_px[true], rtol=5e-3, atol=1e-6)

@@ -10,21 +10,46 @@ from typing import Any
 
 import numba
 
-__all__ = ["announced_compilation", "inlined_kernel", "inner_kernel", "kernel"]
+__all__ = [
+    "announced_compilation",
+    "inlined_kernel",
+    "inner_kernel",
+    "kernel",
+    "sum_kernel",
+]
 
 # Untyped: numba's type hints do not know all of the options that numba takes.
 njit: Any = numba.njit
 
-# Cached on disk; divisions follow IEEE 754 (inf and NaN), as they do in NumPy.
-kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
+# Cached on disk; divisions follow IEEE 754 (inf and NaN), as they do in NumPy. Said of fastmath, or
+# a function has that of the caller for which it is compiled first.
+kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True, fastmath=False)
 
 # For functions that only kernels call: without a door to Python, and cached as part of the caller,
 # they compile several times faster.
-inner_kernel = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+inner_kernel = njit(
+    error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=False
+)
 
-# For functions called from one place with many arrays: each call would count their references.
+# What the body of a loop is made of: every operation as it is written, and no call, which would
+# count the references of each array.
 inlined_kernel = njit(
-    error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    forceinline=True,
+    fastmath=False,
+)
+
+# Sums in any order and fused multiply-adds, so that a loop over matches adds several at once; NaN
+# and infinity stay what they are. For loops that write to no array: one that does looks where the
+# arrays lie, and takes matches one by one where they are neighbours. Sums would then end in other
+# digits.
+sum_kernel = njit(
+    cache=True,
+    error_model="numpy",
+    no_cfunc_wrapper=True,
+    fastmath={"reassoc", "contract", "nsz"},
 )
 
 _PATIENCE_S = 2.0  # loading compiled loops takes less

@@ -13,26 +13,38 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.linear import clear
-from farpoint._kernels.pairs import RayPairs
-from farpoint._kernels.vectors import Vector, combine, cross, dot, norm, rotate, row
+from farpoint._kernels.pairs import address, ray0, ray1
+from farpoint._kernels.vectors import (
+    Matrix,
+    Vector,
+    combine,
+    cross,
+    dot,
+    matrix,
+    norm,
+    rotate,
+    vector,
+)
 
 __all__ = ["intersect_circles", "pairwise_direction"]
 
 
 @inner_kernel
-def circle(pairs: RayPairs, R: np.ndarray, i: int) -> tuple[Vector, Vector]:
+def circle(pairs: np.ndarray, R: Matrix, i: int) -> tuple[Vector, Vector]:
     """Normal ``m x b`` (not normalised) and flow ``b - m`` of match ``i`` with ``m = R a``."""
-    m = rotate(R, row(pairs.rays0, i))
-    flow = combine(1.0, row(pairs.rays1, i), -1.0, m)
+    at = address(i)
+    m = rotate(R, ray0(pairs, at))
+    flow = combine(1.0, ray1(pairs, at), -1.0, m)
     # m x (b - m) loses no digits where the flow is short.
     return cross(m, flow), flow
 
 
 @kernel
-def intersect_circles(pairs: RayPairs, R: np.ndarray, i: int, j: int, t: np.ndarray) -> bool:
+def intersect_circles(pairs: np.ndarray, R: np.ndarray, i: int, j: int, t: np.ndarray) -> bool:
     """Direction ``t`` (3,) from matches ``i`` and ``j``, signed so that both flow towards it."""
-    normal0, flow0 = circle(pairs, R, i)
-    normal1, flow1 = circle(pairs, R, j)
+    turn = matrix(R)
+    normal0, flow0 = circle(pairs, turn, i)
+    normal1, flow1 = circle(pairs, turn, j)
     meeting = cross(normal0, normal1)
     length = norm(meeting)
     if not length > 1e-30:
@@ -44,7 +56,7 @@ def intersect_circles(pairs: RayPairs, R: np.ndarray, i: int, j: int, t: np.ndar
 
 @kernel
 def pairwise_direction(
-    pairs: RayPairs,
+    pairs: np.ndarray,
     weight: np.ndarray,
     R: np.ndarray,
     partial: np.ndarray,
@@ -56,11 +68,12 @@ def pairwise_direction(
     both matches flow towards the intersection. Each pair stands in two rows, so
     the sum over all rows is twice the sum over pairs; leaving a match out takes off its row once.
     """
-    n = pairs.rays0.shape[0]
+    n = weight.shape[0]
+    turn = matrix(R)
     normals = np.empty((n, 3))
     flows = np.empty((n, 3))
     for i in range(n):
-        normal, flow = circle(pairs, R, i)
+        normal, flow = circle(pairs, turn, i)
         length = max(norm(normal), 1e-300)
         for k in range(3):
             normals[i, k] = normal[k] / length
@@ -72,8 +85,8 @@ def pairwise_direction(
         for j in range(i):
             if weight[j] == 0.0:
                 continue
-            meeting = cross(row(normals, i), row(normals, j))
-            along = dot(meeting, row(flows, i)) + dot(meeting, row(flows, j))
+            meeting = cross(vector(normals[i]), vector(normals[j]))
+            along = dot(meeting, vector(flows[i])) + dot(meeting, vector(flows[j]))
             scale = math.copysign(weight[i] * weight[j], along)
             for k in range(3):
                 partial[i, k] += scale * meeting[k]

@@ -6,12 +6,11 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
-from farpoint._kernels.epipolar import sampson
+from farpoint._kernels.compile import kernel, sum_kernel
+from farpoint._kernels.epipolar import flow_along, sampson
 from farpoint._kernels.likelihood import apply_step
-from farpoint._kernels.linear import tangent_basis
-from farpoint._kernels.pairs import RayPairs, flow_variance
-from farpoint._kernels.vectors import cross, dot, rotate, row, vector
+from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
+from farpoint._kernels.vectors import cross, dot, matrix, rotate, tangent_columns, vector
 
 __all__ = ["LONG_FLOW", "iterations_needed", "score_pose", "solve_five"]
 
@@ -19,9 +18,10 @@ __all__ = ["LONG_FLOW", "iterations_needed", "score_pose", "solve_five"]
 LONG_FLOW = 0.05
 
 
-@kernel
+@sum_kernel
 def score_pose(
-    pairs: RayPairs,
+    pairs: np.ndarray,
+    prior: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
     limit: float,
@@ -30,32 +30,26 @@ def score_pose(
     """Truncated squares ``sum min(r^2, limit)`` of all matches, at the better sign of ``t``.
 
     A match that flows away from ``t`` by more than the limit lies behind the camera, and so does
-    one on the other side of ``t``: they cost the full ``limit``. Returns early, with a cost of at
-    least ``best``, once both signs have lost. ``t`` is flipped in place where the other sign is
-    better.
+    one on the other side of ``t``: they cost the full ``limit``. Those of prior 0 cost nothing.
+    Returns early, with a cost of at least ``best``, once both signs have lost. ``t`` is flipped in
+    place where the other sign is better.
     """
-    n = pairs.rays0.shape[0]
-    forward = 0.0
-    backward = 0.0
-    for i in range(n):
-        cost = sampson(pairs, R, t, i) ** 2
-        if cost >= limit:
-            forward += limit
-            backward += limit
-        else:
-            m, b = rotate(R, row(pairs.rays0, i)), row(pairs.rays1, i)
-            mt, bt = dot(m, vector(t)), dot(b, vector(t))
+    turn, towards = matrix(R), vector(t)
+    forward = backward = 0.0
+    for panel in range(prior.shape[0] // LANES):
+        for lane in range(LANES):
+            at = panel * PANEL + lane
+            r = sampson(pairs, at, turn, towards)
+            m, b = rotate(turn, ray0(pairs, at)), ray1(pairs, at)
+            flow, reach2 = flow_along(m, b, towards)
+            cost = min(r * r, limit)
             # On opposite sides of t: the pose is twisted by half a turn about it.
-            if dot(m, b) < mt * bt:
-                forward += limit
-                backward += limit
-                continue
-            # Flow along the epipolar great circle towards t, against its noise.
-            flow = bt - mt
-            significant = flow * flow > limit * flow_variance(pairs, i) * (1.0 - mt * mt)
-            forward += limit if significant and flow < 0.0 else cost
-            backward += limit if significant and flow > 0.0 else cost
-        if forward >= best and backward >= best:
+            cost = limit if dot(m, b) < dot(m, towards) * dot(b, towards) else cost
+            ahead, noise = flow * abs(flow), limit * flow_variance(pairs, at) * reach2
+            weight = 1.0 if prior[panel * LANES + lane] > 0.0 else 0.0
+            forward += weight * (limit if ahead < -noise else cost)
+            backward += weight * (limit if ahead > noise else cost)
+        if min(forward, backward) >= best:
             return best
     if backward < forward:
         for k in range(3):
@@ -67,7 +61,7 @@ def score_pose(
 @kernel
 def _solve_square(A: np.ndarray, x: np.ndarray) -> bool:
     """Solve ``A x = x`` (5x5, both overwritten) by elimination with row pivots."""
-    n = x.shape[0]
+    n = 5  # known to the compiler, which then unrolls the loops
     for c in range(n):
         pivot = c
         for i in range(c + 1, n):
@@ -92,7 +86,7 @@ def _solve_square(A: np.ndarray, x: np.ndarray) -> bool:
 
 
 @kernel
-def solve_five(pairs: RayPairs, sample: np.ndarray, R: np.ndarray, t: np.ndarray) -> bool:
+def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarray) -> bool:
     """Pose that satisfies the epipolar constraint of five matches, by Newton from ``R, t``.
 
     Iterative five-point solver on the manifold (Lui and Drummond, BMVC 2013,
@@ -101,19 +95,17 @@ def solve_five(pairs: RayPairs, sample: np.ndarray, R: np.ndarray, t: np.ndarray
     """
     A = np.empty((5, 5))
     x = np.empty(5)
-    basis = np.empty((3, 2))
-    tangent_basis(t, basis)
     for _ in range(8):
+        turn, towards = matrix(R), vector(t)
+        basis = tangent_columns(towards)
         largest = 0.0
         for s in range(5):
-            i = sample[s]
-            b = row(pairs.rays1, i)
-            m = rotate(R, row(pairs.rays0, i))
+            at = address(sample[s])
+            m, b = rotate(turn, ray0(pairs, at)), ray1(pairs, at)
             by_t = cross(m, b)
-            A[s, 0], A[s, 1], A[s, 2] = cross(m, cross(b, vector(t)))
-            for k in range(2):
-                A[s, 3 + k] = dot(by_t, (basis[0, k], basis[1, k], basis[2, k]))
-            e = dot(vector(t), by_t)
+            A[s, 0], A[s, 1], A[s, 2] = cross(m, cross(b, towards))
+            A[s, 3], A[s, 4] = dot(by_t, basis[0]), dot(by_t, basis[1])
+            e = dot(towards, by_t)
             # Rows of unit length: a short flow gives a weak row, not a weak equation.
             norm = 0.0
             for k in range(5):
@@ -135,24 +127,30 @@ def solve_five(pairs: RayPairs, sample: np.ndarray, R: np.ndarray, t: np.ndarray
         if size > 0.5:
             for k in range(5):
                 x[k] *= 0.5 / size
-        apply_step(R, t, basis, x)
-        if size < 1e-6:
+        apply_step(R, t, x)
+        if size < 3e-4:  # quadratic convergence: the next step would be rounding
             return True
     return False
 
 
 @kernel
 def iterations_needed(
-    wrong: float, flow: float, confidence: float, min_iterations: int, max_iterations: int
+    wrong: float,
+    flow: float,
+    doubt: float,
+    confidence: float,
+    min_iterations: int,
+    max_iterations: int,
 ) -> int:
     """Samples of five until one without a wrong match led to the pose, with this confidence.
 
-    A good sample converges to the right pose every second time where the ``flow`` that the rotation
+    ``doubt`` is the probability that the pose found without them is not the right one. A good
+    sample converges to the right pose every second time where the ``flow`` that the rotation
     leaves is short, and ever more rarely where it is long (rad): the start is then far away.
     """
     converging = 0.5 / (1.0 + (flow / LONG_FLOW) ** 2)
     hit = converging * max(1.0 - wrong, 0.0) ** 5
     if hit <= 0.0:
         return max_iterations
-    needed = math.log(1.0 - confidence) / math.log(1.0 - hit)
+    needed = math.log(min((1.0 - confidence) / doubt, 1.0)) / math.log(1.0 - hit)
     return int(min(max(needed + 1.0, min_iterations), max_iterations))

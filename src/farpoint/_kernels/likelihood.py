@@ -1,9 +1,13 @@
-"""The likelihood of a pose given matches of which some are wrong, its maximum and its curvature.
+"""The likelihood of a pose given matches of which some are wrong, and its maximum.
 
 A match is good, with a normal residual of variance ``variance``; or poor, with `POOR` times its
 sigma; or wrong, and anywhere in a strip of half-width ``spread`` about the epipolar line (all in
 units of the noise). The shares of poor matches among the right ones and of wrong ones among all are
 estimated along, so that normal noise is treated as such and heavy tails lose only what they must.
+
+A right match flows towards the direction. Noise can make a far one retreat; beyond `FAR_SIGMA` the
+density of right matches falls off as that noise does. Up to there it is flat, for rotation can
+imitate parallax, and any slope would pull at the rotation.
 """
 
 from __future__ import annotations
@@ -12,32 +16,43 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.epipolar import parallax, sampson_curvature, sampson_jacobian
-from farpoint._kernels.linear import apply_rotation_step, clear, copy, solve_spd, tangent_basis
-from farpoint._kernels.pairs import RayPairs, flow_variance
-from farpoint._kernels.vectors import cross, dot, rotate, row, vector
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, sum_kernel
+from farpoint._kernels.epipolar import (
+    flow_along,
+    parallax_variance,
+    sampson,
+    sampson_jacobian,
+)
+from farpoint._kernels.exponential import exp_and_eighth, lane_log
+from farpoint._kernels.linear import apply_rotation_step, copy, solve_spd
+from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0, ray1
+from farpoint._kernels.vectors import combine, dot, matrix, rotate, tangent_columns, vector
+
+__all__ = [
+    "FAR_SIGMA",
+    "POOR",
+    "apply_step",
+    "clutter_density",
+    "densities",
+    "explain",
+    "linearize",
+    "refine_pose",
+]
 
 # Sigma of a poor match over that of a good one.
-POOR = 3.0
-# A match nearer to the epipole than this, in sigma of its flow, tells nothing of where it is.
-EPIPOLE_SIGMA = 8.0
-
-__all__ = ["POOR", "apply_step", "clutter_density", "curvature", "linearize", "refine_pose"]
+POOR = math.sqrt(8.0)
+# Retreat along its epipolar line that noise can cause of a far point, in sigma.
+FAR_SIGMA = 3.0
 
 
 @kernel
-def apply_step(R: np.ndarray, t: np.ndarray, basis: np.ndarray, x: np.ndarray) -> None:
-    """Move the pose by ``x = [dtheta (3), dbeta (2)]`` in place and renew the tangent basis."""
+def apply_step(R: np.ndarray, t: np.ndarray, x: np.ndarray) -> None:
+    """Move the pose by ``x = [dtheta (3), dbeta (2)]`` in place."""
     apply_rotation_step(R, x[0], x[1], x[2], R)
-    norm = 0.0
-    for k in range(3):
-        t[k] += basis[k, 0] * x[3] + basis[k, 1] * x[4]
-        norm += t[k] * t[k]
-    norm = math.sqrt(norm)
-    for k in range(3):
-        t[k] /= norm
-    tangent_basis(t, basis)
+    first, second = tangent_columns(vector(t))
+    moved = combine(1.0, vector(t), 1.0, combine(x[3], first, x[4], second))
+    scale = 1.0 / math.sqrt(dot(moved, moved))
+    t[0], t[1], t[2] = scale * moved[0], scale * moved[1], scale * moved[2]
 
 
 @kernel
@@ -46,97 +61,99 @@ def clutter_density(variance: float, wrong: float, spread: float) -> float:
     return wrong / (1.0 - wrong) * math.sqrt(2.0 * math.pi * variance) / (2.0 * spread)
 
 
-@kernel
+@inlined_kernel
+def densities(
+    pairs: np.ndarray,
+    at: int,
+    R: tuple,
+    t: tuple,
+    residual: float,
+    precision: float,
+    poor: float,
+    prior: float,
+) -> tuple[float, float]:
+    """Density of the match at this address, if good and if poor, over that of a good one at 0."""
+    m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
+    flow, reach2 = flow_along(m, b, t)
+    shift2 = flow * flow * precision / (flow_variance(pairs, at) * reach2 + 1e-300)
+    retreat = max(shift2 - FAR_SIGMA * FAR_SIGMA, 0.0) if flow < 0.0 else 0.0
+    whole, eighth = exp_and_eighth(0.5 * (residual * residual * precision + retreat))
+    return prior * (1.0 - poor) * whole, prior * poor / POOR * eighth
+
+
+@sum_kernel
 def linearize(
-    pairs: RayPairs,
+    pairs: np.ndarray,
     prior: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
-    basis: np.ndarray,
     mixture: np.ndarray,
     clutter: float,
-    far_sigma: float,
-    H: np.ndarray,
-    g: np.ndarray,
-    r: np.ndarray,
-    w: np.ndarray,
-    poor: np.ndarray,
+    normal: np.ndarray,
+    shares: np.ndarray,
 ) -> float:
-    """Robust cost, gradient ``g`` (5,) and Gauss-Newton matrix ``H`` (5, 5) of all matches.
+    """Robust cost of all matches, with its normal equations.
 
-    The cost is ``-sum log(prior (good + poor) + clutter)``, where ``prior`` (N,) scales the share
-    of right matches one by one (0 leaves a match out) and ``clutter`` is the density of wrong
-    matches over that of right ones. ``r`` (N,) receives the residuals, ``w`` (N,) the probabilities
-    of being right and ``poor`` (N,) those of being right but poor.
-
-    A right match flows towards ``t``: its density falls off where the flow retreats from ``t`` by
-    more than ``far_sigma``, which noise can make a far point do. Up to there it is flat, for
-    rotation can imitate parallax, and any slope would pull at the rotation.
+    The cost is ``-sum log(prior (good + poor) + clutter)``, where ``prior`` scales the share of
+    right matches one by one (0 leaves a match out) and ``clutter``, positive, is the density of
+    wrong matches over that of right ones. With J the Jacobian (N, 5) of the residuals r, ``normal``
+    (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the gradient in its last column,
+    the squares in its corner. ``shares`` (2,) receives the expected number of right matches, and of
+    poor ones among them.
     """
-    J = np.empty(5)
-    turn = np.empty(3)
-    clear(H)
-    clear(g)
-    cost = 0.0
-    precision = 1.0 / mixture[0]
-    share = mixture[2]
-    for i in range(pairs.rays0.shape[0]):
-        residual = sampson_jacobian(pairs, R, t, basis, i, J)
-        r[i] = residual
-        if prior[i] == 0.0:
-            w[i] = 0.0
-            poor[i] = 0.0
-            continue
-        square = 0.5 * residual * residual * precision
-        retreat = _retreat(pairs, R, t, i, precision, far_sigma, turn)
-        ahead = prior[i] * math.exp(-0.5 * retreat * retreat)
-        good = ahead * (1.0 - share) * math.exp(-square)
-        fair = ahead * share / POOR * math.exp(-square / (POOR * POOR))
-        total = good + fair + clutter
-        cost -= math.log(total)
-        w[i] = (good + fair) / total
-        poor[i] = fair / total
-        scaled = precision * (good + fair / (POOR * POOR)) / total
-        for k in range(5):
-            sJ = scaled * J[k]
-            g[k] += sJ * residual
-            for m in range(k + 1):
-                H[k, m] += sJ * J[m]
-        if retreat > 0.0:
-            for k in range(3):
-                g[k] += w[i] * retreat * turn[k]
-                for m in range(k + 1):
-                    H[k, m] += w[i] * turn[k] * turn[m]
-    for k in range(5):
-        for m in range(k):
-            H[m, k] = H[k, m]
-    return cost
+    turn, towards = matrix(R), vector(t)
+    basis = tangent_columns(towards)
+    precision, poor = 1.0 / mixture[0], mixture[2]
+    cost = used = right = doubtful = 0.0
+    # Each sum has a register of its own: in a loop over indices they would wait for one another.
+    n00 = n10 = n11 = n20 = n21 = n22 = n30 = n31 = n32 = n33 = 0.0
+    n40 = n41 = n42 = n43 = n44 = n50 = n51 = n52 = n53 = n54 = n55 = 0.0
+    for panel in range(prior.shape[0] // LANES):
+        for lane in range(LANES):
+            at, share = panel * PANEL + lane, prior[panel * LANES + lane]
+            r, j0, j1, j2, j3, j4 = sampson_jacobian(pairs, at, turn, towards, basis)
+            good, fair = densities(pairs, at, turn, towards, r, precision, poor, share)
+            total = good + fair + clutter
+            over = 1.0 / total
+            cost -= lane_log(total)
+            used += 1.0 if share > 0.0 else 0.0
+            right += (good + fair) * over
+            doubtful += fair * over
+            weight = precision * (good + fair * 0.125) * over
+            w0, w1, w2, w3, w4 = weight * j0, weight * j1, weight * j2, weight * j3, weight * j4
+            n00, n10, n20, n30, n40 = (
+                n00 + w0 * j0,
+                n10 + w0 * j1,
+                n20 + w0 * j2,
+                n30 + w0 * j3,
+                n40 + w0 * j4,
+            )
+            n11, n21, n31, n41 = n11 + w1 * j1, n21 + w1 * j2, n31 + w1 * j3, n41 + w1 * j4
+            n22, n32, n42 = n22 + w2 * j2, n32 + w2 * j3, n42 + w2 * j4
+            n33, n43, n44 = n33 + w3 * j3, n43 + w3 * j4, n44 + w4 * j4
+            n50, n51, n52, n53, n54 = (
+                n50 + w0 * r,
+                n51 + w1 * r,
+                n52 + w2 * r,
+                n53 + w3 * r,
+                n54 + w4 * r,
+            )
+            n55 += weight * r * r
+    _fill_row(normal, 0, n00, n10, n20, n30, n40, n50)
+    _fill_row(normal, 1, n10, n11, n21, n31, n41, n51)
+    _fill_row(normal, 2, n20, n21, n22, n32, n42, n52)
+    _fill_row(normal, 3, n30, n31, n32, n33, n43, n53)
+    _fill_row(normal, 4, n40, n41, n42, n43, n44, n54)
+    _fill_row(normal, 5, n50, n51, n52, n53, n54, n55)
+    shares[0], shares[1] = right, doubtful
+    return cost + (prior.shape[0] - used) * lane_log(clutter)
 
 
 @inner_kernel
-def _retreat(
-    pairs: RayPairs,
-    R: np.ndarray,
-    t: np.ndarray,
-    i: int,
-    precision: float,
-    far_sigma: float,
-    turn: np.ndarray,
-) -> float:
-    """By how many sigma match ``i`` flows away from ``t``, beyond the noise of a far point.
-
-    ``turn`` (3,) receives the derivative by the rotation where this is positive.
-    """
-    towards = dot(row(pairs.rays1, i), vector(t)) - dot(rotate(R, row(pairs.rays0, i)), vector(t))
-    if towards >= 0.0 or far_sigma == math.inf:
-        return 0.0
-    scale = math.sqrt(precision)
-    retreat = -scale * parallax(pairs, R, t, i, turn) - far_sigma
-    if retreat <= 0.0:
-        return 0.0
-    for k in range(3):
-        turn[k] *= -scale
-    return retreat
+def _fill_row(
+    M: np.ndarray, k: int, a: float, b: float, c: float, d: float, e: float, f: float
+) -> None:
+    M[k, 0], M[k, 1], M[k, 2], M[k, 3], M[k, 4], M[k, 5] = a, b, c, d, e, f
 
 
 @inner_kernel
@@ -152,155 +169,101 @@ def update_mixture(
 
 @kernel
 def refine_pose(
-    pairs: RayPairs,
+    pairs: np.ndarray,
     prior: np.ndarray,
+    count: int,
     spread: float,
     min_variance: float,
-    far_sigma: float,
     precision: float,
     max_iterations: int,
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
-    H: np.ndarray,
-    r: np.ndarray,
-    w: np.ndarray,
-    poor: np.ndarray,
+    normal: np.ndarray,
 ) -> float:
     """Maximum-likelihood pose, with its noise by EM; returns the negative log likelihood.
 
     Gauss-Newton with the full derivative of the residual. ``mixture`` (3,) holds the variance of
-    good matches, the share of wrong ones and that of poor ones, in and out. Steps end when they
-    promise less than ``precision``, in the unit of the log likelihood.
+    good matches, the share of wrong ones among all ``count`` and that of poor ones, in and out. It
+    ends at a pose from which a step promises less than ``precision``, in the unit of the log
+    likelihood; ``normal`` (6, 6) receives the normal equations there.
     """
-    g = np.empty(5)
-    L = np.empty((5, 5))
-    x = np.empty(5)
-    basis = np.empty((3, 2))
-    kept_R, kept_t = np.empty((3, 3)), np.empty(3)
-    kept_H, kept_g = np.empty((5, 5)), np.empty(5)
-    tangent_basis(t, basis)
-    n = 0.0
-    for i in range(prior.shape[0]):
-        n += 1.0 if prior[i] > 0.0 else 0.0
+    g, x, shares, L = np.empty(5), np.empty(5), np.empty(2), np.empty((5, 5))
+    kept_R, kept_t, kept = np.empty((3, 3)), np.empty(3), np.empty((6, 6))
     lowest = math.inf
     damping = 0.0
-    converged = False
     for _ in range(max_iterations):
-        variance = mixture[0]
-        clutter = clutter_density(variance, mixture[1], spread)
-        cost = linearize(pairs, prior, R, t, basis, mixture, clutter, far_sigma, H, g, r, w, poor)
-        likelihood = cost + left_out(mixture, n)
+        variance, wrong = mixture[0], mixture[1]
+        clutter = clutter_density(variance, wrong, spread)
+        cost = linearize(pairs, prior, R, t, mixture, clutter, normal, shares)
+        # What linearize leaves out, as it does not move the pose.
+        cost += count * (0.5 * math.log(variance) - math.log(1.0 - wrong))
         # EM with unbiased variance may climb a little; a step that climbs more has gone astray.
-        if likelihood > lowest + 0.5:
+        if cost > lowest + 0.5:
             copy(kept_R, R)
             copy(kept_t, t)
-            copy(kept_H, H)
-            copy(kept_g, g)
-            tangent_basis(t, basis)
+            copy(kept, normal)
             damping = max(100.0 * damping, 1e-2)
         else:
-            if converged:
-                break
-            lowest = likelihood
+            lowest = cost
             copy(R, kept_R)
             copy(t, kept_t)
-            copy(H, kept_H)
-            copy(g, kept_g)
+            copy(normal, kept)
             damping *= 0.1
-            total = 0.0
-            doubtful = 0.0
-            squares = 0.0
-            for i in range(w.shape[0]):
-                total += w[i]
-                doubtful += poor[i]
-                squares += (w[i] - poor[i] + poor[i] / (POOR * POOR)) * r[i] * r[i]
-            square = squares / max(total - 5.0, 1.0)
-            update_mixture(square, total, doubtful, n, min_variance, mixture)
-        while not solve_spd(H, g, damping, L, x) and damping < 1e6:
+            square = normal[5, 5] * variance / max(shares[0] - 5.0, 1.0)
+            update_mixture(square, shares[0], shares[1], count, min_variance, mixture)
+        for k in range(5):
+            g[k] = normal[k, 5]
+        while not solve_spd(normal, g, damping, L, x) and damping < 1e6:
             damping = max(10.0 * damping, 1e-9)
         if not damping < 1e6:
             break
-        decrease = dot5(g, x)
-        size = math.sqrt(dot5(x, x))
-        scale = -1.0 if size < 0.3 else -0.3 / size
+        decrease = square_size = 0.0
+        for k in range(5):
+            decrease += g[k] * x[k]
+            square_size += x[k] * x[k]
+        settled = abs(mixture[0] - variance) < max(0.01, precision) * variance
+        if settled and decrease < precision:
+            break
+        scale = -1.0 if square_size < 0.09 else -0.3 / math.sqrt(square_size)
         for k in range(5):
             x[k] *= scale
-        apply_step(R, t, basis, x)
-        settled = abs(mixture[0] - variance) < max(0.01, precision) * variance
-        converged = decrease < precision and settled
+        apply_step(R, t, x)
     # The last step was not judged: the pose before it was.
     copy(kept_R, R)
     copy(kept_t, t)
+    copy(kept, normal)
     return lowest
 
 
-@inner_kernel
-def left_out(mixture: np.ndarray, n: float) -> float:
-    """What `linearize` leaves out of the negative log likelihood as it does not move the pose."""
-    return n * (0.5 * math.log(mixture[0]) - math.log(1.0 - mixture[1]))
-
-
-@inner_kernel
-def dot5(a: np.ndarray, b: np.ndarray) -> float:
-    """``a . b`` of arrays (5,)."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4]
-
-
-@inner_kernel
-def _is_at_epipole(pairs: RayPairs, R: np.ndarray, t: np.ndarray, i: int, variance: float) -> bool:
-    """Whether match ``i`` lies within a few sigma of the epipole, or straight behind."""
-    across = cross(vector(t), rotate(R, row(pairs.rays0, i)))
-    return dot(across, across) < EPIPOLE_SIGMA**2 * variance * flow_variance(pairs, i)
-
-
 @kernel
-def curvature(
-    pairs: RayPairs,
+def explain(
+    pairs: np.ndarray,
     prior: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
     clutter: float,
-    far_sigma: float,
-    hessian: np.ndarray,
-    information: np.ndarray,
+    residual: np.ndarray,
+    parallax: np.ndarray,
+    right: np.ndarray,
 ) -> None:
-    """Exact Hessian (5, 5) of the cost, and its Gauss-Newton part, the ``information`` (5, 5).
+    """What a pose makes of each match.
 
-    The Jacobian holds the noisy flow, so the Gauss-Newton part takes noise for flow: at low
-    parallax it pretends to know what it does not. The exact Hessian is free of that share. That
-    right matches flow forward tells which are right; as a bound on the pose, which is not Gaussian,
-    it is left out. So are matches at the epipole: noise alone decides on their epipolar line.
+    ``residual`` receives the Sampson residual, ``parallax`` the signed shift towards the direction
+    along the epipolar line in units of its own noise, both for unit noise, and ``right`` the
+    probability of being right.
     """
-    precision = 1.0 / mixture[0]
-    J = np.empty(5)
-    turn = np.empty(3)
-    K = np.empty((5, 5))
-    D = np.empty((6, 5))
-    basis = np.empty((3, 2))
-    tangent_basis(t, basis)
-    clear(hessian)
-    clear(information)
-    for i in range(pairs.rays0.shape[0]):
-        if prior[i] == 0.0 or _is_at_epipole(pairs, R, t, i, mixture[0]):
-            continue
-        r = sampson_curvature(pairs, R, t, basis, i, D, J, K)
-        square = 0.5 * r * r * precision
-        retreat = _retreat(pairs, R, t, i, precision, far_sigma, turn)
-        ahead = prior[i] * math.exp(-0.5 * retreat * retreat)
-        good = ahead * (1.0 - mixture[2]) * math.exp(-square)
-        fair = ahead * mixture[2] / POOR * math.exp(-square / (POOR * POOR))
-        total = good + fair + clutter
-        weight = precision * (good + fair / (POOR * POOR)) / total
-        # The weight changes with the residual: a doubtful match bends the cost the other way.
-        fourth = precision * precision * (good + fair / POOR**4) / total
-        bend = weight - (fourth - weight * weight) * r * r
-        for k in range(5):
-            for m in range(k + 1):
-                information[k, m] += weight * J[k] * J[m]
-                hessian[k, m] += bend * J[k] * J[m] + weight * r * K[k, m]
-    for k in range(5):
-        for m in range(k):
-            information[m, k] = information[k, m]
-            hessian[m, k] = hessian[k, m]
+    turn, towards = matrix(R), vector(t)
+    precision, poor = 1.0 / mixture[0], mixture[2]
+    for panel in range(prior.shape[0] // LANES):
+        for lane in range(LANES):
+            at, i = panel * PANEL + lane, panel * LANES + lane
+            r = sampson(pairs, at, turn, towards)
+            m, b = rotate(turn, ray0(pairs, at)), ray1(pairs, at)
+            flow, _ = flow_along(m, b, towards)
+            variance = parallax_variance(pairs, at, turn, m, towards)
+            good, fair = densities(pairs, at, turn, towards, r, precision, poor, prior[i])
+            residual[i] = r
+            parallax[i] = flow / math.sqrt(variance + 1e-300)
+            right[i] = (good + fair) / (good + fair + clutter)

@@ -19,6 +19,7 @@ __all__ = [
     "draw_index",
     "draw_unit",
     "kabsch",
+    "sandwich",
     "solve_spd",
     "tangent_basis",
 ]
@@ -122,6 +123,41 @@ def solve_spd(H: np.ndarray, g: np.ndarray, damping: float, L: np.ndarray, x: np
         for k in range(i + 1, n):
             s -= L[k, i] * x[k]
         x[i] = s / L[i, i]
+    return True
+
+
+@kernel
+def sandwich(whole: np.ndarray, part: np.ndarray, least: float, out: np.ndarray) -> bool:
+    """``H^-1 V H^-1`` with ``V = whole`` and ``H = whole - part``, all (5, 5) and symmetric.
+
+    False, and nothing done, unless H is at least ``least`` times V in every direction.
+    """
+    n = 5
+    H, L, x, y = np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty((n, n))
+    for i in range(n):
+        x[i] = 1.0
+        for j in range(n):
+            H[i, j] = (1.0 - least) * whole[i, j] - part[i, j]
+    if not solve_spd(H, x, 0.0, L, x):
+        return False
+    for i in range(n):
+        for j in range(n):
+            H[i, j] = whole[i, j] - part[i, j]
+    for j in range(n):
+        for i in range(n):
+            x[i] = whole[i, j]
+        solve_spd(H, x, 0.0, L, x)
+        for i in range(n):
+            y[j, i] = x[i]  # Row j of V H^-1.
+    for j in range(n):
+        for i in range(n):
+            x[i] = y[i, j]
+        solve_spd(H, x, 0.0, L, x)
+        for i in range(n):
+            out[i, j] = x[i]
+    for i in range(n):
+        for j in range(i):
+            out[i, j] = out[j, i] = 0.5 * (out[i, j] + out[j, i])
     return True
 
 

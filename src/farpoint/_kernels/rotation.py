@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, sum_kernel
+from farpoint._kernels.exponential import exp_and_eighth, lane_log
 from farpoint._kernels.likelihood import POOR, update_mixture
 from farpoint._kernels.linear import (
     apply_rotation_step,
@@ -15,13 +16,31 @@ from farpoint._kernels.linear import (
     draw_index,
     kabsch,
     solve_spd,
-    tangent_basis,
 )
-from farpoint._kernels.pairs import RayPairs
-from farpoint._kernels.vectors import column, combine, cross, dot, rotate, row
+from farpoint._kernels.pairs import (
+    LANES,
+    PANEL,
+    address,
+    flow_variance,
+    noise0,
+    noise1,
+    ray0,
+    ray1,
+)
+from farpoint._kernels.vectors import (
+    Matrix,
+    combine,
+    cross,
+    dot,
+    matrix,
+    rotate,
+    rotate_back,
+    tangent_columns,
+)
 
 __all__ = [
     "enlarge_rotation",
+    "explain_rotation",
     "refine_rotation",
     "rotation_distance2",
     "rotation_linearize",
@@ -29,31 +48,28 @@ __all__ = [
 ]
 
 
-@kernel
-def _fit(pairs: RayPairs, weight: np.ndarray, R: np.ndarray) -> bool:
-    """Rotation of all matches with positive weight; False where they do not fix one."""
-    M = np.empty((3, 3))
-    clear(M)
-    for i in range(pairs.rays0.shape[0]):
-        if weight[i] > 0.0:
-            for j in range(3):
-                wb = weight[i] * pairs.rays1[i, j]
-                for k in range(3):
-                    M[j, k] += wb * pairs.rays0[i, k]
-    return kabsch(M, R)
-
-
-@kernel
-def _squared_distance(pairs: RayPairs, precision: np.ndarray, R: np.ndarray, i: int) -> float:
+@inlined_kernel
+def _distance2(pairs: np.ndarray, at: int, R: Matrix) -> float:
     """``|b - R a|^2`` in units of the noise of one coordinate (isotropic)."""
-    d = combine(1.0, row(pairs.rays1, i), -1.0, rotate(R, row(pairs.rays0, i)))
-    return precision[i] * dot(d, d)
+    d = combine(1.0, ray1(pairs, at), -1.0, rotate(R, ray0(pairs, at)))
+    return dot(d, d) / flow_variance(pairs, at)
+
+
+@sum_kernel
+def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float) -> float:
+    """Sum of the squared distances from a rotation, each at most ``limit``."""
+    turn = matrix(R)
+    cost = 0.0
+    for panel in range(pairs.shape[0] // PANEL):
+        for lane in range(LANES):
+            cost += min(_distance2(pairs, panel * PANEL + lane, turn), limit)
+    return cost
 
 
 @kernel
 def search_rotation(
-    pairs: RayPairs,
-    precision: np.ndarray,
+    pairs: np.ndarray,
+    count: int,
     tolerance: float,
     max_iterations: int,
     state: np.ndarray,
@@ -61,13 +77,12 @@ def search_rotation(
 ) -> int:
     """Consensus over rotations from three rays each (eqs. 7-13 of the paper); returns iterations.
 
-    Minimises the truncated squares ``sum min(|b - R a|^2 precision / tolerance^2, 1)``. Stops when
-    with 99.9 % one sample of consistent rays has been drawn. ``R`` receives the best rotation.
+    Minimises the truncated squares ``sum min(|b - R a|^2 / variance, tolerance^2)`` of the
+    ``count`` matches. Stops when with 99.9 % one sample of consistent rays has been drawn. ``R``
+    receives the best rotation.
     """
-    n = pairs.rays0.shape[0]
     limit = tolerance * tolerance
-    hypothesis = np.empty((3, 3))
-    M = np.empty((3, 3))
+    hypothesis, M = np.empty((3, 3)), np.empty((3, 3))
     best = math.inf
     needed = max_iterations
     iteration = 0
@@ -75,21 +90,18 @@ def search_rotation(
         iteration += 1
         clear(M)
         for _ in range(3):
-            i = draw_index(state, n)
+            at = address(draw_index(state, count))
+            a, b = ray0(pairs, at), ray1(pairs, at)
             for j in range(3):
                 for k in range(3):
-                    M[j, k] += pairs.rays1[i, j] * pairs.rays0[i, k]
+                    M[j, k] += b[j] * a[k]
         if not kabsch(M, hypothesis):
             continue
-        cost = 0.0
-        for i in range(n):
-            cost += min(_squared_distance(pairs, precision, hypothesis, i), limit)
-            if cost >= best:
-                break
+        cost = _truncated_squares(pairs, hypothesis, limit)
         if cost < best:
             best = cost
             copy(hypothesis, R)
-            share = 1.0 - best / (limit * n)
+            share = 1.0 - best / (limit * count)
             miss = 1.0 - share * share * share
             if 1e-3 < miss < 1.0:
                 needed = min(max_iterations, int(math.log(1e-3) / math.log(miss)) + 1)
@@ -98,162 +110,193 @@ def search_rotation(
     return iteration
 
 
+@sum_kernel
+def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) -> float:
+    """``M = sum b a^T / variance`` over the matches within ``limit`` of a rotation; their number.
+
+    Those that fill up the panels agree with any rotation and weigh nothing.
+    """
+    turn = matrix(R)
+    inside = 0.0
+    m00 = m01 = m02 = m10 = m11 = m12 = m20 = m21 = m22 = 0.0
+    for panel in range(pairs.shape[0] // PANEL):
+        for lane in range(LANES):
+            at = panel * PANEL + lane
+            a, b = ray0(pairs, at), ray1(pairs, at)
+            agrees = 1.0 if _distance2(pairs, at, turn) <= limit else 0.0
+            inside += agrees
+            weight = agrees / flow_variance(pairs, at)
+            x, y, z = weight * b[0], weight * b[1], weight * b[2]
+            m00, m01, m02 = m00 + x * a[0], m01 + x * a[1], m02 + x * a[2]
+            m10, m11, m12 = m10 + y * a[0], m11 + y * a[1], m12 + y * a[2]
+            m20, m21, m22 = m20 + z * a[0], m21 + z * a[1], m22 + z * a[2]
+    M[0, 0], M[0, 1], M[0, 2] = m00, m01, m02
+    M[1, 0], M[1, 1], M[1, 2] = m10, m11, m12
+    M[2, 0], M[2, 1], M[2, 2] = m20, m21, m22
+    return inside
+
+
 @kernel
 def enlarge_rotation(
-    pairs: RayPairs,
-    precision: np.ndarray,
-    tolerance: float,
-    R: np.ndarray,
-    consistent: np.ndarray,
+    pairs: np.ndarray, count: int, tolerance: float, R: np.ndarray, consistent: np.ndarray
 ) -> int:
     """Enlarge the consistent set step by step, re-fitting after each; returns its size.
 
     The set grows from half the tolerance to all of it: a rotation from three noisy rays is off by
-    about as much as the far points that it should recognise. ``consistent`` (N,) receives 0 or 1
-    (times the weight of the match in the fit); ``R`` is improved in place.
+    about as much as the far points that it should recognise. ``consistent`` (count,) receives
+    whether a match belongs to it; ``R`` is improved in place.
     """
-    n = pairs.rays0.shape[0]
-    count = 0
+    M = np.empty((3, 3))
+    filled_up = pairs.shape[0] // PANEL * LANES - count
+    limit = tolerance * tolerance
+    size = 0
     for step in range(12):
-        limit = tolerance * tolerance * min(1.0, (0.5 + 0.125 * step) ** 2)
-        previous = count
-        count = 0
-        for i in range(n):
-            inside = _squared_distance(pairs, precision, R, i) <= limit
-            consistent[i] = precision[i] if inside else 0.0
-            count += 1 if inside else 0
-        if step > 4 and count == previous:
+        previous = size
+        within = limit * min(1.0, (0.5 + 0.125 * step) ** 2)
+        size = int(_correlate(pairs, R, within, M)) - filled_up
+        if step > 4 and size == previous:
             break
-        if count < 2 or not _fit(pairs, consistent, R):
+        if size < 2 or not kabsch(M, R):
             break
-    return count
+    turn = matrix(R)
+    for i in range(count):
+        consistent[i] = _distance2(pairs, address(i), turn) <= limit
+    return size
 
 
-@inner_kernel
+@inlined_kernel
 def _tangent_residual(
-    pairs: RayPairs, R: np.ndarray, E: np.ndarray, i: int
-) -> tuple[float, float, float, float, float]:
-    """``E^T (b - R a)`` and its covariance (00, 01, 11) for unit noise; fills ``E``."""
-    tangent_basis(pairs.rays1[i], E)
-    first, second = (E[0, 0], E[1, 0], E[2, 0]), (E[0, 1], E[1, 1], E[2, 1])
-    d = combine(1.0, row(pairs.rays1, i), -1.0, rotate(R, row(pairs.rays0, i)))
-    s00 = s01 = s11 = 0.0
-    for c in range(2):
-        turned, own = rotate(R, column(pairs.noise0, i, c)), column(pairs.noise1, i, c)
-        x0, x1, y0, y1 = dot(first, own), dot(second, own), dot(first, turned), dot(second, turned)
-        s00 += x0 * x0 + y0 * y0
-        s01 += x0 * x1 + y0 * y1
-        s11 += x1 * x1 + y1 * y1
-    return dot(first, d), dot(second, d), s00, s01, s11
+    pairs: np.ndarray, at: int, R: Matrix
+) -> tuple[tuple, tuple, float, float, float, float, float]:
+    """Basis ``E`` of the plane at ``b``, ``E^T (b - R a)``, its covariance for unit noise."""
+    m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
+    first, second = tangent_columns(b)
+    d = combine(1.0, b, -1.0, m)
+    x = combine(
+        1.0, noise1(pairs, at, first), 1.0, rotate(R, noise0(pairs, at, rotate_back(R, first)))
+    )
+    y = combine(
+        1.0, noise1(pairs, at, second), 1.0, rotate(R, noise0(pairs, at, rotate_back(R, second)))
+    )
+    return (
+        first,
+        second,
+        dot(first, d),
+        dot(second, d),
+        dot(first, x),
+        dot(second, x),
+        dot(second, y),
+    )
 
 
 @kernel
-def rotation_distance2(pairs: RayPairs, R: np.ndarray, out: np.ndarray) -> None:
-    """Squared Mahalanobis distances ``out`` (N,) of ``b`` from ``R a``, in units of the noise.
+def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
+    """Squared Mahalanobis distances ``out`` of ``b`` from ``R a``, in units of the noise.
 
     Two degrees of freedom each where translation is absent.
     """
-    E = np.empty((3, 2))
-    for i in range(out.shape[0]):
-        z0, z1, s00, s01, s11 = _tangent_residual(pairs, R, E, i)
-        out[i] = (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / (s00 * s11 - s01 * s01)
+    turn = matrix(R)
+    for panel in range(out.shape[0] // LANES):
+        for lane in range(LANES):
+            _, _, z0, z1, s00, s01, s11 = _tangent_residual(pairs, panel * PANEL + lane, turn)
+            square = s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1
+            out[panel * LANES + lane] = square / (s00 * s11 - s01 * s01)
 
 
-@kernel
+@inlined_kernel
+def _densities(square: float, precision: float, poor: float, prior: float) -> tuple[float, float]:
+    """Density of a match, if good and if poor, over that of a good one at 0, in two dimensions."""
+    whole, eighth = exp_and_eighth(0.5 * square * precision)
+    return prior * (1.0 - poor) * whole, prior * poor / (POOR * POOR) * eighth
+
+
+@sum_kernel
 def rotation_linearize(
-    pairs: RayPairs,
+    pairs: np.ndarray,
     prior: np.ndarray,
     R: np.ndarray,
     mixture: np.ndarray,
     clutter: float,
     H: np.ndarray,
     g: np.ndarray,
-    d2: np.ndarray,
-    w: np.ndarray,
-    poor: np.ndarray,
+    sums: np.ndarray,
 ) -> float:
     """Robust cost, gradient ``g`` (3,) and Gauss-Newton matrix ``H`` (3, 3) without translation.
 
     As `likelihood.linearize` with the residual of two dimensions ``E^T (b - R a)`` on the tangent
-    plane of ``b`` and its covariance ``E^T (A_b A_b^T + R A_a A_a^T R^T) E``; ``d2`` (N,) receives
-    its squared Mahalanobis norm for unit noise.
+    plane of ``b`` and its covariance ``E^T (S_b + R S_a R^T) E``. ``sums`` (3,) receives the
+    expected number of right matches, of poor ones, and the squares of good ones.
     """
-    E = np.empty((3, 2))
-    J = np.empty((2, 3))
-    clear(H)
-    clear(g)
-    cost = 0.0
-    precision = 1.0 / mixture[0]
-    for i in range(pairs.rays0.shape[0]):
-        z0, z1, s00, s01, s11 = _tangent_residual(pairs, R, E, i)
-        det = s00 * s11 - s01 * s01
-        d2[i] = (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / det
-        if prior[i] == 0.0:
-            w[i] = 0.0
-            poor[i] = 0.0
-            continue
-        square = min(0.5 * d2[i] * precision, 500.0)
-        good = prior[i] * (1.0 - mixture[2]) * math.exp(-square)
-        fair = prior[i] * mixture[2] / (POOR * POOR) * math.exp(-square / (POOR * POOR))
-        total = good + fair + clutter
-        cost -= math.log(total)
-        w[i] = (good + fair) / total
-        poor[i] = fair / total
-        # d(b - R a) = m x dtheta, so J = E^T [m]x with rows (e x m).
-        m = rotate(R, row(pairs.rays0, i))
-        for c in range(2):
-            J[c, 0], J[c, 1], J[c, 2] = cross((E[0, c], E[1, c], E[2, c]), m)
-        scaled = precision * (good + fair / (POOR * POOR)) / (total * det)
-        for k in range(3):
-            W0 = scaled * (s11 * J[0, k] - s01 * J[1, k])
-            W1 = scaled * (s00 * J[1, k] - s01 * J[0, k])
-            g[k] += W0 * z0 + W1 * z1
-            for j in range(3):
-                H[k, j] += W0 * J[0, j] + W1 * J[1, j]
-    return cost
+    turn = matrix(R)
+    precision, poor = 1.0 / mixture[0], mixture[2]
+    cost = used = right = doubtful = squares = 0.0
+    g0 = g1 = g2 = h00 = h10 = h11 = h20 = h21 = h22 = 0.0
+    for panel in range(prior.shape[0] // LANES):
+        for lane in range(LANES):
+            at, share = panel * PANEL + lane, prior[panel * LANES + lane]
+            first, second, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, turn)
+            over_det = 1.0 / (s00 * s11 - s01 * s01)
+            y0, y1 = over_det * (s11 * z0 - s01 * z1), over_det * (s00 * z1 - s01 * z0)
+            square = z0 * y0 + z1 * y1
+            good, fair = _densities(square, precision, poor, share)
+            total = good + fair + clutter
+            cost -= lane_log(total)
+            used += 1.0 if share > 0.0 else 0.0
+            right += (good + fair) / total
+            doubtful += fair / total
+            weight = (good + fair * 0.125) / total
+            squares += weight * square
+            # d(b - R a) = m x dtheta, so the rows of J = E^T [m]x are e x m.
+            m = rotate(turn, ray0(pairs, at))
+            j, k = cross(first, m), cross(second, m)
+            weight *= precision
+            u, v = weight * y0, weight * y1
+            g0, g1, g2 = (
+                g0 + u * j[0] + v * k[0],
+                g1 + u * j[1] + v * k[1],
+                g2 + u * j[2] + v * k[2],
+            )
+            weight *= over_det
+            p = combine(weight * s11, j, -weight * s01, k)
+            q = combine(weight * s00, k, -weight * s01, j)
+            h00, h10 = h00 + p[0] * j[0] + q[0] * k[0], h10 + p[0] * j[1] + q[0] * k[1]
+            h11, h20 = h11 + p[1] * j[1] + q[1] * k[1], h20 + p[0] * j[2] + q[0] * k[2]
+            h21, h22 = h21 + p[1] * j[2] + q[1] * k[2], h22 + p[2] * j[2] + q[2] * k[2]
+    g[0], g[1], g[2] = g0, g1, g2
+    H[0, 0], H[1, 1], H[2, 2] = h00, h11, h22
+    H[0, 1] = H[1, 0] = h10
+    H[0, 2] = H[2, 0] = h20
+    H[1, 2] = H[2, 1] = h21
+    sums[0], sums[1], sums[2] = right, doubtful, squares
+    return cost + (prior.shape[0] - used) * lane_log(clutter)
 
 
 @kernel
 def refine_rotation(
-    pairs: RayPairs,
+    pairs: np.ndarray,
     prior: np.ndarray,
+    count: int,
     spread: float,
     min_variance: float,
     max_iterations: int,
     R: np.ndarray,
     mixture: np.ndarray,
     H: np.ndarray,
-    d2: np.ndarray,
-    w: np.ndarray,
-    poor: np.ndarray,
 ) -> float:
     """Maximum-likelihood rotation without translation; returns its cost.
 
-    The noise and the share of wrong matches are estimated along (EM).
-
-    ``mixture`` (3,) holds the variance of good matches, the share of wrong ones and that of poor
-    ones, in and out; wrong matches fill a disc of radius ``spread`` (in units of the noise).
+    ``mixture`` (3,) holds the variance of good matches, the share of wrong ones among all ``count``
+    and that of poor ones, in and out (EM); wrong matches fill a disc of radius ``spread`` (in units
+    of the noise).
     """
-    g = np.empty(3)
-    L = np.empty((3, 3))
-    step = np.empty(3)
-    n = 0.0
-    for i in range(prior.shape[0]):
-        n += 1.0 if prior[i] > 0.0 else 0.0
+    g, L, step, sums = np.empty(3), np.empty((3, 3)), np.empty(3), np.empty(3)
     cost = math.inf
     for _ in range(max_iterations):
         variance, wrong = mixture[0], mixture[1]
-        clutter = wrong / (1.0 - wrong) * 2.0 * variance / (spread * spread)
-        cost = rotation_linearize(pairs, prior, R, mixture, clutter, H, g, d2, w, poor)
-        total = 0.0
-        doubtful = 0.0
-        squares = 0.0
-        for i in range(w.shape[0]):
-            total += w[i]
-            doubtful += poor[i]
-            squares += (w[i] - poor[i] + poor[i] / (POOR * POOR)) * d2[i]
-        square = squares / max(2.0 * total - 3.0, 1.0)
-        update_mixture(square, total, doubtful, n, min_variance, mixture)
+        clutter = _clutter(variance, wrong, spread)
+        cost = rotation_linearize(pairs, prior, R, mixture, clutter, H, g, sums)
+        square = sums[2] / max(2.0 * sums[0] - 3.0, 1.0)
+        update_mixture(square, sums[0], sums[1], count, min_variance, mixture)
         if not solve_spd(H, g, 0.0, L, step):
             break
         apply_rotation_step(R, -step[0], -step[1], -step[2], R)
@@ -261,3 +304,27 @@ def refine_rotation(
         if size < 1e-6 and abs(mixture[0] - variance) < 1e-3 * variance:
             break
     return cost
+
+
+@inner_kernel
+def _clutter(variance: float, wrong: float, spread: float) -> float:
+    """Density of wrong matches over that of good ones at 0, in two dimensions."""
+    return wrong / (1.0 - wrong) * 2.0 * variance / (spread * spread)
+
+
+@kernel
+def explain_rotation(
+    pairs: np.ndarray,
+    prior: np.ndarray,
+    spread: float,
+    R: np.ndarray,
+    mixture: np.ndarray,
+    distance2: np.ndarray,
+    right: np.ndarray,
+) -> None:
+    """Distance of each match as by `rotation_distance2`, and the probability that it is right."""
+    rotation_distance2(pairs, R, distance2)
+    clutter = _clutter(mixture[0], mixture[1], spread)
+    for i in range(prior.shape[0]):
+        good, fair = _densities(distance2[i], 1.0 / mixture[0], mixture[2], prior[i])
+        right[i] = (good + fair) / (good + fair + clutter)

@@ -9,13 +9,13 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.direction import intersect_circles
-from farpoint._kernels.epipolar import parallax
+from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.five_rays import LONG_FLOW, iterations_needed, score_pose, solve_five
 from farpoint._kernels.likelihood import refine_pose
 from farpoint._kernels.linear import apply_rotation_step, copy, draw_index, draw_unit
-from farpoint._kernels.pairs import RayPairs
+from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.twins import layer_twin, planar_twin
-from farpoint._kernels.vectors import combine, dot, rotate, row, vector
+from farpoint._kernels.vectors import combine, dot, matrix, rotate, tangent_columns, vector
 
 __all__ = ["search_direction", "search_pose"]
 
@@ -24,9 +24,29 @@ GATE_SIGMA = 3.0
 # Log likelihood to which hypotheses are refined, and by which one is given up that is worse.
 COARSE = 0.1
 HOPELESS = 30.0
+# Steps after which a hypothesis is looked at first, and in all.
+FIRST_LOOK = 3
+REFINEMENTS = 6
+# Log likelihood within which two hypotheses are taken for one.
+SAME = 2.0
 # Shares of wrong and of poor matches that EM starts from.
 START_WRONG = 0.2
 START_POOR = 0.1
+
+
+class Matches(NamedTuple):
+    """What a hypothesis is judged by."""
+
+    pairs: np.ndarray
+    """Panels of matches."""
+    prior: np.ndarray
+    """1 for each match, 0 for those that fill up the panels."""
+    total: int
+    """Matches."""
+    spread: float
+    """Half the width that wrong matches fill, in units of the noise."""
+    min_variance: float
+    """Smaller noise is rounding."""
 
 
 class Pose(NamedTuple):
@@ -38,24 +58,16 @@ class Pose(NamedTuple):
     """(3,) direction cam1_from_cam0."""
     mixture: np.ndarray
     """(3,) variance, share of wrong and share of poor matches."""
+    normal: np.ndarray
+    """(6, 6) normal equations."""
     cost: np.ndarray
     """(1,) negative log likelihood."""
 
 
-class Scratch(NamedTuple):
-    """What the refinement writes on the way."""
-
-    prior: np.ndarray
-    H: np.ndarray
-    r: np.ndarray
-    w: np.ndarray
-    poor: np.ndarray
-    turn: np.ndarray
-
-
 @kernel
 def search_direction(
-    pairs: RayPairs,
+    pairs: np.ndarray,
+    prior: np.ndarray,
     candidates: np.ndarray,
     tolerance: float,
     iterations: int,
@@ -69,14 +81,14 @@ def search_direction(
     """
     limit = tolerance * tolerance
     hypothesis = np.empty(3)
-    best = limit * pairs.rays0.shape[0]
+    best = limit * prior.shape[0]
     t[0], t[1], t[2] = 0.0, 0.0, 1.0
     for _ in range(iterations):
         i = candidates[draw_index(state, candidates.shape[0])]
         j = candidates[draw_index(state, candidates.shape[0])]
         if i == j or not intersect_circles(pairs, R, i, j, hypothesis):
             continue
-        cost = score_pose(pairs, R, hypothesis, limit, best)
+        cost = score_pose(pairs, prior, R, hypothesis, limit, best)
         if cost < best:
             best = cost
             copy(hypothesis, t)
@@ -97,14 +109,15 @@ def _draw_distinct(sample: np.ndarray, n: int, state: np.ndarray) -> None:
 
 
 @inner_kernel
-def _flow2(pairs: RayPairs, R: np.ndarray, i: int) -> float:
+def _flow2(pairs: np.ndarray, R: np.ndarray, i: int) -> float:
     """Squared length of the flow that the rotation leaves of match ``i``."""
-    flow = combine(1.0, row(pairs.rays1, i), -1.0, rotate(R, row(pairs.rays0, i)))
+    at = address(i)
+    flow = combine(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
     return dot(flow, flow)
 
 
 @inner_kernel
-def _longest_flow_first(pairs: RayPairs, R: np.ndarray, sample: np.ndarray) -> None:
+def _longest_flow_first(pairs: np.ndarray, R: np.ndarray, sample: np.ndarray) -> None:
     """Bring the two matches with the longest flow after the rotation to the front."""
     for s in range(2):
         longest = -1.0
@@ -118,21 +131,21 @@ def _longest_flow_first(pairs: RayPairs, R: np.ndarray, sample: np.ndarray) -> N
 
 
 @inner_kernel
-def _typical_flow(pairs: RayPairs, R: np.ndarray, scratch: np.ndarray) -> float:
+def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
     """Median angle, rad, that the rotation ``R`` leaves between matched rays."""
+    squares = np.empty(count)
     largest = 0.0
-    for i in range(scratch.shape[0]):
-        square = _flow2(pairs, R, i)
-        scratch[i] = square
-        largest = max(largest, square)
+    for i in range(count):
+        squares[i] = _flow2(pairs, R, i)
+        largest = max(largest, squares[i])
     # The median by bisection, which is enough here: np.median takes a second to compile.
     low, high = 0.0, largest
     for _ in range(16):
         middle = 0.5 * (low + high)
         below = 0
-        for i in range(scratch.shape[0]):
-            below += 1 if scratch[i] <= middle else 0
-        if 2 * below < scratch.shape[0]:
+        for i in range(count):
+            below += 1 if squares[i] <= middle else 0
+        if 2 * below < count:
             low = middle
         else:
             high = middle
@@ -140,163 +153,164 @@ def _typical_flow(pairs: RayPairs, R: np.ndarray, scratch: np.ndarray) -> float:
 
 
 @inner_kernel
-def _refine(
-    pairs: RayPairs,
-    spread: float,
-    min_variance: float,
-    far_sigma: float,
-    steps: int,
-    pose: Pose,
-    scratch: Scratch,
-) -> None:
+def _refine(matches: Matches, steps: int, pose: Pose) -> None:
     """Improve a pose and judge it by the likelihood of the matches with the noise that it needs."""
     pose.cost[0] = refine_pose(
-        pairs,
-        scratch.prior,
-        spread,
-        min_variance,
-        far_sigma,
+        matches.pairs,
+        matches.prior,
+        matches.total,
+        matches.spread,
+        matches.min_variance,
         COARSE,
         steps,
         pose.R,
         pose.t,
         pose.mixture,
-        scratch.H,
-        scratch.r,
-        scratch.w,
-        scratch.poor,
+        pose.normal,
     )
 
 
 @inner_kernel
-def _face_the_flow(pairs: RayPairs, pose: Pose, scratch: Scratch) -> int:
-    """Give the direction the sign towards which more matches flow; returns how many still retreat.
+def _unexplained(matches: Matches, best: Pose, tolerance: float) -> float:
+    """Share of matches that the best pose leaves unexplained: by its mixture, or by the tolerance.
 
-    Matches within the noise have no say. A refinement that knows no sign cannot tell the two, nor a
-    pose twisted by half a turn about the direction, which puts each match on the other side of it:
-    that one is given up by an infinite cost.
+    A wrong minimum calls all matches right and noisy: only the tolerance gives it away.
     """
-    ahead = 0
-    behind = 0
-    twisted = 0
-    right = 0
-    scale = GATE_SIGMA * math.sqrt(pose.mixture[0])
-    for i in range(pairs.rays0.shape[0]):
-        if scratch.w[i] > 0.5:
-            m, b = rotate(pose.R, row(pairs.rays0, i)), row(pairs.rays1, i)
-            right += 1
-            twisted += 1 if dot(m, b) < dot(m, vector(pose.t)) * dot(b, vector(pose.t)) else 0
-            shift = parallax(pairs, pose.R, pose.t, i, scratch.turn)
-            ahead += 1 if shift > scale else 0
-            behind += 1 if shift < -scale else 0
-    if 2 * twisted > right:
-        pose.cost[0] = math.inf
-    if behind > ahead:
-        for k in range(3):
-            pose.t[k] = -pose.t[k]
-    return min(ahead, behind)
+    turn, towards = matrix(best.R), vector(best.t)
+    within = 0
+    for i in range(matches.total):
+        within += 1 if abs(sampson(matches.pairs, address(i), turn, towards)) < tolerance else 0
+    return max(best.mixture[1], 1.0 - within / matches.total)
 
 
 @inner_kernel
-def _challenge(
-    pairs: RayPairs,
-    spread: float,
-    min_variance: float,
-    steps: int,
-    challenger: Pose,
-    best: Pose,
-    scratch: Scratch,
-) -> bool:
-    """Refine a hypothesis, first of either sign and then of its own; keep it if it is the best."""
-    _refine(pairs, spread, min_variance, math.inf, steps, challenger, scratch)
-    if not challenger.cost[0] < best.cost[0] + HOPELESS:
+def _is_same(pose: Pose, best: Pose) -> bool:
+    """Whether a pose is within the uncertainty of the best: the same minimum, on its way."""
+    if pose.t[0] * best.t[0] + pose.t[1] * best.t[1] + pose.t[2] * best.t[2] < 0.5:
         return False
-    retreating = _face_the_flow(pairs, challenger, scratch)
-    if retreating > 0 and challenger.cost[0] < math.inf:
-        _refine(pairs, spread, min_variance, GATE_SIGMA, steps, challenger, scratch)
-    if not challenger.cost[0] < best.cost[0]:
+    x = np.empty(5)
+    trace = 0.0
+    for k in range(3):
+        trace += dot(vector(pose.R[k]), vector(best.R[k]))
+        i, j = (k + 1) % 3, (k + 2) % 3
+        # The rotation between the two is small: half the difference of its off-diagonal elements.
+        x[k] = 0.5 * (
+            dot(vector(pose.R[j]), vector(best.R[i])) - dot(vector(pose.R[i]), vector(best.R[j]))
+        )
+    if trace < 2.0:
+        return False
+    first, second = tangent_columns(vector(best.t))
+    x[3], x[4] = dot(first, vector(pose.t)), dot(second, vector(pose.t))
+    distance2 = 0.0
+    for k in range(5):
+        for j in range(5):
+            distance2 += x[k] * best.normal[k, j] * x[j]
+    return distance2 < 2.0 * SAME
+
+
+@inner_kernel
+def _is_twisted(matches: Matches, pose: Pose) -> bool:
+    """Whether most matches lie on the other side of the direction: a half turn about it too much.
+
+    The epipolar constraint cannot tell the two.
+    """
+    turn, towards = matrix(pose.R), vector(pose.t)
+    twisted = 0
+    for i in range(matches.total):
+        at = address(i)
+        m, b = rotate(turn, ray0(matches.pairs, at)), ray1(matches.pairs, at)
+        twisted += 1 if dot(m, b) < dot(m, towards) * dot(b, towards) else 0
+    return 2 * twisted > matches.total
+
+
+@inner_kernel
+def _challenge(matches: Matches, challenger: Pose, best: Pose) -> bool:
+    """Refine a hypothesis as far as it competes; keep it if it becomes the best."""
+    _refine(matches, FIRST_LOOK, challenger)
+    if not challenger.cost[0] < best.cost[0] + HOPELESS or _is_same(challenger, best):
+        return False
+    _refine(matches, REFINEMENTS, challenger)
+    if not challenger.cost[0] < best.cost[0] or _is_twisted(matches, challenger):
         return False
     copy(challenger.R, best.R)
     copy(challenger.t, best.t)
     copy(challenger.mixture, best.mixture)
+    copy(challenger.normal, best.normal)
     copy(challenger.cost, best.cost)
     return True
 
 
 @kernel
 def search_pose(
-    pairs: RayPairs,
+    pairs: np.ndarray,
+    prior: np.ndarray,
+    count: int,
+    candidates: np.ndarray,
     tolerance: float,
     spread: float,
     min_variance: float,
+    doubt: float,
     confidence: float,
     min_iterations: int,
     max_iterations: int,
-    refinements: int,
     state: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
 ) -> int:
-    """Most likely pose among joint five-ray hypotheses and the start ``R, t``; returns iterations.
+    """Most likely pose near the rotation ``R`` and among joint hypotheses; returns iterations.
 
-    Samples are solved in turn from the best pose so far and from the rotation of the start with a
-    direction from two of their own rays, which keeps other minima within reach. A hypothesis that
-    agrees with more matches than any before it is refined, and judged by its likelihood with the
-    noise that it needs: a wrong minimum looks good only with more noise than there is. At last come
-    the motions that look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
+    The start is the direction that the flow of the ``candidates`` suggests at ``R``. Samples are
+    solved from about the rotation of the start, with a direction from two of their own rays: to
+    start from the best pose would find it again. A hypothesis that agrees with
+    more matches than any before it is refined, and judged by its likelihood with the noise that it
+    needs: a wrong minimum looks good only with more noise than there is. At last come the motions
+    that look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
     """
-    n = pairs.rays0.shape[0]
-    scratch = Scratch(
-        np.empty(n), np.empty((5, 5)), np.empty(n), np.empty(n), np.empty(n), np.empty(3)
-    )
-    for i in range(n):
-        scratch.prior[i] = 1.0
-    best = Pose(R, t, mixture, np.empty(1))
-    other = Pose(np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(1))
+    matches = Matches(pairs, prior, count, spread, min_variance)
+    best = Pose(R, t, mixture, np.empty((6, 6)), np.empty(1))
+    other = Pose(np.empty((3, 3)), np.empty(3), np.empty(3), np.empty((6, 6)), np.empty(1))
     sample = np.empty(5, np.int64)
     start = R.copy()
-    flow = _typical_flow(pairs, start, scratch.r)
+    flow = _typical_flow(pairs, count, start)
     mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
     mixture[1] = START_WRONG
     mixture[2] = START_POOR
-    copy(R, other.R)
-    copy(t, other.t)
-    copy(mixture, other.mixture)
-    _refine(pairs, spread, min_variance, GATE_SIGMA, refinements, best, scratch)
-    _challenge(pairs, spread, min_variance, refinements, other, best, scratch)
+    search_direction(pairs, prior, candidates, tolerance, min_iterations, state, R, t)
+    _refine(matches, REFINEMENTS, best)
     limit = GATE_SIGMA * GATE_SIGMA * mixture[0]
-    lowest = limit * n
-    needed = iterations_needed(mixture[1], flow, confidence, min_iterations, max_iterations)
+    lowest = limit * count
+    wrong = _unexplained(matches, best, tolerance)
+    needed = iterations_needed(wrong, flow, doubt, confidence, min_iterations, max_iterations)
     iteration = 0
     while iteration < needed:
         iteration += 1
-        _draw_distinct(sample, n, state)
-        if iteration % 2 == 0:
-            _step_away(start, flow, state, other.R)
-            _longest_flow_first(pairs, other.R, sample)
-            if not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
-                continue
-        else:
-            copy(R, other.R)
-            copy(t, other.t)
+        _draw_distinct(sample, count, state)
+        _step_away(start, flow, state, other.R)
+        _longest_flow_first(pairs, other.R, sample)
+        if not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
+            continue
         if not solve_five(pairs, sample, other.R, other.t):
             continue
-        raw = score_pose(pairs, other.R, other.t, limit, lowest)
+        raw = score_pose(pairs, prior, other.R, other.t, limit, lowest)
         if raw >= lowest:
             continue
         lowest = raw
         copy(mixture, other.mixture)
-        if _challenge(pairs, spread, min_variance, refinements, other, best, scratch):
-            needed = iterations_needed(mixture[1], flow, confidence, min_iterations, max_iterations)
+        if _challenge(matches, other, best):
+            wrong = _unexplained(matches, best, tolerance)
+            needed = iterations_needed(
+                wrong, flow, doubt, confidence, min_iterations, max_iterations
+            )
     for twin in range(2):
+        gate = GATE_SIGMA * math.sqrt(mixture[0])
         if twin == 0:
-            found = planar_twin(pairs, R, t, other.R, other.t)
+            found = planar_twin(pairs, count, gate, R, t, other.R, other.t)
         else:
-            found = layer_twin(pairs, R, t, other.R, other.t)
+            found = layer_twin(pairs, count, gate, R, t, other.R, other.t)
         if found:
             copy(mixture, other.mixture)
-            _challenge(pairs, spread, min_variance, refinements, other, best, scratch)
+            _challenge(matches, other, best)
     return iteration
 
 

@@ -5,16 +5,32 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint._kernels.compile import kernel
+from farpoint._kernels.epipolar import flow_along, sampson
 from farpoint._kernels.linear import apply_rotation_step, clear, kabsch, solve_spd
-from farpoint._kernels.pairs import RayPairs
-from farpoint._kernels.vectors import combine, cross, dot, norm, rotate, rotate_back, row, vector
+from farpoint._kernels.pairs import address, ray0, ray1
+from farpoint._kernels.plausible import largest
+from farpoint._kernels.vectors import (
+    cross,
+    dot,
+    matrix,
+    norm,
+    rotate,
+    rotate_back,
+    vector,
+)
 
 __all__ = ["layer_twin", "planar_twin"]
 
 
 @kernel
 def planar_twin(
-    pairs: RayPairs, R: np.ndarray, t: np.ndarray, twin_R: np.ndarray, twin_t: np.ndarray
+    pairs: np.ndarray,
+    count: int,
+    gate: float,
+    R: np.ndarray,
+    t: np.ndarray,
+    twin_R: np.ndarray,
+    twin_t: np.ndarray,
 ) -> bool:
     """The other motion that a plane through the matches would allow; False where there is none.
 
@@ -22,7 +38,8 @@ def planar_twin(
     ``n . a`` of the matches. With ``tau = R^T t`` the plane induces ``R (I + tau n^T)``, and since
     ``tau n^T - n tau^T = [n x tau]x`` the twin exchanges translation and normal and turns by
     ``n x tau``: exact for small motions (Longuet-Higgins, Proc. R. Soc. B 223, 1984,
-    DOI 10.1098/rspb.1984.0088), a start for the refinement otherwise.
+    DOI 10.1098/rspb.1984.0088), a start for the refinement otherwise. Matches with a residual
+    beyond ``gate`` are left out.
     """
     M = np.empty((3, 3))
     v = np.empty(3)
@@ -30,10 +47,13 @@ def planar_twin(
     n = np.empty(3)
     clear(M)
     clear(v)
-    tau = rotate_back(R, vector(t))
-    for i in range(pairs.rays0.shape[0]):
-        a = row(pairs.rays0, i)
-        back = rotate_back(R, row(pairs.rays1, i))
+    turn, towards = matrix(R), vector(t)
+    tau = rotate_back(turn, towards)
+    for i in range(count):
+        at = address(i)
+        if abs(sampson(pairs, at, turn, towards)) > gate:
+            continue
+        a, back = ray0(pairs, at), rotate_back(turn, ray1(pairs, at))
         # back = l0 a + tau up to length: its cross product gives a x back = (back x tau) / l0.
         across = cross(back, tau)
         square = dot(across, across)
@@ -52,9 +72,9 @@ def planar_twin(
     if not norm(plane) > 1e-9:
         return False
     # R Exp(turn) = Exp(R turn) R.
-    turn = rotate(R, cross(plane, tau))
-    apply_rotation_step(R, turn[0], turn[1], turn[2], twin_R)
-    normal = rotate(twin_R, plane)
+    step = rotate(turn, cross(plane, tau))
+    apply_rotation_step(R, step[0], step[1], step[2], twin_R)
+    normal = rotate(matrix(twin_R), plane)
     for k in range(3):
         twin_t[k] = normal[k] / norm(plane)
     return True
@@ -62,30 +82,39 @@ def planar_twin(
 
 @kernel
 def layer_twin(
-    pairs: RayPairs, R: np.ndarray, t: np.ndarray, twin_R: np.ndarray, twin_t: np.ndarray
+    pairs: np.ndarray,
+    count: int,
+    gate: float,
+    R: np.ndarray,
+    t: np.ndarray,
+    twin_R: np.ndarray,
+    twin_t: np.ndarray,
 ) -> bool:
     """The motion that takes the near layer for the far one; False where there are no two layers.
 
     In a narrow field of view a rotation imitates the flow of points at one distance. If it is that
-    of the near points which the rotation takes up, the far ones flow backwards.
+    of the near points which the rotation takes up, the far ones flow backwards. Near are those
+    nearer than most; matches with a residual beyond ``gate`` are left out.
     """
-    n = pairs.rays0.shape[0]
-    M = np.empty((3, 3))
+    M, nearness = np.empty((3, 3)), np.empty(count)
     clear(M)
-    nearness = np.empty(n)
-    mean = 0.0
-    for i in range(n):
-        m = rotate(R, row(pairs.rays0, i))
-        across = cross(vector(t), m)
-        flow = combine(1.0, row(pairs.rays1, i), -1.0, m)
-        # Inverse distance, bounded where a wrong match claims to be at the epipole.
-        nearness[i] = dot(flow, vector(t)) / max(dot(across, across), 1e-6)
-        mean += nearness[i] / n
-    for i in range(n):
-        if nearness[i] > mean:
+    turn, towards = matrix(R), vector(t)
+    agreeing = 0
+    for i in range(count):
+        at = address(i)
+        m, b = rotate(turn, ray0(pairs, at)), ray1(pairs, at)
+        flow, reach2 = flow_along(m, b, towards)
+        agrees = abs(sampson(pairs, at, turn, towards)) <= gate
+        # Inverse distance, and nothing at the epipole.
+        nearness[i] = max(flow, 0.0) / max(reach2, 1e-6) if agrees else -1.0
+        agreeing += 1 if agrees else 0
+    typical = largest(nearness, agreeing // 2)
+    for i in range(count):
+        if nearness[i] > typical:
+            a, b = ray0(pairs, address(i)), ray1(pairs, address(i))
             for j in range(3):
                 for k in range(3):
-                    M[j, k] += pairs.rays1[i, j] * pairs.rays0[i, k]
+                    M[j, k] += b[j] * a[k]
     for k in range(3):
         twin_t[k] = -t[k]
     return kabsch(M, twin_R)

@@ -1,4 +1,4 @@
-"""Vectors of three as tuples: what the formulas are written in. They live in registers."""
+"""Vectors and matrices of three as tuples, which live in registers: the formulas' own words."""
 
 from __future__ import annotations
 
@@ -6,81 +6,87 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel
+from farpoint._kernels.compile import inlined_kernel
 
 __all__ = [
+    "Matrix",
     "Vector",
-    "column",
     "combine",
     "cross",
     "dot",
+    "matrix",
     "norm",
     "rotate",
     "rotate_back",
-    "row",
+    "tangent_columns",
     "vector",
 ]
 
 Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
 
 
-@inner_kernel
+@inlined_kernel
 def vector(a: np.ndarray) -> Vector:
     """The elements of an array (3,)."""
     return a[0], a[1], a[2]
 
 
-@inner_kernel
-def row(a: np.ndarray, i: int) -> Vector:
-    """Row ``i`` of an array (N, 3)."""
-    return a[i, 0], a[i, 1], a[i, 2]
+@inlined_kernel
+def matrix(A: np.ndarray) -> Matrix:
+    """The rows of an array (3, 3)."""
+    return (
+        (A[0, 0], A[0, 1], A[0, 2]),
+        (A[1, 0], A[1, 1], A[1, 2]),
+        (A[2, 0], A[2, 1], A[2, 2]),
+    )
 
 
-@inner_kernel
-def column(a: np.ndarray, i: int, c: int) -> Vector:
-    """Column ``c`` of matrix ``i`` of an array (N, 3, 2)."""
-    return a[i, 0, c], a[i, 1, c], a[i, 2, c]
-
-
-@inner_kernel
+@inlined_kernel
 def dot(a: Vector, b: Vector) -> float:
     """``a . b``."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inner_kernel
+@inlined_kernel
 def norm(a: Vector) -> float:
     """``|a|``."""
     return math.sqrt(dot(a, a))
 
 
-@inner_kernel
+@inlined_kernel
 def cross(a: Vector, b: Vector) -> Vector:
     """``a x b``."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@inner_kernel
+@inlined_kernel
 def combine(s: float, a: Vector, u: float, b: Vector) -> Vector:
     """``s a + u b``."""
     return s * a[0] + u * b[0], s * a[1] + u * b[1], s * a[2] + u * b[2]
 
 
-@inner_kernel
-def rotate(R: np.ndarray, a: Vector) -> Vector:
+@inlined_kernel
+def rotate(R: Matrix, a: Vector) -> Vector:
     """``R a``."""
-    return (
-        R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
-        R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
-        R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
-    )
+    return dot(R[0], a), dot(R[1], a), dot(R[2], a)
 
 
-@inner_kernel
-def rotate_back(R: np.ndarray, a: Vector) -> Vector:
+@inlined_kernel
+def rotate_back(R: Matrix, a: Vector) -> Vector:
     """``R^T a``."""
     return (
-        R[0, 0] * a[0] + R[1, 0] * a[1] + R[2, 0] * a[2],
-        R[0, 1] * a[0] + R[1, 1] * a[1] + R[2, 1] * a[2],
-        R[0, 2] * a[0] + R[1, 2] * a[1] + R[2, 2] * a[2],
+        R[0][0] * a[0] + R[1][0] * a[1] + R[2][0] * a[2],
+        R[0][1] * a[0] + R[1][1] * a[1] + R[2][1] * a[2],
+        R[0][2] * a[0] + R[1][2] * a[1] + R[2][2] * a[2],
     )
+
+
+@inlined_kernel
+def tangent_columns(d: Vector) -> tuple[Vector, Vector]:
+    """Orthonormal basis perpendicular to the unit vector ``d`` (Duff et al., JCGT 2017)."""
+    sign = math.copysign(1.0, d[2])
+    a = -1.0 / (sign + d[2])
+    b = d[0] * d[1] * a
+    first = (1.0 + sign * d[0] * d[0] * a, sign * b, -sign * d[0])
+    return first, (b, sign + d[1] * d[1] * a, -d[1])

@@ -49,7 +49,14 @@ def estimate_closed_form(
     agree = np.zeros(len(flowing), bool)
     if len(flowing) >= 3:
         search_direction(
-            flowing.pairs, np.arange(len(flowing)), tolerance, DIRECTION_SAMPLES, state, R, t
+            flowing.pairs,
+            flowing.weights(),
+            np.arange(len(flowing)),
+            tolerance,
+            DIRECTION_SAMPLES,
+            state,
+            R,
+            t,
         )
         agree = _consistent_with(flowing, R, t, tolerance)
     near = np.zeros(len(matches), bool)
@@ -82,6 +89,7 @@ def estimate_closed_form(
         R,
         epipole.direction_cam1_from_cam0,
         covariance,
+        largest_sigma(epipole.covariance),
         labels,
         sigma,
         course,
@@ -92,8 +100,8 @@ def _scatter_of_rotation(
     matches: Matches, R: np.ndarray, far: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Covariance (3, 3), rad^2, and noise per coordinate, from the residuals of the far rays."""
-    rays1, weight = matches.pairs.rays1[far], matches.precision[far]
-    residual = rays1 - matches.pairs.rays0[far] @ R.T
+    rays1, weight = matches.rays1[far], matches.precision[far]
+    residual = rays1 - matches.rays0[far] @ R.T
     freedom = max(2 * len(rays1) - 3, 1)
     variance = max(float(np.sum(weight * np.sum(residual**2, axis=1)) / freedom), MIN_VARIANCE)
     # d(b - R a) / dtheta = [b]x to first order, and [b]x^T [b]x = I - b b^T.
@@ -105,7 +113,7 @@ def _consistent_with(
     matches: Matches, R: np.ndarray, t: np.ndarray, tolerance: float
 ) -> np.ndarray:
     """Mask (N,) of matches that flow towards ``t``, within the tolerance across their circle."""
-    rays1, turned = matches.pairs.rays1, matches.pairs.rays0 @ R.T
+    rays1, turned = matches.rays1, matches.rays0 @ R.T
     across = np.einsum("ni,ni->n", rays1, np.cross(t, turned))
     length = np.linalg.norm(np.cross(t, turned), axis=1)
     # A ray at the epipole lies on every circle.

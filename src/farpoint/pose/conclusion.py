@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import special
 
-from farpoint.geometry.sphere import tangent_basis
+from farpoint._kernels.linear import tangent_basis
 from farpoint.pose.matches import Matches
 from farpoint.pose.result import PoseStats, PoseStatus, RelativePose, TrackLabel
 
@@ -19,11 +19,12 @@ __all__ = [
     "Course",
     "failed_pose",
     "fixes_rotation",
+    "given_labels",
     "label_matches",
     "largest_sigma",
+    "largest_sigma2",
     "no_consensus",
     "observed",
-    "sign_probability",
     "turned",
     "unfixed_rotation",
 ]
@@ -62,17 +63,19 @@ def label_matches(
     return labels
 
 
-def sign_probability(parallax_sigma: np.ndarray, probability: np.ndarray) -> float:
-    """Probability that the direction points the way it does, from parallax over noise.
+def given_labels(matches: Matches, labels: np.ndarray) -> np.ndarray:
+    """Labels (total,) of what the user gave, from those (N,) of the matches used."""
+    if len(labels) == matches.total:
+        return labels
+    given = np.full(matches.total, TrackLabel.OUTLIER, np.uint8)
+    given[matches.index] = labels
+    return given
 
-    A far point, with parallax within the noise, votes on nothing. A near point votes by the odds
-    ``Phi(p) / Phi(-p)`` that noise has not turned its flow around, bounded by the chance that it is
-    a wrong match.
-    """
-    trust = np.minimum(probability, 0.99)
-    forward = trust * special.ndtr(parallax_sigma) + 0.5 * (1.0 - trust)
-    backward = trust * special.ndtr(-parallax_sigma) + 0.5 * (1.0 - trust)
-    return float(special.expit(np.sum(np.log(forward / backward))))
+
+def largest_sigma2(xx: float, xy: float, yy: float) -> float:
+    """As `largest_sigma` of a covariance (2, 2), from its elements."""
+    half = 0.5 * (xx - yy)
+    return math.sqrt(max(0.5 * (xx + yy) + math.sqrt(half * half + xy * xy), 0.0))
 
 
 def largest_sigma(covariance: np.ndarray) -> float:
@@ -92,10 +95,10 @@ def no_consensus(matches: Matches, agreeing: int, course: Course) -> RelativePos
 
 def fixes_rotation(rotation_covariance: np.ndarray) -> bool:
     """Whether a covariance (3, 3), rad^2, leaves the rotation anything but open."""
-    return (
-        bool(np.isfinite(rotation_covariance).all())
-        and largest_sigma(rotation_covariance) < MAX_ROTATION_SIGMA
-    )
+    trace = float(rotation_covariance.trace())
+    if trace < MAX_ROTATION_SIGMA**2:  # the sum of all eigenvalues
+        return True
+    return math.isfinite(trace) and largest_sigma(rotation_covariance) < MAX_ROTATION_SIGMA
 
 
 def unfixed_rotation(matches: Matches, course: Course) -> RelativePose:
@@ -111,13 +114,16 @@ def observed(
     R: np.ndarray,
     direction: np.ndarray,
     covariance: np.ndarray,
+    direction_sigma: float,
     labels: np.ndarray,
     noise: float,
     course: Course,
 ) -> RelativePose:
-    """Rotation and direction, each with covariance."""
+    """Rotation and direction, each with covariance; the worst 1-sigma of the direction, rad."""
     stats = _stats(labels, course)
-    sigma_deg = np.rad2deg(largest_sigma(covariance[3:, 3:]))
+    sigma_deg = math.degrees(direction_sigma)
+    basis = np.empty((3, 2))
+    tangent_basis(direction, basis)
     return RelativePose(
         status=PoseStatus.OK,
         reason=(
@@ -127,7 +133,7 @@ def observed(
         rotation_cam1_from_cam0=R,
         rotation_covariance=covariance[:3, :3].copy(),
         direction_cam1_from_cam0=direction,
-        direction_basis=tangent_basis(direction),
+        direction_basis=basis,
         covariance=covariance,
         labels=labels,
         noise_px=noise,

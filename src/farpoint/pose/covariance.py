@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.likelihood import clutter_density, curvature
-from farpoint.pose.fits import FAR_SIGMA, MovingFit
+from farpoint._kernels.information import information
+from farpoint._kernels.likelihood import clutter_density
+from farpoint._kernels.linear import sandwich
+from farpoint.pose.fits import MovingFit
 from farpoint.pose.information import inverse_root, positive
 from farpoint.pose.matches import Matches
 
@@ -20,28 +22,33 @@ DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
     """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
 
-    The sandwich ``H^-1 V H^-1`` of the exact Hessian H of the likelihood and the variance V of its
-    gradient, which is the Gauss-Newton matrix. Since the depths are estimated along, V counts the
-    noise in the flow as if it were flow; H does not. Where the likelihood has no peak, V alone
-    tells the scale, by the least share of it that is taken to be signal.
+    The sandwich ``H^-1 V H^-1`` of the curvature H of the expected likelihood and the variance V of
+    its gradient, which is the Gauss-Newton matrix. Since the depths are estimated along, V counts
+    the noise in the flow as if it were flow; H does not. Where nearly all of V is noise, it alone
+    tells the scale, by the least share of it that is taken to be signal. Both lack the information
+    that is lost for not knowing which matches are good.
     """
-    hessian, information = np.empty((5, 5)), np.empty((5, 5))
-    curvature(
+    whole, noise = np.empty((5, 5)), np.empty((5, 5))
+    known = information(
         matches.pairs,
         fit.prior,
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
         fit.noise.array,
         clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
-        FAR_SIGMA,
-        hessian,
-        information,
+        whole,
+        noise,
     )
-    information = information + DIRECTION_PRIOR
-    if not (np.isfinite(hessian).all() and np.isfinite(information).all()):
+    whole *= known
+    noise *= known
+    whole += DIRECTION_PRIOR
+    covariance = np.empty((5, 5))
+    if sandwich(whole, noise, LEAST_SIGNAL, covariance):
+        return positive(covariance)
+    if not (np.isfinite(whole).all() and np.isfinite(noise).all()):
         return np.full((5, 5), np.inf)
-    # In the axes in which V is the identity, H holds the share of V that is signal, not noise.
-    whiten = inverse_root(information)
-    signal, vectors = np.linalg.eigh(whiten.T @ hessian @ whiten)
-    root = whiten @ vectors / np.clip(signal, LEAST_SIGNAL, 1.0)
+    # In the axes in which V is the identity, H is what is left of it without the share of noise.
+    whiten = inverse_root(whole)
+    share, vectors = np.linalg.eigh(whiten.T @ noise @ whiten)
+    root = whiten @ vectors / np.clip(1.0 - share, LEAST_SIGNAL, 1.0)
     return positive(root @ root.T)

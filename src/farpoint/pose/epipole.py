@@ -58,7 +58,7 @@ def mean_epipole(
     EpipoleEstimate or None
         None where fewer than three matches flow, or all flow along one great circle.
     """
-    rays0, rays1 = matches.pairs.rays0, matches.pairs.rays1
+    rays0, rays1 = matches.rays0, matches.rays1
     flow = np.linalg.norm(rays1 - rays0 @ R_cam1_from_cam0.T, axis=1)
     length = flow * np.sqrt(2.0 * matches.precision)
     weight = np.where(supports, np.minimum(length / saturation, 1.0), 0.0)

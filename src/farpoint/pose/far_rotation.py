@@ -32,7 +32,9 @@ class FarRotation:
     iterations: int
 
 
-def far_rotation(matches: Matches, tolerance: float, state: np.ndarray) -> FarRotation:
+def far_rotation(
+    matches: Matches, tolerance: float, state: np.ndarray, max_iterations: int = MAX_ITERATIONS
+) -> FarRotation:
     """Rotation of the far points among ``matches``.
 
     Where there are none it is the rotation that takes most of the flow away, and a start for the
@@ -46,11 +48,11 @@ def far_rotation(matches: Matches, tolerance: float, state: np.ndarray) -> FarRo
         Largest residual per coordinate of a consistent match, in units of the noise.
     state : ndarray of uint64, shape (1,)
         Random state, advanced.
+    max_iterations : int
+        Samples to draw at most: fewer do for a start.
     """
-    R = np.eye(3)
-    weight = np.empty(len(matches))
-    iterations = search_rotation(
-        matches.pairs, matches.precision, tolerance, MAX_ITERATIONS, state, R
-    )
-    enlarge_rotation(matches.pairs, matches.precision, tolerance, R, weight)
-    return FarRotation(R_cam1_from_cam0=R, consistent=weight > 0.0, iterations=iterations)
+    n = len(matches)
+    R, consistent = np.eye(3), np.empty(n, np.bool_)
+    iterations = search_rotation(matches.pairs, n, tolerance, max_iterations, state, R)
+    enlarge_rotation(matches.pairs, n, tolerance, R, consistent)
+    return FarRotation(R_cam1_from_cam0=R, consistent=consistent, iterations=iterations)

@@ -12,17 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.likelihood import POOR, refine_pose
-from farpoint._kernels.rotation import refine_rotation, rotation_distance2, rotation_linearize
-from farpoint._kernels.search import (
-    GATE_SIGMA,
-    START_POOR,
-    START_WRONG,
-    search_direction,
-    search_pose,
-)
-from farpoint.geometry import so3
-from farpoint.pose.far_rotation import FarRotation
+from farpoint._kernels.likelihood import POOR, clutter_density, explain, refine_pose
+from farpoint._kernels.plausible import plausible_parallax
+from farpoint._kernels.rotation import explain_rotation, refine_rotation
+from farpoint._kernels.search import GATE_SIGMA, START_POOR, START_WRONG, search_pose
+from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.information import symmetric_inverse
 from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
@@ -32,22 +26,22 @@ __all__ = [
     "TurningFit",
     "fit_moving",
     "fit_turning",
-    "least_squares_rotation",
 ]
 
 # Noise below a thousandth of a pixel is rounding, not information.
 MIN_VARIANCE = 1e-6
-# Retreat along its epipolar line that noise can cause of a far point, in sigma.
-FAR_SIGMA = 3.0
-# Log likelihood to which the result is refined: a hundredth of a sigma.
-FINE = 1e-4
+# Log likelihood to which the result is refined: a thirtieth of a sigma.
+FINE = 1e-3
 MAX_REFINEMENTS = 20
-# Enough to tell which of two hypotheses is better.
-SEARCH_REFINEMENTS = 6
 # What parallax is plausible is learnt from the fit, and the fit from what is plausible.
 PARALLAX_ROUNDS = 2
 # The search looks at this many matches: more make it slower, not surer.
 MAX_SEARCHED = 160
+# Where at least this share of the matches are far, the first pose found is rarely the wrong one.
+FAR_SHARE = 0.25
+FAR_DOUBT = 0.02
+# Samples for the rotation that the search begins with.
+START_SAMPLES = 50
 # Matches times samples that are tried at least.
 FEW_MATCHES = 1000
 # With fewer matches that the rotation does not explain, all may carry translation.
@@ -134,8 +128,14 @@ class MovingFit:
         Joint hypotheses tried.
     cost : float
         Mean negative log likelihood of a match.
-    prior : ndarray, shape (N,)
-        Of each match, by where it lies along its epipolar line.
+    prior : ndarray
+        Of each match, by where it lies along its epipolar line; packed as the kernels take it.
+    far_rotation_cam1_from_cam0 : ndarray, shape (3, 3)
+        Rotation that the search began with: that of the far points.
+    searched : Matches
+        Those, at most `MAX_SEARCHED`, that the search looked at.
+    rows : ndarray of int, shape (M,)
+        Which of the matches these are.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -147,44 +147,41 @@ class MovingFit:
     iterations: int
     cost: float
     prior: np.ndarray
+    far_rotation_cam1_from_cam0: np.ndarray
+    searched: Matches
+    rows: np.ndarray
 
 
 def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> TurningFit:
     """Maximum-likelihood rotation of all matches from a start within its basin."""
     n = len(matches)
-    R = R_start.copy()
+    R, prior = R_start.copy(), matches.weights()
     mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_WRONG, START_POOR])
-    information, distance2 = np.empty((3, 3)), np.empty(n)
-    probability, poor = np.empty(n), np.empty(n)
+    information, distance2, right = np.empty((3, 3)), np.empty(len(prior)), np.empty(len(prior))
     cost = refine_rotation(
         matches.pairs,
-        np.ones(n),
+        prior,
+        n,
         matches.spread,
         MIN_VARIANCE,
         MAX_REFINEMENTS,
         R,
         mixture,
         information,
-        distance2,
-        probability,
-        poor,
     )
+    explain_rotation(matches.pairs, prior, matches.spread, R, mixture, distance2, right)
     return TurningFit(
         R_cam1_from_cam0=R,
         covariance=symmetric_inverse(information),
         noise=_noise(mixture),
-        distance2=distance2,
-        probability=probability,
+        distance2=distance2[:n],
+        probability=right[:n],
         cost=cost / n,
     )
 
 
 def fit_moving(
-    matches: Matches,
-    rotation: FarRotation,
-    tolerance: float,
-    options: RelativePoseOptions,
-    state: np.ndarray,
+    matches: Matches, tolerance: float, options: RelativePoseOptions, state: np.ndarray
 ) -> MovingFit:
     """Maximum-likelihood rotation and direction, searched for from the far rotation.
 
@@ -193,125 +190,73 @@ def fit_moving(
     the first answer is a local minimum.
     """
     n = len(matches)
-    searched, flowing = matches, np.flatnonzero(~rotation.consistent)
+    searched, rows = matches, np.arange(n)
     if n > MAX_SEARCHED:
         rows = np.arange(MAX_SEARCHED) * n // MAX_SEARCHED
-        searched, flowing = matches.select(rows), np.flatnonzero(~rotation.consistent[rows])
+        searched = matches.select(rows)
+    rotation = far_rotation(searched, tolerance, state, START_SAMPLES)
+    flowing = np.flatnonzero(~rotation.consistent)
+    doubt = FAR_DOUBT if len(flowing) < (1.0 - FAR_SHARE) * len(rows) else 1.0
     if len(flowing) < MIN_FLOWING:
-        flowing = np.arange(len(searched))
-    R, t = rotation.R_cam1_from_cam0.copy(), np.empty(3)
-    mixture = np.empty(3)
-    search_direction(searched.pairs, flowing, tolerance, options.min_iterations, state, R, t)
+        flowing = np.arange(len(rows))
+    R, t, mixture = rotation.R_cam1_from_cam0.copy(), np.empty(3), np.empty(3)
     iterations = search_pose(
         searched.pairs,
+        searched.weights(),
+        len(searched),
+        flowing,
         tolerance,
         matches.spread,
         MIN_VARIANCE,
+        doubt,
         options.confidence,
         # Few matches leave few samples without a doubtful one: try them all, they cost little.
         min(max(options.min_iterations, FEW_MATCHES // n), options.max_iterations),
         options.max_iterations,
-        SEARCH_REFINEMENTS,
         state,
         R,
         t,
         mixture,
     )
-    prior = np.ones(n)
-    cost, residual, probability = _refine(matches, prior, R, t, mixture)
+    prior, normal = matches.weights(), np.empty((6, 6))
+    residual, parallax, right = np.empty((3, len(prior)))
+    pairs, spread = matches.pairs, matches.spread
+    cost = math.inf
     for _ in range(PARALLAX_ROUNDS):
-        parallax = _parallax(matches, R, t, residual)
-        prior = plausible_parallax(parallax, probability, _noise(mixture), matches.spread)
-        cost, residual, probability = _refine(matches, prior, R, t, mixture)
+        _explain(matches, prior, R, t, mixture, residual, parallax, right)
+        plausible_parallax(parallax, right, n, math.sqrt(mixture[0]), spread, prior)
+        cost = refine_pose(
+            pairs, prior, n, spread, MIN_VARIANCE, FINE, MAX_REFINEMENTS, R, t, mixture, normal
+        )
+    _explain(matches, prior, R, t, mixture, residual, parallax, right)
     return MovingFit(
         prior=prior,
         R_cam1_from_cam0=R,
         direction_cam1_from_cam0=t,
         noise=_noise(mixture),
-        residual=residual,
-        parallax=_parallax(matches, R, t, residual),
-        probability=probability,
+        residual=residual[:n],
+        parallax=parallax[:n],
+        probability=right[:n],
         iterations=iterations,
         cost=cost / n,
+        far_rotation_cam1_from_cam0=rotation.R_cam1_from_cam0,
+        searched=searched,
+        rows=rows,
     )
 
 
-def least_squares_rotation(matches: Matches, R_start: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Squared distances (M,) of the matches ``rows`` from the rotation that fits them best.
-
-    In units of the noise; for rotations near ``R_start``, about which the prediction is linear.
-    """
-    n = len(matches)
-    H, g, distance2 = np.empty((3, 3)), np.empty(3), np.empty(n)
-    only_good = np.array([1.0, 0.0, 0.0])
-    prior = rows.astype(np.float64)
-    rotation_linearize(
-        matches.pairs, prior, R_start, only_good, 0.0, H, g, distance2, np.empty(n), np.empty(n)
-    )
-    R = so3.exp(-symmetric_inverse(H) @ g) @ R_start
-    rotation_distance2(matches.pairs, R, distance2)
-    return distance2[rows]
-
-
-def _refine(
-    matches: Matches, prior: np.ndarray, R: np.ndarray, t: np.ndarray, mixture: np.ndarray
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """Improve pose and noise in place; cost, residuals and probabilities of being right."""
-    n = len(matches)
-    residual, probability, poor = np.empty(n), np.empty(n), np.empty(n)
-    cost = refine_pose(
-        matches.pairs,
-        prior,
-        matches.spread,
-        MIN_VARIANCE,
-        FAR_SIGMA,
-        FINE,
-        MAX_REFINEMENTS,
-        R,
-        t,
-        mixture,
-        np.empty((5, 5)),
-        residual,
-        probability,
-        poor,
-    )
-    return cost, residual, probability
-
-
-def plausible_parallax(
-    parallax: np.ndarray, probability: np.ndarray, noise: Noise, spread: float
-) -> np.ndarray:
-    """Prior (N,) of each match from where it lies along its epipolar line.
-
-    A wrong match lies anywhere in the image; a right one no farther on than the nearest of the
-    others suggest. Up to there the prior is flat: it scales the density of right matches from the
-    strip ``2 spread`` to the length of the flat part.
-
-    A wrong match far along the line outweighs all right ones. As many as can be expected to lie in
-    the band by chance, and two more that the direction could have chosen to pass through, may not
-    vouch for one another.
-    """
-    sigma = noise.sigma
-    p = parallax / sigma
-    right = probability > 0.5
-    bulk = np.sort(np.abs(p[right & (p > -3.0)]))
-    wrong = len(p) - len(bulk)
-    # Where no match is off the lines, none is on one by chance.
-    captured = min(wrong, 3 + int(np.ceil(2.0 * wrong * 3.0 * sigma / spread)))
-    if len(bulk) <= captured or not np.isfinite(bulk[-1]):
-        return np.ones(len(p))
-    reach = 2.0 * max(float(bulk[-captured - 1]), 3.0)
-    beyond = np.maximum(p - reach, 0.0) / (0.2 * reach)
-    shape = np.exp(-0.5 * beyond**2)
-    return shape * max(2.0 * spread / ((reach + 3.0) * sigma), 1.0)
-
-
-def _parallax(matches: Matches, R: np.ndarray, t: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    distance2 = np.empty(len(matches))
-    rotation_distance2(matches.pairs, R, distance2)
-    residual = np.minimum(np.abs(residual), 1e150)  # lest the square of rubbish overflow
-    towards = (matches.pairs.rays1 - matches.pairs.rays0 @ R.T) @ t
-    return np.copysign(np.sqrt(np.maximum(distance2 - residual**2, 0.0)), towards)
+def _explain(
+    matches: Matches,
+    prior: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    residual: np.ndarray,
+    parallax: np.ndarray,
+    right: np.ndarray,
+) -> None:
+    clutter = clutter_density(mixture[0], mixture[1], matches.spread)
+    explain(matches.pairs, prior, R, t, mixture, clutter, residual, parallax, right)
 
 
 def _noise(mixture: np.ndarray) -> Noise:

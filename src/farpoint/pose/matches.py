@@ -7,64 +7,83 @@ from functools import cached_property
 
 import numpy as np
 
-from farpoint._kernels.pairs import RayPairs
+from farpoint._kernels.pairs import (
+    FLOW,
+    LANES,
+    MIN_VARIANCE_RAD2,
+    PANEL,
+    pack_pairs,
+    packed_length,
+    take_pairs,
+)
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.sphere import normalize, tangent_basis
 
 # Pixels are no farther out than where the next one is the same direction.
 LEAST_RAD_PER_PX = 1e-12
-# Noise that is smaller is rounding of the rays themselves.
-MIN_VARIANCE_RAD2 = 1e-30
+ISOTROPIC = np.eye(2)[None]
 
 __all__ = ["Matches", "matches_from_points", "matches_from_rays"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matches:
-    """Pairs of rays, and where they came from.
+    """Pairs of rays with the noise of each, and where they came from.
 
     Attributes
     ----------
-    pairs : RayPairs
-        N pairs of unit rays with the noise factor of each, in `unit`.
+    rays0, rays1 : ndarray, shape (N, 3)
+        Unit rays in camera 0 and camera 1.
+    pairs : ndarray
+        The same with their covariances, packed for the kernels.
     index : ndarray of int, shape (N,)
         Row of each match in what the user gave; matches without a ray are left out.
     total : int
         Number of matches that the user gave.
     unit : str
         What one unit of noise is: ``"px"``, or ``"noise_rad"`` where rays were given.
+    spread : float
+        Half the width, in units of the noise, that wrong matches may fill: that of a uniform
+        distribution with the second moment of the later rays.
     """
 
-    pairs: RayPairs
+    rays0: np.ndarray
+    rays1: np.ndarray
+    pairs: np.ndarray
     index: np.ndarray
     total: int
     unit: str
+    spread: float
 
     def __len__(self) -> int:
         return len(self.index)
 
     def select(self, rows: np.ndarray) -> Matches:
-        """The matches of these rows (a mask or indices)."""
-        pairs = RayPairs(*(array[rows] for array in self.pairs))
-        return Matches(pairs=pairs, index=self.index[rows], total=self.total, unit=self.unit)
+        """The matches of these rows (a mask or indices); wrong ones fill what they filled."""
+        rows = np.flatnonzero(rows) if rows.dtype == bool else rows
+        pairs = np.empty(packed_length(len(rows)) // LANES * PANEL)
+        take_pairs(self.pairs, rows, pairs)
+        return Matches(
+            rays0=self.rays0[rows],
+            rays1=self.rays1[rows],
+            pairs=pairs,
+            index=self.index[rows],
+            total=self.total,
+            unit=self.unit,
+            spread=self.spread,
+        )
+
+    def weights(self, values: np.ndarray | float = 1.0) -> np.ndarray:
+        """Values of the matches (N,) as the kernels take them: 0 where the panels are filled up."""
+        packed = np.zeros(packed_length(len(self)))
+        packed[: len(self)] = values
+        return packed
 
     @cached_property
     def precision(self) -> np.ndarray:
         """Inverse mean variance (N,), rad^-2, of ``b - R a`` along one direction."""
-        noise0, noise1 = self.pairs.noise0, self.pairs.noise1
-        variance = np.einsum("nij,nij->n", noise0, noise0) + np.einsum("nij,nij->n", noise1, noise1)
-        return 2.0 / np.maximum(variance, MIN_VARIANCE_RAD2)
-
-    @cached_property
-    def spread(self) -> float:
-        """Half the width, in units of the noise, that wrong matches may fill.
-
-        That of a uniform distribution with the second moment of the later rays.
-        """
-        rays1 = self.pairs.rays1
-        variance = np.sum(np.var(rays1, axis=0)) / 2.0
-        return float(max(np.sqrt(3.0 * variance * np.mean(self.precision)), 10.0))
+        return 1.0 / self.pairs.reshape(-1, PANEL // LANES, LANES)[:, FLOW].ravel()[: len(self)]
 
 
 def matches_from_points(
@@ -84,21 +103,10 @@ def matches_from_points(
             raise InputError(f"expected a Camera, got {type(camera).__name__}", field=name)
     points0 = _checked("points0", points0, (2,))
     points1 = _checked("points1", points1, (2,), rows=len(points0))
+    covariances = _covariances(len(points0), covariance0_px2, covariance1_px2)
     rays0, rays1 = camera0.unproject(points0), camera1.unproject(points1)
-    noise0, noise1 = camera0.unproject_jacobian(rays0), camera1.unproject_jacobian(rays1)
-    index = np.flatnonzero(_has_ray(noise0) & _has_ray(noise1))
-    if len(index) < len(points0):
-        rays0, rays1, noise0, noise1 = rays0[index], rays1[index], noise0[index], noise1[index]
-    if covariance0_px2 is not None or covariance1_px2 is not None:
-        factors = _noise_factors(len(points0), covariance0_px2, covariance1_px2)
-        noise0, noise1 = noise0 @ factors[0][index], noise1 @ factors[1][index]
-    pairs = RayPairs(rays0, rays1, np.ascontiguousarray(noise0), np.ascontiguousarray(noise1))
-    return Matches(
-        pairs=pairs,
-        index=index,
-        total=len(points0),
-        unit="px",
-    )
+    factors0, factors1 = camera0.unproject_jacobian(rays0), camera1.unproject_jacobian(rays1)
+    return _pack(rays0, rays1, factors0, factors1, covariances, LEAST_RAD_PER_PX**2, "px")
 
 
 def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) -> Matches:
@@ -112,12 +120,30 @@ def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) ->
             raise InputError("expected rays of non-zero length", field=name)
     rays0, rays1 = normalize(rays0), normalize(rays1)
     sigma = max(float(noise_rad), MIN_VARIANCE_RAD2**0.5)
-    noise0, noise1 = sigma * tangent_basis(rays0), sigma * tangent_basis(rays1)
+    factors0, factors1 = sigma * tangent_basis(rays0), sigma * tangent_basis(rays1)
+    return _pack(rays0, rays1, factors0, factors1, (ISOTROPIC, ISOTROPIC), 0.0, "noise_rad")
+
+
+def _pack(
+    rays0: np.ndarray,
+    rays1: np.ndarray,
+    factors0: np.ndarray,
+    factors1: np.ndarray,
+    covariances: tuple[np.ndarray, np.ndarray],
+    least_variance: float,
+    unit: str,
+) -> Matches:
+    total = len(rays0)
+    pairs, index = np.empty(packed_length(total) // LANES * PANEL), np.empty(total, np.int64)
+    count, spread = pack_pairs(
+        rays0, rays1, factors0, factors1, *covariances, least_variance, pairs, index
+    )
+    if count < total:
+        index = index[:count]
+        rays0, rays1 = rays0[index], rays1[index]
+        pairs = pairs[: packed_length(count) // LANES * PANEL]
     return Matches(
-        pairs=RayPairs(rays0, rays1, noise0, noise1),
-        index=np.arange(len(rays0)),
-        total=len(rays0),
-        unit="noise_rad",
+        rays0=rays0, rays1=rays1, pairs=pairs, index=index, total=total, unit=unit, spread=spread
     )
 
 
@@ -142,32 +168,31 @@ def _checked(
     return array
 
 
-def _has_ray(noise: np.ndarray) -> np.ndarray:
-    """Mask (N,) of pixels with a ray that a pixel's shift moves by more than rounding."""
-    return np.einsum("nij,nij->n", noise, noise) > LEAST_RAD_PER_PX**2  # False for NaN
-
-
-def _noise_factors(
+def _covariances(
     count: int, covariance0_px2: np.ndarray | None, covariance1_px2: np.ndarray | None
-) -> list[np.ndarray]:
-    """Cholesky factors (N, 2, 2) of both images' covariances over their common median variance."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Both images' covariances (N, 2, 2), or (1, 2, 2), over their common median variance."""
+    if covariance0_px2 is None and covariance1_px2 is None:
+        return ISOTROPIC, ISOTROPIC
     names = ("covariance0_px2", "covariance1_px2")
-    covariances = [
-        None if given is None else _checked(name, given, (2, 2), rows=count)
-        for name, given in zip(names, (covariance0_px2, covariance1_px2), strict=True)
+    given = [
+        None if covariance is None else _checked_covariance(name, covariance, count)
+        for name, covariance in zip(names, (covariance0_px2, covariance1_px2), strict=True)
     ]
-    traces = [np.trace(c, axis1=1, axis2=2) for c in covariances if c is not None]
-    # The median: one match said to be useless must not make the others look exact.
-    typical_variance = float(np.median(traces)) / 2.0 if count else 1.0
-    factors = []
-    for name, covariance in zip(names, covariances, strict=True):
-        if covariance is None:
-            factors.append(np.broadcast_to(np.eye(2), (count, 2, 2)))
-            continue
-        if not np.allclose(covariance, np.swapaxes(covariance, 1, 2), rtol=1e-6):
-            raise InputError("expected symmetric matrices", field=name)
-        try:
-            factors.append(np.linalg.cholesky(covariance / max(typical_variance, 1e-300)))
-        except np.linalg.LinAlgError as error:
-            raise InputError("expected positive definite matrices", field=name) from error
-    return factors
+    # One array given twice is looked at once; the median, lest one match said to be useless make
+    # the others look exact.
+    traces = [np.trace(c, axis1=1, axis2=2) for c in given if c is not None]
+    typical = max(float(np.median(traces)) / 2.0 if count else 1.0, 1e-300)
+    first, second = (ISOTROPIC if c is None else c / typical for c in given)
+    return first, second
+
+
+def _checked_covariance(name: str, covariance: np.ndarray, count: int) -> np.ndarray:
+    C = _checked(name, covariance, (2, 2), rows=count)
+    xx, xy, yx, yy = C.reshape(-1, 4).T
+    if not (np.abs(xy - yx) <= 1e-6 * np.abs(xy) + 1e-8).all():
+        raise InputError("expected symmetric matrices", field=name)
+    # As roots: the squares of large variances overflow.
+    if not ((xx > 0.0) & (yy > 0.0)).all() or not (np.abs(xy) < np.sqrt(xx) * np.sqrt(yy)).all():
+        raise InputError("expected positive definite matrices", field=name)
+    return C

@@ -42,8 +42,8 @@ class RelativePoseOptions:
     matching_tolerance_px: float = 1.5
     refine: bool = True
     flow_saturation_px: float = 12.0
-    confidence: float = 0.9999
-    min_iterations: int = 24
+    confidence: float = 0.999
+    min_iterations: int = 12
     max_iterations: int = 2000
     false_alarm_rate: float = 1e-3
 

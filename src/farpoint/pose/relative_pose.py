@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import announced_compilation
+from farpoint._kernels.evidence import weigh
 from farpoint._kernels.likelihood import refine_pose
 from farpoint.camera import Camera
 from farpoint.errors import InputError
@@ -17,9 +18,9 @@ from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import (
     Course,
     fixes_rotation,
+    given_labels,
     label_matches,
-    largest_sigma,
-    sign_probability,
+    largest_sigma2,
 )
 from farpoint.pose.covariance import moving_covariance
 from farpoint.pose.far_rotation import far_rotation
@@ -142,15 +143,15 @@ def _find(
     state: np.ndarray,
     course: Course,
 ) -> RelativePose:
-    rotation = far_rotation(matches, tolerance, state)
     if not options.refine:
+        rotation = far_rotation(matches, tolerance, state)
         return estimate_closed_form(matches, rotation, tolerance, options, state, course)
-    moving = fit_moving(matches, rotation, tolerance, options, state)
+    moving = fit_moving(matches, tolerance, options, state)
     course.iterations = moving.iterations
     course.lap("search_s")
-    if is_plainly_translating(matches, moving):
+    if is_plainly_translating(moving):
         return _conclude_moving(matches, moving, options, course)
-    turning = fit_turning(matches, rotation.R_cam1_from_cam0, tolerance)
+    turning = fit_turning(matches, moving.far_rotation_cam1_from_cam0, tolerance)
     if is_translating(matches, moving, turning, options.false_alarm_rate):
         return _conclude_moving(matches, moving, options, course)
     return _conclude_turning(matches, turning, options, course)
@@ -160,8 +161,8 @@ def _conclude_moving(
     matches: Matches, fit: MovingFit, options: RelativePoseOptions, course: Course
 ) -> RelativePose:
     sigma = fit.noise.sigma
-    right = (fit.probability > 0.5) & (fit.parallax > -NEAR_SIGMA * sigma)
-    agreeing = int(np.count_nonzero(right))
+    labels = np.empty(len(matches), np.uint8)
+    agreeing, odds = weigh(fit.parallax, fit.probability, sigma, NEAR_SIGMA, labels)
     chance = 3.0 * sigma / matches.spread
     if not is_consensus(agreeing, len(matches), 5, chance, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
@@ -169,9 +170,9 @@ def _conclude_moving(
     course.lap("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.unfixed_rotation(matches, course)
-    labels = label_matches(matches, right, fit.parallax > NEAR_SIGMA * sigma)
-    direction_sigma = largest_sigma(covariance[3:, 3:])
-    sign = sign_probability(fit.parallax / sigma, fit.probability)
+    labels = given_labels(matches, labels)
+    direction_sigma = largest_sigma2(covariance[3, 3], covariance[3, 4], covariance[4, 4])
+    sign = 1.0 / (1.0 + math.exp(-min(max(odds, -700.0), 700.0)))
     course.cost, course.sign_probability = fit.cost, sign
     if direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate:
         return conclusion.turned(
@@ -189,6 +190,7 @@ def _conclude_moving(
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
         covariance,
+        direction_sigma,
         labels,
         fit.noise.mean_sigma,
         course,

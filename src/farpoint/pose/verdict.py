@@ -16,8 +16,9 @@ import math
 import numpy as np
 from scipy import special
 
+from farpoint._kernels.evidence import count_beyond_rotation
 from farpoint.geometry import so3
-from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit, least_squares_rotation
+from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit
 from farpoint.pose.matches import Matches
 
 __all__ = [
@@ -62,19 +63,18 @@ def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: f
     return log_hypotheses + math.log(tail) < math.log(rate)
 
 
-def is_plainly_translating(matches: Matches, fit: MovingFit) -> bool:
-    """Whether most of the matches that agree contradict the rotation that fits them best.
+def is_plainly_translating(fit: MovingFit) -> bool:
+    """Whether many of the matches that agree contradict the rotation that fits them best.
 
-    The common case, settled without fitting the other model. Matches far beyond the typical do not
-    take part, so that no handful of wrong ones can make it look like this.
+    The common case, settled without fitting the other model. A tenth of them, and twice as many as
+    chance may have put on their epipolar lines: no handful of wrong ones makes it look like this.
     """
-    agree = np.abs(fit.residual) <= BAND_SIGMA * fit.noise.mean_sigma
-    size = np.abs(fit.parallax)
-    typical = agree & (size <= 3.0 * np.median(size[agree])) if agree.any() else agree
-    if not typical.any():
-        return False
-    distance2 = least_squares_rotation(matches, fit.R_cam1_from_cam0, typical)
-    return bool(np.median(distance2) > (2.0 * NEAR_SIGMA * fit.noise.mean_sigma) ** 2)
+    right = fit.searched.weights(fit.probability[fit.rows] > 0.5)
+    wrong = len(fit.searched) - float(right.sum())
+    chance = min(NEAR_SIGMA * fit.noise.sigma / fit.searched.spread, 1.0)
+    distance = 2.0 * NEAR_SIGMA * fit.noise.mean_sigma
+    beyond, total = count_beyond_rotation(fit.searched.pairs, right, fit.R_cam1_from_cam0, distance)
+    return beyond > max(8.0 + 4.0 * wrong * chance, 0.1 * total)
 
 
 def is_translating(matches: Matches, fit: MovingFit, turning: TurningFit, rate: float) -> bool:

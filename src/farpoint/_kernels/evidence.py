@@ -1,0 +1,72 @@
+"""What the matches say for and against a pose, once it is found."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import kernel
+from farpoint._kernels.linear import apply_rotation_step, solve_spd
+from farpoint._kernels.rotation import rotation_distance2, rotation_linearize
+
+__all__ = ["count_beyond_rotation", "weigh"]
+
+# No match is right beyond doubt.
+MOST_TRUST = 0.99
+
+
+@kernel
+def weigh(
+    parallax: np.ndarray,
+    right: np.ndarray,
+    sigma: float,
+    near_sigma: float,
+    labels: np.ndarray,
+) -> tuple[int, float]:
+    """Label the matches; returns how many agree, and the log odds of the sign of the direction.
+
+    ``labels`` (N,) receives 0 for a match that disagrees, 2 for one whose parallax is above
+    ``near_sigma``, else 1. A far point, with parallax within the noise, votes on no sign. A near
+    point votes by the odds ``Phi(p) / Phi(-p)`` that noise has not turned its flow around, bounded
+    by the chance that it is a wrong match.
+    """
+    agreeing = 0
+    odds = 0.0
+    for i in range(labels.shape[0]):
+        p = parallax[i] / sigma
+        agrees = right[i] > 0.5 and p > -near_sigma
+        agreeing += 1 if agrees else 0
+        labels[i] = 0 if not agrees else 2 if p > near_sigma else 1
+        trust = min(right[i], MOST_TRUST)
+        doubt = 0.5 * (1.0 - trust)
+        backward = 0.5 * math.erfc(p / math.sqrt(2.0)) if abs(p) < 8.0 else 0.0 if p > 0.0 else 1.0
+        odds += math.log((trust * (1.0 - backward) + doubt) / (trust * backward + doubt))
+    return agreeing, odds
+
+
+@kernel
+def count_beyond_rotation(
+    pairs: np.ndarray, right: np.ndarray, R: np.ndarray, distance: float
+) -> tuple[int, int]:
+    """How many of the right matches no rotation brings within ``distance``, and of how many.
+
+    ``right`` (N,) is 1 for these and 0 for the others; ``distance`` is in units of the noise. The
+    rotation is that of the least squares, by one step from ``R``, about which the prediction is
+    linear.
+    """
+    rotation, step, L = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    H, g, sums, scratch = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(right.shape[0])
+    only_good = np.empty(3)
+    only_good[0], only_good[1], only_good[2] = 1.0, 0.0, 0.0
+    rotation_linearize(pairs, right, R, only_good, 1e-300, H, g, sums)
+    if not solve_spd(H, g, 0.0, L, step):
+        return 0, 0
+    apply_rotation_step(R, -step[0], -step[1], -step[2], rotation)
+    rotation_distance2(pairs, rotation, scratch)
+    beyond = total = 0
+    for i in range(right.shape[0]):
+        if right[i] > 0.5:
+            total += 1
+            beyond += 1 if scratch[i] > distance * distance else 0
+    return beyond, total

@@ -1,0 +1,72 @@
+"""Where along its epipolar line a right match may lie, learnt from the others."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel, kernel
+
+__all__ = ["largest", "plausible_parallax"]
+
+# Half-width of the band in which a match agrees with its epipolar line, in sigma.
+BAND_SIGMA = 3.0
+
+
+@inner_kernel
+def largest(values: np.ndarray, k: int) -> float:
+    """The ``k``-th largest of non-negative values, to a millionth of the largest."""
+    low, high = 0.0, 0.0
+    for i in range(values.shape[0]):
+        high = max(high, values[i])
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        above = 0
+        for i in range(values.shape[0]):
+            above += 1 if values[i] > middle else 0
+        if above >= k:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@kernel
+def plausible_parallax(
+    parallax: np.ndarray,
+    right: np.ndarray,
+    count: int,
+    sigma: float,
+    spread: float,
+    prior: np.ndarray,
+) -> None:
+    """Prior of each match from where it lies along its epipolar line.
+
+    A wrong match lies anywhere in the image; a right one no farther on than the nearest of the
+    others suggest. Up to there the prior is flat: it scales the density of right matches from the
+    strip ``2 spread`` to the length of the flat part.
+
+    A wrong match far along the line outweighs all right ones. As many as can be expected to lie in
+    the band by chance, and two more that the direction could have chosen to pass through, may not
+    vouch for one another.
+    """
+    sizes = np.empty(count)
+    bulk = 0
+    for i in range(count):
+        p = parallax[i] / sigma
+        belongs = right[i] > 0.5 and p > -BAND_SIGMA
+        sizes[i] = abs(p) if belongs else -1.0
+        bulk += 1 if belongs else 0
+    wrong = count - bulk
+    # Where no match is off the lines, none is on one by chance.
+    captured = min(wrong, 3 + math.ceil(2.0 * wrong * BAND_SIGMA * sigma / spread))
+    if bulk <= captured:
+        for i in range(count):
+            prior[i] = 1.0
+        return
+    reach = 2.0 * max(largest(sizes, captured + 1), BAND_SIGMA)
+    flat = max(2.0 * spread / ((reach + BAND_SIGMA) * sigma), 1.0)
+    for i in range(count):
+        beyond = max(parallax[i] / sigma - reach, 0.0) / (0.2 * reach)
+        prior[i] = flat * math.exp(-0.5 * beyond * beyond)

@@ -1,0 +1,102 @@
+"""What the matches say once a pose is found: labels, sign, plausible parallax, rotation alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from kernels_kit import View, packed, shaken, two_views
+from scipy.stats import norm
+
+from farpoint._kernels import evidence, plausible
+from farpoint._kernels.compile import kernel
+
+
+@kernel
+def largest(values: np.ndarray, k: int) -> float:
+    return plausible.largest(values, k)
+
+
+def weigh(parallax: list[float], right: list[float], sigma: float = 1.0):
+    labels = np.full(len(parallax), 9, np.uint8)
+    agreeing, odds = evidence.weigh(np.array(parallax), np.array(right), sigma, 3.0, labels)
+    return labels.tolist(), agreeing, odds
+
+
+def test_labels_tell_far_near_and_wrong():
+    labels, agreeing, _ = weigh([0.0, -2.9, 2.9, 3.1, -3.1, 9.0], [1.0, 1.0, 1.0, 1.0, 1.0, 0.4])
+    assert labels == [1, 1, 1, 2, 0, 0]
+    assert agreeing == 4
+
+
+def test_parallax_counts_in_units_of_the_noise():
+    assert weigh([4.0], [1.0], sigma=2.0)[0] == [1]
+    assert weigh([7.0], [1.0], sigma=2.0)[0] == [2]
+
+
+@pytest.mark.parametrize("p", [0.0, 0.7, 2.5])
+def test_a_match_votes_by_the_odds_that_noise_turned_it_around(p):
+    trust = 0.8
+    forward = trust * norm.cdf(p) + 0.5 * (1.0 - trust)
+    assert weigh([p], [trust])[2] == pytest.approx(math.log(forward / (1.0 - forward)))
+    assert weigh([-p], [trust])[2] == pytest.approx(-weigh([p], [trust])[2])
+
+
+def test_no_match_alone_is_beyond_doubt():
+    one = weigh([50.0], [1.0])[2]
+    assert one == pytest.approx(math.log(0.995 / 0.005))
+    assert weigh([50.0] * 3 + [-50.0], [1.0] * 4)[2] == pytest.approx(2 * one)
+
+
+def beyond(view: View, right: np.ndarray, distance: float) -> tuple[int, int]:
+    return evidence.count_beyond_rotation(view.pairs, packed(right), view.R, distance)
+
+
+def test_no_match_is_beyond_the_rotation_of_a_camera_that_only_turns():
+    view = shaken(two_views(1, 60, baseline_m=0.0), 1)
+    assert beyond(view, np.ones(60), 6.0) == (0, 60)
+
+
+def test_near_matches_are_beyond_any_rotation_and_wrong_ones_do_not_count():
+    view = two_views(2, 60, noise_rad=1e-4, baseline_m=0.3)
+    count, total = beyond(view, np.ones(60), 6.0)
+    assert total == 60
+    assert count > 50
+    still = two_views(2, 60, noise_rad=1e-4, baseline_m=0.0)
+    view.rays1[10:] = still.rays1[10:]
+    assert beyond(view, (np.arange(60) >= 10).astype(float), 6.0) == (0, 50)
+
+
+def test_the_kth_largest_of_some_values():
+    values = np.array([0.0, 5.0, 1.0, -1.0, 3.0, 2.0])
+    for k, expected in enumerate([5.0, 3.0, 2.0, 1.0], start=1):
+        assert largest(values, k) == pytest.approx(expected, abs=1e-5)
+
+
+def prior_of(parallax: np.ndarray, right: np.ndarray, spread: float = 300.0) -> np.ndarray:
+    prior = np.full(len(parallax), np.nan)
+    plausible.plausible_parallax(parallax, right, len(parallax), 1.0, spread, prior)
+    return prior
+
+
+def test_a_match_much_farther_along_its_line_than_the_others_is_implausible():
+    parallax = np.r_[np.linspace(0.0, 20.0, 40), 150.0]
+    right = np.ones(41)
+    right[::5] = 0.0
+    right[-1] = 1.0
+    prior = prior_of(parallax, right)
+    np.testing.assert_allclose(prior[:40], prior[0])
+    # The strip of wrong matches over the length of the flat part of right ones.
+    assert 10.0 < prior[0] < 600.0 / 23.0 + 1.0
+    assert prior[-1] < 1e-6 * prior[0]
+
+
+def test_where_no_match_is_wrong_none_is_implausible():
+    prior = prior_of(np.r_[np.zeros(40), 150.0], np.ones(41))
+    np.testing.assert_allclose(prior, prior[0])
+
+
+def test_where_nearly_all_may_be_captured_nothing_is_known():
+    prior = prior_of(np.array([1.0, 2.0, 50.0, 3.0, 9.0]), np.array([1.0, 1.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_array_equal(prior, np.ones(5))
