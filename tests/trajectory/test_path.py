@@ -12,7 +12,9 @@ from farpoint import PoseStatus
 from farpoint.errors import InputError
 from farpoint.trajectory.path import PathBuilder, PathOptions, PathPoint
 
-INDEPENDENT = PathOptions(shared_error_factor=1.0)  # that is what these tracks are
+INDEPENDENT = PathOptions(  # that is what the errors of these tracks are
+    persistent_motion_share=0.0, persistent_length_share=0.0
+)
 
 
 def build(scene: Cloud, options: PathOptions = INDEPENDENT) -> list[PathPoint]:
@@ -164,7 +166,8 @@ def test_a_break_begins_a_segment_where_the_last_one_ended():
         ("keyframe_direction_deg", 0.0),
         ("keyframe_direction_deg", math.nan),
         ("keyframe_share", 1.5),
-        ("shared_error_factor", 0.5),
+        ("persistent_motion_share", -0.1),
+        ("persistent_length_share", 1.1),
     ],
 )
 def test_options_out_of_their_range_are_refused(name, value):

@@ -23,8 +23,8 @@ class Keyframe:
     ----------
     world_from_cam : ndarray, shape (4, 4)
         Its pose.
-    covariance : ndarray, shape (7, 7)
-        Of ``[dtheta, dposition, dlog_scale]``.
+    covariance : ndarray, shape (14, 14)
+        As `farpoint.trajectory.uncertainty` has it.
     depths : Depths
         What is known of the tracks that it sees.
     segment : int
@@ -73,7 +73,7 @@ class Link:
         None where no translation was observed, or none of known length.
     world_from_cam : ndarray, shape (4, 4)
         Pose of the other frame.
-    covariance : ndarray, shape (7, 7)
+    covariance : ndarray, shape (14, 14)
         As that of `Keyframe`.
     segment : int
         That of the keyframe, or the next one where the motion began it.

@@ -17,7 +17,12 @@ from farpoint.trajectory.depths import Depths
 from farpoint.trajectory.links import Keyframe, Link, Moved, good_tracks, join_tracks
 from farpoint.trajectory.parallax import Parallax, measure_parallax
 from farpoint.trajectory.scale import ScaleFit, fit_scale
-from farpoint.trajectory.uncertainty import advance_moving, advance_turning
+from farpoint.trajectory.uncertainty import (
+    PersistentShares,
+    advance_moving,
+    advance_turning,
+    covariance_at_rest,
+)
 
 __all__ = ["PathBuilder", "PathOptions", "PathPoint"]
 
@@ -34,15 +39,17 @@ class PathOptions:
         1-sigma, deg, to which the direction of travel since the last keyframe must be known.
     keyframe_share : float
         Share, 0 to 1, of the keyframe's tracks: with fewer left, it is replaced in any case.
-    shared_error_factor : float
-        How many times larger the error of a length is than independent errors of the tracks would
-        make it, at least 1. Tracks at edges of things err alike, and in the same sense again and
-        again.
+    persistent_motion_share : float
+        Share, 0 to 1, of the variances of rotation and direction that all motions have in common:
+        trackers err in the same sense again and again.
+    persistent_length_share : float
+        The same of the logarithms of lengths.
     """
 
     keyframe_direction_deg: float = 1.0
     keyframe_share: float = 0.5
-    shared_error_factor: float = 2.5
+    persistent_motion_share: float = 0.15
+    persistent_length_share: float = 0.02
 
     def __post_init__(self) -> None:
         degrees = self.keyframe_direction_deg
@@ -50,15 +57,10 @@ class PathOptions:
             raise InputError(
                 f"expected a positive angle, deg, got {degrees}", field="keyframe_direction_deg"
             )
-        if not 0.0 <= self.keyframe_share <= 1.0:
-            raise InputError(
-                f"expected a share, 0 to 1, got {self.keyframe_share}", field="keyframe_share"
-            )
-        if not (math.isfinite(self.shared_error_factor) and self.shared_error_factor >= 1.0):
-            raise InputError(
-                f"expected a factor, 1 or more, got {self.shared_error_factor}",
-                field="shared_error_factor",
-            )
+        for name in ("keyframe_share", "persistent_motion_share", "persistent_length_share"):
+            share = getattr(self, name)
+            if not 0.0 <= share <= 1.0:
+                raise InputError(f"expected a share, 0 to 1, got {share}", field=name)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,6 +108,9 @@ class PathBuilder:
     def __init__(self, estimate: Estimate, options: PathOptions) -> None:
         self._estimate = estimate
         self._options = options
+        self._shares = PersistentShares(
+            motion=options.persistent_motion_share, length=options.persistent_length_share
+        )
         self._key = _keyframe_at(np.eye(4), 0)
         self._last: Link | None = None
         self._now = PathPoint(world_from_cam=np.eye(4), covariance=np.zeros((7, 7)), segment=0)
@@ -128,7 +133,7 @@ class PathBuilder:
         self._has_scale = False
         self._now = PathPoint(
             world_from_cam=self._key.world_from_cam,
-            covariance=self._key.covariance,
+            covariance=self._key.covariance[:7, :7],
             segment=self._key.segment,
         )
         return self._now
@@ -199,7 +204,6 @@ class PathBuilder:
             parallax = measure_parallax(camera, tracks, motion)
             fit = fit_scale(key.depths, parallax, motion.covariance)
             if fit is not None:
-                fit = fit.widened(self._options.shared_error_factor)
                 moved = Moved(parallax=parallax, fit=fit)
             else:
                 moved = self._set_scale(parallax, motion, seconds)
@@ -230,11 +234,14 @@ class PathBuilder:
     ) -> tuple[np.ndarray, np.ndarray]:
         if moved is not None:
             pose = chain(key.world_from_cam, motion, moved.fit.scale)
-            return pose, advance_moving(key.covariance, key.world_from_cam, motion, moved.fit)
+            after = advance_moving(
+                key.covariance, key.world_from_cam, motion, moved.fit, self._shares
+            )
+            return pose, after
         # The camera stays where it was last seen; small motions since the keyframe stay in.
         pose = chain(key.world_from_cam, motion, None)
         pose[:3, 3] = self._now.world_from_cam[:3, 3]
-        return pose, advance_turning(key.covariance, key.world_from_cam, motion)
+        return pose, advance_turning(key.covariance, key.world_from_cam, motion, self._shares)
 
     def _point(self, link: Link, motion: RelativePose, seconds: float) -> PathPoint:
         scale = sigma = None
@@ -246,7 +253,7 @@ class PathBuilder:
                 self._speed = scale / seconds
         return PathPoint(
             world_from_cam=link.world_from_cam,
-            covariance=link.covariance,
+            covariance=link.covariance[:7, :7],
             segment=link.segment,
             scale=scale,
             scale_sigma=sigma,
@@ -271,7 +278,7 @@ def _keyframe_at(world_from_cam: np.ndarray, segment: int) -> Keyframe:
     """A keyframe of which nothing is known but where it is said to be."""
     return Keyframe(
         world_from_cam=world_from_cam,
-        covariance=np.zeros((7, 7)),
+        covariance=covariance_at_rest(),
         depths=Depths.empty(),
         segment=segment,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -45,12 +45,6 @@ class ScaleFit:
     covariance: np.ndarray
     gain: float
     points: int
-
-    def widened(self, factor: float) -> ScaleFit:
-        """The same with an error of the length that many times larger."""
-        stretch = np.ones(6)
-        stretch[0] = factor
-        return replace(self, covariance=self.covariance * np.outer(stretch, stretch))
 
     @classmethod
     def unit(cls, scale: float, covariance: np.ndarray) -> ScaleFit:
