@@ -63,7 +63,8 @@ def many_drives() -> list[tuple[list[PathPoint], np.ndarray]]:
 def test_the_scale_is_as_sure_as_stated(many_drives):
     z = np.array([e[1:] / s[1:] for e, s in (log_errors(*drive) for drive in many_drives)])
     covered = np.mean(np.abs(z) < 1.96)
-    assert 0.88 < covered < 0.985
+    # The covariances of motions allow for noise that tracks share; these share none.
+    assert 0.88 < covered < 0.99
     # No bias: the errors of the drives are independent.
     assert abs(np.mean(z[:, -1])) < 3.0 / math.sqrt(len(z)) * np.std(z[:, -1])
 

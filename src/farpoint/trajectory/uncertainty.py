@@ -2,9 +2,9 @@
 
 The state has 14 components: the errors ``[dtheta (3), dp (3), dlog_scale]`` of a pose, with
 ``R_true = Exp(dtheta) @ R`` and ``p_true = p + dp`` of ``world_from_cam``, and behind them the
-`persistent` errors ``[dlog_length, dtheta (3), ddirection (3)]`` of motions, in their sigmas, camera
-axes: trackers err in the same sense again and again, and what is small in each motion adds up in
-step, not at random. They stay from motion to motion, and correlate all of them.
+persistent errors ``[dlog_length, dtheta (3), ddirection (3)]`` of motions, in units of their
+sigmas, camera axes. Trackers err in the same sense again and again: what is small in each motion
+then adds up in step, not at random.
 """
 
 from __future__ import annotations
@@ -100,9 +100,7 @@ def advance_turning(
     own = motion.rotation_covariance
     persistent = np.zeros((3, _PERSISTENT))
     persistent[:, 1:4] = np.diag(np.sqrt(shares.motion * np.diag(own)))
-    return _advanced(
-        covariance, np.eye(_POSE), by_motion, (1.0 - shares.motion) * own, persistent
-    )
+    return _advanced(covariance, np.eye(_POSE), by_motion, (1.0 - shares.motion) * own, persistent)
 
 
 def _advanced(
