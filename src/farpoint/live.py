@@ -226,7 +226,7 @@ def _rehearse(camera: Camera, viewer: ViewerOptions) -> None:
     blocks = np.random.default_rng(0)
     texture = blocks.integers(0, 255, (height // 8 + 2, width // 8 + 2), np.uint8)
     large = np.kron(texture, np.ones((8, 8), np.uint8))
-    images = [large[shift:, shift:][:height, :width].copy() for shift in (0, 2)]
+    images = [large[shift:, shift:][:height, :width].copy() for shift in (0, 2, 4, 6)]
     odometry, display = Odometry(camera), None
     if viewer.wanted:
         display = LiveViewer(ViewerOptions(), "rehearsal", camera)  # into nowhere
