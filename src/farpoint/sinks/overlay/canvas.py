@@ -7,6 +7,7 @@ from types import ModuleType
 
 import numpy as np
 
+from farpoint._kernels.discs import draw_discs
 from farpoint.errors import optional_import
 from farpoint.sinks.overlay.palette import BACKGROUND, Colour, Palette
 
@@ -58,19 +59,20 @@ class Canvas:
 
     def dots(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
         """Filled discs at camera pixels (N, 2); the radius is in strokes."""
-        self._circles(points_px, colour, radius, -1)
+        # A frame has hundreds of them: OpenCV would take half of the drawing's time.
+        draw_discs(self.pixels, self._seen(points_px), radius * self.stroke, colour)
 
     def rings(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
         """Circles around camera pixels (N, 2); the radius is in strokes."""
-        self._circles(points_px, colour, radius, self.stroke)
+        cv2 = _cv2()
+        size = int(_fixed(radius * self.stroke))
+        for centre in _fixed(self._seen(points_px)).tolist():
+            cv2.circle(self.pixels, centre, size, colour, self.stroke, cv2.LINE_AA, _SHIFT)
 
     def holes(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
-        """Thick rings, dark within, at camera pixels (N, 2); the radius is in strokes.
-
-        Two discs: OpenCV fills one in a fifth of the time that it takes to draw its outline.
-        """
-        self._circles(points_px, colour, radius, -1)
-        self._circles(points_px, BACKGROUND, 0.5 * radius, -1)
+        """Thick rings, dark within, at camera pixels (N, 2); the radius is in strokes."""
+        self.dots(points_px, colour, radius)
+        self.dots(points_px, BACKGROUND, 0.5 * radius)
 
     def crosses(
         self, points_px: np.ndarray, colour: Colour, reach: float, *, slanting: bool = False
@@ -86,15 +88,10 @@ class Canvas:
         thickness = thickness or self.stroke
         cv2.polylines(self.pixels, lines, False, colour, thickness, cv2.LINE_AA, _SHIFT)
 
-    def _circles(
-        self, points_px: np.ndarray, colour: Colour, radius: float, thickness: int
-    ) -> None:
-        centres = self.to_pane(points_px)
-        centres = centres[(np.abs(centres) < _REACH_PX).all(axis=1)]
-        cv2 = _cv2()
-        size = int(_fixed(radius * self.stroke))
-        for centre in _fixed(centres).tolist():
-            cv2.circle(self.pixels, centre, size, colour, thickness, cv2.LINE_AA, _SHIFT)
+    def _seen(self, points_px: np.ndarray) -> np.ndarray:
+        """Pane coordinates of those camera pixels (N, 2) that are neither NaN nor far off."""
+        points = self.to_pane(points_px)
+        return points[(np.abs(points) < _REACH_PX).all(axis=1)]
 
 
 def draw_text(

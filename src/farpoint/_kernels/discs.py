@@ -1,0 +1,32 @@
+"""Many small discs on a picture, with smooth rims."""
+
+from __future__ import annotations
+
+import math
+
+from farpoint._kernels.compile import kernel
+
+__all__ = ["draw_discs"]
+
+
+@kernel
+def draw_discs(pixels, centres, radius, colour):
+    """Blend discs of one colour into (H, W, 3) pixels; parts outside are left out.
+
+    A pixel is covered as far as the rim passes it: fully half a pixel inside, not at all half a
+    pixel outside. Rows of `centres` (N, 2) are x, y, finite, counted from the first pixel's centre.
+    """
+    height, width = pixels.shape[0], pixels.shape[1]
+    reach = radius + 0.5
+    for index in range(centres.shape[0]):
+        x, y = centres[index, 0], centres[index, 1]
+        top, bottom = max(math.ceil(y - reach), 0), min(math.floor(y + reach), height - 1)
+        left, right = max(math.ceil(x - reach), 0), min(math.floor(x + reach), width - 1)
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                distance = math.sqrt((column - x) ** 2 + (row - y) ** 2)
+                cover = min(reach - distance, 1.0)
+                if cover > 0.0:
+                    for channel in range(3):
+                        old = float(pixels[row, column, channel])
+                        pixels[row, column, channel] = round(old + cover * (colour[channel] - old))
