@@ -90,6 +90,9 @@ def test_halves_of_the_tracks_of_a_pair_agree_about_its_motion():
         assert np.trace(half.covariance) > 2.0 * np.trace(result.pose.covariance)
     again = odometry.split_half(results[3])
     np.testing.assert_array_equal(again.difference, halves[2].difference)
+    by_cells = odometry.split_half(results[3], cell_px=40.0)
+    assert by_cells.dof == 5
+    assert not np.array_equal(by_cells.difference, again.difference)
 
 
 @pytest.mark.parametrize("seed", range(70, 90))

@@ -11,7 +11,7 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.frames import Frame
-from farpoint.metrics import SplitHalf, split_half
+from farpoint.metrics import SplitHalf, image_cells, split_half
 from farpoint.pose import (
     PoseStatus,
     RelativePose,
@@ -205,7 +205,7 @@ class Odometry:
             return self._begin(image, index, timestamp)
         return self._compare(self._reference, image, index, timestamp)
 
-    def split_half(self, result: OdometryResult) -> SplitHalf:
+    def split_half(self, result: OdometryResult, *, cell_px: float | None = None) -> SplitHalf:
         """Estimate the motion of a pair from two halves of its tracks, and compare.
 
         Over many pairs, `farpoint.metrics.evaluate_halves` tells whether the covariances hold,
@@ -215,12 +215,16 @@ class Odometry:
         ----------
         result : OdometryResult
             Of this odometry; the frame decides how the tracks are dealt.
+        cell_px : float, optional
+            Deal whole image cells of this width, px, so that errors which neighbouring tracks
+            share do not cancel; by default every track is dealt by itself.
         """
         tracks = result.tracks
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
             partial(self._estimate_by, self.camera),  # a wrong lens is wrong for both halves alike
             seed=result.frame1,
+            groups=None if cell_px is None else image_cells(tracks.points0, cell_px),
         )
 
     def _compare(

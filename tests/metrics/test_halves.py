@@ -9,7 +9,13 @@ import pytest
 
 from farpoint.errors import InputError
 from farpoint.geometry import so3, sphere
-from farpoint.metrics import consistency_ratio, evaluate_halves, pose_difference, split_half
+from farpoint.metrics import (
+    consistency_ratio,
+    evaluate_halves,
+    image_cells,
+    pose_difference,
+    split_half,
+)
 from farpoint.pose import PoseStats, PoseStatus, RelativePose
 
 TRUE_R = so3.exp([0.1, -0.2, 0.05])
@@ -124,6 +130,48 @@ def test_halves_are_disjoint_complete_and_follow_the_seed():
     assert not np.array_equal(seen[0], seen[4])
 
 
+def test_groups_stay_together_and_fill_the_halves_evenly():
+    groups = np.repeat([5, 3, 9, 4, 8, 1], [1, 2, 3, 4, 5, 6])
+    seen: list[np.ndarray] = []
+
+    def estimate(rows: np.ndarray) -> RelativePose:
+        seen.append(rows)
+        return pose_from(np.zeros(5), MIXING @ MIXING.T)
+
+    for seed in range(5):
+        split_half((np.arange(21),), estimate, seed=seed, groups=groups)
+    for first, second in zip(seen[::2], seen[1::2], strict=True):
+        assert sorted([*first, *second]) == list(range(21))
+        assert not set(groups[first]) & set(groups[second])
+        assert abs(len(first) - len(second)) <= 6
+    assert len({len(first) for first in seen[::2]}) > 1
+
+
+def test_an_error_that_neighbours_share_shows_where_neighbours_stay_together():
+    """Ten matches a cell, a third of their variance in common: 1 + 9/3 times what is claimed."""
+    rng = np.random.default_rng(12)
+    cells = np.repeat(np.arange(10), 10)
+    random, together = [], []
+    for seed in range(300):
+        shared, own = rng.normal(size=(10, 5))[cells], rng.normal(size=(100, 5))
+        errors = (np.sqrt(1.0 / 3.0) * shared + np.sqrt(2.0 / 3.0) * own) @ MIXING.T
+        matches = errors, np.zeros(100)
+        random.append(split_half(matches, mean_estimator(1.0), seed=seed))
+        together.append(split_half(matches, mean_estimator(1.0), seed=seed, groups=cells))
+    assert consistency_ratio(together).ratio == pytest.approx(4.0, rel=0.1)
+    # What two matches of a cell share cancels where they are dealt to different halves.
+    assert consistency_ratio(random).ratio == pytest.approx(1.0, rel=0.1)
+
+
+def test_cells_are_squares_of_the_image():
+    points = np.array([[0.0, 0.0], [63.9, 63.9], [64.0, 0.0], [0.0, 64.0], [-0.1, 0.0]])
+    cells = image_cells(points, 64.0)
+    assert cells[0] == cells[1]
+    assert len(set(cells)) == 4
+    with pytest.raises(InputError, match=r"^cell_px: expected a positive width, got 0"):
+        image_cells(points, 0.0)
+
+
 def test_only_what_both_know_is_compared():
     C = MIXING @ MIXING.T
     full = pose_from(np.full(5, 1e-3), C)
@@ -172,3 +220,5 @@ def test_opposite_directions_are_infinitely_apart():
 def test_arrays_of_different_length_are_refused():
     with pytest.raises(InputError, match=r"^matches: expected arrays of one length, got \[3, 4\]"):
         split_half((np.zeros(3), np.zeros(4)), mean_estimator(1.0), seed=0)
+    with pytest.raises(InputError, match=r"^groups: expected shape \(3,\), got \(4,\)"):
+        split_half((np.zeros(3),), mean_estimator(1.0), seed=0, groups=np.zeros(4))

@@ -19,6 +19,7 @@ from farpoint.metrics.halves import (
     SplitHalf,
     consistency_ratio,
     evaluate_halves,
+    image_cells,
     pose_difference,
     split_half,
 )
@@ -82,6 +83,7 @@ __all__ = [
     "evaluate_halves",
     "evaluate_motions",
     "evaluate_trajectory",
+    "image_cells",
     "kitti_segment_errors",
     "nees",
     "pair_errors",

@@ -4,7 +4,8 @@ The matches of a pair are dealt at random into two halves and the motion is esti
 Their noise is independent, so the difference of the two must be as large as the sum of their
 covariances says. What both halves share (a wrong calibration, a moving object that is tracked in
 both, errors that neighbouring tracks have in common) cancels in the difference: the test can show
-that a covariance is too small, not that nothing is missing.
+that a covariance is too small, not that nothing is missing. Neighbours dealt to one half together
+(`image_cells`) keep their common errors in it.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ __all__ = [
     "SplitHalf",
     "consistency_ratio",
     "evaluate_halves",
+    "image_cells",
     "pose_difference",
     "split_half",
 ]
@@ -116,7 +118,11 @@ class HalvesEvaluation:
 
 
 def split_half(
-    matches: Sequence[np.ndarray], estimate: Callable[..., RelativePose], *, seed: int
+    matches: Sequence[np.ndarray],
+    estimate: Callable[..., RelativePose],
+    *,
+    seed: int,
+    groups: np.ndarray | None = None,
 ) -> SplitHalf:
     """Estimate one motion from two random disjoint halves of its matches and compare.
 
@@ -129,6 +135,9 @@ def split_half(
         Called as ``estimate(*arrays)`` with half of the rows of each array.
     seed : int
         Of the deal; the same seed gives the same halves.
+    groups : ndarray of int, shape (N,), optional
+        Rows with the same number go to the same half, such as those of one image cell
+        (`image_cells`). By default every row is dealt by itself.
 
     Raises
     ------
@@ -147,13 +156,28 @@ def split_half(
     lengths = [len(rows) for rows in matches]
     if not lengths or min(lengths) != max(lengths):
         raise InputError(f"expected arrays of one length, got {lengths}", field="matches")
-    order = np.random.default_rng(seed).permutation(lengths[0])
-    # In their old order, so that an estimator that looks at the order sees nothing unusual.
-    first, second = (np.sort(half) for half in np.array_split(order, 2))
+    if groups is not None and np.shape(groups) != (lengths[0],):
+        raise InputError(f"expected shape ({lengths[0]},), got {np.shape(groups)}", field="groups")
+    rng = np.random.default_rng(seed)
+    second = _every_other(lengths[0], rng) if groups is None else _whole_groups(groups, rng)
     return pose_difference(
-        estimate(*(rows[first] for rows in matches)),
+        estimate(*(rows[~second] for rows in matches)),
         estimate(*(rows[second] for rows in matches)),
     )
+
+
+def image_cells(points: np.ndarray, cell_px: float) -> np.ndarray:
+    """Number (N,) of the square image cell, this many px wide, that each point (N, 2) lies in.
+
+    Raises
+    ------
+    InputError
+        If the width is not positive.
+    """
+    if not (np.isfinite(cell_px) and cell_px > 0.0):
+        raise InputError(f"expected a positive width, got {cell_px}", field="cell_px")
+    cells = np.floor(np.asarray(points) / cell_px)
+    return np.unique(cells, axis=0, return_inverse=True)[1].ravel()
 
 
 def pose_difference(a: RelativePose, b: RelativePose) -> SplitHalf:
@@ -203,6 +227,25 @@ def evaluate_halves(halves: Sequence[SplitHalf]) -> HalvesEvaluation:
         direction=consistency(differences[:, 3:], covariances[:, 3:, 3:]),
         pose=consistency(differences, covariances),
     )
+
+
+def _every_other(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Mask (N,) of half of the rows, at random. A mask leaves them in their old order, so that an
+    estimator that looks at the order sees nothing unusual.
+    """
+    mask = np.zeros(count, bool)
+    mask[np.array_split(rng.permutation(count), 2)[1]] = True
+    return mask
+
+
+def _whole_groups(groups: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Mask (N,) of about half of the rows: groups in random order, each to the smaller half."""
+    _, group, sizes = np.unique(groups, return_inverse=True, return_counts=True)
+    mask, filled = np.zeros(len(sizes), bool), [0, 0]
+    for k in rng.permutation(len(sizes)):
+        mask[k] = filled[1] < filled[0]
+        filled[int(mask[k])] += int(sizes[k])
+    return mask[group.ravel()]
 
 
 def _rotation_difference(a: RelativePose, b: RelativePose) -> np.ndarray:
