@@ -16,7 +16,7 @@ from farpoint.trajectory.chain import chain
 from farpoint.trajectory.depths import Depths
 from farpoint.trajectory.links import Keyframe, Link, Moved, good_tracks, join_tracks
 from farpoint.trajectory.parallax import Parallax, measure_parallax
-from farpoint.trajectory.scale import ScaleFit, fit_scale
+from farpoint.trajectory.scale import ScaleFit, can_fit, fit_scale
 from farpoint.trajectory.uncertainty import (
     PersistentShares,
     advance_moving,
@@ -205,7 +205,7 @@ class PathBuilder:
             fit = fit_scale(key.depths, parallax, motion.covariance)
             if fit is not None:
                 moved = Moved(parallax=parallax, fit=fit)
-            else:
+            elif not can_fit(key.depths, parallax):
                 moved = self._set_scale(parallax, motion, seconds)
                 segment += int(self._has_scale)
                 key = key if segment == key.segment else _keyframe_at(key.world_from_cam, segment)

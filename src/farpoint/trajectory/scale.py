@@ -11,7 +11,7 @@ import numpy as np
 from farpoint.trajectory.depths import Depths
 from farpoint.trajectory.parallax import Parallax
 
-__all__ = ["MIN_POINTS", "ScaleFit", "fit_scale"]
+__all__ = ["MIN_POINTS", "ScaleFit", "can_fit", "fit_scale"]
 
 MIN_POINTS = 6
 """Fewer points of known distance say nothing of the length of a motion."""
@@ -54,6 +54,11 @@ class ScaleFit:
         return cls(scale=scale, correction=np.zeros(5), covariance=joint, gain=0.0, points=0)
 
 
+def can_fit(depths: Depths, parallax: Parallax) -> bool:
+    """Whether enough of the points have known distances."""
+    return int(np.count_nonzero(depths.carry_scale(parallax.ids))) >= MIN_POINTS
+
+
 def fit_scale(depths: Depths, parallax: Parallax, covariance: np.ndarray) -> ScaleFit | None:
     """Maximum likelihood of the scale over the distances, known with errors, and the motion.
 
@@ -74,11 +79,12 @@ def fit_scale(depths: Depths, parallax: Parallax, covariance: np.ndarray) -> Sca
     Returns
     -------
     ScaleFit or None
-        None where fewer than `MIN_POINTS` distances are known.
+        None where fewer than `MIN_POINTS` distances are known (`can_fit`), or the known points did
+        not move along the direction: then only the noise has made the translation.
     """
-    parallax = parallax.select(depths.carry_scale(parallax.ids))
-    if len(parallax) < MIN_POINTS:
+    if not can_fit(depths, parallax):
         return None
+    parallax = parallax.select(depths.carry_scale(parallax.ids))
     inverse, variance = depths.of(parallax.ids)
     log_scale = _start(inverse, variance, parallax)
     if log_scale is None:
