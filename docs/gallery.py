@@ -77,7 +77,7 @@ SCENES = {
     "panorama": Scene(camera=PANORAMA, path=drive),
     "backwards": Scene(camera=DASH, path=backwards),
     "sideways": Scene(camera=DASH, path=strafe),
-    "turning": Scene(camera=DASH, path=pure_rotation),
+    "turning": Scene(camera=DASH, path=pure_rotation, last=10),
     "standing": Scene(camera=DASH, path=standing_still, last=4),
     "orange-blue": Scene(camera=DASH, path=drive, palette="orange-blue"),
 }
