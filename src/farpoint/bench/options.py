@@ -13,7 +13,9 @@ from farpoint.errors import InputError
 
 __all__ = ["TABLES", "BenchOptions", "CoverageGrid", "Progress", "TableName"]
 
-TableName = Literal["paper", "accuracy", "time", "coverage", "pairs", "pipeline", "drawing", "live"]
+TableName = Literal[
+    "paper", "accuracy", "time", "coverage", "pairs", "pipeline", "drawing", "live", "lenses"
+]
 TABLES: tuple[TableName, ...] = get_args(TableName)
 
 Progress = Callable[[str, int, int], None]
@@ -78,8 +80,8 @@ class BenchOptions:
         Which tables to make.
     pairs : int or None
         Pairs of views in each cell of ``paper``, ``accuracy`` and ``pairs``, scenes for each time
-        in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``. None takes 2000,
-        300, 60, 30, 60, 60 and 60.
+        in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of frames of
+        ``lenses``. None takes 2000, 300, 60, 30, 60, 60, 60 and 40.
     seed : int
         Of scenes and estimators: the same seed gives the same figures, times aside.
     data : tuple of Path

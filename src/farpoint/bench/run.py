@@ -16,6 +16,7 @@ from farpoint.bench.tables.accuracy import accuracy_table
 from farpoint.bench.tables.coverage import coverage_table
 from farpoint.bench.tables.drawing import drawing_table
 from farpoint.bench.tables.growth import growth_tables
+from farpoint.bench.tables.lenses import unprojection_table, wide_table
 from farpoint.bench.tables.live import live_tables
 from farpoint.bench.tables.pairs import pairs_table
 from farpoint.bench.tables.paper import paper_table
@@ -34,6 +35,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "coverage": (coverage_table,),
     "pairs": (pairs_table,),
     "pipeline": (pipeline_table,),
+    "lenses": (unprojection_table, wide_table),
     "drawing": (drawing_table,),
     "live": (live_tables,),
 }

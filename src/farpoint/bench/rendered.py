@@ -1,0 +1,142 @@
+"""Odometry over rendered images: its errors, its covariances, and the best its tracks allow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.geometry import sphere
+from farpoint.metrics import chi2_quantile, direction_error, nees, rotation_error
+from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
+from farpoint.pose import PoseStatus
+from farpoint.synthetic import PointScene, RenderedSequence, cramer_rao_bound
+
+__all__ = ["RenderedErrors", "run_rendered"]
+
+_RIGHT_PX = 1.0  # a track farther from the truth shows something else
+_RIGHT_SIGMA = 5.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RenderedErrors:
+    """Errors over P pairs of frames; NaN where there is no answer.
+
+    Attributes
+    ----------
+    statuses : tuple of PoseStatus, length P
+    rotation_deg, direction_deg : ndarray, shape (P,)
+        Angles between estimate and truth.
+    rotation_nees, direction_nees, pose_nees : ndarray, shape (P,)
+        Squared errors in terms of the covariances.
+    rotation_over_bound, direction_over_bound : ndarray, shape (P,)
+        Squared errors in terms of the Cramer-Rao bound of the tracks that are right.
+    tracks : ndarray of int, shape (P,)
+    """
+
+    statuses: tuple[PoseStatus, ...]
+    rotation_deg: np.ndarray
+    direction_deg: np.ndarray
+    rotation_nees: np.ndarray
+    direction_nees: np.ndarray
+    pose_nees: np.ndarray
+    rotation_over_bound: np.ndarray
+    direction_over_bound: np.ndarray
+    tracks: np.ndarray
+
+    def bound_ratios(self) -> tuple[float, float]:
+        """Errors of rotation and direction over the bound: medians over the median of chi.
+
+        A missing answer counts as infinitely wrong.
+        """
+        rotation, direction = (
+            math.sqrt(np.median(np.where(np.isnan(squared), np.inf, squared)) / typical)
+            for squared, typical in (
+                (self.rotation_over_bound, chi2_quantile(0.5, 3)),
+                (self.direction_over_bound, chi2_quantile(0.5, 2)),
+            )
+        )
+        return rotation, direction
+
+
+def run_rendered(
+    sequence: RenderedSequence,
+    options: OdometryOptions | None = None,
+    *,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> RenderedErrors:
+    """Odometry over a rendered sequence that always moves, each pair compared with the truth.
+
+    Parameters
+    ----------
+    sequence : RenderedSequence
+        Images with truth.
+    options : OdometryOptions, optional
+    progress : callable
+        Told how many frames are done, and of how many.
+    """
+    rows, statuses = [], []
+    for result in Odometry(sequence.camera, options).run(sequence):
+        if result.pose is not None:
+            rows.append(_row(sequence, result))
+            statuses.append(result.pose.status)
+        progress(result.frame1 + 1, len(sequence))
+    columns = np.array(rows).T
+    names = [name for name in RenderedErrors.__annotations__ if name != "statuses"]
+    return RenderedErrors(statuses=tuple(statuses), **dict(zip(names, columns, strict=True)))
+
+
+def _row(sequence: RenderedSequence, result: OdometryResult) -> tuple[float, ...]:
+    """The numbers of one pair, in the order of `RenderedErrors`."""
+    pose = result.pose
+    assert pose is not None
+    if pose.status is not PoseStatus.OK:
+        return (*7 * (math.nan,), len(result.tracks))
+    motion = sequence.cam1_from_cam0(result.frame0, result.frame1)
+    R, direction = motion[None, :3, :3], sphere.normalize(motion[None, :3, 3])
+    R_found = pose.rotation_cam1_from_cam0
+    found, basis = pose.direction_cam1_from_cam0, pose.direction_basis
+    assert R_found is not None
+    assert found is not None
+    assert basis is not None
+    turn = rotation_error(R_found[None], R)
+    error = np.concatenate([turn, direction_error(found[None], basis[None], direction)], axis=1)
+    covariance = pose.covariance
+    assert covariance is not None
+    bound = cramer_rao_bound(_scene(sequence, result, motion))
+    # The bound lives in the tangent space of the truth, so the truth takes the estimate's place.
+    off = direction_error(direction, sphere.tangent_basis(direction), found[None])
+    return (
+        math.degrees(np.linalg.norm(turn)),
+        math.degrees(float(sphere.angle_between(found, direction[0]))),
+        float(nees(turn, covariance[None, :3, :3])[0]),
+        float(nees(error[:, 3:], covariance[None, 3:, 3:])[0]),
+        float(nees(error, covariance[None])[0]),
+        float(nees(turn, bound[None, :3, :3])[0]),
+        float(nees(off, bound[None, 3:, 3:])[0]),
+        len(result.tracks),
+    )
+
+
+def _scene(sequence: RenderedSequence, result: OdometryResult, motion: np.ndarray) -> PointScene:
+    """The tracks as a scene of known points: which are right, how far away, how noisy."""
+    tracks = result.tracks
+    error_px = tracks.points1 - sequence.transfer(tracks.points0, result.frame0, result.frame1)
+    length = np.linalg.norm(error_px, axis=1)
+    near = length < _RIGHT_PX  # NaN, where the truth is hidden, is not
+    sigma = 1.4826 * float(np.median(np.abs(error_px[near])))
+    right = length < min(_RIGHT_SIGMA * sigma, _RIGHT_PX)
+    return PointScene(
+        camera=sequence.camera,
+        points0=tracks.points0,
+        points1=tracks.points1,
+        is_outlier=~right,
+        is_far=np.zeros(len(tracks), bool),
+        depths=sequence.distances(result.frame0, tracks.points0),
+        true_rays0=sequence.camera.unproject(tracks.points0),
+        rotation_cam1_from_cam0=motion[:3, :3],
+        translation_cam1_from_cam0=motion[:3, 3],
+        noise_px=sigma / math.sqrt(2.0),  # each end carries half of the error between them
+    )
