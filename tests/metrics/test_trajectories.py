@@ -23,6 +23,7 @@ from farpoint.metrics import (
     kitti_segment_errors,
     path_length,
     relative_errors,
+    scale_drift,
 )
 
 
@@ -226,3 +227,22 @@ def test_unequal_trajectories_are_refused():
         relative_errors(drive(5, 1), drive(5, 1)[:, :3])
     with pytest.raises(InputError, match=r"^delta_frames: expected at least 1"):
         relative_errors(drive(5, 1), drive(5, 1), delta_frames=0)
+
+
+def test_the_drift_of_the_scale_is_that_from_the_first_fifth_to_the_last():
+    truth = drive(101, seed=5)
+    assert scale_drift(truth, truth) == pytest.approx(0.0, abs=1e-12)
+    estimate = truth.copy()
+    steps = np.diff(truth[:, :3, 3], axis=0) * np.linspace(2.0, 3.0, 100)[:, None]
+    estimate[1:, :3, 3] = estimate[0, :3, 3] + np.cumsum(steps, axis=0)
+    # Equal steps: means of the factors over the first twenty and the last.
+    factors = np.linspace(2.0, 3.0, 100)
+    assert scale_drift(estimate, truth) == pytest.approx(
+        factors[80:].mean() / factors[:20].mean() - 1.0, rel=1e-6
+    )
+    assert evaluate_trajectory(estimate, truth).scale_drift == scale_drift(estimate, truth)
+
+
+def test_standing_still_has_no_drift_of_the_scale():
+    still = np.tile(np.eye(4), (5, 1, 1))
+    assert math.isnan(scale_drift(still, still))

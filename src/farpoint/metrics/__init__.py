@@ -51,6 +51,7 @@ from farpoint.metrics.trajectories import (
     kitti_segment_errors,
     path_length,
     relative_errors,
+    scale_drift,
 )
 
 __all__ = [
@@ -95,6 +96,7 @@ __all__ = [
     "relative_errors",
     "relative_motions",
     "rotation_error",
+    "scale_drift",
     "split_half",
     "summarize",
     "to_json",

@@ -22,6 +22,7 @@ from farpoint.metrics.trajectories import (
     kitti_segment_errors,
     path_length,
     relative_errors,
+    scale_drift,
 )
 from farpoint.pose import PoseStatus
 
@@ -109,6 +110,8 @@ class TrajectoryEvaluation:
         Length of the true path through them.
     scale : float
         Factor from the estimate's unit to that of the truth, from the Sim(3) alignment.
+    scale_drift : float
+        How much longer, relative, the last fifth of the path was made than the first.
     ate_sim3, ate_se3 : Summary
         Distances of positions after alignment with and without scale; their ``rmse`` is the ATE.
     delta_frames : int
@@ -123,6 +126,7 @@ class TrajectoryEvaluation:
     poses: int
     path_length: float
     scale: float
+    scale_drift: float
     ate_sim3: Summary
     ate_se3: Summary
     delta_frames: int
@@ -191,6 +195,7 @@ def evaluate_trajectory(
         poses=len(truth),
         path_length=path_length(truth),
         scale=similarity.scale,
+        scale_drift=scale_drift(estimate, truth),
         ate_sim3=summarize(absolute_errors(scaled, truth)),
         ate_se3=summarize(absolute_errors(rigid, truth)),
         delta_frames=delta_frames,

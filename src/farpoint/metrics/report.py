@@ -128,7 +128,10 @@ def _halves_lines(halves: HalvesEvaluation) -> list[str]:
 
 def _trajectory_lines(trajectory: TrajectoryEvaluation) -> list[str]:
     t = trajectory
-    lines = [f"trajectory: {t.poses} poses, true path {t.path_length:.3f}, scale {t.scale:.6g}"]
+    lines = [
+        f"trajectory: {t.poses} poses, true path {t.path_length:.3f}, scale {t.scale:.6g}, "
+        f"drift of it {_number(100.0 * t.scale_drift)} %"
+    ]
     lines += _table(
         ("error", *_SUMMARY_HEAD),
         [

@@ -22,6 +22,7 @@ __all__ = [
     "kitti_segment_errors",
     "path_length",
     "relative_errors",
+    "scale_drift",
 ]
 
 KITTI_LENGTHS_M = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
@@ -141,6 +142,22 @@ def kitti_segment_errors(
 def path_length(world_from_cam: np.ndarray) -> float:
     """Length of the polygon through the positions, in their unit."""
     return float(_travelled(world_from_cam)[-1])
+
+
+def scale_drift(estimate: np.ndarray, truth: np.ndarray) -> float:
+    """How much longer, relative, the last fifth of the true path was made than the first fifth.
+
+    0.05 for a scale that grew by 5 %; NaN where one of them has no length.
+    """
+    _check(estimate, truth)
+    along, made = _travelled(truth), _travelled(estimate)
+    # The lengths that the estimate gives to fifths of the true path, ends between poses included.
+    rises = np.concatenate([[True], np.diff(along) > 0.0])
+    begin, end = (
+        float(np.diff(np.interp(np.array(part) * along[-1], along[rises], made[rises]))[0])
+        for part in ((0.0, 0.2), (0.8, 1.0))
+    )
+    return end / begin - 1.0 if begin > 0.0 and end > 0.0 else float("nan")
 
 
 def _travelled(world_from_cam: np.ndarray) -> np.ndarray:
