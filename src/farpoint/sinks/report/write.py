@@ -23,8 +23,8 @@ def write_report(folder: str | Path, truth: str | Path | None = None) -> Path:
     """Write ``report.html`` from the other files of a folder, of an interrupted run too.
 
     It is a function of those files: ``run.json``, ``motions.csv``, ``positions.csv`` (or
-    ``trajectory.tum``) and, where they are there, ``halves.csv`` and ``overlay.mp4``. Its size and
-    the memory it takes do not grow with the run.
+    ``trajectory.tum``) and, where they are there, ``halves.csv`` and ``overlay.mp4``. Its size does
+    not grow with the run, and the memory it takes only by the split-half tests.
 
     Parameters
     ----------
