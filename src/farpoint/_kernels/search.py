@@ -24,9 +24,10 @@ GATE_SIGMA = 3.0
 # Log likelihood to which hypotheses are refined, and by which one is given up that is worse.
 COARSE = 0.1
 HOPELESS = 30.0
-# Steps after which a hypothesis is looked at first, and in all.
-FIRST_LOOK = 3
-REFINEMENTS = 6
+# Steps after which a hypothesis is looked at first, and in all. Of a type of their own: for each
+# plain number numba would compile the refinement anew.
+FIRST_LOOK = np.int64(3)
+REFINEMENTS = np.int64(6)
 # Log likelihood within which two hypotheses are taken for one.
 SAME = 2.0
 # Shares of wrong and of poor matches that EM starts from.
