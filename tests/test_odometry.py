@@ -280,3 +280,26 @@ def test_options_reach_the_stage_they_are_for():
     results = list(Odometry(CAMERA, options).run(frames(IMAGES[:2])))
     assert len(results[1].tracks) <= 60
     assert results[1].pose.stats.cost is None  # the closed form has no likelihood
+
+
+def test_black_repeated_and_dropped_frames_keep_the_scale():
+    # Frames 2 and 4 are black and repeated, the fourth picture was dropped: steps of 1, 1, 0 and 2.
+    results = run([IMAGES[0], IMAGES[1], BLACK, IMAGES[2], IMAGES[2], IMAGES[4], IMAGES[5]])
+    assert statuses(results) == ["-", "OK", "FAILED", "OK", "STATIC", "OK", "OK"]
+    assert {result.segment for result in results} == {0}
+    lengths = [result.scale for result in results[1:]]
+    assert lengths[1] is None
+    assert lengths[3] is None
+    assert [lengths[0], lengths[2], lengths[4], lengths[5]] == pytest.approx([1, 1, 2, 1], rel=0.03)
+    way = np.linalg.norm(results[-1].world_from_cam[:3, 3])
+    assert way == pytest.approx(5.0, rel=0.03)
+
+
+def test_a_cut_begins_a_segment_and_its_scale_begins_anew():
+    other = drive(4, seed=5)
+    results = run([*IMAGES[:3], *other])
+    assert [result.segment for result in results] == [0, 0, 0, 1, 1, 1, 1]
+    np.testing.assert_array_equal(results[3].world_from_cam, results[2].world_from_cam)
+    np.testing.assert_array_equal(results[3].world_covariance, np.zeros((7, 7)))
+    assert results[4].scale_sigma == 0.0
+    assert results[5].scale_sigma > 0.0

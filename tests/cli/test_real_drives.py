@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from cli_kit import CommandLine
 
+from farpoint.sinks.positions import read_positions
+
 
 @pytest.mark.parametrize(
-    ("sequence", "rotation_deg", "direction_deg"),
+    ("sequence", "rotation_deg", "direction_deg", "ate_m"),
     [
-        ("kitti_a", 0.04, 0.8),
+        ("kitti_a", 0.04, 0.8, 0.1),
         # Its poses are smoothed from frame to frame: PoseLib, on the same tracks, is as far off.
-        ("kitti_00", 0.05, 1.0),
+        ("kitti_00", 0.05, 1.0, 0.5),
     ],
 )
 def test_motions_are_as_good_as_the_truth_can_tell(
@@ -25,12 +27,15 @@ def test_motions_are_as_good_as_the_truth_can_tell(
     sequence: str,
     rotation_deg: float,
     direction_deg: float,
+    ate_m: float,
 ):
     folder = shared_data / sequence
     arguments = ("--camera", folder / "calib.txt", "--out", tmp_path, "--no-overlay")
     assert farpoint("run", folder, *arguments, "--no-report").code == 0
     told = farpoint("evaluate", tmp_path, "--truth", folder / "poses.txt", "--json")
-    motions = json.loads(told.out)["motions"]
+    motions, trajectory = (json.loads(told.out)[part] for part in ("motions", "trajectory"))
     assert motions["statuses"]["OK"] == motions["pairs"] == motions["pairs_with_truth"]
     assert np.rad2deg(motions["rotation_rad"]["median"]) <= rotation_deg
     assert np.rad2deg(motions["direction_rad"]["median"]) <= direction_deg
+    assert trajectory["ate_sim3"]["rmse"] <= ate_m
+    assert set(read_positions(tmp_path / "positions.csv").segments) == {0}
