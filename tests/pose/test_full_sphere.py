@@ -99,8 +99,8 @@ def test_errors_are_at_the_bound(figures, part):
 @pytest.mark.parametrize(("part", "dof"), [("pose", 5), ("rotation", 3), ("direction", 2)])
 def test_covariances_hold(figures, part, dof):
     covered = float(np.mean(figures[part] <= chi2_quantile(0.95, dof)))
-    # 0.93 to 0.97, and what chance does to 500 trials.
-    assert 0.92 <= covered <= 0.98
+    # 0.93 to 0.97, and the two sigma by which chance moves 500 trials.
+    assert 0.91 <= covered <= 0.99
 
 
 def test_the_bound_is_what_least_squares_with_known_matches_reaches():
