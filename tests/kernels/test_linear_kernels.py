@@ -217,6 +217,16 @@ def test_random_words_are_splitmix64():
     assert draws(1234567, 2**53, 4) == [word >> 11 for word in words]
 
 
+def test_drawn_directions_are_uniform_on_the_sphere():
+    state, drawn = np.array([5], np.uint64), np.empty((4000, 3))
+    for d in drawn:
+        linear.draw_direction(state, d)
+    np.testing.assert_allclose(np.linalg.norm(drawn, axis=1), 1.0, rtol=0.0, atol=1e-14)
+    # Mean 0 and second moment I / 3, to four standard errors.
+    np.testing.assert_allclose(drawn.mean(axis=0), 0.0, rtol=0.0, atol=4 * 0.58 / 63)
+    np.testing.assert_allclose(drawn.T @ drawn / 4000, np.eye(3) / 3, rtol=0.0, atol=4 * 0.3 / 63)
+
+
 @pytest.mark.parametrize("n", [1, 2, 7, 110])
 def test_drawn_indices_are_uniform_and_in_range(n):
     count = 2000

@@ -145,10 +145,11 @@ def iterations_needed(
     """Samples of five until one without a wrong match led to the pose, with this confidence.
 
     ``doubt`` is the probability that the pose found without them is not the right one. A good
-    sample converges to the right pose every second time where the ``flow`` that the rotation
-    leaves is short, and ever more rarely where it is long (rad): the start is then far away.
+    sample converges to the right pose every second time from a good start, every fourth from a
+    doubtful one, and ever more rarely where the ``flow`` that the rotation leaves is long (rad): the
+    start is then far away.
     """
-    converging = 0.5 / (1.0 + (flow / LONG_FLOW) ** 2)
+    converging = 0.5 / (1.0 + doubt) / (1.0 + (flow / LONG_FLOW) ** 2)
     hit = converging * max(1.0 - wrong, 0.0) ** 5
     if hit <= 0.0:
         return max_iterations

@@ -75,7 +75,7 @@ def densities(
     """Density of the match at this address, if good and if poor, over that of a good one at 0."""
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, reach2 = flow_along(m, b, t)
-    shift2 = flow * flow * precision / (flow_variance(pairs, at) * reach2 + 1e-300)
+    shift2 = flow * flow * precision / (parallax_variance(pairs, at, R, m, t) + 1e-300)
     retreat = max(shift2 - FAR_SIGMA * FAR_SIGMA, 0.0) if flow < 0.0 else 0.0
     whole, eighth = exp_and_eighth(0.5 * (residual * residual * precision + retreat))
     return prior * (1.0 - poor) * whole, prior * poor / POOR * eighth

@@ -16,6 +16,7 @@ __all__ = [
     "apply_rotation_step",
     "clear",
     "copy",
+    "draw_direction",
     "draw_index",
     "draw_unit",
     "kabsch",
@@ -54,6 +55,15 @@ def draw_unit(state: np.ndarray) -> float:
 def draw_index(state: np.ndarray, n: int) -> int:
     """Uniform integer in [0, n); its bias over n < 2^32 is beyond notice."""
     return int(draw_unit(state) * n)
+
+
+@kernel
+def draw_direction(state: np.ndarray, d: np.ndarray) -> None:
+    """Unit vector ``d`` (3,), uniform on the sphere."""
+    z = 2.0 * draw_unit(state) - 1.0
+    angle = 2.0 * math.pi * draw_unit(state)
+    radius = math.sqrt(1.0 - z * z)
+    d[0], d[1], d[2] = radius * math.cos(angle), radius * math.sin(angle), z
 
 
 @kernel

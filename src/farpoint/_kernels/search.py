@@ -12,7 +12,13 @@ from farpoint._kernels.direction import intersect_circles
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.five_rays import LONG_FLOW, iterations_needed, score_pose, solve_five
 from farpoint._kernels.likelihood import refine_pose
-from farpoint._kernels.linear import apply_rotation_step, copy, draw_index, draw_unit
+from farpoint._kernels.linear import (
+    apply_rotation_step,
+    copy,
+    draw_direction,
+    draw_index,
+    draw_unit,
+)
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import combine, dot, matrix, rotate, tangent_columns, vector
@@ -28,6 +34,8 @@ HOPELESS = 30.0
 # plain number numba would compile the refinement anew.
 FIRST_LOOK = np.int64(3)
 REFINEMENTS = np.int64(6)
+# Truncated squares over the least so far with which a hypothesis is still worth refining.
+PROMISING = 1.5
 # Log likelihood within which two hypotheses are taken for one.
 SAME = 2.0
 # Shares of wrong and of poor matches that EM starts from.
@@ -262,11 +270,11 @@ def search_pose(
     """Most likely pose near the rotation ``R`` and among joint hypotheses; returns iterations.
 
     The start is the direction that the flow of the ``candidates`` suggests at ``R``. Samples are
-    solved from about the rotation of the start, with a direction from two of their own rays: to
-    start from the best pose would find it again. A hypothesis that agrees with
-    more matches than any before it is refined, and judged by its likelihood with the noise that it
-    needs: a wrong minimum looks good only with more noise than there is. At last come the motions
-    that look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
+    solved from about the rotation of the start, with a direction from two of their own rays or one
+    from anywhere: to start from the best pose would find it again. A hypothesis that agrees with the
+    matches about as well as any before it is refined, and judged by its likelihood with the noise
+    that it needs: a wrong minimum looks good only with more noise than there is. At last come the
+    motions that look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
     """
     matches = Matches(pairs, prior, count, spread, min_variance)
     best = Pose(R, t, mixture, np.empty((6, 6)), np.empty(1))
@@ -289,14 +297,16 @@ def search_pose(
         _draw_distinct(sample, count, state)
         _step_away(start, flow, state, other.R)
         _longest_flow_first(pairs, other.R, sample)
-        if not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
+        if iteration % 2 == 0:
+            draw_direction(state, other.t)
+        elif not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
             continue
         if not solve_five(pairs, sample, other.R, other.t):
             continue
-        raw = score_pose(pairs, prior, other.R, other.t, limit, lowest)
-        if raw >= lowest:
+        raw = score_pose(pairs, prior, other.R, other.t, limit, PROMISING * lowest)
+        if raw >= PROMISING * lowest:
             continue
-        lowest = raw
+        lowest = min(raw, lowest)
         copy(mixture, other.mixture)
         if _challenge(matches, other, best):
             wrong = _unexplained(matches, best, tolerance)
