@@ -158,12 +158,7 @@ def test_matches_that_retreat_lose_their_density(seed):
     forward = Explained(view, prior, view.R, view.t)
     backward = Explained(view, prior, view.R, -view.t)
     np.testing.assert_allclose(backward.r, -forward.r, rtol=0.0, atol=1e-9)
-    # The noise of the flow is its average over all directions.
-    flow = view.rays1 - view.rays0 @ view.R.T
-    variance = 0.5 * np.sum(view.noise0**2 + view.noise1**2, axis=(1, 2))
-    m = view.rays0 @ view.R.T
-    along = sphere.normalize(view.t - (m @ view.t)[:, None] * m)
-    shift2 = np.einsum("ni,ni->n", flow, along) ** 2 / variance / MIXTURE[0]
+    shift2 = backward.parallax**2 / MIXTURE[0]
     retreat = np.maximum(shift2 - likelihood.FAR_SIGMA**2, 0.0)
     assume(retreat.max() > 1.0)
     good, fair = densities(backward.r) * np.exp([-0.5 * retreat, -0.5 * retreat / 8])

@@ -32,7 +32,7 @@ COARSE = 0.1
 HOPELESS = 30.0
 # Steps after which a hypothesis is looked at first, and in all. Of a type of their own: for each
 # plain number numba would compile the refinement anew.
-FIRST_LOOK = np.int64(3)
+FIRST_LOOK = np.int64(2)
 REFINEMENTS = np.int64(6)
 # Truncated squares over the least so far with which a hypothesis is still worth refining.
 PROMISING = 1.5
