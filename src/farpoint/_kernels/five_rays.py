@@ -146,8 +146,8 @@ def iterations_needed(
 
     ``doubt`` is the probability that the pose found without them is not the right one. A good
     sample converges to the right pose every second time from a good start, every fourth from a
-    doubtful one, and ever more rarely where the ``flow`` that the rotation leaves is long (rad): the
-    start is then far away.
+    doubtful one, and ever more rarely where the ``flow`` that the rotation leaves is long (rad):
+    the start is then far away.
     """
     converging = 0.5 / (1.0 + doubt) / (1.0 + (flow / LONG_FLOW) ** 2)
     hit = converging * max(1.0 - wrong, 0.0) ** 5

@@ -25,7 +25,7 @@ from farpoint._kernels.epipolar import (
 )
 from farpoint._kernels.exponential import exp_and_eighth, lane_log
 from farpoint._kernels.linear import apply_rotation_step, copy, solve_spd
-from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0, ray1
+from farpoint._kernels.pairs import LANES, PANEL, ray0, ray1
 from farpoint._kernels.vectors import combine, dot, matrix, rotate, tangent_columns, vector
 
 __all__ = [
@@ -74,7 +74,7 @@ def densities(
 ) -> tuple[float, float]:
     """Density of the match at this address, if good and if poor, over that of a good one at 0."""
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
-    flow, reach2 = flow_along(m, b, t)
+    flow, _ = flow_along(m, b, t)
     shift2 = flow * flow * precision / (parallax_variance(pairs, at, R, m, t) + 1e-300)
     retreat = max(shift2 - FAR_SIGMA * FAR_SIGMA, 0.0) if flow < 0.0 else 0.0
     whole, eighth = exp_and_eighth(0.5 * (residual * residual * precision + retreat))
