@@ -16,7 +16,7 @@ __all__ = ["information"]
 EPIPOLE_SIGMA = 8.0
 # Rows of a panel of what is told: Jacobian and its change by noise along the line, their weights,
 # the weight of the residual and what is missing of it.
-JACOBIAN, CHANGE, WEIGHT, SHARE, KNOWN, MISSING = np.arange(14)[[0, 5, 10, 11, 12, 13]]
+JACOBIAN, CHANGE, WEIGHT, SHARE, KNOWN, MISSING = (np.int64(row) for row in (0, 5, 10, 11, 12, 13))
 TOLD = 14 * LANES
 
 

@@ -30,7 +30,8 @@ __all__ = [
 
 LANES = 32
 # Rows of a panel: two rays, their covariances (upper triangles), the mean variance of their flow.
-RAY0, RAY1, COVARIANCE0, COVARIANCE1, FLOW = np.array([0, 3, 6, 12, 18])
+# Of a type of their own: for each plain number numba would compile a function anew.
+RAY0, RAY1, COVARIANCE0, COVARIANCE1, FLOW = (np.int64(row) for row in (0, 3, 6, 12, 18))
 PANEL = 19 * LANES
 # Noise that is smaller is rounding of the rays themselves, rad^2.
 MIN_VARIANCE_RAD2 = 1e-30

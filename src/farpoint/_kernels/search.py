@@ -273,8 +273,8 @@ def search_pose(
     solved from about the rotation of the start, with a direction from two of their own rays or one
     from anywhere: to start from the best pose would find it again. A hypothesis that agrees with
     the matches about as well as any before it is refined, and judged by its likelihood with the
-    noise that it needs: a wrong minimum looks good only with more noise than there is. At last come the
-    motions that look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
+    noise that it needs: a wrong minimum looks good only with more noise than there is. At last come
+    the motions that look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
     """
     matches = Matches(pairs, prior, count, spread, min_variance)
     best = Pose(R, t, mixture, np.empty((6, 6)), np.empty(1))
