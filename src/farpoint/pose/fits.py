@@ -37,9 +37,9 @@ MAX_REFINEMENTS = 20
 PARALLAX_ROUNDS = 2
 # The search looks at this many matches: more make it slower, not surer.
 MAX_SEARCHED = 160
-# Where at least this share of the matches are far, the first pose found is rarely the wrong one.
+# Where this share of the matches seem far, the first pose found is less often the wrong one.
 FAR_SHARE = 0.25
-FAR_DOUBT = 0.02
+FAR_DOUBT = 0.2
 # Samples for the rotation that the search begins with.
 START_SAMPLES = 50
 # Matches times samples that are tried at least.

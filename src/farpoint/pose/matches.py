@@ -23,6 +23,9 @@ from farpoint.geometry.sphere import normalize, tangent_basis
 # Pixels are no farther out than where the next one is the same direction.
 LEAST_RAD_PER_PX = 1e-12
 ISOTROPIC = np.eye(2)[None]
+# A covariance that is told of a track is an estimate too, and misses what the tracker gets wrong
+# along its own motion: by twice the variance on rendered images without any translation.
+TOLD_DOUBT = 3.0
 
 __all__ = ["Matches", "matches_from_points", "matches_from_rays"]
 
@@ -46,6 +49,9 @@ class Matches:
     spread : float
         Half the width, in units of the noise, that wrong matches may fill: that of a uniform
         distribution with the second moment of the later rays.
+    doubt : float
+        Factor by which the variance of the noise in one direction, over that in the other, may
+        be misstated.
     """
 
     rays0: np.ndarray
@@ -55,6 +61,7 @@ class Matches:
     total: int
     unit: str
     spread: float
+    doubt: float
 
     def __len__(self) -> int:
         return len(self.index)
@@ -72,6 +79,7 @@ class Matches:
             total=self.total,
             unit=self.unit,
             spread=self.spread,
+            doubt=self.doubt,
         )
 
     def weights(self, values: np.ndarray | float = 1.0) -> np.ndarray:
@@ -143,7 +151,14 @@ def _pack(
         rays0, rays1 = rays0[index], rays1[index]
         pairs = pairs[: packed_length(count) // LANES * PANEL]
     return Matches(
-        rays0=rays0, rays1=rays1, pairs=pairs, index=index, total=total, unit=unit, spread=spread
+        rays0=rays0,
+        rays1=rays1,
+        pairs=pairs,
+        index=index,
+        total=total,
+        unit=unit,
+        spread=spread,
+        doubt=1.0 if all(C is ISOTROPIC for C in covariances) else TOLD_DOUBT,
     )
 
 

@@ -80,7 +80,7 @@ def is_plainly_translating(fit: MovingFit) -> bool:
 def is_translating(matches: Matches, fit: MovingFit, turning: TurningFit, rate: float) -> bool:
     """Whether the flow shows translation beside the rotation."""
     agree = np.abs(fit.residual) <= BAND_SIGMA * fit.noise.mean_sigma
-    return _bulk_exceeds_noise(fit, turning, agree, rate) or _near_points_agree(
+    return _bulk_exceeds_noise(matches, fit, turning, agree, rate) or _near_points_agree(
         matches, fit, turning, agree, rate
     )
 
@@ -94,12 +94,13 @@ def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float)
 
 
 def _bulk_exceeds_noise(
-    fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float
+    matches: Matches, fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float
 ) -> bool:
     """F test of the distance from the rotation's prediction against noise across epipolar lines.
 
     Over the matches that both models explain: one wrong match along an epipolar line would decide
-    the test.
+    the test. With many matches the test would find any error in the stated noise: what may be one
+    is no translation.
     """
     bulk = agree & (turning.probability > 0.5)
     n = int(np.count_nonzero(bulk))
@@ -109,7 +110,7 @@ def _bulk_exceeds_noise(
     across = max(float(np.sum(fit.residual[bulk] ** 2)), n * MIN_VARIANCE)
     along = float(np.sum(turning.distance2[bulk])) - across
     ratio = max(along, 0.0) / n / (across / (n - 3))
-    return bool(DIRECTIONS * special.fdtrc(n, n - 3, ratio) < rate)
+    return ratio > matches.doubt and bool(DIRECTIONS * special.fdtrc(n, n - 3, ratio) < rate)
 
 
 def _near_points_agree(
