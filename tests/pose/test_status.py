@@ -165,3 +165,21 @@ def test_the_sign_of_the_direction_is_right_wherever_it_is_given():
             assert pose.stats.sign_probability > 0.999
             wrong += pose.direction_cam1_from_cam0 @ scene.direction_cam1_from_cam0 < 0.0
     assert wrong == 0
+
+
+def test_an_error_in_the_told_noise_is_no_translation():
+    """Tracks are off along their motion by more than across it, and no tracker says so."""
+    rng, told = np.random.default_rng(3), np.tile(np.eye(2), (600, 1, 1))
+    noise_px = 0.1 * np.array([np.sqrt(2.0), 1.0])
+
+    def pose_of(scene: PointScene) -> RelativePose:
+        noisy = [p + noise_px * rng.normal(size=p.shape) for p in (scene.points0, scene.points1)]
+        return estimate_relative_pose(
+            *noisy, scene.camera, covariance0_px2=told, covariance1_px2=told
+        )
+
+    given = {"matches": 600, "outliers": 0, "noise_px": 0.0}
+    turned = [pose_of(point_scene(seed, translation_m=STILL, **given)) for seed in range(20)]
+    assert statuses(turned)[PoseStatus.ROTATION_ONLY] == 20
+    moved = [pose_of(point_scene(seed, **given)) for seed in range(20)]
+    assert statuses(moved)[PoseStatus.OK] == 20
