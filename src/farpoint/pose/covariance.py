@@ -26,7 +26,9 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
     its gradient, which is the Gauss-Newton matrix. Since the depths are estimated along, V counts
     the noise in the flow as if it were flow; H does not. Where nearly all of V is noise, it alone
     tells the scale, by the least share of it that is taken to be signal. Both lack the information
-    that is lost for not knowing which matches are good.
+    that is lost for not knowing which matches are good. The noise is estimated too, from few
+    matches roughly: on average its inverse is too large by ``f / (f - 2)`` with f degrees of
+    freedom, and the covariance is made larger by as much.
     """
     whole, noise = np.empty((5, 5)), np.empty((5, 5))
     known = information(
@@ -39,6 +41,8 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
         whole,
         noise,
     )
+    freedom = max(float(np.sum(fit.probability)) - 5.0, 4.0)
+    known *= (freedom - 2.0) / freedom
     whole *= known
     noise *= known
     whole += DIRECTION_PRIOR
