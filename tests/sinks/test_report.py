@@ -35,6 +35,7 @@ from farpoint.sinks.report.digest import (
     digest_motions,
 )
 from farpoint.sinks.report.histogram import halves_section
+from farpoint.sinks.report.lengths import FIRST_STEP
 from farpoint.sinks.report.maps import path_map
 from farpoint.sinks.report.moments import MomentSeeker
 from farpoint.sinks.report.paths import Paths, paths_from_above
@@ -349,7 +350,7 @@ def drawn_map(
         segments=np.array(segments),
         covariance=np.broadcast_to(covariance, (len(x_z), 2, 2)),
     )
-    return ElementTree.fromstring(path_map(paths).split("<p>")[0])
+    return ElementTree.fromstring(path_map(paths, FIRST_STEP).split("<p>")[0])
 
 
 def test_the_map_breaks_where_the_scale_was_lost_and_shows_how_sure_it_is() -> None:
@@ -393,6 +394,53 @@ def test_lengths_are_not_added_across_a_break(
     assert "the scale lost once" in page
     (tmp_path / "positions.csv").unlink()  # an older run
     np.testing.assert_allclose(paths_from_above(tmp_path).x_z, paths.x_z)
+
+
+@pytest.mark.parametrize(
+    ("unit", "far", "chart", "path"),
+    [
+        (
+            "that of the trajectory",
+            "<b>4</b> units, 0.4 s<small>a unit is the first step; the end is known to 0.4 units",
+            "unit of the trajectory",
+            ("path from above, 0 units wide and 4 units deep", "grid is 1 unit wide"),
+        ),
+        (
+            "m",
+            "<b>4</b> m, 0.4 s<small>the end is known to 0.4 m",
+            "m",
+            ("path from above, 0 m wide and 4 m deep", "grid is 1 m wide"),
+        ),
+    ],
+)
+def test_lengths_have_the_unit_of_the_files(
+    tmp_path: Path,
+    run: RunDescription,
+    make_result: MakeResult,
+    unit: str,
+    far: str,
+    chart: str,
+    path: tuple[str, str],
+) -> None:
+    with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
+        folder.put("metric", {"unit": unit})
+        for k in range(5):
+            place = np.eye(4)
+            place[2, 3] = k
+            covariance = np.diag([0.0] * 5 + [0.04 * k, 0.0])
+            folder.write(
+                replace(
+                    make_result(k),
+                    world_from_cam=place,
+                    world_covariance=covariance,
+                    scale_sigma=0.1 if k else None,
+                ),
+                None,
+            )
+    page = (tmp_path / "report.html").read_text()
+    assert far in page
+    assert f"<b>Length of the step</b> <small>{chart}</small>" in page
+    assert all(words in page for words in path)
 
 
 def test_the_map_keeps_the_shape_of_the_path() -> None:

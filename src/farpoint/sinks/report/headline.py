@@ -10,6 +10,7 @@ import numpy as np
 
 from farpoint.pose import PoseStatus
 from farpoint.sinks.report.digest import Digest
+from farpoint.sinks.report.lengths import LengthUnit, length_unit
 from farpoint.sinks.report.paths import Paths
 
 __all__ = ["headline"]
@@ -34,7 +35,7 @@ def headline(run: Mapping[str, Any], digest: Digest, paths: Paths) -> str:
     answers = "".join(
         f"<div><dt>{escape(question)}</dt><dd>{answer}</dd></div>"
         for question, answer in (
-            ("How far", _how_far(digest, paths)),
+            ("How far", _how_far(digest, paths, length_unit(run))),
             ("How fast", _how_fast(digest)),
             ("How sure", _how_sure(digest)),
             ("What went wrong", _what_went_wrong(run, digest, paths)),
@@ -55,15 +56,14 @@ def headline(run: Mapping[str, Any], digest: Digest, paths: Paths) -> str:
     )
 
 
-def _how_far(digest: Digest, paths: Paths) -> str:
+def _how_far(digest: Digest, paths: Paths, unit: LengthUnit) -> str:
     lasted = f"{digest.span_s:.4g} s"
     if not len(paths.lengths) or not _has_scale(digest):
         return f"<b>{lasted}</b><small>lengths are not known</small>"
-    note = "a unit is the first step"
     sigma = _final_sigma(paths)
-    if sigma is not None:
-        note += f"; the end is known to {sigma:.2g}, 1-sigma"
-    return f"<b>{paths.lengths.sum():.4g}</b> units, {lasted}<small>{note}</small>"
+    end = "" if sigma is None else f"the end is known to {unit.after(f'{sigma:.2g}')}, 1-sigma"
+    note = "; ".join(part for part in (unit.meaning, end) if part)
+    return f"<b>{paths.lengths.sum():.4g}</b> {unit.plural}, {lasted}<small>{note}</small>"
 
 
 def _final_sigma(paths: Paths) -> float | None:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from farpoint.sinks.report.charts import nice_step
+from farpoint.sinks.report.lengths import LengthUnit
 from farpoint.sinks.report.paths import Paths
 
 __all__ = ["path_map"]
@@ -15,7 +16,7 @@ _ELLIPSES = 8
 _CHI2_95 = 5.991  # of two degrees of freedom
 
 
-def path_map(paths: Paths) -> str:
+def path_map(paths: Paths, unit: LengthUnit) -> str:
     """The path from above, x to the right and z up the page, with a grid of round lengths."""
     shown = paths.x_z if paths.true_x_z is None else np.vstack([paths.x_z, paths.true_x_z])
     low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
@@ -42,10 +43,10 @@ def path_map(paths: Paths) -> str:
     dots += _dot("start", paths.x_z[0], digits) + _dot("end", paths.x_z[-1], digits)
     return (
         f'<svg class="map" viewBox="{left:g} {-top:g} {right - left:g} {top - bottom:g}" '
-        f'role="img" aria-label="path from above, {_spoken(paths.x_z)}">'
+        f'role="img" aria-label="path from above, {_spoken(paths.x_z, unit)}">'
         f"{_grid(left, right, bottom, top, step)}{ellipses}{''.join(lines)}{dots}"
-        f'<path class="dot here" d="" /></svg><p>A square of the grid is {step:g} wide. {keys}; '
-        f"the first camera looks up the page.</p>"
+        f'<path class="dot here" d="" /></svg><p>A square of the grid is '
+        f"{unit.after(f'{step:g}')} wide. {keys}; the first camera looks up the page.</p>"
     )
 
 
@@ -89,6 +90,6 @@ def _dot(style: str, place: np.ndarray, digits: int) -> str:
     return f'<path class="dot {style}" d="M{place[0]:.{digits}f} {-place[1]:.{digits}f}h0"/>'
 
 
-def _spoken(x_z: np.ndarray) -> str:
+def _spoken(x_z: np.ndarray, unit: LengthUnit) -> str:
     width, depth = np.ptp(x_z, axis=0)
-    return f"{width:.3g} wide and {depth:.3g} deep, in the unit of the trajectory"
+    return f"{unit.after(f'{width:.3g}')} wide and {unit.after(f'{depth:.3g}')} deep"

@@ -8,11 +8,12 @@ import numpy as np
 
 from farpoint.sinks.report.charts import Chart, Curve
 from farpoint.sinks.report.digest import Digest
+from farpoint.sinks.report.lengths import LengthUnit
 
 __all__ = ["charts_of"]
 
 
-def charts_of(digest: Digest) -> list[Chart]:
+def charts_of(digest: Digest, unit: LengthUnit) -> list[Chart]:
     """Rotation and direction with their bands, the sigmas, the noise and the matches."""
     if not digest.series:
         return []
@@ -40,7 +41,7 @@ def charts_of(digest: Digest) -> list[Chart]:
         lengths.append(
             Chart(
                 title="Length of the step",
-                unit="unit of the trajectory",
+                unit=unit.name,
                 curves=[with_band("length", "scale", "c2")],
             )
         )

@@ -17,6 +17,7 @@ from farpoint.sinks.report.charts import Chart, draw_chart, status_strip
 from farpoint.sinks.report.digest import Digest
 from farpoint.sinks.report.headline import headline
 from farpoint.sinks.report.histogram import halves_section
+from farpoint.sinks.report.lengths import LengthUnit, length_unit
 from farpoint.sinks.report.maps import path_map
 from farpoint.sinks.report.measures import charts_of
 from farpoint.sinks.report.moments import Moment
@@ -68,13 +69,14 @@ class PageContents:
 def render_page(page: PageContents) -> str:
     """The whole HTML document."""
     name = escape(page.run["source"]["name"])
-    charts = charts_of(page.digest)
+    unit = length_unit(page.run)
+    charts = charts_of(page.digest, unit)
     sections = [
         headline(page.run, page.digest, page.paths),
         _status_table(page.digest),
         moments_section(page.moments, page.stills, page.thumbs),
         _charts_section(charts, page.digest),
-        _path_section(page.paths),
+        _path_section(page.paths, unit),
         halves_section(page.halves),
         _reasons_section(page.run),
         _options_section(page.run),
@@ -130,10 +132,11 @@ def _palette(run: Mapping[str, Any]) -> str:
     return f' data-palette="{escape(str(name))}"' if name else ""
 
 
-def _path_section(paths: Paths) -> str:
+def _path_section(paths: Paths, unit: LengthUnit) -> str:
     if len(paths.x_z) < 2:
         return ""
-    return f"<section><h2>Path from above</h2><figure>{path_map(paths)}</figure></section>\n"
+    drawn = path_map(paths, unit)
+    return f"<section><h2>Path from above</h2><figure>{drawn}</figure></section>\n"
 
 
 def _reasons_section(run: Mapping[str, Any]) -> str:

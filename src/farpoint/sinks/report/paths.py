@@ -28,7 +28,7 @@ class Paths:
     time_s : ndarray, shape (P,)
         Seconds since the first frame.
     x_z : ndarray, shape (P, 2)
-        Positions, in the unit of the trajectory.
+        Positions, in metres or the unit of the trajectory, as the files are.
     segments : ndarray of int, shape (P,)
         Which part of the path each belongs to; between parts the scale was lost.
     covariance : ndarray, shape (P, 2, 2)

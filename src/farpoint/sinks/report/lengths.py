@@ -1,0 +1,47 @@
+"""What the lengths of a run are measured in, in the words of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = ["FIRST_STEP", "METRE", "LengthUnit", "length_unit"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LengthUnit:
+    """A unit of length.
+
+    Attributes
+    ----------
+    singular, plural : str
+        As they stand behind a number.
+    name : str
+        As it stands beside a chart.
+    meaning : str
+        What a reader must be told of it; empty where everybody knows.
+    """
+
+    singular: str
+    plural: str
+    name: str
+    meaning: str
+
+    def after(self, number: str) -> str:
+        """The number with its unit."""
+        return f"{number} {self.singular if number == '1' else self.plural}"
+
+
+FIRST_STEP = LengthUnit(
+    singular="unit",
+    plural="units",
+    name="unit of the trajectory",
+    meaning="a unit is the first step",
+)
+METRE = LengthUnit(singular="m", plural="m", name="m", meaning="")
+
+
+def length_unit(run: Mapping[str, Any]) -> LengthUnit:
+    """The unit of a run's files: hints may have put them in metres."""
+    return METRE if run.get("metric", {}).get("unit") == "m" else FIRST_STEP
