@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_pose import STATS
 
 from farpoint.errors import InputError
 from farpoint.evaluate import EvaluationOptions, FolderEvaluation, evaluate_folder, write_pairs
 from farpoint.geometry import so3, sphere
 from farpoint.metrics import AssociationOptions, SplitHalf, relative_motions, to_text
 from farpoint.odometry import OdometryResult
-from farpoint.pose import PoseStats, PoseStatus, RelativePose
+from farpoint.pose import PoseStatus, RelativePose
 from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.motions import MotionsFile
 from farpoint.sinks.trajectory import TrajectoryFile
@@ -23,19 +24,6 @@ from farpoint.trajectory.files import Trajectory, read_trajectory, write_kitti, 
 
 SIGMA = np.array([1e-3, 1e-3, 1e-3, 1e-2, 1e-2])
 """1-sigma errors of the simulated motions, rad."""
-
-STATS = PoseStats(
-    matches=0,
-    far=0,
-    near=0,
-    outliers=0,
-    iterations=0,
-    cost=1.0,
-    sign_probability=None,
-    search_s=0.0,
-    refinement_s=0.0,
-    covariance_s=0.0,
-)
 
 
 def simulated_pose(

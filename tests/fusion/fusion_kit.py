@@ -8,8 +8,9 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
+from made_pose import STATS
 
-from farpoint import PoseStats, PoseStatus, RelativePose
+from farpoint import PoseStatus, RelativePose
 from farpoint.fusion import (
     ImuNoise,
     ImuSteps,
@@ -32,19 +33,6 @@ BODY_FROM_CAM = np.eye(4)
 """The camera looks along the body's x axis, a little off the IMU."""
 BODY_FROM_CAM[:3, :3] = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
 BODY_FROM_CAM[:3, 3] = [0.05, 0.02, 0.01]
-
-STATS = PoseStats(
-    matches=0,
-    far=0,
-    near=0,
-    outliers=0,
-    iterations=0,
-    cost=1.0,
-    sign_probability=None,
-    search_s=0.0,
-    refinement_s=0.0,
-    covariance_s=0.0,
-)
 
 
 @cache

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_pose import STATS
 
 from farpoint.errors import InputError
 from farpoint.geometry import so3, sphere
@@ -16,22 +17,10 @@ from farpoint.metrics import (
     pose_difference,
     split_half,
 )
-from farpoint.pose import PoseStats, PoseStatus, RelativePose
+from farpoint.pose import PoseStatus, RelativePose
 
 TRUE_R = so3.exp([0.1, -0.2, 0.05])
 TRUE_DIRECTION = sphere.normalize(np.array([0.3, -0.1, 1.0]))
-STATS = PoseStats(
-    matches=0,
-    far=0,
-    near=0,
-    outliers=0,
-    iterations=0,
-    cost=1.0,
-    sign_probability=None,
-    search_s=0.0,
-    refinement_s=0.0,
-    covariance_s=0.0,
-)
 MIXING = np.array(
     [
         [2e-3, 0.0, 0.0, 0.0, 0.0],

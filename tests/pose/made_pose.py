@@ -19,6 +19,7 @@ STATS = PoseStats(
     refinement_s=0.0,
     covariance_s=0.0,
 )
+"""Of an estimate that nobody made."""
 
 
 def made_pose(
