@@ -93,13 +93,10 @@ def match_windows(
                 break
             # The prior weighs as much as the noise tells it to; the residual shows the noise.
             variance = max(_dot(residual, residual) / (width * width), noise_floor)
-            if not _cholesky(normal, prior, variance, factor):
-                seen = False
+            seen = _cholesky(normal, prior, variance, factor)
+            if not seen:
                 break
-            _gradient(jacobian, residual, prior, variance, theta, expected[k], step)
-            _solve(factor, step)
-            for a in range(PARAMETERS):
-                theta[a] -= step[a]
+            _step(factor, jacobian, residual, prior, variance, expected[k], theta, step)
             if step[0] * step[0] + step[1] * step[1] < tolerance * tolerance:
                 break
         if seen and _residual(image1, x, y, half, theta, template, jacobian, residual):
@@ -245,10 +242,14 @@ def _residual(image, x, y, half, theta, template, jacobian, residual):
 
 
 @numba.njit(cache=True)
-def _gradient(jacobian, residual, prior, variance, theta, expected, gradient):
+def _step(factor, jacobian, residual, prior, variance, expected, theta, step):
+    """Take a Gauss-Newton step, ``theta -= step``, given the factor of the normal matrix."""
     for a in range(PARAMETERS):
         pull = variance * prior[a] * (theta[a] - expected[a])
-        gradient[a] = _dot(jacobian[a], residual) + pull
+        step[a] = _dot(jacobian[a], residual) + pull
+    _solve(factor, step)
+    for a in range(PARAMETERS):
+        theta[a] -= step[a]
 
 
 @numba.njit(cache=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -65,6 +64,7 @@ class _Speeds:
         self._window = _Window()
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
+        """A reading whenever a second of one segment has gone by at a known speed."""
         del camera
         speed = self._speed(0.5 * (result.timestamp0 + result.timestamp))
         if result.scale is None or speed is None or speed < _LEAST_SPEED:
@@ -112,6 +112,7 @@ class _Heights:
         self._segment, self._start_s = 0, 0.0
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
+        """A reading whenever the ground was in view over a second of one segment."""
         height = find_ground(camera, result)
         if height is None:
             return []
@@ -143,6 +144,7 @@ class _Distance:
         self._begin: OdometryResult | None = None
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
+        """The reading, with the second of the two frames, if no break of the scale lies between."""
         del camera
         if result.frame1 == self._hint.frame0:
             self._begin = result
@@ -174,9 +176,9 @@ class _Gnss:
         self._last: OdometryResult | None = None
         self._begin: tuple[int, float, np.ndarray] | None = None  # segment, time, position
         self._begin_m = np.zeros(3)
-        self._recent: deque[Reading] = deque(maxlen=1)
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
+        """A reading for each position that is far enough from the one before."""
         del camera
         last, self._last = self._last, result
         times, readings = self._hint.timestamps_s, []

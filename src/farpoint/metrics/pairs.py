@@ -175,27 +175,33 @@ def pair_errors(
         direction_bases = sphere.tangent_basis(directions)
     direction_bases = _as_shape(direction_bases, (n, 3, 2), "direction_bases")
 
-    length = np.linalg.norm(true_translations, axis=1)
-    true_directions = np.full((n, 3), np.nan)
-    counted = (length >= min_translation) & (length > 0.0)
-    true_directions[counted] = true_translations[counted] / length[counted, None]
-
+    true_directions = _directions_that_count(true_translations, min_translation)
     dtheta = rotation_error(rotations, true_rotations)
     dbeta = direction_error(directions, direction_bases, true_directions)
+    errors = np.hstack([dtheta, dbeta])
     identity = np.broadcast_to(np.eye(3), (n, 3, 3))
     return PairErrors(
         statuses=tuple(statuses),
         true_rotation_angle_rad=np.linalg.norm(rotation_error(identity, true_rotations), axis=1),
-        true_translation=length,
+        true_translation=np.linalg.norm(true_translations, axis=1),
         min_translation=min_translation,
-        errors=np.hstack([dtheta, dbeta]),
+        errors=errors,
         covariances=covariances,
         rotation_angle_rad=np.linalg.norm(dtheta, axis=1),
         direction_angle_rad=sphere.angle_between(directions, true_directions),
         rotation_nees=nees(dtheta, covariances[:, :3, :3]),
         direction_nees=nees(dbeta, covariances[:, 3:, 3:]),
-        pose_nees=nees(np.hstack([dtheta, dbeta]), covariances),
+        pose_nees=nees(errors, covariances),
     )
+
+
+def _directions_that_count(translations: np.ndarray, min_length: float) -> np.ndarray:
+    """Unit vectors (N, 3) of translations that are long enough; NaN for the others."""
+    length = np.linalg.norm(translations, axis=1)
+    directions = np.full_like(translations, np.nan)
+    counted = (length >= min_length) & (length > 0.0)
+    directions[counted] = translations[counted] / length[counted, None]
+    return directions
 
 
 def _as_shape(values: np.ndarray, shape: tuple[int, ...], name: str) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,11 +18,19 @@ if TYPE_CHECKING:
 
 __all__ = ["flow"]
 
+
+class _Style(NamedTuple):
+    label: TrackLabel
+    name: str
+    colour: str
+    marker: str
+
+
 # Red and green as in the paper; the shapes tell them apart without colour.
 _STYLES = (
-    (TrackLabel.OUTLIER, "outlier", "0.6", "x"),
-    (TrackLabel.FAR, "far", "#e5352b", "o"),
-    (TrackLabel.NEAR, "near", "#1f9d4d", "."),
+    _Style(TrackLabel.OUTLIER, "outlier", "0.6", "x"),
+    _Style(TrackLabel.FAR, "far", "#e5352b", "o"),
+    _Style(TrackLabel.NEAR, "near", "#1f9d4d", "."),
 )
 
 
@@ -77,27 +85,31 @@ def flow(
     heads = points1
     if pose.rotation_cam1_from_cam0 is not None:
         heads = derotated_points(camera, points1, pose.rotation_cam1_from_cam0)
-    for label, name, colour, marker in _STYLES:
-        chosen = pose.labels == label
-        ends = np.stack([points0[chosen], heads[chosen]], axis=1)
-        # One line for all of them, broken by NaN: much faster than a line each.
-        broken = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1)
-        ax.plot(*broken.reshape(-1, 2).T, color=colour, linewidth=1.0)
-        ax.plot(
-            *heads[chosen].T,
-            linestyle="",
-            marker=marker,
-            markersize=4.0,
-            fillstyle="none" if marker == "o" else "full",
-            color=colour,
-            label=f"{name} ({int(chosen.sum())})",
-        )
+    for style in _STYLES:
+        chosen = pose.labels == style.label
+        _draw_matches(ax, points0[chosen], heads[chosen], style)
     title = None if pose.heading_cam0 is not None else f"{pose.status.value}: no direction"
     if title is None:
         epipole(pose, camera, ax=ax)
     # Above the picture: every corner of it may hold points.
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False, title=title)
     return ax
+
+
+def _draw_matches(ax: Axes, tails: np.ndarray, heads: np.ndarray, style: _Style) -> None:
+    ends = np.stack([tails, heads], axis=1)
+    # One line for all of them, broken by NaN: much faster than a line each.
+    broken = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1)
+    ax.plot(*broken.reshape(-1, 2).T, color=style.colour, linewidth=1.0)
+    ax.plot(
+        *heads.T,
+        linestyle="",
+        marker=style.marker,
+        markersize=4.0,
+        fillstyle="none" if style.marker == "o" else "full",
+        color=style.colour,
+        label=f"{style.name} ({len(heads)})",
+    )
 
 
 def _points(points: np.ndarray, pose: RelativePose, name: str) -> np.ndarray:

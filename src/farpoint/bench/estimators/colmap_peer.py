@@ -39,6 +39,7 @@ def _preparation(
         setattr(options, name, value)
 
     def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
+        """Matches and camera as pycolmap takes them; what is timed comes back."""
         ideal = pinhole_points(views)
         width, height = views.camera.size or (0, 0)
         camera = pycolmap.Camera(
@@ -49,6 +50,7 @@ def _preparation(
         )
 
         def estimate() -> Motion | None:
+            """One call of the library, its answer in farpoint's conventions."""
             options.random_seed = seed
             found = pycolmap.estimate_essential_matrix(
                 ideal.points0, ideal.points1, camera, camera, options

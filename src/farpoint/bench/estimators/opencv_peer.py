@@ -37,11 +37,13 @@ def _preparation(
     cv2: Any, method: int, reach: float
 ) -> Callable[[TwoViews, int], Callable[[], Motion | None]]:
     def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
+        """Matches and camera as OpenCV takes them; what is timed comes back."""
         del seed  # OpenCV draws the same samples every time
         ideal = pinhole_points(views)
         points0, points1, K = ideal.points0, ideal.points1, ideal.matrix
 
         def estimate() -> Motion | None:
+            """One call of the library, its answer in farpoint's conventions."""
             try:
                 E, mask = cv2.findEssentialMat(
                     points0, points1, K, method=method, prob=_CONFIDENCE, threshold=_THRESHOLD_PX

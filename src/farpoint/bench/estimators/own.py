@@ -13,7 +13,10 @@ __all__ = ["CLOSED_FORM", "FARPOINT"]
 
 def _estimator(name: str, settings: str, options: RelativePoseOptions) -> Estimator:
     def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
+        """Nothing to convert: pixels and the camera go in as they are."""
+
         def estimate() -> Motion | None:
+            """What a user would call."""
             pose = estimate_relative_pose(
                 views.points0, views.points1, views.camera, options=options, seed=seed
             )

@@ -38,6 +38,7 @@ def _preparation(
     poselib: Any, ransac: dict[str, Any], bundle: dict[str, Any]
 ) -> Callable[[TwoViews, int], Callable[[], Motion | None]]:
     def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
+        """Matches and camera as PoseLib takes them; what is timed comes back."""
         ideal = pinhole_points(views)
         width, height = views.camera.size or (0, 0)
         camera = {
@@ -49,6 +50,7 @@ def _preparation(
         settings = {**ransac, "seed": seed}
 
         def estimate() -> Motion | None:
+            """One call of the library, its answer in farpoint's conventions."""
             pose, _ = poselib.estimate_relative_pose(
                 ideal.points0, ideal.points1, camera, camera, settings, bundle
             )
