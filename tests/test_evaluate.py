@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from made_pose import STATS
+from path_kit import drawn_path
 
 from farpoint.errors import InputError
 from farpoint.evaluate import EvaluationOptions, FolderEvaluation, evaluate_folder, write_pairs
 from farpoint.geometry import so3, sphere
-from farpoint.metrics import AssociationOptions, SplitHalf, relative_motions, to_text
+from farpoint.metrics import (
+    AssociationOptions,
+    PathSamples,
+    SplitHalf,
+    evaluate_path,
+    relative_motions,
+    to_json,
+    to_text,
+)
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus, RelativePose
 from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.motions import MotionsFile
+from farpoint.sinks.positions import PositionsFile
 from farpoint.sinks.trajectory import TrajectoryFile
 from farpoint.tracks import Tracks
 from farpoint.trajectory.files import Trajectory, read_trajectory, write_kitti, write_tum
@@ -239,6 +251,58 @@ def test_without_truth_the_claims_and_the_halves_are_left(run: Path):
     assert "two halves of the matches, 1 pairs: 1 compared" in text
     assert "\nrotation, deg" not in text
     assert "\nclaimed rotation, deg" in text
+
+
+def write_path(folder: Path, path: PathSamples) -> None:
+    """The files of a run along this path; motions tell lengths alone."""
+    write_run(folder, path.truth, TIMES[0] + 0.1 * np.arange(len(path.truth)))
+    with (
+        MotionsFile(folder / "motions.csv") as motions,
+        PositionsFile(folder / "positions.csv") as positions,
+    ):
+        for k in range(len(path.truth)):
+            length, sigma = float(path.lengths[k]), float(path.length_sigmas[k])
+            result = OdometryResult(
+                frame0=int(path.length_from[k]),
+                frame1=k,
+                timestamp0=TIMES[0] + 0.1 * int(path.length_from[k]),
+                timestamp=TIMES[0] + 0.1 * k,
+                pose=simulated_pose(np.eye(3), np.ones(3), np.zeros(5), PoseStatus.OK)
+                if k
+                else None,
+                tracks=Tracks.empty(),
+                world_from_cam=path.world_from_cam[k],
+                scale=None if np.isnan(length) else length,
+                scale_sigma=None if np.isnan(sigma) else sigma,
+                world_covariance=path.covariances[k],
+                segment=int(path.segments[k]),
+            )
+            motions.write(result, None)
+            positions.write(result, None)
+
+
+def test_the_covariance_of_the_path_is_judged_from_its_files(run: Path, tmp_path: Path):
+    path = drawn_path(segments=6)
+    write_path(tmp_path / "path", path)
+    write_kitti(tmp_path / "truth", Trajectory(timestamps=None, world_from_body=path.truth))
+    evaluation = evaluate_folder(tmp_path / "path", tmp_path / "truth").evaluation
+    found, expected = evaluation.path, evaluate_path(path)
+    assert found is not None
+    assert expected is not None
+    for name in ("orientation", "position", "pose", "position_any_scale"):
+        assert getattr(found, name).mean_nees == pytest.approx(getattr(expected, name).mean_nees)
+    assert found.lengths.count == expected.lengths.count > 200
+    assert found.lengths.mean_nees == pytest.approx(expected.lengths.mean_nees)
+    text = to_text(evaluation)
+    assert "covariance of the path" in text
+    assert "too sure" not in text
+    bold = replace(path, covariances=path.covariances / 4.0)
+    write_path(tmp_path / "bold", bold)
+    text = to_text(evaluate_folder(tmp_path / "bold", tmp_path / "truth").evaluation)
+    assert text.count("too sure") == 4
+    assert json.loads(to_json(evaluation))["path"]["pose"]["segments"] == 6
+    # A folder without covariances has no such figures.
+    assert evaluate_folder(run, kitti_truth(tmp_path / "poses.txt")).evaluation.path is None
 
 
 def test_pairs_are_written_with_their_frames(run: Path, tmp_path: Path):

@@ -16,9 +16,12 @@ from farpoint.metrics import (
     Evaluation,
     HalvesEvaluation,
     PairErrors,
+    PathConsistency,
+    PathSamples,
     TrajectoryEvaluation,
     evaluate_halves,
     evaluate_motions,
+    evaluate_path,
     evaluate_trajectory,
     pair_errors,
     pair_rows,
@@ -28,6 +31,7 @@ from farpoint.metrics import (
 )
 from farpoint.sinks.halves import read_halves
 from farpoint.sinks.motions import Motions, read_motions
+from farpoint.sinks.positions import read_positions
 from farpoint.sinks.sink import open_output
 from farpoint.trajectory.files import Trajectory, read_trajectory, read_tum
 
@@ -91,7 +95,8 @@ def evaluate_folder(
 ) -> FolderEvaluation:
     """Test the covariances of a folder by its ``halves.csv``, and by true poses if there are any.
 
-    ``motions.csv`` and ``trajectory.tum`` are compared with the truth. Truth with time stamps (TUM,
+    ``motions.csv``, ``trajectory.tum`` and ``positions.csv`` are compared with the truth; a folder
+    without the last has no figures of its path's covariance. Truth with time stamps (TUM,
     EuRoC) is interpolated at the times of the run; truth without (KITTI) has one pose a frame of
     the source.
 
@@ -126,8 +131,9 @@ def evaluate_folder(
         in_motions = truth is None or str(error.field).startswith("covariances")
         where = motions_file if in_motions else truth
         raise InputError(error.problem, file=where, field=error.field) from error
-    trajectory, fault = None, None
+    trajectory, fault, path = None, None, None
     if reference is not None:
+        path = _evaluated_path(folder / "positions.csv", motions, reference, options)
         trajectory, fault = _evaluated_trajectory(
             read_tum(folder / "trajectory.tum"), motions, reference, options
         )
@@ -135,6 +141,7 @@ def evaluate_folder(
         motions=evaluate_motions(errors),
         trajectory=trajectory,
         trajectory_fault=fault,
+        path=path,
         halves=halves,
     )
     return FolderEvaluation(evaluation=evaluation, errors=errors, motions=motions)
@@ -219,6 +226,33 @@ def _evaluated_trajectory(
         ), None
     except InputError as error:
         return None, error.problem
+
+
+def _evaluated_path(
+    file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
+) -> PathConsistency | None:
+    """Figures of the path's covariance; None where the run wrote none."""
+    if not file.exists():
+        return None
+    positions = read_positions(file)
+    row_of = {int(frame): row for row, frame in enumerate(positions.frames)}
+    pairs = [k for k, frame in enumerate(motions.frame1) if int(frame) in row_of]
+    ends = [row_of[int(motions.frame1[k])] for k in pairs]
+    lengths, sigmas = np.full((2, len(positions)), np.nan)
+    lengths[ends], sigmas[ends] = motions.scale[pairs], motions.scale_sigma[pairs]
+    begins = np.arange(len(positions))
+    begins[ends] = [row_of.get(int(frame), 0) for frame in motions.frame0[pairs]]
+    return evaluate_path(
+        PathSamples(
+            segments=positions.segments,
+            world_from_cam=positions.world_from_cam,
+            covariances=positions.covariances,
+            truth=_true_poses(truth, positions.timestamps, positions.frames, options),
+            lengths=lengths,
+            length_sigmas=sigmas,
+            length_from=begins,
+        )
+    )
 
 
 def _frames_at(timestamps: np.ndarray, motions: Motions) -> np.ndarray:

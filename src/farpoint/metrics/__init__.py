@@ -30,6 +30,12 @@ from farpoint.metrics.pairs import (
     relative_motions,
     rotation_error,
 )
+from farpoint.metrics.path_consistency import (
+    PathConsistency,
+    PathFigure,
+    PathSamples,
+    evaluate_path,
+)
 from farpoint.metrics.report import PAIR_COLUMNS, pair_rows, to_json, to_text
 from farpoint.metrics.statistics import (
     Consistency,
@@ -65,6 +71,9 @@ __all__ = [
     "HalvesEvaluation",
     "MotionEvaluation",
     "PairErrors",
+    "PathConsistency",
+    "PathFigure",
+    "PathSamples",
     "RelativeErrors",
     "SegmentErrors",
     "SegmentFigures",
@@ -83,6 +92,7 @@ __all__ = [
     "direction_error",
     "evaluate_halves",
     "evaluate_motions",
+    "evaluate_path",
     "evaluate_trajectory",
     "image_cells",
     "kitti_segment_errors",

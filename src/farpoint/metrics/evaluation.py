@@ -9,6 +9,7 @@ import numpy as np
 from farpoint.metrics.alignment import align_se3, align_sim3
 from farpoint.metrics.halves import HalvesEvaluation
 from farpoint.metrics.pairs import PairErrors
+from farpoint.metrics.path_consistency import PathConsistency
 from farpoint.metrics.statistics import (
     Consistency,
     Summary,
@@ -147,6 +148,8 @@ class Evaluation:
         The poses they add up to; None where they cannot be compared.
     trajectory_fault : str or None
         Why `trajectory` is None.
+    path : PathConsistency or None
+        Whether the poses are as far off as their covariances say; None without covariances.
     halves : HalvesEvaluation or None
         The test that needs no truth; None where the run made none.
     """
@@ -154,6 +157,7 @@ class Evaluation:
     motions: MotionEvaluation
     trajectory: TrajectoryEvaluation | None
     trajectory_fault: str | None = None
+    path: PathConsistency | None = None
     halves: HalvesEvaluation | None = None
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from farpoint.metrics.evaluation import Evaluation, MotionEvaluation, TrajectoryEvaluation
 from farpoint.metrics.halves import HalvesEvaluation
 from farpoint.metrics.pairs import PairErrors
+from farpoint.metrics.path_consistency import PathConsistency
 from farpoint.metrics.statistics import Consistency, Coverage, Summary
 
 __all__ = ["PAIR_COLUMNS", "pair_rows", "to_json", "to_text"]
@@ -71,6 +72,8 @@ def to_text(evaluation: Evaluation) -> str:
         lines += ["", *_trajectory_lines(evaluation.trajectory)]
     elif evaluation.trajectory_fault is not None:
         lines += ["", f"trajectory not compared: {evaluation.trajectory_fault}"]
+    if evaluation.path is not None:
+        lines += ["", *_path_lines(evaluation.path)]
     return "\n".join(lines) + "\n"
 
 
@@ -154,6 +157,40 @@ def _trajectory_lines(trajectory: TrajectoryEvaluation) -> list[str]:
         head = ("KITTI segments", "count", "translation, %", "rotation, deg/m")
         lines += ["", *_table(head, rows)]
     return [*lines, "Lengths in the unit of the truth; RPE and segments after the Sim(3) scale."]
+
+
+def _path_lines(path: PathConsistency) -> list[str]:
+    rows = (
+        ("orientation", path.orientation),
+        ("position", path.position),
+        ("pose", path.pose),
+        ("position, any scale", path.position_any_scale),
+    )
+    head = ("covariance of the path", "dof", "segments", "poses", "NEES mean", "at the end")
+    head += ("95 % bounds", "")
+    cells = [
+        (
+            name,
+            str(f.dof),
+            str(f.segments),
+            str(f.poses),
+            _number(f.mean_nees),
+            _number(f.end_nees),
+            f"[{_number(f.nees_low)}, {_number(f.nees_high)}]",
+            "" if f.kept else ("too sure" if f.mean_nees > f.nees_high else "not sure enough"),
+        )
+        for name, f in rows
+    ]
+    lengths = path.lengths
+    taken = "pose" if path.unit_is_given else "pose and the length of its first motion"
+    return [
+        *_table(head, cells),
+        f"lengths within 1.96 sigma: {_coverage_cell(lengths.coverage95)} of {lengths.count}, "
+        f"sigma/error {_number(lengths.sigma_over_error)}, "
+        f"median sigma {_number(100.0 * lengths.median_sigma)} %",
+        f"Taken as true of each segment: its first {taken}; nothing is fitted.",
+        "Bounds: of one sample for each segment, since errors add up from pose to pose.",
+    ]
 
 
 _SUMMARY_HEAD = ("count", "median", "mean", "rmse", "p95", "max")

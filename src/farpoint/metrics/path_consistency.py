@@ -1,0 +1,251 @@
+"""Whether a path is as far from the truth as its covariances say.
+
+Errors of a path add up from pose to pose, so that all poses of a segment together tell little more
+than one of them: figures are means over segments, and chance is allowed a sample for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint.geometry import so3
+from farpoint.metrics.statistics import Consistency, chi2_quantile, consistency
+
+__all__ = ["PathConsistency", "PathFigure", "PathSamples", "evaluate_path"]
+
+_SINGULAR = 1e-9  # least eigenvalue of the correlations: the gauge itself has no error
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathSamples:
+    """A path with its covariances and the truth, a row for each frame.
+
+    Attributes
+    ----------
+    segments : ndarray of int, shape (N,)
+        Parts of the path, each of one scale; never decreasing.
+    world_from_cam : ndarray, shape (N, 4, 4)
+        Estimated poses.
+    covariances : ndarray, shape (N, 7, 7)
+        Of ``[dtheta, dposition, dlog_scale]`` since the beginning of the segment, world axes; NaN
+        where there is none.
+    truth : ndarray, shape (N, 4, 4)
+        True poses in any world, NaN where unknown.
+    lengths, length_sigmas : ndarray, shape (N,)
+        Of the motions that end at the frames, and their 1-sigmas; NaN where there is none.
+    length_from : ndarray of int, shape (N,)
+        Rows at which those motions begin.
+    """
+
+    segments: np.ndarray
+    world_from_cam: np.ndarray
+    covariances: np.ndarray
+    truth: np.ndarray
+    lengths: np.ndarray
+    length_sigmas: np.ndarray
+    length_from: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathFigure:
+    """Errors of the poses of a path against their covariances.
+
+    Attributes
+    ----------
+    dof : int
+        Degrees of freedom of each error; the mean NEES of honest covariances.
+    poses, segments : int
+        How many there are of each.
+    mean_nees : float
+        Mean over the segments of the mean over their poses.
+    end_nees : float
+        Mean over the last poses of the segments.
+    nees_low, nees_high : float
+        Where ``end_nees`` lies in 95 % of cases if the covariances are honest, by chi-square with
+        ``dof`` degrees for each segment; ``mean_nees`` does so at least as often.
+    """
+
+    dof: int
+    poses: int
+    segments: int
+    mean_nees: float
+    end_nees: float
+    nees_low: float
+    nees_high: float
+
+    @property
+    def kept(self) -> bool:
+        """Whether the mean lies within the bounds."""
+        return self.nees_low <= self.mean_nees <= self.nees_high
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathConsistency:
+    """Figures of `evaluate_path`.
+
+    Attributes
+    ----------
+    unit_is_given : bool
+        Whether the path states an error of its unit, as one in metres does; if not, the unit is the
+        first motion of each segment.
+    orientation, position, pose : PathFigure
+        Of 3, 3 and 6 degrees of freedom.
+    position_any_scale : PathFigure
+        Of 2: with the scale that suits each position best, so that neither the unit nor the scale
+        is judged.
+    lengths : Consistency
+        Logarithms of the lengths of motions, the unit aside, against their 1-sigmas. Lengths of a
+        segment share errors, so chance is allowed less here than it is due.
+    """
+
+    unit_is_given: bool
+    orientation: PathFigure
+    position: PathFigure
+    pose: PathFigure
+    position_any_scale: PathFigure
+    lengths: Consistency
+
+
+def evaluate_path(samples: PathSamples) -> PathConsistency | None:
+    """Compare every segment with the truth in its own gauge; None where nothing can be compared.
+
+    The gauge is that of the covariances: the first pose of a segment, position and orientation, is
+    taken as true, and so is the length of its first motion unless the path states an error of its
+    unit. Nothing is fitted. An error of the truth in that pose or length is charged to the path.
+    """
+    found = list(_segments(samples))
+    if not found:
+        return None
+    errors = [segment.errors for segment in found]
+    covariances = [segment.covariances for segment in found]
+    return PathConsistency(
+        unit_is_given=all(segment.unit_is_given for segment in found),
+        orientation=_figure(3, [_nees(e, C, slice(0, 3)) for e, C in _zip(errors, covariances)]),
+        position=_figure(3, [_nees(e, C, slice(3, 6)) for e, C in _zip(errors, covariances)]),
+        pose=_figure(6, [_nees(e, C, slice(0, 6)) for e, C in _zip(errors, covariances)]),
+        position_any_scale=_figure(
+            2, [_nees_any_scale(s.ways, s.true_ways, s.covariances) for s in found]
+        ),
+        lengths=consistency(
+            np.concatenate([segment.length_errors for segment in found])[:, None],
+            np.concatenate([segment.length_variances for segment in found])[:, None, None],
+        ),
+    )
+
+
+class _Segment(NamedTuple):
+    """A segment in its gauge: what can be compared of it, P poses and M lengths.
+
+    ``errors`` (P, 6) and ``covariances`` (P, 6, 6) of ``[dtheta, dposition]``, positions since the
+    first pose as estimated and true, ``ways`` and ``true_ways`` (P, 3), and errors and variances
+    (M,) of the logarithms of lengths.
+    """
+
+    unit_is_given: bool
+    errors: np.ndarray
+    covariances: np.ndarray
+    ways: np.ndarray
+    true_ways: np.ndarray
+    length_errors: np.ndarray
+    length_variances: np.ndarray
+
+
+def _zip(errors: list[np.ndarray], covariances: list[np.ndarray]) -> Iterator[tuple]:
+    return zip(errors, covariances, strict=True)
+
+
+def _segments(samples: PathSamples) -> Iterator[_Segment]:
+    s = samples
+    for number in np.unique(s.segments):
+        rows = np.flatnonzero(s.segments == number)
+        # A segment begins where its covariance is 0: at its first row, or at the one before.
+        begins = rows[0] if not np.any(s.covariances[rows[0], :6, :6]) else max(rows[0] - 1, 0)
+        segment = _segment(samples, int(begins), rows[rows > begins])
+        if segment is not None:
+            yield segment
+
+
+def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | None:
+    s = samples
+    rows = rows[~np.isnan(s.truth[rows, 0, 0]) & ~np.isnan(s.covariances[rows, 0, 0])]
+    start, true_start = s.world_from_cam[begins], s.truth[begins]
+    ways = s.world_from_cam[rows, :3, 3] - start[:3, 3]
+    moved = np.linalg.norm(ways, axis=1) > 0.0
+    if np.isnan(true_start[0, 0]) or not moved.any():
+        return None
+    turn = start[:3, :3] @ true_start[:3, :3].T
+    true_ways = (s.truth[rows, :3, 3] - true_start[:3, 3]) @ turn.T
+    first = int(np.argmax(moved))
+    unit_is_given = bool(s.covariances[rows[first], 6, 6] > 0.0)
+    unit = 1.0
+    if not unit_is_given:
+        unit = float(np.linalg.norm(true_ways[first]) / np.linalg.norm(ways[first]))
+    if not unit > 0.0:
+        return None
+    turned = so3.log(
+        turn @ s.truth[rows, :3, :3] @ np.swapaxes(s.world_from_cam[rows, :3, :3], 1, 2)
+    )
+    covariances = s.covariances[rows, :6, :6]
+    known = np.array([_is_regular(covariance) for covariance in covariances])
+    if not known.any():
+        return None
+    log_errors, log_variances = _length_errors(samples, rows, unit)
+    return _Segment(
+        unit_is_given=unit_is_given,
+        errors=np.hstack([turned, true_ways / unit - ways])[known],
+        covariances=covariances[known],
+        ways=ways[known],
+        true_ways=true_ways[known],
+        length_errors=log_errors,
+        length_variances=log_variances,
+    )
+
+
+def _length_errors(
+    samples: PathSamples, rows: np.ndarray, unit: float
+) -> tuple[np.ndarray, np.ndarray]:
+    s = samples
+    rows = rows[(s.lengths[rows] > 0.0) & (s.length_sigmas[rows] > 0.0)]
+    steps = s.truth[rows, :3, 3] - s.truth[s.length_from[rows], :3, 3]
+    true = np.linalg.norm(steps, axis=1) / unit
+    with np.errstate(divide="ignore"):  # no true length: an infinite error, outside every region
+        errors = np.log(true / s.lengths[rows])
+    return errors, (s.length_sigmas[rows] / s.lengths[rows]) ** 2
+
+
+def _is_regular(covariance: np.ndarray) -> bool:
+    sigma = np.sqrt(np.diag(covariance))
+    if not (sigma > 0.0).all():
+        return False
+    return bool(np.linalg.eigvalsh(covariance / np.outer(sigma, sigma))[0] > _SINGULAR)
+
+
+def _nees(errors: np.ndarray, covariances: np.ndarray, part: slice) -> np.ndarray:
+    e = errors[:, part]
+    return np.sum(e * np.linalg.solve(covariances[:, part, part], e[..., None])[..., 0], axis=1)
+
+
+def _nees_any_scale(ways: np.ndarray, true_ways: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """The least over ``a`` of the NEES of ``a * true_way - way``."""
+    C = covariances[:, 3:, 3:]
+    by_way = np.linalg.solve(C, ways[..., None])[..., 0]
+    by_true = np.linalg.solve(C, true_ways[..., None])[..., 0]
+    cross = np.sum(true_ways * by_way, axis=1)
+    return np.sum(ways * by_way, axis=1) - cross**2 / np.sum(true_ways * by_true, axis=1)
+
+
+def _figure(dof: int, nees: list[np.ndarray]) -> PathFigure:
+    total = dof * len(nees)
+    return PathFigure(
+        dof=dof,
+        poses=sum(map(len, nees)),
+        segments=len(nees),
+        mean_nees=float(np.mean([np.mean(values) for values in nees])),
+        end_nees=float(np.mean([values[-1] for values in nees])),
+        nees_low=chi2_quantile(0.025, total) / len(nees),
+        nees_high=chi2_quantile(0.975, total) / len(nees),
+    )
