@@ -20,6 +20,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from farpoint.camera import Camera
 from farpoint.cli import main
@@ -35,6 +36,8 @@ intrinsics: [{FOCAL}, {FOCAL}, 119.5, 71.5]
 distortion_model: radial-tangential
 distortion_coefficients: [0.0, 0.0, 0.0, 0.0]
 """
+
+_EXIF_IFD, _FOCAL_LENGTH_35MM = 0x8769, 0xA405
 
 NOT_AN_IMAGE = b"this is not an image"
 
@@ -93,6 +96,17 @@ def write_folder(folder: Path, images: Images) -> Path:
     for number, image in enumerate(images):
         data = image if isinstance(image, bytes) else encoded(image)
         (folder / f"{number:06d}.png").write_bytes(data)
+    return folder
+
+
+def write_phone_pictures(folder: Path, images: Sequence[np.ndarray], focal_mm: int) -> Path:
+    """JPEG files whose EXIF tells the focal length, in 35 mm equivalents."""
+    folder.mkdir(parents=True)
+    for number, image in enumerate(images):
+        exif = Image.Exif()
+        exif.get_ifd(_EXIF_IFD)[_FOCAL_LENGTH_35MM] = focal_mm
+        picture = Image.fromarray(image)
+        picture.save(folder / f"{number}.jpg", exif=exif.tobytes(), quality=95)
     return folder
 
 

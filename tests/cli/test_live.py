@@ -17,11 +17,16 @@ from cli_kit import (
     there_and_back,
     wait_for_rows,
     write_folder,
+    write_phone_pictures,
     write_video,
 )
 
 from farpoint.sinks.motions import read_motions
+from farpoint.synthetic.paths import CAMERA_HEIGHT_M
+from farpoint.synthetic.sequence import RenderedSequence
 from farpoint.trajectory.files import read_tum
+
+HEIGHT_M = str(CAMERA_HEIGHT_M)
 
 Pictures = tuple[np.ndarray, ...]
 
@@ -95,6 +100,43 @@ def test_a_wrong_calibration_costs_no_earlier_result(
     assert not out.exists()
 
 
+def test_a_guessed_camera_is_said_aloud(farpoint: CommandLine, tmp_path: Path, film: Path):
+    out = tmp_path / "out"
+    outcome = farpoint("live", film, "--fov", "67.4", "--no-show", "--out", out)
+    assert outcome.code == 0
+    (note,) = record_of(out)["notes"]
+    assert note.startswith("Not calibrated: the camera is a guess: a field of view of 67.4 deg")
+    assert f"farpoint: {note}" in outcome.err.splitlines()
+    assert record_of(out)["camera"]["parameters"]["fx"] == pytest.approx(180.0, rel=1e-3)
+    assert any(row["status"] == "OK" for row in rows_of(out))
+
+
+def test_auto_takes_what_the_images_tell(farpoint: CommandLine, tmp_path: Path, images: Pictures):
+    shots, out = write_phone_pictures(tmp_path / "phone", images[:3], 28), tmp_path / "out"
+    outcome = farpoint("live", shots, "--camera", "auto", "--no-show", "--out", out)
+    assert outcome.code == 0
+    assert "28 mm in 35 mm equivalents, from EXIF" in record_of(out)["notes"][0]
+
+
+def test_a_known_height_puts_the_files_in_metres(
+    farpoint: CommandLine,
+    tmp_path: Path,
+    images: Pictures,
+    calibration: Path,
+    drive: RenderedSequence,
+):
+    film, out = write_video(tmp_path / "slow.avi", there_and_back(images), fps=10), tmp_path / "out"
+    quick = ("--camera", calibration, "--no-show", "--no-report", "--out", out)
+    assert farpoint("live", film, *quick, "--metric.height", HEIGHT_M).code == 0
+    metric = record_of(out)["metric"]
+    assert (metric["unit"], metric["contradictions"]) == ("m", [])
+    places = there_and_back(drive.world_from_cam[:, :3, 3])
+    frames = [int(row["frame1"]) for row in rows_of(out)]
+    true = np.linalg.norm([places[frame] - places[0] for frame in frames], axis=1)
+    found = np.linalg.norm(read_tum(out / "trajectory.tum").world_from_body[1:, :3, 3], axis=1)
+    np.testing.assert_allclose(found, true, rtol=0.1, atol=0.3)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -108,3 +150,19 @@ def test_what_cannot_be_watched_is_named(
 ):
     outcome = farpoint("live", *arguments, "--camera", calibration, "--no-show")
     assert_refused(outcome, *words)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), ("--camera: missing", "--fov DEG")),
+        (("--camera", "auto"), ("--camera: a live source tells no focal length", "--fov DEG")),
+        (("--fov", "70", "--camera", "auto"), ("--fov", "not both")),
+        (("--fov", "70", "--metric.height", "-1"), ("height", "-1")),
+        (("--fov", "70", "--metric.height-sigma", "0"), ("--metric.height-sigma", "0")),
+    ],
+)
+def test_a_lens_that_nobody_knows_is_refused_before_the_source_is_opened(
+    farpoint: CommandLine, arguments: tuple[str, ...], words: tuple[str, ...]
+):
+    assert_refused(farpoint("live", "987", *arguments, "--no-show"), *words)

@@ -7,13 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_kit import FOCAL, NOT_AN_IMAGE, WIDTH, CommandLine, assert_refused, record_of, write_folder
-from PIL import Image
+from cli_kit import (
+    FOCAL,
+    NOT_AN_IMAGE,
+    WIDTH,
+    CommandLine,
+    assert_refused,
+    record_of,
+    write_folder,
+    write_phone_pictures,
+)
 
 from farpoint.sinks.motions import read_motions
 
 FIELD_DEG = math.degrees(2.0 * math.atan(WIDTH / 2.0 / FOCAL))
-EXIF_IFD, FOCAL_LENGTH_35MM = 0x8769, 0xA405
 
 Pictures = tuple[np.ndarray, ...]
 
@@ -45,13 +52,7 @@ def test_a_field_of_view_gives_the_calibrated_motions_with_larger_covariances(
 
 
 def test_auto_takes_what_exif_tells(farpoint: CommandLine, tmp_path: Path, images: Pictures):
-    folder = tmp_path / "phone"
-    folder.mkdir()
-    for number, image in enumerate(images[:3]):
-        exif = Image.Exif()
-        exif.get_ifd(EXIF_IFD)[FOCAL_LENGTH_35MM] = 28
-        Image.fromarray(image).save(folder / f"{number}.jpg", exif=exif.tobytes(), quality=95)
-    out = tmp_path / "out"
+    folder, out = write_phone_pictures(tmp_path / "phone", images[:3], 28), tmp_path / "out"
     outcome = farpoint("run", folder, "--camera", "auto", "--out", out, "--no-overlay")
     assert outcome.code == 0
     assert "28 mm in 35 mm equivalents, from EXIF" in outcome.err.splitlines()[0]

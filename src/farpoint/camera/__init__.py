@@ -1,6 +1,11 @@
 """Cameras: from pixels to rays and back, and the calibration files they come from."""
 
-from farpoint.camera.approximate import CameraGuess, EquivalentFocalLength, HorizontalField
+from farpoint.camera.approximate import (
+    CameraGuess,
+    EquivalentFocalLength,
+    HorizontalField,
+    camera_for,
+)
 from farpoint.camera.arctangent import Arctangent
 from farpoint.camera.camera import Camera
 from farpoint.camera.describe import describe
@@ -35,6 +40,7 @@ __all__ = [
     "RadialCurve",
     "Scaramuzza",
     "Unified",
+    "camera_for",
     "describe",
     "draw_radial_curve",
     "field_of_view",

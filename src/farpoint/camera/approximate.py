@@ -15,7 +15,13 @@ from farpoint.camera.pinhole import Pinhole
 from farpoint.camera.values import positive
 from farpoint.errors import InputError
 
-__all__ = ["CameraGuess", "EquivalentFocalLength", "HorizontalField"]
+__all__ = ["CameraGuess", "EquivalentFocalLength", "HorizontalField", "camera_for"]
+
+CAUTION = (
+    "Not calibrated: the camera is {}. Rotations may be off by a tenth of the turn, directions by "
+    "several degrees towards the edges of the image. The covariances allow for a focal length "
+    "wrong by 10 % and a distortion of 5 % at the corners (1 sigma). Calibrate for more."
+)
 
 FOCAL_SIGMA = 0.1
 """1-sigma of the focal length, as a share of it: crops, stabilisation and rounding."""
@@ -84,6 +90,22 @@ class EquivalentFocalLength:
         focal_px = self.millimetres / _FULL_FRAME_DIAGONAL_MM * math.hypot(width, height)
         words = f"{self.millimetres:g} mm in 35 mm equivalents, from {self.source}"
         return _pinhole(width, height, focal_px, words)
+
+
+def camera_for(
+    camera: Camera | CameraGuess, width: int, height: int
+) -> tuple[Camera, tuple[str, ...]]:
+    """The camera of images of this size, and what who uses its results must know.
+
+    Raises
+    ------
+    InputError
+        Where a calibration is for another size (field ``camera``).
+    """
+    if isinstance(camera, Camera):
+        return camera.with_size(width, height), ()
+    guessed = camera.camera(width, height)
+    return guessed, (CAUTION.format(guessed.source),)
 
 
 def _pinhole(width: int, height: int, focal_px: float, words: str) -> Camera:

@@ -9,11 +9,12 @@ from typing import Annotated
 
 import tyro
 
-from farpoint.camera import load_camera
+from farpoint.cli.lens import LensOptions
 from farpoint.cli.progress import Progress
-from farpoint.cli.run import in_words, naming_calibration
+from farpoint.cli.run import in_words, warn
 from farpoint.errors import InputError
-from farpoint.frames.live import open_live
+from farpoint.frames.live import Playback, open_live
+from farpoint.hints import HeightOptions
 from farpoint.live import LiveSession, LiveState
 from farpoint.odometry import OdometryOptions
 from farpoint.sinks import OutputOptions, ViewerOptions
@@ -37,10 +38,8 @@ class Live:
     ----------
     source : str
         Camera index or stream URL; a video or images are played at their own pace.
-    camera : Path
-        Calibration file.
-    name : str or None
-        Camera to take from a calibration file of several.
+    lens : LensOptions
+        Which camera it is.
     out : Path or None
         Folder for the outputs; farpoint-out/<source name> by default.
     duration_s : float or None
@@ -53,11 +52,12 @@ class Live:
         Which outputs are made.
     viewer : ViewerOptions
         Where the working display goes.
+    metric : HeightOptions
+        What is known of lengths.
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[INDEX|URL]")] = "0"
-    camera: Annotated[Path, tyro.conf.arg(metavar="CALIB")]
-    name: str | None = None
+    lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
     out: Path | None = None
     duration_s: float | None = None
     loop: bool = False
@@ -66,21 +66,26 @@ class Live:
     )
     output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=_no_film)
     viewer: Annotated[ViewerOptions, tyro.conf.arg(name="")] = field(default_factory=_shown)
+    metric: HeightOptions = field(default_factory=HeightOptions)
 
     def __call__(self) -> None:
         """Do it."""
         if self.duration_s is not None and not self.duration_s > 0.0:
             raise InputError(f"expected more than 0, got {self.duration_s}", field="--duration-s")
-        camera = load_camera(self.camera, self.name)
-        with naming_calibration(self.camera):
+        known = self.lens.known()
+        live = open_live(self.source, loop=self.loop)
+        recording = live.frames if isinstance(live, Playback) else None
+        with self.lens.naming_file():
             session = LiveSession(
-                open_live(self.source, loop=self.loop),
+                live,
                 self.source,
-                camera,
+                known or self.lens.told_by(recording, self.source),
                 self.out,
                 odometry=self.odometry,
                 output=self.output,
                 viewer=self.viewer,
+                hints=self.metric.hints(),
+                warn=warn,
             )
         try:
             with session, Progress("frames", None) as progress:

@@ -6,7 +6,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -14,10 +14,11 @@ from typing import Annotated
 
 import tyro
 
-from farpoint.camera import Camera, CameraGuess, HorizontalField, load_camera
+from farpoint.camera import Camera, CameraGuess, camera_for
+from farpoint.cli.lens import LensOptions
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError
-from farpoint.frames import Frame, FrameSource, find_focal_length, open_frames
+from farpoint.frames import Frame, FrameSource, open_frames
 from farpoint.hints import Hint, MetricOptions
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
@@ -30,13 +31,7 @@ from farpoint.sinks import (
     open_viewer,
 )
 
-__all__ = ["Run", "in_words", "naming_calibration", "process_frames"]
-
-APPROXIMATE = (
-    "Not calibrated: the camera is {}. Rotations may be off by a tenth of the turn, directions by "
-    "several degrees towards the edges of the image. The covariances allow for a focal length "
-    "wrong by 10 % and a distortion of 5 % at the corners (1 sigma). Calibrate for more."
-)
+__all__ = ["Run", "in_words", "process_frames", "warn"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,12 +42,8 @@ class Run:
     ----------
     source : str
         Video file, image folder or pattern, KITTI / EuRoC / TUM folder, camera index, stream URL.
-    camera : Path or None
-        Calibration file, or auto for the focal length that EXIF or a video's metadata tells.
-    fov : float or None
-        Instead of a calibration: field of view across the width of the image, deg, about right.
-    name : str or None
-        Camera to take from a calibration file of several.
+    lens : LensOptions
+        Which camera it is.
     out : Path or None
         Folder for the outputs; farpoint-out/<source name> by default.
     fps : float or None
@@ -68,9 +59,7 @@ class Run:
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
-    camera: Annotated[Path | None, tyro.conf.arg(metavar="CALIB")] = None
-    fov: Annotated[float | None, tyro.conf.arg(metavar="DEG")] = None
-    name: str | None = None
+    lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
     out: Path | None = None
     fps: float | None = None
     odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
@@ -83,11 +72,11 @@ class Run:
     def __call__(self) -> None:
         """Do it."""
         # What is wrong with the calibration is told before the source is looked at.
-        known = self._known_camera()
+        known = self.lens.known()
         frames = open_frames(self.source, fps=self.fps)
-        camera = known or self._guess(frames)
+        camera = known or self.lens.told_by(frames, self.source)
         out = self.out or Path("farpoint-out") / frames.name
-        with naming_calibration(self.camera):
+        with self.lens.naming_file():
             process_frames(
                 frames,
                 self.source,
@@ -98,36 +87,6 @@ class Run:
                 self.viewer,
                 self.metric.hints(),
             )
-
-    def _known_camera(self) -> Camera | HorizontalField | None:
-        """What the options alone tell of the camera."""
-        if self.fov is not None and self.camera is not None:
-            raise InputError("expected --fov or --camera, not both", field="--fov")
-        if self.fov is not None:
-            return HorizontalField(degrees=self.fov)
-        if self.camera is None or self._is_auto:
-            return None
-        return load_camera(self.camera, self.name)
-
-    def _guess(self, frames: FrameSource) -> CameraGuess:
-        if self._is_auto:
-            return find_focal_length(frames, self.source)
-        raise _missing_camera(self.source, frames)
-
-    @property
-    def _is_auto(self) -> bool:
-        return str(self.camera) == "auto"
-
-
-@contextmanager
-def naming_calibration(path: Path | None) -> Iterator[None]:
-    """Name the file of a calibration that does not fit the images."""
-    try:
-        yield
-    except InputError as error:
-        if error.field != "camera":
-            raise
-        raise InputError(error.problem, file=path, field="image size") from None
 
 
 def process_frames(
@@ -153,15 +112,11 @@ def process_frames(
     timed = _timed(frames, source)
     # The first image comes before the folder: a wrong calibration must not cost an earlier result.
     first = _up_to_an_image(timed)
-    image = first[-1][0].image if first else None
-    notes = ()
-    if not isinstance(camera, Camera):
-        assert image is not None  # or `_timed` had raised
-        camera = camera.camera(*image.shape[::-1])
-        notes = (APPROXIMATE.format(camera.source),)
-        _warn(notes[0])
-    elif image is not None:
-        camera.with_size(*image.shape[::-1])
+    image = first[-1][0].image
+    assert image is not None  # or `_timed` had raised
+    camera, notes = camera_for(camera, *image.shape[::-1])
+    for note in notes:
+        warn(note)
     description = RunDescription(
         source=source,
         source_name=frames.name,
@@ -181,7 +136,7 @@ def process_frames(
         if display is not None:
             folder.add("viewer", display)
         if hints:
-            metric = MetricSink(list(hints), camera, _warn, folder.put)
+            metric = MetricSink(list(hints), camera, warn, folder.put)
             folder.add("metric", metric)
             folder.at_end(metric.finish)
         odometry = Odometry(camera, options)
@@ -215,7 +170,8 @@ def _run_into(
     return counts
 
 
-def _warn(words: str) -> None:
+def warn(words: str) -> None:
+    """Tell the user, beside the results."""
     print(f"farpoint: {words}", file=sys.stderr)
 
 
@@ -227,13 +183,6 @@ def _up_to_an_image(timed: Iterator[tuple[Frame, float]]) -> list[tuple[Frame, f
         if frame.image is not None:
             break
     return first
-
-
-def _missing_camera(source: str, frames: FrameSource) -> InputError:
-    problem = "missing; expected a calibration file, or auto, or --fov DEG for a rough guess"
-    if frames.calibration_path is not None:
-        problem += f"; beside the images stands {frames.calibration_path}"
-    return InputError(problem, file=source, field="--camera")
 
 
 def _timed(frames: FrameSource, source: str) -> Iterator[tuple[Frame, float]]:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from farpoint.camera import EquivalentFocalLength
 from farpoint.errors import InputError, optional_import
-from farpoint.frames.frame import FrameSource
 from farpoint.frames.sequence import ImageSequence
 from farpoint.frames.video import VideoFile
 
@@ -22,13 +21,13 @@ _ZOOM = 1.02  # focal lengths that differ by more are not one lens
 HELP = "give --fov DEG, or a calibration by --camera"
 
 
-def find_focal_length(source: FrameSource, name: str) -> EquivalentFocalLength:
+def find_focal_length(source: object, name: str) -> EquivalentFocalLength:
     """The focal length in 35 mm equivalents that images or a video carry.
 
     Parameters
     ----------
-    source : FrameSource
-        A video file or image files.
+    source : object
+        What was opened: a video file or image files may carry one, anything else does not.
     name : str
         What to call the source in an error.
 

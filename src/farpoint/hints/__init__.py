@@ -2,7 +2,7 @@
 
 from farpoint.hints.kinds import CameraHeight, GnssPositions, Hint, KnownDistance, KnownSpeed
 from farpoint.hints.metric_scale import MetricEstimate, MetricScale
-from farpoint.hints.options import MetricOptions
+from farpoint.hints.options import HeightOptions, MetricOptions
 from farpoint.hints.readings import Reading
 from farpoint.hints.smoothing import Contradiction, MetricFit, fit_readings
 from farpoint.hints.tables import read_gnss, read_speeds
@@ -11,6 +11,7 @@ __all__ = [
     "CameraHeight",
     "Contradiction",
     "GnssPositions",
+    "HeightOptions",
     "Hint",
     "KnownDistance",
     "KnownSpeed",

@@ -3,18 +3,52 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from farpoint.errors import InputError
 from farpoint.hints.kinds import CameraHeight, GnssPositions, Hint, KnownDistance, KnownSpeed
 from farpoint.hints.tables import read_gnss, read_speeds
 
-__all__ = ["MetricOptions"]
+__all__ = ["HeightOptions", "MetricOptions"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class MetricOptions:
+class HeightOptions:
+    """What is known of lengths before a drive: with it, the outputs are in metres.
+
+    Attributes
+    ----------
+    height : float or None
+        Height of the camera over flat ground, m; the camera about upright.
+    height_sigma : float
+        1-sigma of it, relative.
+    """
+
+    height: float | None = None
+    height_sigma: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name in (field.name for field in fields(self) if field.name.endswith("_sigma")):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"expected a positive number, got {value}", field=name)
+
+    def hints(self) -> list[Hint]:
+        """The hints.
+
+        Raises
+        ------
+        InputError
+            With the number, and what was expected there.
+        """
+        if self.height is None:
+            return []
+        return [CameraHeight(height_m=self.height, sigma=self.height_sigma)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MetricOptions(HeightOptions):
     """What is known of lengths: with any of it, the outputs are in metres.
 
     Attributes
@@ -25,10 +59,6 @@ class MetricOptions:
         Its name.
     speed_sigma : float
         1-sigma of the speeds, relative.
-    height : float or None
-        Height of the camera over flat ground, m; the camera about upright.
-    height_sigma : float
-        1-sigma of it, relative.
     distance : tuple of int, int, float or None
         Two frames and the distance in m between where the camera was at them.
     distance_sigma : float
@@ -42,18 +72,10 @@ class MetricOptions:
     speed: Path | None = None
     speed_column: str = "speed"
     speed_sigma: float = 0.02
-    height: float | None = None
-    height_sigma: float = 0.05
     distance: tuple[int, int, float] | None = None
     distance_sigma: float = 0.02
     gnss: Path | None = None
     gnss_sigma: float = 2.0
-
-    def __post_init__(self) -> None:
-        for name in ("speed_sigma", "height_sigma", "distance_sigma", "gnss_sigma"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"expected a positive number, got {value}", field=name)
 
     def hints(self) -> list[Hint]:
         """The hints, their files read.
@@ -63,12 +85,10 @@ class MetricOptions:
         InputError
             With the file and the line, or the number, and what was expected there.
         """
-        found: list[Hint] = []
+        found = super().hints()
         if self.speed is not None:
             times, speeds = read_speeds(self.speed, self.speed_column)
             found.append(KnownSpeed(timestamps_s=times, speeds=speeds, sigma=self.speed_sigma))
-        if self.height is not None:
-            found.append(CameraHeight(height_m=self.height, sigma=self.height_sigma))
         if self.distance is not None:
             frame0, frame1, metres = self.distance
             found.append(

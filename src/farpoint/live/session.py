@@ -5,27 +5,38 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import numpy as np
-
-from farpoint.camera import Camera
+from farpoint.camera import Camera, CameraGuess, camera_for
 from farpoint.errors import InputError
 from farpoint.frames.live import Capture, LiveAccount, LiveFrame, LiveSource
+from farpoint.hints import Hint
+from farpoint.live.rehearsal import rehearse
 from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
 from farpoint.pose import PoseStatus
-from farpoint.sinks import LiveViewer, OutputFolder, OutputOptions, RunDescription, ViewerOptions
+from farpoint.sinks import (
+    LiveViewer,
+    MetricSink,
+    OutputFolder,
+    OutputOptions,
+    RunDescription,
+    ViewerOptions,
+)
 
 __all__ = ["LiveSession", "LiveState"]
 
 _FIRST_S = 10.0  # how long an open source may take to deliver its first picture
 _TICK_S = 0.25  # how long to wait for a frame before looking at the clock again
 _SILENT_S = 1.0  # a source is called silent when it has been for so long
+
+
+def _unheard(words: str) -> None:
+    del words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,14 +73,17 @@ class LiveSession:
         Opened here, and again whenever it is lost.
     source : str
         What the user called it.
-    camera : Camera
-        Of the frames.
+    camera : Camera or CameraGuess
+        Of the frames; a guess becomes a camera when the first picture tells its size.
     out : Path or None
         Folder for the outputs; ``farpoint-out/<source name>`` where None.
     odometry, output, viewer : dataclasses, optional
         Options. By default there is no display.
-    notes : tuple of str
-        What a reader of the results must know.
+    hints : sequence of Hint
+        What is known of lengths: with any, the files are put in metres at the end.
+    warn : callable, optional
+        Takes what must be known of the results, in words: that the camera is a guess, which hints
+        contradict each other. It stands in ``run.json`` too.
 
     Raises
     ------
@@ -90,23 +104,26 @@ class LiveSession:
         self,
         live: LiveSource,
         source: str,
-        camera: Camera,
+        camera: Camera | CameraGuess,
         out: Path | None = None,
         *,
         odometry: OdometryOptions | None = None,
         output: OutputOptions | None = None,
         viewer: ViewerOptions | None = None,
-        notes: tuple[str, ...] = (),
+        hints: Sequence[Hint] = (),
+        warn: Callable[[str], object] = _unheard,
     ) -> None:
         self.counts: Counter[PoseStatus] = Counter()
-        self._odometry = Odometry(camera, odometry)
         output, viewer = output or OutputOptions(), viewer or ViewerOptions()
         self._latency_s = self._longest_latency_s = 0.0
         self._indices: dict[int, int] = {}  # of the odometry's frames, in the source
-        _rehearse(camera, viewer)
+        rehearse(camera, viewer)
         with ExitStack() as opened:
             self._capture = opened.enter_context(Capture(live))
-            self._check_size(camera)
+            camera, notes = camera_for(camera, *self._first_size())
+            for note in notes:
+                warn(note)
+            self._odometry = Odometry(camera, odometry)
             self._display: LiveViewer | None = None
             if viewer.wanted:
                 self._display = LiveViewer(viewer, self._capture.name, camera, output.palette)
@@ -123,6 +140,10 @@ class LiveSession:
             self._folder = opened.enter_context(OutputFolder(self.path, description, output))
             if self._display is not None:
                 self._folder.add("viewer", self._display)
+            if hints:
+                metric = MetricSink(list(hints), camera, warn, self._folder.put)
+                self._folder.add("metric", metric)
+                self._folder.at_end(metric.finish)
             self._opened = opened.pop_all()
 
     @property
@@ -178,12 +199,14 @@ class LiveSession:
             self._folder.add_time(stage, seconds)
         self._opened.__exit__(kind, error, trace)
 
-    def _check_size(self, camera: Camera) -> None:
+    def _first_size(self) -> tuple[int, int]:
+        """Width and height of the first picture, which stays to be taken."""
         first = self._capture.peek(_FIRST_S)
         if first is None:
             raise InputError("delivers no picture", file=self._capture.name)
         assert first.image is not None
-        camera.with_size(*first.image.shape[::-1])
+        height, width = first.image.shape
+        return width, height
 
     def _process(self, taken: LiveFrame) -> None:
         frame = taken.frame
@@ -218,23 +241,3 @@ class LiveSession:
         if not self._capture.connected:
             return "lost"
         return "silent" if self._capture.silence_s > _SILENT_S else "receiving"
-
-
-def _rehearse(camera: Camera, viewer: ViewerOptions) -> None:
-    """Go through everything once: what is loaded or compiled on use would cost frames later."""
-    width, height = camera.size or (320, 240)
-    blocks = np.random.default_rng(0)
-    texture = blocks.integers(0, 255, (height // 8 + 2, width // 8 + 2), np.uint8)
-    large = np.kron(texture, np.ones((8, 8), np.uint8))
-    images = [large[shift:, shift:][:height, :width].copy() for shift in (0, 2, 4, 6)]
-    odometry, display = Odometry(camera), None
-    if viewer.wanted:
-        display = LiveViewer(ViewerOptions(), "rehearsal", camera)  # into nowhere
-    try:
-        for index, image in enumerate(images):
-            result = odometry.process(image, 0.1 * index)
-            if display is not None:
-                display.write(result, image)
-    finally:
-        if display is not None:
-            display.close()

@@ -1,0 +1,78 @@
+"""Which camera it is, on the command line: calibrated, or about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from farpoint.camera import Camera, CameraGuess, HorizontalField, load_camera
+from farpoint.errors import InputError
+from farpoint.frames import find_focal_length
+
+__all__ = ["LensOptions"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensOptions:
+    """The camera.
+
+    Attributes
+    ----------
+    camera : Path or None
+        Calibration file, or auto for the focal length that EXIF or a video's metadata tells.
+    fov : float or None
+        Instead of a calibration: field of view across the width of the image, deg, about right.
+    name : str or None
+        Camera to take from a calibration file of several.
+    """
+
+    camera: Annotated[Path | None, tyro.conf.arg(metavar="CALIB")] = None
+    fov: Annotated[float | None, tyro.conf.arg(metavar="DEG")] = None
+    name: str | None = None
+
+    def known(self) -> Camera | HorizontalField | None:
+        """What the options alone tell of it; None where the source must tell."""
+        if self.fov is not None and self.camera is not None:
+            raise InputError("expected --fov or --camera, not both", field="--fov")
+        if self.fov is not None:
+            return HorizontalField(degrees=self.fov)
+        if self.camera is None or self._is_auto:
+            return None
+        return load_camera(self.camera, self.name)
+
+    def told_by(self, frames: object, source: str) -> CameraGuess:
+        """What the source's own files tell of it, if that was asked for.
+
+        Parameters
+        ----------
+        frames : object
+            What was opened; a file or images may tell, anything else does not.
+        source : str
+            What the user called it.
+        """
+        if self._is_auto:
+            return find_focal_length(frames, source)
+        problem = "missing; expected a calibration file, or auto, or --fov DEG for a rough guess"
+        beside = getattr(frames, "calibration_path", None)
+        if beside is not None:
+            problem += f"; beside the images stands {beside}"
+        raise InputError(problem, file=source, field="--camera")
+
+    @contextmanager
+    def naming_file(self) -> Iterator[None]:
+        """Name the file of a calibration that does not fit the images."""
+        try:
+            yield
+        except InputError as error:
+            if error.field != "camera":
+                raise
+            raise InputError(error.problem, file=self.camera, field="image size") from None
+
+    @property
+    def _is_auto(self) -> bool:
+        return str(self.camera) == "auto"
