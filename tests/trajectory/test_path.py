@@ -14,7 +14,7 @@ from farpoint.errors import InputError
 from farpoint.trajectory.path import PathBuilder, PathOptions, PathPoint
 
 INDEPENDENT = PathOptions(  # that is what the errors of these tracks are
-    persistent_motion_share=0.0, persistent_length_share=0.0
+    persistent_motion_share=0.0, persistent_length_share=0.0, fading_motion_share=0.0
 )
 
 
@@ -170,6 +170,9 @@ def test_a_break_begins_a_segment_where_the_last_one_ended():
         ("keyframe_share", 1.5),
         ("persistent_motion_share", -0.1),
         ("persistent_length_share", 1.1),
+        ("fading_motion_share", -0.1),
+        ("fading_motion_share", 0.9),
+        ("fading_motions", 0.0),
     ],
 )
 def test_options_out_of_their_range_are_refused(name, value):

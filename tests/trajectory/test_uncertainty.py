@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drive_kit import cloud, forward, motion_of, poses_of
+from scipy.linalg import block_diag, sqrtm
 from scipy.stats import chi2
 
 from farpoint.geometry import so3, sphere
 from farpoint.trajectory.chain import chain
 from farpoint.trajectory.scale import ScaleFit
 from farpoint.trajectory.uncertainty import (
-    PersistentShares,
+    SharedErrors,
     advance_moving,
     advance_turning,
     covariance_at_rest,
@@ -46,24 +47,36 @@ def length_fit(k: int, motion) -> ScaleFit:
     )
 
 
-def drawn_path(motions, shares: PersistentShares, rng: np.random.Generator) -> np.ndarray:
+def shared_error(motion, white: np.ndarray, *, moves: bool) -> np.ndarray:
+    """What white errors (6,) make of a motion's ``[dtheta, dbeta]``, with its own correlations."""
+    if not moves:
+        return np.array([*np.real(sqrtm(motion.rotation_covariance)) @ white[:3], 0.0, 0.0])
+    C, basis = motion.covariance, motion.direction_basis
+    sigma = np.sqrt(np.repeat([np.trace(C[:3, :3]) / 3.0, np.trace(C[3:, 3:]) / 2.0], 3))
+    axes = block_diag(np.eye(3), basis)
+    # The plane's normal carries no error: lifted off 0 for the root alone.
+    lifted = axes @ C @ axes.T / np.outer(sigma, sigma) + 1e-12 * np.eye(6)
+    return axes.T @ (sigma * (np.real(sqrtm(lifted)) @ white))
+
+
+def drawn_path(motions, shared: SharedErrors, rng: np.random.Generator) -> np.ndarray:
     """Error (7,) at the end of a path whose motions err as the shares say."""
     true, found = np.eye(4), np.eye(4)
-    persistent, scale_error = rng.normal(size=7), 0.0
-    share = np.array([shares.length, *[shares.motion] * 5])
+    persistent, fading, scale_error = rng.normal(size=7), rng.normal(size=6), 0.0
+    alone = 1.0 - shared.persistent_motion - shared.fading_motion
+    left = np.array([1.0 - shared.persistent_length, *[alone] * 5])
+    kept = np.exp(-1.0 / shared.fading_motions)
     for k, motion in enumerate(motions):
         fit = length_fit(k, motion)
         moves = k < STEPS - TURNS
-        sigma = np.sqrt(np.diag(fit.covariance))
-        mean_beta = np.sqrt(np.mean(sigma[4:] ** 2))
-        own = np.linalg.cholesky(fit.covariance) @ rng.normal(size=6)
-        common = np.concatenate(
-            [
-                sigma[:4] * persistent[:4],
-                mean_beta * motion.direction_basis.T @ persistent[4:],
-            ]
-        )
-        error = np.sqrt(1.0 - share) * own + np.sqrt(share) * common
+        error = np.sqrt(left) * (np.linalg.cholesky(fit.covariance) @ rng.normal(size=6))
+        error[0] += np.sqrt(shared.persistent_length * fit.covariance[0, 0]) * persistent[0]
+        for share, white in (
+            (shared.persistent_motion, persistent[1:]),
+            (shared.fading_motion, fading),
+        ):
+            error[1:] += np.sqrt(share) * shared_error(motion, white, moves=moves)
+        fading = kept * fading + np.sqrt(1.0 - kept**2) * rng.normal(size=6)
         truth = replace(
             motion,
             rotation_cam1_from_cam0=so3.exp(error[1:4]) @ motion.rotation_cam1_from_cam0,
@@ -80,20 +93,28 @@ def drawn_path(motions, shares: PersistentShares, rng: np.random.Generator) -> n
     return np.concatenate([turned, true[:3, 3] - found[:3, 3], [scale_error]])
 
 
-@pytest.mark.parametrize(("motion", "length"), [(0.0, 0.0), (0.15, 0.02), (0.6, 0.5)])
-def test_the_covariance_is_that_of_what_it_supposes(motions, motion, length):
-    shares = PersistentShares(motion=motion, length=length)
+@pytest.mark.parametrize(
+    ("motion", "length", "fading", "motions_kept"),
+    [(0.0, 0.0, 0.0, 1.0), (0.2, 0.02, 0.3, 12.0), (0.6, 0.5, 0.0, 1.0), (0.0, 0.0, 0.9, 4.0)],
+)
+def test_the_covariance_is_that_of_what_it_supposes(motions, motion, length, fading, motions_kept):
+    shared = SharedErrors(
+        persistent_motion=motion,
+        persistent_length=length,
+        fading_motion=fading,
+        fading_motions=motions_kept,
+    )
     covariance, pose = covariance_at_rest(), np.eye(4)
     for k, one in enumerate(motions):
         if k < STEPS - TURNS:
             fit = length_fit(k, one)
-            covariance = advance_moving(covariance, pose, one, fit, shares)
+            covariance = advance_moving(covariance, pose, one, fit, shared)
             pose = chain(pose, one, fit.scale)
         else:
-            covariance = advance_turning(covariance, pose, one, shares)
+            covariance = advance_turning(covariance, pose, one, shared)
             pose = chain(pose, one, None)
     rng = np.random.default_rng(1)
-    errors = np.array([drawn_path(motions, shares, rng) for _ in range(400)])
+    errors = np.array([drawn_path(motions, shared, rng) for _ in range(400)])
     claimed = covariance[:7, :7]
     for part in (slice(0, 3), slice(3, 6), slice(6, 7), slice(0, 7)):
         rows = errors[:, part]
@@ -103,14 +124,27 @@ def test_the_covariance_is_that_of_what_it_supposes(motions, motion, length):
         assert low < nees.mean() < high, part
 
 
+def turned_by(motion, count: int, shared: SharedErrors) -> float:
+    """Variance of the orientation after a number of equal turns."""
+    covariance, pose = covariance_at_rest(), np.eye(4)
+    motion = replace(motion, rotation_cam1_from_cam0=np.eye(3))
+    for _ in range(count):
+        covariance = advance_turning(covariance, pose, motion, shared)
+    return float(np.trace(covariance[:3, :3]))
+
+
 def test_errors_that_persist_add_up_in_step(motions):
-    grown = []
-    for share in (0.0, 0.15):
-        covariance, pose = covariance_at_rest(), np.eye(4)
-        for _ in range(50):
-            covariance = advance_turning(
-                covariance, pose, motions[0], PersistentShares(motion=share, length=0.0)
-            )
-        grown.append(np.trace(covariance[:3, :3]))
+    alone, persistent, fading = (
+        SharedErrors(
+            persistent_motion=a, persistent_length=0.0, fading_motion=b, fading_motions=5.0
+        )
+        for a, b in ((0.0, 0.0), (0.15, 0.0), (0.0, 0.15))
+    )
+    one = turned_by(motions[0], 50, alone)
     # Variance of a sum of n errors that correlate by r: n (1 + (n - 1) r) times that of one.
-    assert grown[1] / grown[0] == pytest.approx(1.0 + 49.0 * 0.15, rel=0.35)
+    grown = turned_by(motions[0], 50, persistent) / one
+    assert grown == pytest.approx(1.0 + 49.0 * 0.15, rel=1e-9)
+    # Of errors that forget each other, by k^m over m motions.
+    lags = np.arange(1, 50)
+    expected = 1.0 + 2.0 * 0.15 * np.sum((1.0 - lags / 50.0) * np.exp(-lags / 5.0))
+    assert turned_by(motions[0], 50, fading) / one == pytest.approx(expected, rel=1e-9)

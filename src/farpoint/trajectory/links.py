@@ -23,7 +23,7 @@ class Keyframe:
     ----------
     world_from_cam : ndarray, shape (4, 4)
         Its pose.
-    covariance : ndarray, shape (14, 14)
+    covariance : ndarray, shape (20, 20)
         As `farpoint.trajectory.uncertainty` has it.
     depths : Depths
         What is known of the tracks that it sees.
@@ -73,7 +73,7 @@ class Link:
         None where no translation was observed, or none of known length.
     world_from_cam : ndarray, shape (4, 4)
         Pose of the other frame.
-    covariance : ndarray, shape (14, 14)
+    covariance : ndarray, shape (20, 20)
         As that of `Keyframe`.
     segment : int
         That of the keyframe, or the next one where the motion began it.

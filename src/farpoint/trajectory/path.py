@@ -18,7 +18,7 @@ from farpoint.trajectory.links import Keyframe, Link, Moved, good_tracks, join_t
 from farpoint.trajectory.parallax import Parallax, measure_parallax
 from farpoint.trajectory.scale import ScaleFit, can_fit, fit_scale
 from farpoint.trajectory.uncertainty import (
-    PersistentShares,
+    SharedErrors,
     advance_moving,
     advance_turning,
     covariance_at_rest,
@@ -44,12 +44,19 @@ class PathOptions:
         trackers err in the same sense again and again.
     persistent_length_share : float
         The same of the logarithms of lengths.
+    fading_motion_share : float
+        Share, 0 to 1, of the variances of rotation and direction that motions have in common while
+        the same things are in view; with the persistent share, 1 at most.
+    fading_motions : float
+        Number of motions after which that has gone down to 1 / e.
     """
 
     keyframe_direction_deg: float = 1.0
     keyframe_share: float = 0.5
-    persistent_motion_share: float = 0.15
-    persistent_length_share: float = 0.02
+    persistent_motion_share: float = 0.2
+    persistent_length_share: float = 0.015
+    fading_motion_share: float = 0.3
+    fading_motions: float = 12.0
 
     def __post_init__(self) -> None:
         degrees = self.keyframe_direction_deg
@@ -57,10 +64,25 @@ class PathOptions:
             raise InputError(
                 f"expected a positive angle, deg, got {degrees}", field="keyframe_direction_deg"
             )
-        for name in ("keyframe_share", "persistent_motion_share", "persistent_length_share"):
+        for name in (
+            "keyframe_share",
+            "persistent_motion_share",
+            "persistent_length_share",
+            "fading_motion_share",
+        ):
             share = getattr(self, name)
             if not 0.0 <= share <= 1.0:
                 raise InputError(f"expected a share, 0 to 1, got {share}", field=name)
+        both = self.persistent_motion_share + self.fading_motion_share
+        if both > 1.0:
+            raise InputError(
+                f"expected 1 at most with persistent_motion_share, got {both} of both",
+                field="fading_motion_share",
+            )
+        if not (math.isfinite(self.fading_motions) and self.fading_motions > 0.0):
+            raise InputError(
+                f"expected a positive number, got {self.fading_motions}", field="fading_motions"
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,8 +130,11 @@ class PathBuilder:
     def __init__(self, estimate: Estimate, options: PathOptions) -> None:
         self._estimate = estimate
         self._options = options
-        self._shares = PersistentShares(
-            motion=options.persistent_motion_share, length=options.persistent_length_share
+        self._shared = SharedErrors(
+            persistent_motion=options.persistent_motion_share,
+            persistent_length=options.persistent_length_share,
+            fading_motion=options.fading_motion_share,
+            fading_motions=options.fading_motions,
         )
         self._key = _keyframe_at(np.eye(4), 0)
         self._last: Link | None = None
@@ -235,13 +260,13 @@ class PathBuilder:
         if moved is not None:
             pose = chain(key.world_from_cam, motion, moved.fit.scale)
             after = advance_moving(
-                key.covariance, key.world_from_cam, motion, moved.fit, self._shares
+                key.covariance, key.world_from_cam, motion, moved.fit, self._shared
             )
             return pose, after
         # The camera stays where it was last seen; small motions since the keyframe stay in.
         pose = chain(key.world_from_cam, motion, None)
         pose[:3, 3] = self._now.world_from_cam[:3, 3]
-        return pose, advance_turning(key.covariance, key.world_from_cam, motion, self._shares)
+        return pose, advance_turning(key.covariance, key.world_from_cam, motion, self._shared)
 
     def _point(self, link: Link, motion: RelativePose, seconds: float) -> PathPoint:
         scale = sigma = None

@@ -1,10 +1,12 @@
 """How sure the pose of the camera in the world is, from motion to motion.
 
-The state has 14 components: the errors ``[dtheta (3), dp (3), dlog_scale]`` of a pose, with
-``R_true = Exp(dtheta) @ R`` and ``p_true = p + dp`` of ``world_from_cam``, and behind them the
-persistent errors ``[dlog_length, dtheta (3), ddirection (3)]`` of motions, in units of their
-sigmas, camera axes. Trackers err in the same sense again and again: what is small in each motion
-then adds up in step, not at random.
+The state has 20 components: the errors ``[dtheta (3), dp (3), dlog_scale]`` of a pose, with
+``R_true = Exp(dtheta) @ R`` and ``p_true = p + dp`` of ``world_from_cam``, and behind them errors
+that motions share, white and in camera axes: persistent ones ``[dlog_length, dtheta (3),
+ddirection (3)]`` and fading ones ``[dtheta (3), ddirection (3)]``. Trackers err in the same sense
+for as long as the same things are in view, and in part always: what is small in each motion then
+adds up in step, not at random. What is shared of a motion has the correlations of the motion's own
+error: a rotation that is off makes a direction that is off.
 """
 
 from __future__ import annotations
@@ -17,30 +19,39 @@ from farpoint.geometry.so3 import skew
 from farpoint.pose import RelativePose
 from farpoint.trajectory.scale import ScaleFit
 
-__all__ = ["PersistentShares", "advance_moving", "advance_turning", "covariance_at_rest"]
+__all__ = ["SharedErrors", "advance_moving", "advance_turning", "covariance_at_rest"]
 
-_POSE, _PERSISTENT = 7, 7
+_POSE, _MOTION = 7, 6
+_PERSISTENT = slice(_POSE, _POSE + 1 + _MOTION)
+_FADING = slice(_PERSISTENT.stop, _PERSISTENT.stop + _MOTION)
+_STATE = _FADING.stop
 
 
 @dataclass(frozen=True, kw_only=True)
-class PersistentShares:
-    """Shares, 0 to 1, of the variances of every motion that persist.
+class SharedErrors:
+    """Shares, 0 to 1, of the variances of every motion that others have in common with it.
 
     Attributes
     ----------
-    motion : float
-        Of rotation and direction.
-    length : float
-        Of the logarithm of the length.
+    persistent_motion : float
+        Of rotation and direction: what all motions share.
+    persistent_length : float
+        The same of the logarithm of the length.
+    fading_motion : float
+        Of rotation and direction: what motions share that are close to each other.
+    fading_motions : float
+        Number of motions after which that share has gone down to 1 / e.
     """
 
-    motion: float
-    length: float
+    persistent_motion: float
+    persistent_length: float
+    fading_motion: float
+    fading_motions: float
 
 
 def covariance_at_rest() -> np.ndarray:
-    """Covariance (14, 14) where a segment begins."""
-    return np.diag(np.repeat([0.0, 1.0], [_POSE, _PERSISTENT]))
+    """Covariance (20, 20) where a segment begins."""
+    return np.diag(np.repeat([0.0, 1.0], [_POSE, _STATE - _POSE]))
 
 
 def advance_moving(
@@ -48,9 +59,9 @@ def advance_moving(
     world_from_cam0: np.ndarray,
     motion: RelativePose,
     fit: ScaleFit,
-    shares: PersistentShares,
+    shared: SharedErrors,
 ) -> np.ndarray:
-    """Covariance (14, 14) after a motion, of that before it.
+    """Covariance (20, 20) after a motion, of that before it.
 
     The error of the scale, which the known distances share, stays: that is how consecutive lengths,
     measured against the same points, are correlated.
@@ -76,31 +87,55 @@ def advance_moving(
     by_motion[6, 0] = fit.gain
     own = fit.covariance.copy()
     own[1:, 1:] = motion.covariance  # its own, which the distances have not corrected
-    share = np.array([shares.length, *[shares.motion] * 5])
-    sigma = np.sqrt(np.diag(own))
-    sigma[4:] = np.sqrt(np.mean(sigma[4:] ** 2))
-    persistent = np.zeros((6, _PERSISTENT))
-    persistent[:4, :4] = np.diag((np.sqrt(share) * sigma)[:4])
-    persistent[4:, 4:] = np.sqrt(shares.motion) * sigma[4] * basis.T
-    left = np.sqrt(1.0 - share)
-    return _advanced(covariance, by_pose, by_motion, own * np.outer(left, left), persistent)
+    by_white = np.zeros((6, _STATE - _POSE))
+    by_white[0, 0] = np.sqrt(shared.persistent_length * own[0, 0])
+    by_white[1:, 1:] = _shared_parts(_root(own[1:, 1:], basis), shared)
+    alone = 1.0 - shared.persistent_motion - shared.fading_motion
+    left = np.sqrt([1.0 - shared.persistent_length, *[alone] * 5])
+    return _advanced(covariance, by_pose, by_motion, own * np.outer(left, left), by_white, shared)
 
 
 def advance_turning(
     covariance: np.ndarray,
     world_from_cam0: np.ndarray,
     motion: RelativePose,
-    shares: PersistentShares,
+    shared: SharedErrors,
 ) -> np.ndarray:
-    """Covariance (14, 14) after a motion without translation."""
+    """Covariance (20, 20) after a motion without translation."""
     assert motion.rotation_cam1_from_cam0 is not None
     assert motion.rotation_covariance is not None
     by_motion = np.zeros((_POSE, 3))
     by_motion[:3] = -world_from_cam0[:3, :3] @ motion.rotation_cam1_from_cam0.T
     own = motion.rotation_covariance
-    persistent = np.zeros((3, _PERSISTENT))
-    persistent[:, 1:4] = np.diag(np.sqrt(shares.motion * np.diag(own)))
-    return _advanced(covariance, np.eye(_POSE), by_motion, (1.0 - shares.motion) * own, persistent)
+    by_white = np.zeros((3, _STATE - _POSE))
+    by_white[:, 1:] = _shared_parts(np.hstack([_symmetric_root(own), np.zeros((3, 3))]), shared)
+    alone = 1.0 - shared.persistent_motion - shared.fading_motion
+    return _advanced(covariance, np.eye(_POSE), by_motion, alone * own, by_white, shared)
+
+
+def _shared_parts(root: np.ndarray, shared: SharedErrors) -> np.ndarray:
+    """By persistent and by fading errors (D, 12), of the root (D, 6) of a motion's covariance."""
+    shares = np.sqrt([shared.persistent_motion, shared.fading_motion])
+    return np.hstack([share * root for share in shares])
+
+
+def _root(covariance: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Root (5, 6) of a motion's covariance (5, 5), by white errors in camera axes.
+
+    Of all roots the symmetric one, directions in the three axes of the camera and both parts in
+    units of their sigmas: it changes from motion to motion no more than the covariance does.
+    """
+    to_axes = np.zeros((6, 5))
+    to_axes[:3, :3], to_axes[3:, 3:] = np.eye(3), basis
+    rotation, direction = np.trace(covariance[:3, :3]) / 3.0, np.trace(covariance[3:, 3:]) / 2.0
+    sigma = np.sqrt(np.repeat([rotation, direction], 3))
+    white = (to_axes @ covariance @ to_axes.T) / np.outer(sigma, sigma)
+    return to_axes.T @ (sigma[:, None] * _symmetric_root(white))
+
+
+def _symmetric_root(covariance: np.ndarray) -> np.ndarray:
+    values, axes = np.linalg.eigh(covariance)
+    return (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
 
 
 def _advanced(
@@ -108,11 +143,15 @@ def _advanced(
     by_pose: np.ndarray,
     by_motion: np.ndarray,
     own: np.ndarray,
-    persistent: np.ndarray,
+    by_white: np.ndarray,
+    shared: SharedErrors,
 ) -> np.ndarray:
-    F = np.eye(_POSE + _PERSISTENT)
+    kept = np.exp(-1.0 / shared.fading_motions)
+    F = np.eye(_STATE)
     F[:_POSE, :_POSE] = by_pose
-    F[:_POSE, _POSE:] = by_motion @ persistent
+    F[:_POSE, _POSE:] = by_motion @ by_white
+    F[_FADING, _FADING] *= kept
     after = F @ covariance @ F.T
     after[:_POSE, :_POSE] += by_motion @ own @ by_motion.T
+    after[_FADING, _FADING] += (1.0 - kept**2) * np.eye(_MOTION)
     return after
