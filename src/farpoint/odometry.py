@@ -80,6 +80,9 @@ class OdometryResult:
     segment : int
         0, and one more from each frame at which the scale was lost, or everything, as at a cut:
         lengths within a segment have one scale.
+    scale_is_guessed : bool
+        Whether ``scale`` is what the last speed suggests, since after a turn on the spot no point
+        of known distance was in view: ``scale_sigma`` and the covariance from here on say so too.
     """
 
     frame0: int
@@ -93,6 +96,7 @@ class OdometryResult:
     scale_sigma: float | None
     world_covariance: np.ndarray | None = None
     segment: int = 0
+    scale_is_guessed: bool = False
 
     def _repr_html_(self) -> str:
         """What a notebook shows: which frames, where the camera is, and the motion."""
@@ -325,4 +329,5 @@ class Odometry:
             segment=point.segment,
             scale=point.scale,
             scale_sigma=point.scale_sigma,
+            scale_is_guessed=point.scale_is_guessed,
         )

@@ -392,6 +392,12 @@ def test_lengths_are_not_added_across_a_break(
     page = (tmp_path / "report.html").read_text()
     assert "<b>2</b> units" in page
     assert "the scale lost once" in page
+    assert "carried by the last speed" not in page
+    run = json.loads((tmp_path / "run.json").read_text())
+    (tmp_path / "run.json").write_text(json.dumps({**run, "scale_guesses": 2}))
+    write_report(tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "the scale carried by the last speed alone 2 times" in page
     (tmp_path / "positions.csv").unlink()  # an older run
     np.testing.assert_allclose(paths_from_above(tmp_path).x_z, paths.x_z)
 

@@ -105,6 +105,18 @@ def test_reasons_are_bounded_and_failures_are_not_drowned(
     assert run["reasons_omitted"] == 400
 
 
+def test_guesses_of_the_scale_are_listed_up_to_a_bound(
+    tmp_path: Path, camera: Camera, make_result: MakeResult
+) -> None:
+    known = make_result(1)
+    guessed = [replace(make_result(k), scale_is_guessed=True) for k in range(1, 121)]
+    run = record_run(tmp_path / "run.json", camera, [known, *guessed])
+    assert run["scale_guesses"] == 120
+    assert [guess["frame"] for guess in run["scale_guessed_at"]] == list(range(1, 101))
+    assert run["scale_guessed_at"][3]["timestamp"] == guessed[3].timestamp
+    assert record_run(tmp_path / "run.json", camera, [known])["scale_guesses"] == 0
+
+
 def test_the_same_run_writes_the_same_but_for_the_wall_clock(
     tmp_path: Path, camera: Camera, make_result: MakeResult
 ) -> None:

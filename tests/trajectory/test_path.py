@@ -118,19 +118,41 @@ def test_turning_on_the_spot_carries_the_scale_across():
     assert abs(np.median(ratio[25:]) - np.median(ratio[1:15])) < 0.03
 
 
-def test_turning_until_nothing_known_is_in_view_begins_a_segment():
-    steps = np.concatenate([forward(15), np.zeros((30, 3)), forward(10, seed=1)])
+def turned_out_of_view(faster: float, seed: int = 0) -> tuple[list[PathPoint], np.ndarray]:
+    """15 motions, a turn by 120 degrees, and 10 motions of another speed."""
+    steps = [forward(15, seed=seed), np.zeros((30, 3)), forward(10, faster * 0.5, seed=seed + 1)]
     turns = np.zeros((55, 3))
     turns[15:45, 1] = math.radians(4.0)
-    poses = poses_of(steps, turns)
-    points = build(cloud(poses, count=3000, noise_px=0.1))
-    assert [point.segment for point in points[:46]] == [0] * 46
-    assert [point.segment for point in points[46:]] == [1] * 10
-    # The rotation goes on, and so does the speed, which is all that is known of the length.
+    poses = poses_of(np.concatenate(steps), turns)
+    return build(cloud(poses, count=3000, noise_px=0.1, seed=seed)), poses
+
+
+def test_turning_until_nothing_known_is_in_view_the_last_speed_carries_the_scale():
+    points, poses = turned_out_of_view(1.0)
+    assert {point.segment for point in points} == {0}
+    assert [k for k, point in enumerate(points) if point.scale_is_guessed] == [46]
     turned = points[-1].world_from_cam[:3, :3].T @ poses[-1, :3, :3]
     assert math.degrees(math.acos(min(1.0, (np.trace(turned) - 1.0) / 2.0))) < 0.3
     assert points[46].scale == pytest.approx(points[15].scale, rel=1e-9)
-    assert points[46].scale_sigma == 0.0
+    # The guess and all that is measured by it are as unsure as stated; what was before is not.
+    for point in points[46:]:
+        assert point.scale_sigma / point.scale == pytest.approx(0.5, rel=0.1)
+        assert point.covariance[6, 6] == pytest.approx(0.25, rel=0.05)
+    assert points[45].covariance[6, 6] < 0.01
+    # Lengths after it agree with each other.
+    scale = np.array([point.scale for point in points[46:]])
+    ratio = scale / lengths(poses)[45:]
+    assert np.ptp(np.log(ratio)) < 0.1
+
+
+@pytest.mark.parametrize("faster", [0.6, 1.6])
+def test_a_speed_that_was_guessed_wrong_is_within_what_was_said(faster):
+    points, poses = turned_out_of_view(faster, seed=3)
+    unit = lengths(poses)[0]
+    error = poses[-1, :3, 3] / unit - points[-1].world_from_cam[:3, 3]
+    nees = error @ np.linalg.solve(points[-1].covariance[3:6, 3:6], error)
+    assert np.linalg.norm(error) > 1.0
+    assert nees < 11.3  # 99 % of chi-square, 3 degrees of freedom
 
 
 def test_standing_still_nothing_wanders():
@@ -173,6 +195,7 @@ def test_a_break_begins_a_segment_where_the_last_one_ended():
         ("fading_motion_share", -0.1),
         ("fading_motion_share", 0.9),
         ("fading_motions", 0.0),
+        ("speed_ratio_sigma", math.inf),
     ],
 )
 def test_options_out_of_their_range_are_refused(name, value):

@@ -105,6 +105,8 @@ class RunRecord:
         self._last_s: float | None = None
         self._counts = dict.fromkeys(PoseStatus, 0)
         self._reasons: list[dict[str, Any]] = []
+        self._guesses: list[dict[str, Any]] = []
+        self._guess_count = 0
         self._stages_s: dict[str, float] = {}
         self._facts: dict[str, Any] = {}
         self._started = datetime.now(UTC)
@@ -133,6 +135,10 @@ class RunRecord:
             self._camera = self._camera.with_size(image.shape[1], image.shape[0])
         if result.pose is not None:
             self._count(result)
+        if result.scale_is_guessed:
+            self._guess_count += 1
+            if self._guess_count <= _MAX_REASONS:
+                self._guesses.append({"frame": result.frame1, "timestamp": result.timestamp})
         if time.monotonic() - self._clock_saved > _UPDATE_S:
             self._save()
 
@@ -202,6 +208,8 @@ class RunRecord:
             "pairs": {status.value: count for status, count in self._counts.items()},
             "reasons": self._reasons,
             "reasons_omitted": not_ok - len(self._reasons),
+            "scale_guesses": self._guess_count,
+            "scale_guessed_at": self._guesses,
             **self._facts,
             WALL_CLOCK: {
                 "started": self._started.isoformat(timespec="seconds"),

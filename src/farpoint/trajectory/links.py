@@ -12,7 +12,7 @@ from farpoint.trajectory.depths import Depths
 from farpoint.trajectory.parallax import Parallax
 from farpoint.trajectory.scale import ScaleFit
 
-__all__ = ["Keyframe", "Link", "Moved", "good_tracks", "join_tracks"]
+__all__ = ["Keyframe", "Link", "Moved", "good_tracks", "is_firm", "join_tracks"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,6 +67,8 @@ class Link:
         Tracks that the keyframe had.
     steps : int
         Motions from frame to frame since the keyframe, this one included.
+    seconds : float
+        Time since the keyframe.
     motion : RelativePose
         Not FAILED.
     moved : Moved or None
@@ -83,20 +85,17 @@ class Link:
     tracks: Tracks
     begun: int
     steps: int
+    seconds: float
     motion: RelativePose
     moved: Moved | None
     world_from_cam: np.ndarray
     covariance: np.ndarray
     segment: int
 
-    def is_firm(self, direction_sigma_rad: float) -> bool:
-        """Whether a direction is known to this 1-sigma."""
-        covariance = self.motion.covariance
-        return (
-            self.motion.status is PoseStatus.OK
-            and covariance is not None
-            and float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]) <= direction_sigma_rad**2
-        )
+    @property
+    def is_guess(self) -> bool:
+        """Whether its length is guessed."""
+        return self.moved is not None and self.moved.fit.is_guess
 
     def end(self) -> Keyframe:
         """The other frame as the keyframe of what follows."""
@@ -114,6 +113,16 @@ class Link:
             depths=depths,
             segment=self.segment,
         )
+
+
+def is_firm(motion: RelativePose, direction_sigma_rad: float) -> bool:
+    """Whether a direction is known to this 1-sigma."""
+    covariance = motion.covariance
+    return (
+        motion.status is PoseStatus.OK
+        and covariance is not None
+        and float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]) <= direction_sigma_rad**2
+    )
 
 
 def good_tracks(tracks: Tracks, motion: RelativePose) -> Tracks:

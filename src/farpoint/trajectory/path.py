@@ -14,7 +14,7 @@ from farpoint.pose import PoseStatus, RelativePose
 from farpoint.tracks import Tracks
 from farpoint.trajectory.chain import chain
 from farpoint.trajectory.depths import Depths
-from farpoint.trajectory.links import Keyframe, Link, Moved, good_tracks, join_tracks
+from farpoint.trajectory.links import Keyframe, Link, Moved, good_tracks, is_firm, join_tracks
 from farpoint.trajectory.parallax import Parallax, measure_parallax
 from farpoint.trajectory.scale import ScaleFit, can_fit, fit_scale
 from farpoint.trajectory.uncertainty import (
@@ -49,6 +49,10 @@ class PathOptions:
         the same things are in view; with the persistent share, 1 at most.
     fading_motions : float
         Number of motions after which that has gone down to 1 / e.
+    speed_ratio_sigma : float
+        1-sigma of the logarithm of the ratio of two speeds, before and after a turn on the spot
+        from which no known point is left in view: that ratio is taken to be 1, and the error of
+        the scale grows by this.
     """
 
     keyframe_direction_deg: float = 1.0
@@ -57,6 +61,7 @@ class PathOptions:
     persistent_length_share: float = 0.015
     fading_motion_share: float = 0.3
     fading_motions: float = 12.0
+    speed_ratio_sigma: float = 0.5
 
     def __post_init__(self) -> None:
         degrees = self.keyframe_direction_deg
@@ -79,10 +84,10 @@ class PathOptions:
                 f"expected 1 at most with persistent_motion_share, got {both} of both",
                 field="fading_motion_share",
             )
-        if not (math.isfinite(self.fading_motions) and self.fading_motions > 0.0):
-            raise InputError(
-                f"expected a positive number, got {self.fading_motions}", field="fading_motions"
-            )
+        for name in ("fading_motions", "speed_ratio_sigma"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"expected a positive number, got {value}", field=name)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,6 +104,9 @@ class PathPoint:
         Counts the parts of the path between which the scale, or everything, was lost.
     scale, scale_sigma : float or None
         Length of the last motion, frame to frame, and its 1-sigma; None where it has none.
+    scale_is_guessed : bool
+        Whether that length is what the last speed suggests, for want of any known point: later
+        lengths are measured by it.
     """
 
     world_from_cam: np.ndarray
@@ -106,6 +114,7 @@ class PathPoint:
     segment: int
     scale: float | None = None
     scale_sigma: float | None = None
+    scale_is_guessed: bool = False
 
 
 class PathBuilder:
@@ -192,8 +201,13 @@ class PathBuilder:
     def _makes_keyframe(self, link: Link) -> bool:
         if link.moved is not None and not link.moved.fit.points:
             return True  # it has set the scale
-        firm = link.is_firm(math.radians(self._options.keyframe_direction_deg))
-        return firm or len(link.tracks) < self._options.keyframe_share * link.begun
+        return (
+            self._is_firm(link.motion)
+            or len(link.tracks) < self._options.keyframe_share * link.begun
+        )
+
+    def _is_firm(self, motion: RelativePose) -> bool:
+        return is_firm(motion, math.radians(self._options.keyframe_direction_deg))
 
     def _advance_key(self) -> None:
         if self._last is not None:
@@ -211,7 +225,12 @@ class PathBuilder:
             return None
         if motion.status is PoseStatus.OK and since_key.status is not PoseStatus.OK:
             return None
-        link = self._link(camera, joined, since_key, last.begun, last.steps + 1, seconds)
+        since_s = last.seconds + seconds
+        link = self._link(camera, joined, since_key, last.begun, last.steps + 1, since_s)
+        if link.is_guess and self._is_firm(motion):
+            return (
+                None  # the keyframe may lie within the turn: a guess for the last motion is better
+            )
         return None if link.segment != self._key.segment else link
 
     def _link(
@@ -232,7 +251,8 @@ class PathBuilder:
                 moved = Moved(parallax=parallax, fit=fit)
             elif not can_fit(key.depths, parallax):
                 moved = self._set_scale(parallax, motion, seconds)
-                segment += int(self._has_scale)
+                begins = self._has_scale and moved is not None and not moved.fit.is_guess
+                segment += int(begins)
                 key = key if segment == key.segment else _keyframe_at(key.world_from_cam, segment)
         pose, covariance = self._end_of(key, motion, moved)
         return Link(
@@ -240,6 +260,7 @@ class PathBuilder:
             tracks=good_tracks(tracks, motion),
             begun=begun,
             steps=steps,
+            seconds=seconds,
             motion=motion,
             moved=moved,
             world_from_cam=pose,
@@ -247,11 +268,21 @@ class PathBuilder:
             segment=segment,
         )
 
-    def _set_scale(self, parallax: Parallax, motion: RelativePose, seconds: float) -> Moved:
-        """The scale begins with this motion: one unit, or what the last speed makes of its time."""
+    def _set_scale(self, parallax: Parallax, motion: RelativePose, seconds: float) -> Moved | None:
+        """The scale begins with this motion, or the last speed carries it on.
+
+        None where it goes on, but this motion is hardly one: a false alarm would be taken for a
+        motion at full speed.
+        """
         assert motion.covariance is not None
+        if self._has_scale and not self._is_firm(motion):
+            return None
         length = 0.0 if self._speed is None else self._speed * seconds
-        fit = ScaleFit.unit(length if length > 0.0 else 1.0, motion.covariance)
+        if self._has_scale and length > 0.0:
+            sigma = self._options.speed_ratio_sigma
+            fit = ScaleFit.guess(length, sigma, motion.covariance)
+        else:
+            fit = ScaleFit.unit(length if length > 0.0 else 1.0, motion.covariance)
         return Moved(parallax=parallax, fit=fit)
 
     def _end_of(
@@ -282,6 +313,7 @@ class PathBuilder:
             segment=link.segment,
             scale=scale,
             scale_sigma=sigma,
+            scale_is_guessed=link.is_guess,
         )
 
     def _length(self, link: Link) -> tuple[float, float]:

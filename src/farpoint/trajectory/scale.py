@@ -53,6 +53,21 @@ class ScaleFit:
         joint[1:, 1:] = covariance
         return cls(scale=scale, correction=np.zeros(5), covariance=joint, gain=0.0, points=0)
 
+    @classmethod
+    def guess(cls, scale: float, sigma: float, covariance: np.ndarray) -> ScaleFit:
+        """A motion whose length no point tells: ``sigma`` is of its logarithm.
+
+        All distances to come are measured by it, so its error becomes that of the scale.
+        """
+        joint = np.zeros((6, 6))
+        joint[0, 0], joint[1:, 1:] = sigma**2, covariance
+        return cls(scale=scale, correction=np.zeros(5), covariance=joint, gain=1.0, points=0)
+
+    @property
+    def is_guess(self) -> bool:
+        """Whether no point, and no convention either, tells the length."""
+        return self.points == 0 and self.gain == 1.0
+
 
 def can_fit(depths: Depths, parallax: Parallax) -> bool:
     """Whether enough of the points have known distances."""

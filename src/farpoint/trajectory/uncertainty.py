@@ -88,10 +88,11 @@ def advance_moving(
     own = fit.covariance.copy()
     own[1:, 1:] = motion.covariance  # its own, which the distances have not corrected
     by_white = np.zeros((6, _STATE - _POSE))
-    by_white[0, 0] = np.sqrt(shared.persistent_length * own[0, 0])
+    length_share = shared.persistent_length if fit.points else 0.0  # the rest is no measurement
+    by_white[0, 0] = np.sqrt(length_share * own[0, 0])
     by_white[1:, 1:] = _shared_parts(_root(own[1:, 1:], basis), shared)
     alone = 1.0 - shared.persistent_motion - shared.fading_motion
-    left = np.sqrt([1.0 - shared.persistent_length, *[alone] * 5])
+    left = np.sqrt([1.0 - length_share, *[alone] * 5])
     return _advanced(covariance, by_pose, by_motion, own * np.outer(left, left), by_white, shared)
 
 

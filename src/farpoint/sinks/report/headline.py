@@ -107,6 +107,9 @@ def _what_went_wrong(run: Mapping[str, Any], digest: Digest, paths: Paths) -> st
         wrong.append(f"{run['frames_without_image']} frames without an image")
     if len(paths.segments) and (lost := int(paths.segments[-1] - paths.segments[0])):
         wrong.append(f"the scale lost {lost} times" if lost > 1 else "the scale lost once")
+    if guesses := run.get("scale_guesses", 0):
+        times = f"{guesses} times" if guesses > 1 else "once"
+        wrong.append(f"the scale carried by the last speed alone {times}")
     if not wrong:
         return "<b>nothing</b><small>every pair has rotation and direction</small>"
     return f"<b>{escape(', '.join(wrong))}</b><small>see below</small>"
