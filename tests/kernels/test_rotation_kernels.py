@@ -12,6 +12,7 @@ from kernels_kit import View, gradient, packed, two_views
 
 from farpoint._kernels import rotation
 from farpoint._kernels.likelihood import POOR
+from farpoint._kernels.pairs import packed_length
 from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=20, deadline=None)
@@ -167,7 +168,7 @@ def test_the_normal_matrix_is_the_information_of_the_matches(seed):
 
 def test_what_a_rotation_makes_of_each_match():
     view = turning(6, 40, noise=1.0, wrong=8)
-    distance, right = np.full((2, 64), np.nan)
+    distance, right = np.full((2, packed_length(40)), np.nan)
     given = (view.pairs, packed(np.ones(40)), SPREAD, view.R, MIXTURE)
     rotation.explain_rotation(*given, distance, right)
     variance, wrong, share = MIXTURE

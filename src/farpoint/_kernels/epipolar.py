@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.fused import fused
 from farpoint._kernels.pairs import noise0, noise1, ray0, ray1
 from farpoint._kernels.vectors import (
     Matrix,
@@ -91,7 +92,7 @@ def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
     ``a = t - (m . t) m``.
     """
     reach = dot(m, t)
-    return dot(b, t) - reach * dot(m, b), 1.0 - reach * reach
+    return fused(-reach, dot(m, b), dot(b, t)), fused(-reach, reach, 1.0)
 
 
 @inlined_kernel

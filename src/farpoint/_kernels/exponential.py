@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.fused import fused
 
 __all__ = ["exp_and_eighth", "lane_log"]
 
@@ -22,9 +23,14 @@ def exp_and_eighth(x: float) -> tuple[float, float]:
     x = 20, and what is larger is next to nothing.
     """
     y = min(x, 240.0) * (1.0 / 256.0)
-    s = 1.0 - y * (1.0 / 6.0) * (1.0 - y * (1.0 / 7.0))
-    s = 1.0 - y * (1.0 / 3.0) * (1.0 - y * (1.0 / 4.0) * (1.0 - y * (1.0 / 5.0) * s))
-    s = 1.0 - y * (1.0 - y * (1.0 / 2.0) * s)
+    s = 1.0 / 5040.0
+    s = fused(-y, s, 1.0 / 720.0)
+    s = fused(-y, s, 1.0 / 120.0)
+    s = fused(-y, s, 1.0 / 24.0)
+    s = fused(-y, s, 1.0 / 6.0)
+    s = fused(-y, s, 0.5)
+    s = fused(-y, s, 1.0)
+    s = fused(-y, s, 1.0)
     s *= s
     s *= s
     s *= s
@@ -44,5 +50,5 @@ def lane_log(x: float) -> float:
     mantissa = np.int64((bits & _MANTISSA) | _EXPONENT_OF_1).view(np.float64)
     z = (mantissa - _SQRT2) / (mantissa + _SQRT2)
     y = z * z
-    series = 2.0 + y * (2.0 / 3.0 + y * (0.4 + y * (2.0 / 7.0 + y * (2.0 / 9.0))))
-    return exponent * _LN2 + z * series
+    series = fused(y, fused(y, fused(y, fused(y, 2.0 / 9.0, 2.0 / 7.0), 0.4), 2.0 / 3.0), 2.0)
+    return fused(exponent, _LN2, z * series)

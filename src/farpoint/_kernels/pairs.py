@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel
+from farpoint._kernels.fused import fused
 from farpoint._kernels.vectors import Vector
 
 __all__ = [
@@ -28,7 +29,7 @@ __all__ = [
     "take_pairs",
 ]
 
-LANES = 32
+LANES = 16
 # Rows of a panel: two rays, their covariances (upper triangles), the mean variance of their flow.
 # Of a type of their own: for each plain number numba would compile a function anew.
 RAY0, RAY1, COVARIANCE0, COVARIANCE1, FLOW = (np.int64(row) for row in (0, 3, 6, 12, 18))
@@ -52,7 +53,12 @@ def address(i: int) -> int:
 
 @inlined_kernel
 def _at(pairs: np.ndarray, at: int, row: int) -> Vector:
-    return pairs[at + row * LANES], pairs[at + (row + 1) * LANES], pairs[at + (row + 2) * LANES]
+    # An unsigned index: one that might count from the end keeps the loops from adding several.
+    return (
+        pairs[np.uint64(at + row * LANES)],
+        pairs[np.uint64(at + (row + 1) * LANES)],
+        pairs[np.uint64(at + (row + 2) * LANES)],
+    )
 
 
 @inlined_kernel
@@ -71,9 +77,9 @@ def ray1(pairs: np.ndarray, at: int) -> Vector:
 def _covariance_times(pairs: np.ndarray, at: int, row: int, v: Vector) -> Vector:
     x, y = _at(pairs, at, row), _at(pairs, at, row + 3)
     return (
-        x[0] * v[0] + x[1] * v[1] + x[2] * v[2],
-        x[1] * v[0] + y[0] * v[1] + y[1] * v[2],
-        x[2] * v[0] + y[1] * v[1] + y[2] * v[2],
+        fused(x[0], v[0], fused(x[1], v[1], x[2] * v[2])),
+        fused(x[1], v[0], fused(y[0], v[1], y[1] * v[2])),
+        fused(x[2], v[0], fused(y[1], v[1], y[2] * v[2])),
     )
 
 
@@ -92,7 +98,7 @@ def noise1(pairs: np.ndarray, at: int, v: Vector) -> Vector:
 @inlined_kernel
 def flow_variance(pairs: np.ndarray, at: int) -> float:
     """Variance, rad^2 for unit noise, of the flow in one direction, on average."""
-    return pairs[at + FLOW * LANES]
+    return pairs[np.uint64(at + FLOW * LANES)]
 
 
 @inlined_kernel

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.fused import fused
 
 __all__ = [
     "Matrix",
@@ -45,7 +46,7 @@ def matrix(A: np.ndarray) -> Matrix:
 @inlined_kernel
 def dot(a: Vector, b: Vector) -> float:
     """``a . b``."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return fused(a[0], b[0], fused(a[1], b[1], a[2] * b[2]))
 
 
 @inlined_kernel
@@ -57,13 +58,17 @@ def norm(a: Vector) -> float:
 @inlined_kernel
 def cross(a: Vector, b: Vector) -> Vector:
     """``a x b``."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return (
+        fused(a[1], b[2], -(a[2] * b[1])),
+        fused(a[2], b[0], -(a[0] * b[2])),
+        fused(a[0], b[1], -(a[1] * b[0])),
+    )
 
 
 @inlined_kernel
 def combine(s: float, a: Vector, u: float, b: Vector) -> Vector:
     """``s a + u b``."""
-    return s * a[0] + u * b[0], s * a[1] + u * b[1], s * a[2] + u * b[2]
+    return fused(s, a[0], u * b[0]), fused(s, a[1], u * b[1]), fused(s, a[2], u * b[2])
 
 
 @inlined_kernel
@@ -76,9 +81,9 @@ def rotate(R: Matrix, a: Vector) -> Vector:
 def rotate_back(R: Matrix, a: Vector) -> Vector:
     """``R^T a``."""
     return (
-        R[0][0] * a[0] + R[1][0] * a[1] + R[2][0] * a[2],
-        R[0][1] * a[0] + R[1][1] * a[1] + R[2][1] * a[2],
-        R[0][2] * a[0] + R[1][2] * a[1] + R[2][2] * a[2],
+        fused(R[0][0], a[0], fused(R[1][0], a[1], R[2][0] * a[2])),
+        fused(R[0][1], a[0], fused(R[1][1], a[1], R[2][1] * a[2])),
+        fused(R[0][2], a[0], fused(R[1][2], a[1], R[2][2] * a[2])),
     )
 
 

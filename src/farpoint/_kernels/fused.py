@@ -1,0 +1,33 @@
+"""Multiply and add in one instruction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import llvmlite.ir
+from numba import types
+from numba.extending import lower_builtin, type_callable
+
+__all__ = ["fused"]
+
+
+def fused(a: float, b: float, c: float) -> float:
+    """``a b + c``, rounded once where the processor can.
+
+    Said so in the formulas, every loop has the same digits; a compiler that is free to fuse what it
+    likes does so differently from loop to loop.
+    """
+    return a * b + c
+
+
+@type_callable(fused)
+def _type(_context: Any) -> Any:
+    return lambda a, b, c: types.float64  # noqa: ARG005 - numba asks for its names
+
+
+@lower_builtin(fused, types.Float, types.Float, types.Float)
+def _lower(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+    number = llvmlite.ir.DoubleType()
+    function = llvmlite.ir.FunctionType(number, [number] * 3)
+    fmuladd = builder.module.declare_intrinsic("llvm.fmuladd", [number], function)
+    return builder.call(fmuladd, arguments)
