@@ -36,6 +36,7 @@ __all__ = [
     "densities",
     "explain",
     "linearize",
+    "mixture_cost",
     "refine_pose",
 ]
 
@@ -59,6 +60,12 @@ def apply_step(R: np.ndarray, t: np.ndarray, x: np.ndarray) -> None:
 def clutter_density(variance: float, wrong: float, spread: float) -> float:
     """Density of wrong matches over that of inliers at r = 0."""
     return wrong / (1.0 - wrong) * math.sqrt(2.0 * math.pi * variance) / (2.0 * spread)
+
+
+@inner_kernel
+def mixture_cost(variance: float, wrong: float) -> float:
+    """What each match adds to the cost by the noise alone."""
+    return 0.5 * math.log(variance) - math.log(1.0 - wrong)
 
 
 @inlined_kernel
@@ -196,8 +203,7 @@ def refine_pose(
         variance, wrong = mixture[0], mixture[1]
         clutter = clutter_density(variance, wrong, spread)
         cost = linearize(pairs, prior, R, t, mixture, clutter, normal, shares)
-        # What linearize leaves out, as it does not move the pose.
-        cost += count * (0.5 * math.log(variance) - math.log(1.0 - wrong))
+        cost += count * mixture_cost(variance, wrong)
         # EM with unbiased variance may climb a little; a step that climbs more has gone astray.
         if cost > lowest + 0.5:
             copy(kept_R, R)

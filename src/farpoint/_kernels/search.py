@@ -11,13 +11,14 @@ from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.direction import intersect_circles
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.five_rays import LONG_FLOW, iterations_needed, score_pose, solve_five
-from farpoint._kernels.likelihood import refine_pose
+from farpoint._kernels.likelihood import clutter_density, linearize, mixture_cost, refine_pose
 from farpoint._kernels.linear import (
     apply_rotation_step,
     copy,
     draw_direction,
     draw_index,
     draw_unit,
+    solve_spd,
 )
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.twins import layer_twin, planar_twin
@@ -27,17 +28,19 @@ __all__ = ["search_direction", "search_pose"]
 
 # A residual beyond three sigma supports no hypothesis.
 GATE_SIGMA = 3.0
-# Log likelihood to which hypotheses are refined, and by which one is given up that is worse.
+# Log likelihood to which hypotheses are refined, and up to which a worse one is a rival.
 COARSE = 0.1
-HOPELESS = 30.0
-# Steps after which a hypothesis is looked at first, and in all. Of a type of their own: for each
-# plain number numba would compile the refinement anew.
-FIRST_LOOK = np.int64(2)
-REFINEMENTS = np.int64(6)
+RIVAL = 30.0
+# Gain of a refinement over what its first step promises, at the most.
+PROMISES = 4.0
+# Steps of a refinement. Of a type of its own: for a plain number numba would compile it anew.
+REFINEMENTS = np.int64(10)
 # Truncated squares over the least so far with which a hypothesis is still worth refining.
 PROMISING = 1.5
 # Log likelihood within which two hypotheses are taken for one.
 SAME = 2.0
+# Pairs of matches whose directions the search starts from.
+DIRECTIONS = np.int64(16)
 # Shares of wrong and of poor matches that EM starts from.
 START_WRONG = 0.2
 START_POOR = 0.1
@@ -233,19 +236,50 @@ def _is_twisted(matches: Matches, pose: Pose) -> bool:
 
 
 @inner_kernel
+def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
+    """Whether one step promises to bring a hypothesis about as far as the best.
+
+    The first promise is a modest one: with each step more matches come within reach.
+    """
+    variance, wrong = challenger.mixture[0], challenger.mixture[1]
+    clutter = clutter_density(variance, wrong, matches.spread)
+    normal, shares, L = challenger.normal, np.empty(2), np.empty((5, 5))
+    cost = linearize(
+        matches.pairs,
+        matches.prior,
+        challenger.R,
+        challenger.t,
+        challenger.mixture,
+        clutter,
+        normal,
+        shares,
+    )
+    cost += matches.total * mixture_cost(variance, wrong)
+    g, x = np.empty(5), np.empty(5)
+    for k in range(5):
+        g[k] = normal[k, 5]
+    if not solve_spd(normal, g, 0.0, L, x):
+        return False
+    promise = 0.0
+    for k in range(5):
+        promise += g[k] * x[k]
+    return cost - PROMISES * promise < best.cost[0] + RIVAL
+
+
+@inner_kernel
 def _challenge(matches: Matches, challenger: Pose, best: Pose) -> bool:
-    """Refine a hypothesis as far as it competes; keep it if it becomes the best."""
-    _refine(matches, FIRST_LOOK, challenger)
-    if not challenger.cost[0] < best.cost[0] + HOPELESS or _is_same(challenger, best):
+    """Refine a hypothesis that may compete, and keep it if it is better; whether it was a rival."""
+    if not _may_compete(matches, challenger, best):
         return False
     _refine(matches, REFINEMENTS, challenger)
-    if not challenger.cost[0] < best.cost[0] or _is_twisted(matches, challenger):
+    if not challenger.cost[0] < best.cost[0] + RIVAL or _is_same(challenger, best):
         return False
-    copy(challenger.R, best.R)
-    copy(challenger.t, best.t)
-    copy(challenger.mixture, best.mixture)
-    copy(challenger.normal, best.normal)
-    copy(challenger.cost, best.cost)
+    if challenger.cost[0] < best.cost[0] and not _is_twisted(matches, challenger):
+        copy(challenger.R, best.R)
+        copy(challenger.t, best.t)
+        copy(challenger.mixture, best.mixture)
+        copy(challenger.normal, best.normal)
+        copy(challenger.cost, best.cost)
     return True
 
 
@@ -258,7 +292,6 @@ def search_pose(
     tolerance: float,
     spread: float,
     min_variance: float,
-    doubt: float,
     confidence: float,
     min_iterations: int,
     max_iterations: int,
@@ -270,11 +303,12 @@ def search_pose(
     """Most likely pose near the rotation ``R`` and among joint hypotheses; returns iterations.
 
     The start is the direction that the flow of the ``candidates`` suggests at ``R``. Samples are
-    solved from about the rotation of the start, with a direction from two of their own rays or one
-    from anywhere: to start from the best pose would find it again. A hypothesis that agrees with
-    the matches about as well as any before it is refined, and judged by its likelihood with the
-    noise that it needs: a wrong minimum looks good only with more noise than there is. At last come
-    the motions that look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
+    solved in turn from the best pose, for a better one nearby, and from about the rotation of the
+    start with a direction from anywhere, or from two of their own rays. A hypothesis that agrees
+    with the matches about as well as any before it is refined, and judged by its likelihood with
+    the noise that it needs: a wrong minimum looks good only with more noise than there is. Once
+    there has been a rival, many more are tried. At last come the motions that look like the best
+    one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
     """
     matches = Matches(pairs, prior, count, spread, min_variance)
     best = Pose(R, t, mixture, np.empty((6, 6)), np.empty(1))
@@ -285,19 +319,24 @@ def search_pose(
     mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
     mixture[1] = START_WRONG
     mixture[2] = START_POOR
-    search_direction(pairs, prior, candidates, tolerance, min_iterations, state, R, t)
+    search_direction(pairs, prior, candidates, tolerance, DIRECTIONS, state, R, t)
     _refine(matches, REFINEMENTS, best)
     limit = GATE_SIGMA * GATE_SIGMA * mixture[0]
     lowest = limit * count
     wrong = _unexplained(matches, best, tolerance)
-    needed = iterations_needed(wrong, flow, doubt, confidence, min_iterations, max_iterations)
+    contested = False
     iteration = 0
-    while iteration < needed:
+    while iteration < iterations_needed(
+        wrong, flow, contested, confidence, min_iterations, max_iterations
+    ):
         iteration += 1
         _draw_distinct(sample, count, state)
         _step_away(start, flow, state, other.R)
         _longest_flow_first(pairs, other.R, sample)
-        if iteration % 2 == 0:
+        if iteration % 3 == 0:
+            copy(R, other.R)
+            copy(t, other.t)
+        elif iteration % 3 == 1:
             draw_direction(state, other.t)
         elif not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
             continue
@@ -309,10 +348,8 @@ def search_pose(
         lowest = min(raw, lowest)
         copy(mixture, other.mixture)
         if _challenge(matches, other, best):
+            contested = True
             wrong = _unexplained(matches, best, tolerance)
-            needed = iterations_needed(
-                wrong, flow, doubt, confidence, min_iterations, max_iterations
-            )
     for twin in range(2):
         gate = GATE_SIGMA * math.sqrt(mixture[0])
         if twin == 0:

@@ -37,9 +37,6 @@ MAX_REFINEMENTS = 20
 PARALLAX_ROUNDS = 2
 # The search looks at this many matches: more make it slower, not surer.
 MAX_SEARCHED = 160
-# Where this share of the matches seem far, the first pose found is less often the wrong one.
-FAR_SHARE = 0.25
-FAR_DOUBT = 0.2
 # Samples for the rotation that the search begins with.
 START_SAMPLES = 50
 # Matches times samples that are tried at least.
@@ -196,7 +193,6 @@ def fit_moving(
         searched = matches.select(rows)
     rotation = far_rotation(searched, tolerance, state, START_SAMPLES)
     flowing = np.flatnonzero(~rotation.consistent)
-    doubt = FAR_DOUBT if len(flowing) < (1.0 - FAR_SHARE) * len(rows) else 1.0
     if len(flowing) < MIN_FLOWING:
         flowing = np.arange(len(rows))
     R, t, mixture = rotation.R_cam1_from_cam0.copy(), np.empty(3), np.empty(3)
@@ -208,7 +204,6 @@ def fit_moving(
         tolerance,
         matches.spread,
         MIN_VARIANCE,
-        doubt,
         options.confidence,
         # Few matches leave few samples without a doubtful one: try them all, they cost little.
         min(max(options.min_iterations, FEW_MATCHES // n), options.max_iterations),
