@@ -24,7 +24,9 @@ _SUMS = {"reassoc", "contract"}
 # Variance of Scharr's gradients over that of the residual, both of white noise sampled between
 # pixels: 0.23 s^2 shrunk to 0.13 s^2, over the two images' 0.88 s^2.
 _GRADIENT_NOISE = 0.15
-_BLOCK = 3  # px: residuals are taken as independent from here on (see `_covariance`)
+# px: residuals are taken as independent from here on (see `_covariance`); `_block_moments` writes
+# the sums out.
+_BLOCK = 3
 
 
 @numba.njit(cache=True)
@@ -119,9 +121,9 @@ def _sample_patch(image, x, y, reach, patch):
     for v in range(size):
         upper, lower = image[top + v], image[top + v + 1]
         for u in range(size):
-            i = left + u
-            above = (one - a) * upper[i] + a * upper[i + 1]
-            below = (one - a) * lower[i] + a * lower[i + 1]
+            i = np.uintp(left + u)
+            above = (one - a) * upper[i] + a * upper[i + np.uintp(1)]
+            below = (one - a) * lower[i] + a * lower[i + np.uintp(1)]
             patch[v, u] = (one - b) * above + b * below
     return True
 
@@ -231,10 +233,13 @@ def _residual(image, x, y, half, theta, template, jacobian, residual):
             py = row_y + theta[4] * u
             # Coordinates are not negative here, so truncation is the floor. The last column and
             # row can be met by rounding alone: stay inside.
-            left, top = min(int(px), width - 2), min(int(py), height - 2)
-            a, b = np.float32(px - left), np.float32(py - top)
-            above = (one - a) * image[top, left] + a * image[top, left + 1]
-            below = (one - a) * image[top + 1, left] + a * image[top + 1, left + 1]
+            column, row = min(int(px), width - 2), min(int(py), height - 2)
+            a, b = np.float32(px - column), np.float32(py - row)
+            # Unsigned, an index is not looked at for whether it counts from the end.
+            left, top = np.uintp(column), np.uintp(row)
+            right, bottom = left + np.uintp(1), top + np.uintp(1)
+            above = (one - a) * image[top, left] + a * image[top, right]
+            below = (one - a) * image[bottom, left] + a * image[bottom, right]
             value = (one - b) * above + b * below
             residual[i] = value - template[i] + gain * jacobian[6, i] - offset
             i += 1
@@ -287,13 +292,19 @@ def _covariance(jacobian, residual, factor, prior, variance, half, covariance):
         rows[a, a] = 1.0
         _solve(factor, rows[a])
     influence = np.zeros((2, width + 2 * (_BLOCK - 1), width + 2 * (_BLOCK - 1)), np.float32)
+    moved = np.empty(count, np.float32)
     for a in range(2):
-        weights = rows[a].astype(np.float32)
+        moved[:] = 0.0
+        for b in range(PARAMETERS):
+            weight = np.float32(rows[a, b])
+            for i in range(count):
+                moved[i] += weight * jacobian[b, i]
         for i in range(count):
-            total = np.float32(0.0)
-            for b in range(PARAMETERS):
-                total += weights[b] * jacobian[b, i]
-            influence[a, i // width + _BLOCK - 1, i % width + _BLOCK - 1] = total * residual[i]
+            moved[i] *= residual[i]
+        for v in range(width):
+            inner = influence[a, v + _BLOCK - 1]
+            for u in range(width):
+                inner[u + _BLOCK - 1] = moved[v * width + u]
     xx, xy, yy = _block_moments(influence)
     # The fit has bent the residuals towards zero: of the count / block^2 independent blocks the
     # parameters have taken their share.
@@ -338,20 +349,17 @@ def _undo_attenuation(rows, power, covariance):
 def _block_moments(influence):
     """Mean over the block's shifts of the second moments of block sums."""
     size = influence.shape[1]
-    across = np.zeros((2, size, size), np.float32)
+    places = size - _BLOCK + 1
+    across = np.empty((size, places), np.float32)
+    sums = np.empty((2, places * places), np.float32)
     for a in range(2):
         for v in range(size):
-            for u in range(size - _BLOCK + 1):
-                for k in range(_BLOCK):
-                    across[a, v, u] += influence[a, v, u + k]
-    xx, xy, yy = 0.0, 0.0, 0.0
-    for v in range(size - _BLOCK + 1):
-        for u in range(size - _BLOCK + 1):
-            x, y = np.float32(0.0), np.float32(0.0)
-            for k in range(_BLOCK):
-                x += across[0, v + k, u]
-                y += across[1, v + k, u]
-            xx += x * x
-            xy += x * y
-            yy += y * y
+            row = influence[a, v]
+            for u in range(places):
+                across[v, u] = row[u] + row[u + 1] + row[u + 2]
+        for v in range(places):
+            for u in range(places):
+                total = across[v, u] + across[v + 1, u] + across[v + 2, u]
+                sums[a, v * places + u] = total
+    xx, xy, yy = _dot(sums[0], sums[0]), _dot(sums[0], sums[1]), _dot(sums[1], sums[1])
     return xx / _BLOCK**2, xy / _BLOCK**2, yy / _BLOCK**2

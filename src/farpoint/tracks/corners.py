@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from farpoint._kernels.spacing import take_places
 from farpoint.errors import optional_import
 from farpoint.tracks.options import CornerOptions
 
@@ -69,14 +70,9 @@ def thin_out(
     bool, is updated. Stops after ``count`` points.
     """
     limit = len(points) if count is None else count
-    kept: list[int] = []
-    for index, (x, y) in enumerate(np.rint(points).astype(int).tolist()):
-        if len(kept) >= limit:
-            break
-        if not taken[y, x]:
-            kept.append(index)
-            taken[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1] = True
-    return np.array(kept, dtype=np.intp)
+    kept = np.empty(len(points), np.int64)
+    count = take_places(np.rint(points).astype(np.int64), taken, reach, limit, kept)
+    return kept[:count]
 
 
 def _surroundings(points: np.ndarray, shape: tuple[int, int], reach: int) -> np.ndarray:

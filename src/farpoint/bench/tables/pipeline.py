@@ -26,6 +26,7 @@ _COLUMNS = (
     Column("decode_ms", 1),
     Column("farpoint_tracks_ms", 1),
     Column("farpoint_pose_ms", 2),
+    Column("farpoint_path_ms", 2),
     Column("farpoint_fps", 1),
     Column("opencv_script_ms", 1),
     Column("opencv_script_fps", 1),
@@ -39,9 +40,10 @@ def pipeline_table(options: BenchOptions, progress: Progress) -> tuple[Table, ..
     count = (options.pairs or _FRAMES) + 1
     rows = []
     for sequence in sequences:
-        start = time.perf_counter()
-        images = sequence.images(count)
-        decode_s = (time.perf_counter() - start) / max(len(images), 1)
+        with one_thread():
+            start = time.perf_counter()
+            images = sequence.images(count)
+            decode_s = (time.perf_counter() - start) / max(len(images), 1)
         if len(images) > _WARM_UP + 1:
             decoded_s = None if sequence.source is None else decode_s
             rows.append(_row(sequence, images, decoded_s, progress))
@@ -53,8 +55,8 @@ def pipeline_table(options: BenchOptions, progress: Progress) -> tuple[Table, ..
             columns=_COLUMNS,
             rows=tuple(rows),
             notes=(
-                "fps: decoding, tracking and pose, over frames taken in turn; a rendered drive "
-                "needs no decoding",
+                "fps: decoding, tracking, pose, and path with its scale, over frames taken in turn "
+                "on one thread; a rendered drive needs no decoding",
                 "OpenCV's script: goodFeaturesToTrack, Lucas-Kanade forward and back, "
                 "findEssentialMat and recoverPose at their defaults in every frame, with as many "
                 "points as farpoint tracks at most",
@@ -73,16 +75,16 @@ def _row(
 ) -> tuple[Cell, ...]:
     odometry = Odometry(sequence.camera)
     script = PlainScript(sequence.camera, odometry.options.tracker.max_tracks)
-    seconds = np.empty((len(images), 4))
+    stages = ("tracks", "pose", "path")
+    seconds = np.empty((len(images), 2 + len(stages)))
     with one_thread():
         for index, image in enumerate(images):
             before = dict(odometry.seconds)
             seconds[index, 0] = _seconds(lambda: odometry.process(image, 0.1 * index))  # noqa: B023
-            seconds[index, 1] = odometry.seconds["tracks"] - before["tracks"]
-            seconds[index, 2] = odometry.seconds["pose"] - before["pose"]
-            seconds[index, 3] = _seconds(lambda: script.process(image))  # noqa: B023
+            seconds[index, 1] = _seconds(lambda: script.process(image))  # noqa: B023
+            seconds[index, 2:] = [odometry.seconds[name] - before[name] for name in stages]
             progress(f"pipeline of {sequence.name}", index + 1, len(images))
-    ours, tracks, pose, theirs = np.median(seconds[_WARM_UP:], axis=0)
+    ours, theirs, tracks, pose, path = np.median(seconds[_WARM_UP:], axis=0)
     height, width = images[0].shape
     decode = decode_s or 0.0
     return (
@@ -92,6 +94,7 @@ def _row(
         None if decode_s is None else 1e3 * decode_s,
         float(1e3 * tracks),
         float(1e3 * pose),
+        float(1e3 * path),
         float(1.0 / (decode + ours)),
         float(1e3 * theirs),
         float(1.0 / (decode + theirs)),

@@ -1,0 +1,37 @@
+"""Points that keep their distance from each other."""
+
+from __future__ import annotations
+
+from farpoint._kernels.compile import kernel
+
+__all__ = ["take_places"]
+
+
+@kernel
+def take_places(places, taken, reach, limit, kept):
+    """Accept places that are free, in their order, until there are enough; return how many.
+
+    Parameters
+    ----------
+    places : ndarray of int64, shape (N, 2)
+        Column and row, within ``taken``.
+    taken : ndarray of bool, shape (H, W)
+        Every place accepted takes the pixels within ``reach`` along either axis.
+    reach, limit : int
+    kept : ndarray of int64, shape (N,)
+        Out: indices of the places accepted, as many as are returned.
+    """
+    height, width = taken.shape
+    count = 0
+    for index in range(len(places)):
+        if count >= limit:
+            break
+        column, row = places[index, 0], places[index, 1]
+        if taken[row, column]:
+            continue
+        kept[count] = index
+        count += 1
+        for y in range(max(row - reach, 0), min(row + reach + 1, height)):
+            for x in range(max(column - reach, 0), min(column + reach + 1, width)):
+                taken[y, x] = True
+    return count
