@@ -11,6 +11,7 @@ from scipy.stats import norm
 
 from farpoint._kernels import evidence, plausible
 from farpoint._kernels.compile import kernel
+from farpoint.geometry import so3
 
 
 @kernel
@@ -56,6 +57,16 @@ def beyond(view: View, right: np.ndarray, distance: float) -> tuple[int, int]:
 def test_no_match_is_beyond_the_rotation_of_a_camera_that_only_turns():
     view = shaken(two_views(1, 60, baseline_m=0.0), 1)
     assert beyond(view, np.ones(60), 6.0) == (0, 60)
+
+
+def test_matches_are_counted_from_the_rotation_that_fits_them_best():
+    view = shaken(two_views(1, 60, baseline_m=0.0), 1)
+    off = view._replace(R=so3.exp(np.array([0.02, -0.01, 0.02])) @ view.R)  # 30 sigma
+    assert beyond(off, np.ones(60), 6.0) == (0, 60)
+
+
+def test_where_no_match_is_right_none_is_counted():
+    assert beyond(two_views(1, 60), np.zeros(60), 6.0) == (0, 0)
 
 
 def test_near_matches_are_beyond_any_rotation_and_wrong_ones_do_not_count():

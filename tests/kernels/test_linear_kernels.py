@@ -103,6 +103,17 @@ def test_two_rays_are_enough_up_to_half_a_turn(angle):
     np.testing.assert_allclose(R, truth, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("width_rad", [0.1, 1e-2, 2e-3])
+def test_kabsch_aligns_what_a_narrow_view_sees(width_rad):
+    rng = np.random.default_rng(0)
+    rays0 = sphere.normalize(np.c_[width_rad * rng.uniform(-1, 1, (50, 2)), np.ones(50)])
+    truth = so3.exp(np.array([0.3, -0.2, 0.5]))
+    R = kabsch(cross_covariance(rays0, rays0 @ truth.T))
+    assert R is not None
+    np.testing.assert_allclose(R @ R.T, np.eye(3), rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(R, truth, rtol=0.0, atol=1e-12 / width_rad**2)
+
+
 @pytest.mark.parametrize(
     "M",
     [
@@ -187,6 +198,14 @@ def test_the_sandwich_says_when_too_little_is_left():
 def test_a_rotation_step_is_the_exponential_on_the_left(v, size, start):
     R, step = so3.exp(start), size * v
     np.testing.assert_allclose(turned(R, step), so3.exp(step) @ R, rtol=0.0, atol=4e-14)
+
+
+@pytest.mark.parametrize("angle", [1e-6, 0.9e-4, 1.1e-4, 1e-3, 0.05, 1.0])
+def test_a_rotation_step_turns_by_its_length(angle):
+    axis = sphere.normalize(np.array([0.3, -0.5, 0.8]))
+    E = turned(np.eye(3), angle * axis)
+    skew = 0.5 * np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
+    np.testing.assert_allclose(skew, math.sin(angle) * axis, rtol=1e-13)
 
 
 def test_a_rotation_step_may_be_made_in_place():

@@ -114,5 +114,20 @@ def test_wrong_matches_fill_the_width_of_the_later_rays():
     assert pack(view)[1] == pytest.approx(half / (math.sqrt(2.0) * 1e-3), rel=0.03)
 
 
+def test_wrong_matches_fill_ten_sigma_at_least():
+    view = two_views(5, 1)
+    same = View(*(np.repeat(array, 20, axis=0) for array in view[:4]), view.R, view.t)
+    assert pack(same)[1] == 10.0
+
+
+def test_what_fills_a_panel_up_is_too_vague_to_contradict_a_pose():
+    pairs, v = pack(two_views(0, 3))[2], np.array([0.3, -1.2, 0.7])
+    for i in range(3, LANES):
+        first, second, shaken0, shaken1, variance = read(pairs, i, v)
+        assert first == second == (0.0, 0.0, 1.0)
+        np.testing.assert_array_equal([shaken0, shaken1], [1e12 * v] * 2)
+        assert variance == 1e12
+
+
 def test_no_match_at_all_fills_no_panel():
-    assert pack(two_views(0, 0))[0] == 0
+    assert pack(two_views(0, 0))[:2] == (0, 10.0)

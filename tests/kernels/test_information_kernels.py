@@ -1,0 +1,87 @@
+"""What matches tell of a pose, held against the likelihood, and against what noise does to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from kernels_kit import View, packed, two_views
+
+from farpoint._kernels import epipolar, likelihood
+from farpoint._kernels.compile import kernel
+from farpoint._kernels.information import information
+from farpoint._kernels.pairs import address
+from farpoint._kernels.vectors import matrix, tangent_columns, vector
+from farpoint.geometry import so3, sphere
+
+VARIANCE, POOR, CLUTTER = 1.3, 0.2, 0.05
+MIXTURE = np.array([VARIANCE, 0.1, POOR])
+
+
+@kernel
+def told_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
+    """Residual and its derivatives; variances of the constraint and of the flow."""
+    at, turn, towards = address(i), matrix(R), vector(t)
+    return (
+        epipolar.sampson_jacobian(pairs, at, turn, towards, tangent_columns(towards)),
+        epipolar.variances(pairs, at, turn, towards),
+    )
+
+
+def informed(view: View, prior: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    whole, noise = np.full((2, 5, 5), np.nan)
+    share = information(view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, whole, noise)
+    return share, whole, noise
+
+
+def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residuals over sigma; weights of good and of poor matches, whose variance is eightfold."""
+    r = np.array([told_of(view.pairs, i, view.R, view.t)[0][0] for i in range(view.size)])
+    z = r / np.sqrt(VARIANCE)
+    good = prior * (1.0 - POOR) * np.exp(-0.5 * z * z)
+    poor = prior * POOR / np.sqrt(8.0) * np.exp(-0.5 * z * z / 8.0)
+    return z, good / (good + poor + CLUTTER), poor / (good + poor + CLUTTER)
+
+
+def test_the_whole_is_the_gauss_newton_matrix_of_the_likelihood():
+    view = two_views(3, 40, error_rad=2e-3)
+    prior = np.random.default_rng(3).uniform(0.5, 2.0, 40)
+    normal = np.empty((6, 6))
+    likelihood.linearize(
+        view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, normal, np.empty(2)
+    )
+    np.testing.assert_allclose(informed(view, prior)[1], normal[:5, :5], rtol=1e-7)
+
+
+def test_not_to_know_which_match_is_good_costs_the_variance_of_the_score():
+    view = two_views(4, 40, error_rad=2e-3)
+    prior = np.random.default_rng(4).uniform(0.5, 2.0, 40)
+    z, good, poor = parts(view, prior)
+    weight, square = good + poor / 8.0, good + poor / 64.0
+    expected = 1.0 - np.sum(z * z * (square - weight * weight)) / np.sum(weight)
+    assert expected < 0.9  # else nothing is tested
+    assert informed(view, prior)[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_no_match_at_all_lacks_nothing():
+    assert informed(two_views(4, 3), np.zeros(3))[0] == 1.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
+    view = two_views(seed, 1, baseline_m=1e-3)
+    m = view.R @ view.rays0[0]
+    axis = sphere.normalize(np.cross(m, view.t))
+
+    def jacobian(angle_rad: float) -> np.ndarray:
+        """Of the bare constraint, the later ray moved along its epipolar line."""
+        at = view._replace(rays1=view.rays1 @ so3.exp(angle_rad * axis).T)
+        (_, *J), (g, _) = told_of(at.pairs, 0, at.R, at.t)
+        return np.sqrt(g) * np.array(J)
+
+    change = (jacobian(1e-5) - jacobian(-1e-5)) / 2e-5
+    _, good, poor = parts(view, np.ones(1))
+    _, (g, flow) = told_of(view.pairs, 0, view.R, view.t)
+    variance = flow / np.sum(np.cross(m, view.t) ** 2)  # of the angle, for unit noise
+    expected = (good + poor / 8.0) * variance / g * np.outer(change, change)
+    noise = informed(view, np.ones(1))[2]
+    np.testing.assert_allclose(noise, expected, rtol=0.0, atol=3e-3 * np.abs(expected).max())
