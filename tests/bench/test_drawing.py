@@ -42,7 +42,8 @@ def test_every_choice_of_outputs_is_made_and_timed(monkeypatch: pytest.MonkeyPat
     (table,) = drawing.drawing_table(BenchOptions(pairs=4), silent)
     assert [row[0] for row in table.rows] == [name for name, *_ in drawing._WAYS]
     assert np.all(np.array([row[1:] for row in table.rows], float) >= 0.0)
-    assert table.rows[0][2] == table.rows[0][4] == 1.0
+    times = np.array([row[1:5] for row in table.rows], float)
+    np.testing.assert_allclose(times[:, [1, 3]], times[:, [0, 2]] / times[0, [0, 2]])
     both = {"motions.csv", "overlay.mp4", "display.rrd"}
     found = sorted(len(files & both) for files in made)
     assert found == [1, 1, 2, 2, 2, 2, 3, 3]
@@ -58,3 +59,29 @@ def test_work_in_the_same_thread_shows(monkeypatch: pytest.MonkeyPatch):
     seconds = drawing._run(sequence, sequence.images(8), drawing._QUIET, False)
     assert seconds.shape == (3, 4)
     assert np.all(seconds[:, drawing._WHOLE] - seconds[:, drawing._WALL] > 0.029)
+
+
+class Idler:
+    """Waits, then works, for 30 ms each."""
+
+    def __init__(self, _: Camera) -> None:
+        pass
+
+    def process(self, *_: object) -> None:
+        time.sleep(0.03)
+        end = time.thread_time() + 0.03
+        while time.thread_time() < end:
+            pass
+
+
+@pytest.mark.usefixtures("_small")
+def test_waiting_takes_no_processor_and_own_work_is_not_that_of_others(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(drawing, "Odometry", Idler)
+    sequence = drawing.rendered_sequence(0)
+    seconds = drawing._run(sequence, sequence.images(8), None, False)
+    assert np.all(seconds[:, drawing._WALL] > 0.059)
+    assert np.all(seconds[:, drawing._CPU] > 0.029)
+    assert np.all(seconds[:, drawing._CPU] < 0.045)
+    assert np.all(seconds[:, drawing._OTHERS] < 0.015)

@@ -97,6 +97,9 @@ def test_parquet_holds_the_same_numbers(
             folder.write(result, None)
     table = pyarrow.parquet.read_table(tmp_path / "positions.parquet")
     assert table.column_names == list(COLUMNS)
+    kinds = {name: str(kind) for name, kind in zip(COLUMNS, table.schema.types, strict=True)}
+    assert {name for name, kind in kinds.items() if kind == "int64"} == {"frame", "segment"}
+    assert set(kinds.values()) == {"int64", "double"}
     read = read_positions(tmp_path / "positions.csv")
     np.testing.assert_array_equal(table["frame"].to_numpy(), read.frames)
     np.testing.assert_array_equal(table["z"].to_numpy(), read.positions[:, 2])
