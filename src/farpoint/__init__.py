@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import importlib
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from farpoint.camera import Camera, load_camera
-from farpoint.frames import Frame, FrameSource, open_frames
-from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
 from farpoint.pose import (
     PoseOrder,
     PoseStats,
@@ -21,10 +18,12 @@ from farpoint.pose import (
     far_distance,
     observable_motion,
 )
-from farpoint.tracks import Tracks
 
 if TYPE_CHECKING:
     from farpoint import plot as plot
+    from farpoint.frames import Frame, FrameSource, open_frames
+    from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
+    from farpoint.tracks import Tracks
 
 __all__ = [
     "Camera",
@@ -50,11 +49,25 @@ __all__ = [
 
 __version__ = "0.1.0"
 
+# Loaded on first use: whoever has matches at hand need not wait for images and their libraries.
+_LATER = {
+    "Frame": "farpoint.frames",
+    "FrameSource": "farpoint.frames",
+    "Odometry": "farpoint.odometry",
+    "OdometryOptions": "farpoint.odometry",
+    "OdometryResult": "farpoint.odometry",
+    "Tracks": "farpoint.tracks",
+    "open_frames": "farpoint.frames",
+}
 
 if not TYPE_CHECKING:  # a type checker must still tell names that do not exist
 
-    def __getattr__(name: str) -> ModuleType:
-        """``farpoint.plot`` on first use: whoever only estimates need not wait for it."""
+    def __getattr__(name: str) -> object:
         if name == "plot":
             return importlib.import_module("farpoint.plot")
+        if name in _LATER:
+            return getattr(importlib.import_module(_LATER[name]), name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__, "plot"})

@@ -58,7 +58,7 @@ _PATIENCE_S = 2.0  # loading compiled loops takes less
 @contextmanager
 def announced_compilation(loop: Callable[..., object]) -> Iterator[None]:
     """Say once on standard error what takes so long, should ``loop`` have to be compiled first."""
-    if getattr(loop, "signatures", True):  # ready, or not compiled at all
+    if getattr(loop, "overloads", True):  # ready, or not compiled at all
         yield
         return
     notice = threading.Timer(

@@ -6,7 +6,7 @@ Perturbations are on the left, ``R_true = Exp(dtheta) @ R``. Quaternions are ``q
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy  # its parts load on first use
 
 __all__ = ["angle_between", "exp", "log", "matrix_from_quat_xyzw", "quat_xyzw_from_matrix", "skew"]
 
@@ -19,12 +19,12 @@ def skew(v: np.ndarray) -> np.ndarray:
 
 def exp(rotation_vector: np.ndarray) -> np.ndarray:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad."""
-    return Rotation.from_rotvec(rotation_vector).as_matrix()
+    return scipy.spatial.transform.Rotation.from_rotvec(rotation_vector).as_matrix()
 
 
 def log(R: np.ndarray) -> np.ndarray:
     """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3); the inverse of `exp`."""
-    return Rotation.from_matrix(R).as_rotvec()
+    return scipy.spatial.transform.Rotation.from_matrix(R).as_rotvec()
 
 
 def angle_between(R0: np.ndarray, R1: np.ndarray) -> np.ndarray:
@@ -34,9 +34,9 @@ def angle_between(R0: np.ndarray, R1: np.ndarray) -> np.ndarray:
 
 def quat_xyzw_from_matrix(R: np.ndarray) -> np.ndarray:
     """Unit quaternions (..., 4), ``qx qy qz qw`` with ``qw >= 0``, of rotation matrices."""
-    return Rotation.from_matrix(R).as_quat(canonical=True)
+    return scipy.spatial.transform.Rotation.from_matrix(R).as_quat(canonical=True)
 
 
 def matrix_from_quat_xyzw(quat_xyzw: np.ndarray) -> np.ndarray:
     """Rotation matrices (..., 3, 3) of quaternions (..., 4) ``qx qy qz qw``, normalised here."""
-    return Rotation.from_quat(quat_xyzw).as_matrix()
+    return scipy.spatial.transform.Rotation.from_quat(quat_xyzw).as_matrix()

@@ -10,7 +10,7 @@ from typing import Any
 
 from farpoint.errors import InputError
 
-__all__ = ["RelativePoseOptions"]
+__all__ = ["DEFAULTS", "RelativePoseOptions"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,3 +71,7 @@ def _check(
     right_kind = isinstance(value, numbers.Integral if kind is int else numbers.Real)
     if isinstance(value, bool) or not right_kind or not (math.isfinite(value) and holds(value)):
         raise InputError(f"expected {expected}, got {value!r}", field=name)
+
+
+# Made once: to check them takes as long as to read a hundred matches.
+DEFAULTS = RelativePoseOptions()

@@ -26,7 +26,7 @@ from farpoint.pose.covariance import moving_covariance
 from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
-from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.verdict import (
     NEAR_SIGMA,
@@ -96,7 +96,7 @@ def estimate_relative_pose(
     >>> estimate_relative_pose(np.empty((0, 2)), np.empty((0, 2)), camera).status
     <PoseStatus.FAILED: 'FAILED'>
     """
-    options = options or RelativePoseOptions()
+    options = options or DEFAULTS
     matches = matches_from_points(
         points0, points1, camera0, camera1 or camera0, covariance0_px2, covariance1_px2
     )
@@ -116,7 +116,7 @@ def estimate_relative_pose_from_rays(
     As `estimate_relative_pose` with the 1-sigma noise of a ray in each direction, ``noise_rad``
     (rad), as the unit: ``noise_px`` of the result is a multiple of it.
     """
-    options = options or RelativePoseOptions()
+    options = options or DEFAULTS
     matches = matches_from_rays(rays0, rays1, noise_rad)
     return _estimate(matches, max(options.matching_tolerance_px, 3.0), options, seed)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import special
+import scipy  # its parts load on first use
 
 from farpoint._kernels.evidence import count_beyond_rotation
 from farpoint.geometry import so3
@@ -56,11 +56,8 @@ def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: f
     """
     if agreeing <= minimal:
         return False
-    log_hypotheses = _log_choose(total, minimal)
-    tail = special.bdtrc(agreeing - minimal - 1, total - minimal, min(max(chance, 0.0), 1.0))
-    if tail == 0.0:  # Underflow: far below any rate, but so may be 1 / hypotheses.
-        return True
-    return log_hypotheses + math.log(tail) < math.log(rate)
+    tail = _log_binomial_tail(agreeing - minimal, total - minimal, min(max(chance, 0.0), 1.0))
+    return _log_choose(total, minimal) + tail < math.log(rate)
 
 
 def is_plainly_translating(fit: MovingFit) -> bool:
@@ -70,10 +67,10 @@ def is_plainly_translating(fit: MovingFit) -> bool:
     chance may have put on their epipolar lines: no handful of wrong ones makes it look like this.
     """
     right = fit.searched.weights(fit.probability[fit.rows] > 0.5)
-    wrong = len(fit.searched) - float(right.sum())
-    chance = min(NEAR_SIGMA * fit.noise.sigma / fit.searched.spread, 1.0)
     distance = 2.0 * NEAR_SIGMA * fit.noise.mean_sigma
     beyond, total = count_beyond_rotation(fit.searched.pairs, right, fit.R_cam1_from_cam0, distance)
+    wrong = len(fit.searched) - total
+    chance = min(NEAR_SIGMA * fit.noise.sigma / fit.searched.spread, 1.0)
     return beyond > max(8.0 + 4.0 * wrong * chance, 0.1 * total)
 
 
@@ -90,7 +87,7 @@ def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float)
     dtheta = so3.log(R_cam1_from_cam0)
     values, vectors = np.linalg.eigh(covariance)
     distance2 = np.sum((vectors.T @ dtheta) ** 2 / np.maximum(values, 1e-300))
-    return bool(special.chdtrc(3, distance2) > rate)
+    return bool(scipy.special.chdtrc(3, distance2) > rate)
 
 
 def _bulk_exceeds_noise(
@@ -110,7 +107,7 @@ def _bulk_exceeds_noise(
     across = max(float(np.sum(fit.residual[bulk] ** 2)), n * MIN_VARIANCE)
     along = float(np.sum(turning.distance2[bulk])) - across
     ratio = max(along, 0.0) / n / (across / (n - 3))
-    return ratio > matches.doubt and bool(DIRECTIONS * special.fdtrc(n, n - 3, ratio) < rate)
+    return ratio > matches.doubt and bool(DIRECTIONS * scipy.special.fdtrc(n, n - 3, ratio) < rate)
 
 
 def _near_points_agree(
@@ -128,6 +125,18 @@ def _near_points_agree(
     chance = 0.5 * min(BAND_SIGMA * fit.noise.mean_sigma / max(width, 1e-12), 1.0)
     candidates = int(np.count_nonzero(unexplained))
     return is_consensus(int(np.count_nonzero(near)), candidates, 2, chance, rate)
+
+
+def _log_binomial_tail(k: int, n: int, p: float) -> float:
+    """Logarithm of a bound on the probability of at least ``k`` of ``n`` (Hoeffding, J. Am. Stat.
+    Assoc. 58, 1963, DOI 10.1080/01621459.1963.10500830, theorem 1).
+    """
+    if k <= n * p:
+        return 0.0
+    if p == 0.0:
+        return -math.inf
+    tail = k * math.log(k / (n * p))
+    return -tail if k == n else -tail - (n - k) * math.log((n - k) / (n * (1.0 - p)))
 
 
 def _log_choose(n: int, k: int) -> float:
