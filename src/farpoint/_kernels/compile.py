@@ -5,18 +5,36 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import numba
 
 __all__ = [
     "announced_compilation",
+    "forget_stale",
     "inlined_kernel",
     "inner_kernel",
     "kernel",
     "sum_kernel",
 ]
+
+
+def forget_stale(folder: Path) -> None:
+    """Remove what was compiled in ``folder`` before the last change of a source there.
+
+    numba looks at the file of a kernel alone, not at those of the kernels that it calls: after a
+    ``git pull`` old and new ones would call each other.
+    """
+    changed = max((source.stat().st_mtime for source in folder.glob("*.py")), default=0.0)
+    for index in (folder / "__pycache__").glob("*.nbi"):
+        with suppress(OSError):  # another process may be at it, or the folder not ours
+            if index.stat().st_mtime < changed:
+                index.unlink()
+
+
+forget_stale(Path(__file__).parent)
 
 # Untyped: numba's type hints do not know all of the options that numba takes.
 njit: Any = numba.njit
