@@ -51,7 +51,8 @@ def test_no_match_alone_is_beyond_doubt():
 
 
 def beyond(view: View, right: np.ndarray, distance: float) -> tuple[int, int]:
-    return evidence.count_beyond_rotation(view.pairs, packed(right), view.R, distance)
+    rotations = np.stack([view.R, np.full((3, 3), np.nan)])
+    return evidence.count_beyond_rotation(view.pairs, packed(right), rotations, distance)
 
 
 def test_no_match_is_beyond_the_rotation_of_a_camera_that_only_turns():
@@ -111,3 +112,9 @@ def test_where_no_match_is_wrong_none_is_implausible():
 def test_where_nearly_all_may_be_captured_nothing_is_known():
     prior = prior_of(np.array([1.0, 2.0, 50.0, 3.0, 9.0]), np.array([1.0, 1.0, 0.0, 0.0, 0.0]))
     np.testing.assert_array_equal(prior, np.ones(5))
+
+
+def test_a_few_wrong_matches_do_not_drag_the_rotation_from_the_others():
+    view = shaken(two_views(1, 60, baseline_m=0.0), 1)
+    view.rays1[:4] = two_views(5, 60).rays1[:4]  # captured, hundreds of sigma away
+    assert beyond(view, np.ones(60), 6.0) == (4, 60)

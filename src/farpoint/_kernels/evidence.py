@@ -47,26 +47,30 @@ def weigh(
 
 @kernel
 def count_beyond_rotation(
-    pairs: np.ndarray, right: np.ndarray, R: np.ndarray, distance: float
+    pairs: np.ndarray, right: np.ndarray, rotations: np.ndarray, distance: float
 ) -> tuple[int, int]:
     """How many of the right matches no rotation brings within ``distance``, and of how many.
 
-    ``right`` (N,) is 1 for these and 0 for the others; ``distance`` is in units of the noise. The
-    rotation is that of the least squares, by one step from ``R``, about which the prediction is
-    linear.
+    ``right`` (N,) is 1 for these and 0 for the others; ``distance`` is in units of the noise. Of
+    the ``rotations`` (M, 3, 3) the one that brings in most counts. The last is overwritten with the
+    least squares, by one step from the first, about which the prediction is linear: it undoes what
+    a motion took from the rotation, but a few wrong matches drag it away.
     """
-    rotation, step, L = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
-    H, g, sums, scratch = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(right.shape[0])
+    step, L, distance2 = np.empty(3), np.empty((3, 3)), np.empty(right.shape[0])
+    H, g, sums = np.empty((3, 3)), np.empty(3), np.empty(3)
     only_good = np.empty(3)
     only_good[0], only_good[1], only_good[2] = 1.0, 0.0, 0.0
+    R, last = rotations[0], rotations[rotations.shape[0] - 1]
     rotation_linearize(pairs, right, R, only_good, 1e-300, H, g, sums)
     if not solve_spd(H, g, 0.0, L, step):
         return 0, 0
-    apply_rotation_step(R, -step[0], -step[1], -step[2], rotation)
-    rotation_distance2(pairs, rotation, scratch)
-    beyond = total = 0
-    for i in range(right.shape[0]):
-        if right[i] > 0.5:
-            total += 1
-            beyond += 1 if scratch[i] > distance * distance else 0
-    return beyond, total
+    apply_rotation_step(R, -step[0], -step[1], -step[2], last)
+    total = int(right.sum())
+    fewest = total
+    for k in range(rotations.shape[0]):
+        rotation_distance2(pairs, rotations[k], distance2)
+        beyond = 0
+        for i in range(right.shape[0]):
+            beyond += 1 if right[i] > 0.5 and distance2[i] > distance * distance else 0
+        fewest = min(fewest, beyond)
+    return fewest, total

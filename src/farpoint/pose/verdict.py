@@ -61,14 +61,16 @@ def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: f
 
 
 def is_plainly_translating(fit: MovingFit) -> bool:
-    """Whether many of the matches that agree contradict the rotation that fits them best.
+    """Whether many of the matches that agree contradict every rotation that may fit them.
 
     The common case, settled without fitting the other model. A tenth of them, and twice as many as
     chance may have put on their epipolar lines: no handful of wrong ones makes it look like this.
     """
     right = fit.searched.weights(fit.probability[fit.rows] > 0.5)
     distance = 2.0 * NEAR_SIGMA * fit.noise.mean_sigma
-    beyond, total = count_beyond_rotation(fit.searched.pairs, right, fit.R_cam1_from_cam0, distance)
+    rotations = np.empty((3, 3, 3))
+    rotations[0], rotations[1] = fit.R_cam1_from_cam0, fit.far_rotation_cam1_from_cam0
+    beyond, total = count_beyond_rotation(fit.searched.pairs, right, rotations, distance)
     wrong = len(fit.searched) - total
     chance = min(NEAR_SIGMA * fit.noise.sigma / fit.searched.spread, 1.0)
     return beyond > max(8.0 + 4.0 * wrong * chance, 0.1 * total)
