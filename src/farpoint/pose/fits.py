@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint._kernels.likelihood import POOR, clutter_density, explain, refine_pose
+from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
 from farpoint._kernels.search import GATE_SIGMA, START_POOR, START_WRONG, search_pose
@@ -26,6 +27,8 @@ __all__ = [
     "TurningFit",
     "fit_moving",
     "fit_turning",
+    "refit_moving",
+    "residuals",
 ]
 
 # Noise below a thousandth of a pixel is rounding, not information.
@@ -213,6 +216,43 @@ def fit_moving(
         t,
         mixture,
     )
+    return _settle(matches, searched, rows, rotation.R_cam1_from_cam0, iterations, R, t, mixture)
+
+
+def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
+    """The fit to the same matches with another noise told, from where the first one ended."""
+    return _settle(
+        matches,
+        matches.select(fit.rows),
+        fit.rows,
+        fit.far_rotation_cam1_from_cam0,
+        fit.iterations,
+        fit.R_cam1_from_cam0.copy(),
+        fit.direction_cam1_from_cam0.copy(),
+        fit.noise.array,
+    )
+
+
+def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
+    """Sampson residuals (N,) of the motion fitted, by the noise of these matches."""
+    found, other, right = np.empty((3, packed_length(len(matches))))
+    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    _explain(matches, matches.weights(), R, t, fit.noise.array, found, other, right)
+    return found[: len(matches)]
+
+
+def _settle(
+    matches: Matches,
+    searched: Matches,
+    rows: np.ndarray,
+    far_rotation_cam1_from_cam0: np.ndarray,
+    iterations: int,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+) -> MovingFit:
+    """Refine a pose by all matches, with what parallax they make plausible."""
+    n = len(matches)
     prior, normal = matches.weights(), np.empty((6, 6))
     residual, parallax, right = np.empty((3, len(prior)))
     pairs, spread = matches.pairs, matches.spread
@@ -234,7 +274,7 @@ def fit_moving(
         probability=right[:n],
         iterations=iterations,
         cost=cost / n,
-        far_rotation_cam1_from_cam0=rotation.R_cam1_from_cam0,
+        far_rotation_cam1_from_cam0=far_rotation_cam1_from_cam0,
         searched=searched,
         rows=rows,
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -31,6 +32,23 @@ __all__ = ["Matches", "matches_from_points", "matches_from_rays"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Told:
+    """Noise that was said of each match.
+
+    Attributes
+    ----------
+    alike : callable
+        The matches again, with the same noise for all: the median of what was told.
+    with_floor : callable
+        The matches again, with so much more variance of every coordinate, over that median, and
+        then all over the median that this makes.
+    """
+
+    alike: Callable[[], Matches]
+    with_floor: Callable[[float], Matches]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Matches:
     """Pairs of rays with the noise of each, and where they came from.
 
@@ -52,6 +70,8 @@ class Matches:
     doubt : float
         Factor by which the variance of the noise in one direction, over that in the other, may
         be misstated.
+    told : Told or None
+        What the user said of the noise of each match, where it was said.
     """
 
     rays0: np.ndarray
@@ -62,6 +82,7 @@ class Matches:
     unit: str
     spread: float
     doubt: float
+    told: Told | None = None
 
     def __len__(self) -> int:
         return len(self.index)
@@ -114,7 +135,21 @@ def matches_from_points(
     covariances = _covariances(len(points0), covariance0_px2, covariance1_px2)
     rays0, rays1 = camera0.unproject(points0), camera1.unproject(points1)
     factors0, factors1 = camera0.unproject_jacobian(rays0), camera1.unproject_jacobian(rays1)
-    return _pack(rays0, rays1, factors0, factors1, covariances, LEAST_RAD_PER_PX**2, "px")
+
+    first, second = covariances
+
+    def packed(first: np.ndarray, second: np.ndarray) -> Matches:
+        noise = first, second
+        return _pack(rays0, rays1, factors0, factors1, noise, LEAST_RAD_PER_PX**2, "px")
+
+    def with_floor(floor: float) -> Matches:
+        return packed(*((C + floor * ISOTROPIC) / (1.0 + floor) for C in covariances))
+
+    matches = packed(first, second)
+    if first is ISOTROPIC and second is ISOTROPIC:
+        return matches
+    alike = partial(packed, ISOTROPIC, ISOTROPIC)
+    return replace(matches, told=Told(alike=alike, with_floor=with_floor))
 
 
 def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) -> Matches:

@@ -24,8 +24,9 @@ from farpoint.pose.conclusion import (
 )
 from farpoint.pose.covariance import moving_covariance
 from farpoint.pose.far_rotation import far_rotation
-from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning
+from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning, refit_moving
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
+from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.verdict import (
@@ -149,6 +150,11 @@ def _find(
     moving = fit_moving(matches, tolerance, options, state)
     course.iterations = moving.iterations
     course.lap("search_s")
+    floor = noise_floor(matches, moving)
+    if floor and matches.told is not None:
+        matches = matches.told.with_floor(floor)
+        moving = refit_moving(matches, moving)
+        course.lap("refinement_s")
     if is_plainly_translating(moving):
         return _conclude_moving(matches, moving, options, course)
     turning = fit_turning(matches, moving.far_rotation_cam1_from_cam0, tolerance)

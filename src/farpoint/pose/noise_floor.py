@@ -1,0 +1,51 @@
+"""What every match is off by beside what was told of it.
+
+The covariances that a tracker tells its tracks are what their windows know. What the windows do not
+know (interpolation, blur, surfaces that bend) is the same for all of them, and matters most for
+those that are said to be best: unseen, it gives them weights that they do not deserve.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint.pose.fits import MovingFit, residuals
+from farpoint.pose.matches import Matches
+
+__all__ = ["noise_floor"]
+
+# Floors that are tried, as variances over the median of what was told.
+FLOORS = np.array([0.0, 0.03, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 13.0, 50.0])
+# Degrees of freedom of the residuals' distribution: heavier tails than the normal one's.
+FREEDOM = 5.0
+ROUNDS = 8
+# Fewer matches tell nothing of it.
+LEAST_MATCHES = 30
+
+
+def noise_floor(matches: Matches, fit: MovingFit) -> float:
+    """Variance that all matches have in common, over the median of what was told of each.
+
+    The residuals ``e`` of right matches, with variances ``v`` told across the epipolar lines, have
+    the variance ``a (v + floor)`` with a common factor; of a grid of floors, the most likely by
+    Student's distribution. 0 without told noise, and of few matches.
+    """
+    if matches.told is None:
+        return 0.0
+    right = (fit.probability > 0.5) & (np.abs(fit.residual) > 1e-9)
+    if np.count_nonzero(right) < LEAST_MATCHES:
+        return 0.0
+    squares = residuals(matches.told.alike(), fit)[right] ** 2
+    # The same residual, once in units of the same noise for all and once of that told of it.
+    variances = squares / fit.residual[right] ** 2 + FLOORS[:, None]
+    factor = np.mean(squares / variances, axis=1, keepdims=True)
+    for _ in range(ROUNDS):  # EM
+        scaled = squares / (factor * variances)
+        factor *= np.mean((FREEDOM + 1.0) / (FREEDOM + scaled) * scaled, axis=1, keepdims=True)
+    factor = np.maximum(factor, 1e-300)
+    scaled = squares / (factor * variances)
+    log_likelihood = -np.sum(
+        0.5 * np.log(factor * variances) + 0.5 * (FREEDOM + 1.0) * np.log1p(scaled / FREEDOM),
+        axis=1,
+    )
+    return float(FLOORS[np.argmax(log_likelihood)])
