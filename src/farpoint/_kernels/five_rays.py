@@ -104,11 +104,11 @@ def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np
             n53 + w3 * e,
             n54 + w4 * e,
         )
-    fill_row(normal, 0, n00, n10, n20, n30, n40, n50)
-    fill_row(normal, 1, n10, n11, n21, n31, n41, n51)
-    fill_row(normal, 2, n20, n21, n22, n32, n42, n52)
-    fill_row(normal, 3, n30, n31, n32, n33, n43, n53)
-    fill_row(normal, 4, n40, n41, n42, n43, n44, n54)
+    fill_row(normal[0], n00, n10, n20, n30, n40, n50)
+    fill_row(normal[1], n10, n11, n21, n31, n41, n51)
+    fill_row(normal[2], n20, n21, n22, n32, n42, n52)
+    fill_row(normal[3], n30, n31, n32, n33, n43, n53)
+    fill_row(normal[4], n40, n41, n42, n43, n44, n54)
 
 
 @kernel

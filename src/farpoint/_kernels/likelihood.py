@@ -146,21 +146,20 @@ def linearize(
                 n54 + w4 * r,
             )
             n55 += weight * r * r
-    fill_row(normal, 0, n00, n10, n20, n30, n40, n50)
-    fill_row(normal, 1, n10, n11, n21, n31, n41, n51)
-    fill_row(normal, 2, n20, n21, n22, n32, n42, n52)
-    fill_row(normal, 3, n30, n31, n32, n33, n43, n53)
-    fill_row(normal, 4, n40, n41, n42, n43, n44, n54)
-    fill_row(normal, 5, n50, n51, n52, n53, n54, n55)
+    fill_row(normal[0], n00, n10, n20, n30, n40, n50)
+    fill_row(normal[1], n10, n11, n21, n31, n41, n51)
+    fill_row(normal[2], n20, n21, n22, n32, n42, n52)
+    fill_row(normal[3], n30, n31, n32, n33, n43, n53)
+    fill_row(normal[4], n40, n41, n42, n43, n44, n54)
+    fill_row(normal[5], n50, n51, n52, n53, n54, n55)
     shares[0], shares[1] = right, doubtful
     return cost + (prior.shape[0] - used) * lane_log(clutter)
 
 
 @inner_kernel
-def fill_row(
-    M: np.ndarray, k: int, a: float, b: float, c: float, d: float, e: float, f: float
-) -> None:
-    M[k, 0], M[k, 1], M[k, 2], M[k, 3], M[k, 4], M[k, 5] = a, b, c, d, e, f
+def fill_row(row: np.ndarray, a: float, b: float, c: float, d: float, e: float, f: float) -> None:
+    """Write six numbers."""
+    row[0], row[1], row[2], row[3], row[4], row[5] = a, b, c, d, e, f
 
 
 @inner_kernel

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.vectors import combine, cross, dot, matrix, norm
 
 __all__ = [
     "apply_rotation_step",
@@ -173,77 +174,38 @@ def sandwich(whole: np.ndarray, part: np.ndarray, least: float, out: np.ndarray)
 
 @kernel
 def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
-    """Rotation maximising ``trace(R.T @ M)`` for ``M = sum b a^T`` (3, 3): SVD ``M = U S V^T``.
+    """Rotation maximising ``trace(R.T @ M)`` for ``M = sum b a^T`` (3, 3).
 
-    Cyclic Jacobi on ``M^T M`` gives V; the columns of U follow as ``M v / |M v|``, the weakest one
-    as a cross product, which also makes the determinant +1 (Kabsch 1976,
-    DOI 10.1107/S0567739476001873). False where M has rank below two.
+    The SVD ``M = U S V^T`` gives it as ``U diag(1, 1, det U V^T) V^T``. Without it: the maximum is
+    the largest root of a polynomial, and the rotation follows from it (Markley, "Attitude
+    Determination Using Vector Observations: A Fast Optimal Matrix Algorithm", J. Astronaut. Sci.
+    41, 1993). False where M has rank below two.
     """
-    s00 = M[0, 0] * M[0, 0] + M[1, 0] * M[1, 0] + M[2, 0] * M[2, 0]
-    s11 = M[0, 1] * M[0, 1] + M[1, 1] * M[1, 1] + M[2, 1] * M[2, 1]
-    s22 = M[0, 2] * M[0, 2] + M[1, 2] * M[1, 2] + M[2, 2] * M[2, 2]
-    s01 = M[0, 0] * M[0, 1] + M[1, 0] * M[1, 1] + M[2, 0] * M[2, 1]
-    s02 = M[0, 0] * M[0, 2] + M[1, 0] * M[1, 2] + M[2, 0] * M[2, 2]
-    s12 = M[0, 1] * M[0, 2] + M[1, 1] * M[1, 2] + M[2, 1] * M[2, 2]
-    S = np.empty((3, 3))
-    V = np.empty((3, 3))
-    clear(V)
-    V[0, 0] = V[1, 1] = V[2, 2] = 1.0
-    S[0, 0], S[1, 1], S[2, 2] = s00, s11, s22
-    S[0, 1] = S[1, 0] = s01
-    S[0, 2] = S[2, 0] = s02
-    S[1, 2] = S[2, 1] = s12
-    for _ in range(12):
-        off = S[0, 1] * S[0, 1] + S[0, 2] * S[0, 2] + S[1, 2] * S[1, 2]
-        if off <= 1e-30 * (s00 + s11 + s22) ** 2:
+    x, y, z = matrix(M)
+    over_x, over_y, over_z = cross(y, z), cross(z, x), cross(x, y)  # cofactors
+    xx, yy, zz, xy, yz, zx = dot(x, x), dot(y, y), dot(z, z), dot(x, y), dot(y, z), dot(z, x)
+    square, det = xx + yy + zz, dot(x, over_x)
+    cofactors = dot(over_x, over_x) + dot(over_y, over_y) + dot(over_z, over_z)
+    # Newton's method from an upper bound comes down to the largest root and stops there.
+    trace = math.sqrt(3.0 * square)
+    for _ in range(60):
+        k = trace * trace - square
+        step = (k * k - 8.0 * trace * det - 4.0 * cofactors) / (4.0 * trace * k - 8.0 * det)
+        trace -= step
+        if not step > 1e-15 * trace:
             break
-        for p in range(2):
-            for q in range(p + 1, 3):
-                if S[p, q] == 0.0:
-                    continue
-                theta = (S[q, q] - S[p, p]) / (2.0 * S[p, q])
-                tangent = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
-                c = 1.0 / math.sqrt(tangent * tangent + 1.0)
-                s = tangent * c
-                for k in range(3):
-                    x, y = S[k, p], S[k, q]
-                    S[k, p], S[k, q] = c * x - s * y, s * x + c * y
-                for k in range(3):
-                    x, y = S[p, k], S[q, k]
-                    S[p, k], S[q, k] = c * x - s * y, s * x + c * y
-                for k in range(3):
-                    x, y = V[k, p], V[k, q]
-                    V[k, p], V[k, q] = c * x - s * y, s * x + c * y
-    first = 0
-    for k in range(1, 3):
-        if S[k, k] > S[first, first]:
-            first = k
-    second = (first + 1) % 3
-    third = (first + 2) % 3
-    if S[third, third] > S[second, second]:
-        second, third = third, second
-    if not S[second, second] > 1e-14 * S[first, first]:
+    k = 0.5 * (trace * trace - square)
+    # (s0 + s1) (s1 + s2) (s2 + s0) of the singular values, the last with the sign of det M.
+    if not k * trace - det > 1e-9 * square * math.sqrt(square):
         return False
-    u = np.empty((2, 3))
-    v = np.empty((2, 3))
-    for row in range(2):
-        column = first if row == 0 else second
-        for i in range(3):
-            v[row, i] = V[i, column]
-        for i in range(3):
-            u[row, i] = M[i, 0] * v[row, 0] + M[i, 1] * v[row, 1] + M[i, 2] * v[row, 2]
-        if row == 1:  # M v is orthogonal only to rounding: make it so.
-            along = u[1, 0] * u[0, 0] + u[1, 1] * u[0, 1] + u[1, 2] * u[0, 2]
-            for i in range(3):
-                u[1, i] -= along * u[0, i]
-        norm = math.sqrt(u[row, 0] ** 2 + u[row, 1] ** 2 + u[row, 2] ** 2)
-        for i in range(3):
-            u[row, i] /= norm
+    first = combine(k + square - xx, x, trace, over_x)
+    first = combine(1.0, first, -1.0, combine(xy, y, zx, z))
+    second = combine(k + square - yy, y, trace, over_y)
+    second = combine(1.0, second, -1.0, combine(xy, x, yz, z))
+    first = combine(1.0 / norm(first), first, 0.0, first)
+    third = cross(first, second)
+    third = combine(1.0 / norm(third), third, 0.0, third)
+    second = cross(third, first)
     for i in range(3):
-        i1, i2 = (i + 1) % 3, (i + 2) % 3
-        u3 = u[0, i1] * u[1, i2] - u[0, i2] * u[1, i1]
-        for j in range(3):
-            j1, j2 = (j + 1) % 3, (j + 2) % 3
-            v3 = v[0, j1] * v[1, j2] - v[0, j2] * v[1, j1]
-            R[i, j] = u[0, i] * v[0, j] + u[1, i] * v[1, j] + u3 * v3
+        R[0, i], R[1, i], R[2, i] = first[i], second[i], third[i]
     return True

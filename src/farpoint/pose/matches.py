@@ -25,8 +25,9 @@ from farpoint.geometry.sphere import normalize, tangent_basis
 LEAST_RAD_PER_PX = 1e-12
 ISOTROPIC = np.eye(2)[None]
 # A covariance that is told of a track is an estimate too, and misses what the tracker gets wrong
-# along its own motion: by twice the variance on rendered images without any translation.
-TOLD_DOUBT = 3.0
+# along its own motion (twice the variance on rendered images without any translation): its sigma in
+# one direction, over that in the other, is believed to a factor of two.
+TOLD_DOUBT = 4.0
 
 __all__ = ["Matches", "matches_from_points", "matches_from_rays"]
 
