@@ -173,6 +173,31 @@ def test_the_rotation_of_a_camera_that_only_turns_is_at_its_own_bound(outliers):
     assert 2.3 < np.mean(bound_nees) < 3.7
 
 
+@pytest.mark.parametrize(("matches", "outliers"), [(20, 0), (20, 4), (60, 30)])
+def test_few_and_noisy_matches_leave_a_rotation_that_keeps_its_promise(matches, outliers):
+    # Among few, chance makes some look poor, and the others better than they are.
+    nees = []
+    for seed in range(300):
+        rng = np.random.default_rng([seed, matches])
+        options = PointSceneOptions(
+            camera=paper_camera(),
+            matches=matches + outliers,
+            outliers=outliers,
+            rotation_vector_rad=tuple(np.radians(rng.uniform(-5.0, 5.0, 3))),
+            translation_m=(0.0, 0.0, 0.0),
+            noise_px=1.0,
+        )
+        scene = make_point_scene(options, seed=rng)
+        pose = estimate(scene)
+        if pose.status is PoseStatus.ROTATION_ONLY:
+            error = rotation_error(pose, scene.rotation_cam1_from_cam0)
+            nees.append(error @ np.linalg.solve(pose.rotation_covariance, error))
+    assert len(nees) >= 290
+    # The mean of 300 NEES of three degrees of freedom scatters by 0.14, the share by 0.013.
+    assert 2.5 < np.mean(nees) < 3.5
+    assert np.mean(np.array(nees) < chi2.ppf(0.95, 3)) > 0.91
+
+
 def test_the_estimates_scatter_as_one_covariance_says():
     # One scene, many draws of its noise: the scatter of the estimates is the covariance reported.
     rng = np.random.default_rng(0)

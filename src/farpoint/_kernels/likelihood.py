@@ -42,6 +42,10 @@ __all__ = [
 
 # Sigma of a poor match over that of a good one.
 POOR = math.sqrt(8.0)
+# Share of poor matches that is usual, with the weight of so many matches: among few, chance alone
+# makes some look poor, and the others better than they are.
+FEW_POOR = 0.01
+USUAL = 20.0
 # Retreat along its epipolar line that noise can cause of a far point, in sigma.
 FAR_SIGMA = 3.0
 
@@ -169,8 +173,7 @@ def update_mixture(
     """EM step of variance, share of wrong and share of poor matches, from weighted sums."""
     mixture[0] = max(square, minimum)
     mixture[1] = min(max(1.0 - total / count, 0.005), 0.95)
-    # One poor match in a hundred is taken for granted, to keep the step from locking at none.
-    mixture[2] = min((poor + 0.01) / (total + 1.0), 0.5)
+    mixture[2] = min((poor + FEW_POOR * USUAL) / (total + USUAL), 0.5)
 
 
 @kernel

@@ -321,10 +321,21 @@ def explain_rotation(
     mixture: np.ndarray,
     distance2: np.ndarray,
     right: np.ndarray,
-) -> None:
-    """Distance of each match as by `rotation_distance2`, and the probability that it is right."""
+) -> float:
+    """Distance of each match as by `rotation_distance2`, and the probability that it is right.
+
+    Returns the share of the information that there is without knowing which matches are good, poor
+    or wrong, as `information.information` does.
+    """
     rotation_distance2(pairs, R, distance2)
     clutter = _clutter(mixture[0], mixture[1], spread)
+    precision = 1.0 / mixture[0]
+    known = missing = 0.0
     for i in range(prior.shape[0]):
-        good, fair = _densities(distance2[i], 1.0 / mixture[0], mixture[2], prior[i])
-        right[i] = (good + fair) / (good + fair + clutter)
+        good, fair = _densities(distance2[i], precision, mixture[2], prior[i])
+        over = 1.0 / (good + fair + clutter)
+        right[i] = (good + fair) * over
+        weight, weight2 = (good + fair * 0.125) * over, (good + fair * 0.125 * 0.125) * over
+        known += weight
+        missing += 0.5 * distance2[i] * precision * (weight2 - weight * weight)
+    return 1.0 - missing / known if known > 0.0 else 1.0

@@ -169,10 +169,12 @@ def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> Turn
         mixture,
         information,
     )
-    explain_rotation(matches.pairs, prior, matches.spread, R, mixture, distance2, right)
+    known = explain_rotation(matches.pairs, prior, matches.spread, R, mixture, distance2, right)
+    freedom = max(2.0 * float(right.sum()) - 3.0, 4.0)
     return TurningFit(
         R_cam1_from_cam0=R,
-        covariance=symmetric_inverse(information),
+        # What is not known of the matches, and of the noise, as for a motion.
+        covariance=symmetric_inverse(information * (max(known, 0.1) * (freedom - 2.0) / freedom)),
         noise=_noise(mixture),
         distance2=distance2[:n],
         probability=right[:n],
