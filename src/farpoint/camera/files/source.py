@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import yaml
-
 from farpoint.camera.files.fields import Fields
 from farpoint.errors import InputError
 
@@ -114,6 +112,9 @@ def _parse_yaml(text: str) -> Any:
     OpenCV's dialect is accepted: the header ``%YAML:1.0``, ``key:value`` without the space,
     tabs, the tag ``!!opencv-matrix``.
     """
+    # Loaded on use: who has a camera at hand need not wait for it.
+    import yaml
+
     text = re.sub(r"\A(\s*)%YAML[^\n]*", r"\1", text).expandtabs(4)
     text = re.sub(r"(?m)^([ ]*[A-Za-z_][\w.]*):(?=[^\s:/\\])", r"\1: ", text)
     try:
