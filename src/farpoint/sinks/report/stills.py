@@ -56,6 +56,7 @@ def stills_at(path: Path, times_s: Iterable[float]) -> list[Still]:
     wanted = sorted(set(times_s))
 
     def read(stream: Any, packets: Iterable[Any]) -> list[Still]:
+        """Decode each wanted picture from its key frame on; ``packets`` in the film's order."""
         stills: list[Still] = []
         group: list[Any] = []  # from the last key frame on: what a picture is decoded from
         for packet in packets:
