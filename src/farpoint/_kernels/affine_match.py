@@ -43,6 +43,8 @@ def match_windows(
     points1,
     covariance,
     correlation,
+    warps,
+    bending,
 ):
     """Refine ``points1`` in place and say how certain they are.
 
@@ -68,6 +70,11 @@ def match_windows(
         image, no texture).
     correlation : ndarray of float64, shape (N,)
         Out: correlation of the two windows at the match, -1 to 1; 0 where there is no match.
+    warps : ndarray of float64, shape (N, 2, 2)
+        Out: ``I + M`` of the match.
+    bending : ndarray of float64, shape (N, 2, 2, 3)
+        Out: what a motion that the model leaves out does to the match, px: ``[a, b, c]`` is the
+        move along axis a for each unit of ``u^2``, ``u v`` or ``v^2`` (c) along axis b.
     """
     width = 2 * half + 1
     template = np.empty(width * width, np.float32)
@@ -78,6 +85,7 @@ def match_windows(
     factor = np.empty((PARAMETERS, PARAMETERS))
     theta = np.empty(PARAMETERS)
     step = np.empty(PARAMETERS)
+    influence = np.empty((2, width * width), np.float32)
     for k in range(len(points0)):
         covariance[k] = np.nan
         correlation[k] = 0.0
@@ -105,7 +113,11 @@ def match_windows(
             points1[k, 0] = x + theta[0]
             points1[k, 1] = y + theta[1]
             correlation[k] = _correlation(template, residual, jacobian, theta)
-            _covariance(jacobian, residual, factor, prior, variance, half, covariance[k])
+            warps[k, 0, 0], warps[k, 0, 1] = 1.0 + theta[2], theta[3]
+            warps[k, 1, 0], warps[k, 1, 1] = theta[4], 1.0 + theta[5]
+            rows = _influences(jacobian, factor, influence)
+            _bending(jacobian, influence, half, bending[k])
+            _covariance(rows, influence, residual, prior, variance, half, covariance[k])
 
 
 @numba.njit(cache=True)
@@ -276,36 +288,70 @@ def _correlation(template, residual, jacobian, theta):
 
 
 @numba.njit(cache=True)
-def _covariance(jacobian, residual, factor, prior, variance, half, covariance):
-    """Sandwich covariance of the displacement: what each pixel's residual did to the answer.
+def _influences(jacobian, factor, influence):
+    """How far the match moves, px, for each grey level that a pixel's residual is lower.
 
-    With rows ``P`` (2, 8) of the inverse normal matrix, a pixel moves the match by
-    ``psi_i = P J_i r_i``. Neighbouring residuals are not independent (interpolation, blur, what
-    the affine model misses), so the psi are summed over every block of 3 x 3 pixels before they
-    are squared: the estimate of Newey and West (1987) in two dimensions, with triangular weights
-    out to a lag of 2 px. It is positive semi-definite by construction.
+    ``influence`` (2, count) is ``P J``, with the rows ``P`` (2, 8) of the inverse normal matrix
+    that belong to the displacement; these are returned.
     """
-    width = 2 * half + 1
-    count = width * width
     rows = np.zeros((2, PARAMETERS))
     for a in range(2):
         rows[a, a] = 1.0
         _solve(factor, rows[a])
-    influence = np.zeros((2, width + 2 * (_BLOCK - 1), width + 2 * (_BLOCK - 1)), np.float32)
-    moved = np.empty(count, np.float32)
-    for a in range(2):
-        moved[:] = 0.0
+        influence[a] = 0.0
         for b in range(PARAMETERS):
             weight = np.float32(rows[a, b])
-            for i in range(count):
-                moved[i] += weight * jacobian[b, i]
-        for i in range(count):
-            moved[i] *= residual[i]
+            for i in range(influence.shape[1]):
+                influence[a, i] += weight * jacobian[b, i]
+    return rows
+
+
+@numba.njit(cache=True, fastmath=_SUMS)
+def _bending(jacobian, influence, half, bending):
+    """What the quadratic part of a window's motion, which is not modelled, does to the match.
+
+    A motion that is farther by ``q(w)`` at the pixel w lowers its residual by ``gradient . q``.
+    """
+    width = 2 * half + 1
+    for a in range(2):
+        for b in range(2):
+            uu, uv, vv = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+            i = 0
+            for v in range(-half, half + 1):
+                first, second, third = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+                for j in range(width):
+                    u = np.float32(j - half)
+                    pull = influence[a, i + j] * jacobian[b, i + j]
+                    first += pull
+                    second += pull * u
+                    third += pull * u * u
+                uu += third
+                uv += second * np.float32(v)
+                vv += first * np.float32(v * v)
+                i += width
+            bending[a, b, 0], bending[a, b, 1], bending[a, b, 2] = uu, uv, vv
+
+
+@numba.njit(cache=True)
+def _covariance(rows, influence, residual, prior, variance, half, covariance):
+    """Sandwich covariance of the displacement: what each pixel's residual did to the answer.
+
+    A pixel moves the match by its influence times its residual. Neighbouring residuals are not
+    independent (interpolation, blur, what the affine model misses), so these are summed over every
+    block of 3 x 3 pixels before they are squared: the estimate of Newey and West (1987) in two
+    dimensions, with triangular weights out to a lag of 2 px. It is positive semi-definite by
+    construction.
+    """
+    width = 2 * half + 1
+    count = width * width
+    moves = np.zeros((2, width + 2 * (_BLOCK - 1), width + 2 * (_BLOCK - 1)), np.float32)
+    for a in range(2):
         for v in range(width):
-            inner = influence[a, v + _BLOCK - 1]
+            inner = moves[a, v + _BLOCK - 1]
             for u in range(width):
-                inner[u + _BLOCK - 1] = moved[v * width + u]
-    xx, xy, yy = _block_moments(influence)
+                i = v * width + u
+                inner[u + _BLOCK - 1] = influence[a, i] * residual[i]
+    xx, xy, yy = _block_moments(moves)
     # The fit has bent the residuals towards zero: of the count / block^2 independent blocks the
     # parameters have taken their share.
     blocks = count / _BLOCK**2
@@ -346,15 +392,15 @@ def _undo_attenuation(rows, power, covariance):
 
 
 @numba.njit(cache=True)
-def _block_moments(influence):
+def _block_moments(moves):
     """Mean over the block's shifts of the second moments of block sums."""
-    size = influence.shape[1]
+    size = moves.shape[1]
     places = size - _BLOCK + 1
     across = np.empty((size, places), np.float32)
     sums = np.empty((2, places * places), np.float32)
     for a in range(2):
         for v in range(size):
-            row = influence[a, v]
+            row = moves[a, v]
             for u in range(places):
                 across[v, u] = row[u] + row[u + 1] + row[u + 2]
         for v in range(places):

@@ -97,7 +97,7 @@ class RefinementOptions:
     window_px: int = 15
     max_iterations: int = 5
     tolerance_px: float = 0.02
-    affine_sigma: float = 0.02
+    affine_sigma: float = 0.1
     gain_sigma: float = 0.1
     offset_sigma: float = 10.0
     noise_floor: float = 3.0

@@ -6,6 +6,7 @@ import numpy as np
 
 from farpoint._kernels.affine_match import match_windows
 from farpoint.tracks.options import RefinementOptions
+from farpoint.tracks.tracks import Windows
 
 __all__ = ["refine", "window_reach"]
 
@@ -26,7 +27,7 @@ def refine(
     points1: np.ndarray,
     options: RefinementOptions,
     warps: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, Windows]:
     """Precise positions in ``image1``, with what image gradients and residuals say of their errors.
 
     A window is matched under an affine warp and a change of gain and offset, each held by a prior.
@@ -60,6 +61,8 @@ def refine(
         Covariance of ``points1`` given ``points0``, px^2; NaN where not found.
     found : ndarray of bool, shape (N,)
         Whether the windows match.
+    windows : Windows
+        What they tell beyond where they are.
     """
     refined = np.array(points1, dtype=np.float64)
     expected = np.zeros((len(points0), 8))
@@ -67,6 +70,9 @@ def refine(
         expected[:, 2:6] = (warps - np.eye(2)).reshape(-1, 4)
     covariance_px2 = np.empty((len(points0), 2, 2))
     correlation = np.empty(len(points0))
+    windows = Windows(
+        warps=np.empty((len(points0), 2, 2)), bending=np.empty((len(points0), 2, 2, 3))
+    )
     match_windows(
         np.ascontiguousarray(image0),
         np.ascontiguousarray(image1),
@@ -80,12 +86,14 @@ def refine(
         refined,
         covariance_px2,
         correlation,
+        windows.warps,
+        windows.bending,
     )
     found = correlation >= options.min_correlation
     found &= np.isfinite(covariance_px2).all(axis=(1, 2))
     found &= np.linalg.norm(refined - points1, axis=1) <= options.max_shift_px
     covariance_px2 += _INTERPOLATION_SIGMA_PX**2 * np.eye(2)
-    return refined, covariance_px2, found
+    return refined, covariance_px2, found, windows
 
 
 def _precision(options: RefinementOptions) -> np.ndarray:

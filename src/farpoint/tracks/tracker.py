@@ -173,11 +173,15 @@ class Tracker:
         options = self.options
         rough, seen = follow(reference.image, image, reference.points, start, options.matching)
         ids, points0 = reference.ids[seen], reference.points[seen]
-        points1, covariance_px2, found = refine(
+        points1, covariance_px2, found, windows = refine(
             reference.image, image, points0, rough[seen], options.refinement, warps[seen]
         )
         return Tracks(
-            ids=ids, points0=points0, points1=points1, covariance_px2=covariance_px2
+            ids=ids,
+            points0=points0,
+            points1=points1,
+            covariance_px2=covariance_px2,
+            windows=windows,
         ).select(found & self._inside_mask(points1, image))
 
     def _inside_mask(self, points: np.ndarray, image: np.ndarray) -> np.ndarray:

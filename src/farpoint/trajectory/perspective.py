@@ -1,0 +1,105 @@
+"""Matches of windows, rid of what perspective does to them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.tracks import Tracks
+from farpoint.trajectory.prediction import inverse_depths
+
+__all__ = ["without_perspective"]
+
+_STEP_PX = 4.0  # over which the motion's second differences are taken: half of a window
+# Elements of a warp are known to this 1-sigma, where nothing is hidden.
+_WARP_SIGMA = 0.01
+# 1-sigma of the slope of surfaces: change of the distance's logarithm by an angle, 1 / rad.
+_SLOPE = 2.0
+_LARGEST_SHIFT_PX = 0.2  # more than perspective does
+
+
+def without_perspective(
+    tracks: Tracks, camera: Camera, R_cam1_from_cam0: np.ndarray, direction: np.ndarray | None
+) -> Tracks:
+    """Put matches where they would be, had the windows moved as the affine model has it.
+
+    A plane that comes nearer is magnified the more the nearer it is: in a window its motion has a
+    quadratic part, which moves the match by a few hundredths of a pixel. All windows on a road, or
+    on the walls beside it, are moved alike, which no covariance of single matches tells; over
+    hundreds of them it would be the largest error of the motion. How the windows changed their
+    shapes tells how the surfaces lie, and these, with the motion, the quadratic part.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        With their windows.
+    camera : Camera
+        Of both images.
+    R_cam1_from_cam0 : ndarray, shape (3, 3)
+        Rotation between the images, as estimated from these tracks; it need not be exact.
+    direction : ndarray, shape (3,), or None
+        Unit translation in camera 1 axes; None where it is not known.
+
+    Returns
+    -------
+    Tracks
+        Without windows: the correction is made once.
+    """
+    if tracks.windows is None:
+        return tracks
+    motion = _Motion(R_cam1_from_cam0, np.zeros(3) if direction is None else direction)
+    bent = _quadratic_part(tracks.points0, camera, motion, _planes(tracks, camera, motion))
+    shift = np.einsum("nabc,nbc->na", tracks.windows.bending, bent)
+    shift[~(np.abs(shift).max(axis=1, initial=0.0) < _LARGEST_SHIFT_PX)] = 0.0
+    return replace(tracks, points1=tracks.points1 - shift, windows=None)
+
+
+class _Motion(NamedTuple):
+    """A ray r whose point is at the inverse distance s goes to ``R r + s direction``."""
+
+    R: np.ndarray
+    direction: np.ndarray
+
+    def moved(self, rays: np.ndarray, nearness: np.ndarray) -> np.ndarray:
+        return rays @ self.R.T + nearness[:, None] * self.direction
+
+
+def _quadratic_part(
+    points: np.ndarray, camera: Camera, motion: _Motion, planes: np.ndarray
+) -> np.ndarray:
+    """Coefficients (N, 2, 3) of ``u^2``, ``u v``, ``v^2`` in the motion of the pixels around."""
+
+    def moved(u: float, v: float) -> np.ndarray:
+        rays = camera.unproject(points + np.array([u, v]))
+        return camera.project(motion.moved(rays, np.sum(planes * rays, axis=1)))
+
+    h, centre = _STEP_PX, moved(0.0, 0.0)
+    uu = (moved(h, 0.0) + moved(-h, 0.0) - 2.0 * centre) / (2.0 * h**2)
+    vv = (moved(0.0, h) + moved(0.0, -h) - 2.0 * centre) / (2.0 * h**2)
+    uv = (moved(h, h) + moved(-h, -h) - moved(h, -h) - moved(-h, h)) / (4.0 * h**2)
+    return np.stack([uu, uv, vv], axis=2)
+
+
+def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> np.ndarray:
+    """Vectors n (N, 3): the inverse distances around a window are ``n . ray``, as on a plane.
+
+    The warp of a window is the derivative of ``project(R ray + direction (n . ray))`` by the
+    pixel: linear in the slope of n, which a prior keeps from following noise.
+    """
+    assert tracks.windows is not None
+    R, direction = motion
+    rays0, rays1 = camera.unproject(tracks.points0), camera.unproject(tracks.points1)
+    # Seen from the first camera: the motion backward.
+    nearness = np.maximum(inverse_depths(rays1, rays0, R.T, -R.T @ direction), 0.0)
+    tangents = camera.unproject_jacobian(rays0)
+    ahead = camera.model.project_jacobian(motion.moved(rays0, nearness))
+    along = ahead @ direction
+    excess = np.einsum("na,nab->nb", along, tracks.windows.warps - ahead @ R @ tangents)
+    metric = np.swapaxes(tangents, 1, 2) @ tangents
+    prior = (_SLOPE * nearness) ** 2 * 0.5 * np.trace(metric, axis1=1, axis2=2)
+    gain = prior / (prior * np.sum(along**2, axis=1) + _WARP_SIGMA**2)
+    slopes = np.linalg.solve(metric, (gain[:, None] * excess)[:, :, None])
+    return nearness[:, None] * rays0 + (tangents @ slopes)[:, :, 0]
