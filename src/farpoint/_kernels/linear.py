@@ -110,8 +110,16 @@ def solve_spd(H: np.ndarray, g: np.ndarray, damping: float, L: np.ndarray, x: np
 
     ``H`` (n, n) and ``g`` (n,) are left as they are; ``L`` (n, n) is scratch.
     """
-    n = g.shape[0]
-    for i in range(n):
+    if not cholesky(H, damping, L):
+        return False
+    substitute(L, g, x)
+    return True
+
+
+@inner_kernel
+def cholesky(H: np.ndarray, damping: float, L: np.ndarray) -> bool:
+    """``L L^T = H + damping * diag(H)``; False where that is not positive definite."""
+    for i in range(L.shape[0]):
         for j in range(i + 1):
             s = H[i, j]
             if i == j:
@@ -124,6 +132,13 @@ def solve_spd(H: np.ndarray, g: np.ndarray, damping: float, L: np.ndarray, x: np
                 L[i, i] = math.sqrt(s)
             else:
                 L[i, j] = s / L[j, j]
+    return True
+
+
+@inner_kernel
+def substitute(L: np.ndarray, g: np.ndarray, x: np.ndarray) -> None:
+    """Solve ``L L^T x = g``."""
+    n = g.shape[0]
     for i in range(n):
         s = g[i]
         for k in range(i):
@@ -134,7 +149,6 @@ def solve_spd(H: np.ndarray, g: np.ndarray, damping: float, L: np.ndarray, x: np
         for k in range(i + 1, n):
             s -= L[k, i] * x[k]
         x[i] = s / L[i, i]
-    return True
 
 
 @kernel
@@ -146,26 +160,20 @@ def sandwich(whole: np.ndarray, part: np.ndarray, least: float, out: np.ndarray)
     n = 5
     H, L, x, y = np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty((n, n))
     for i in range(n):
-        x[i] = 1.0
         for j in range(n):
             H[i, j] = (1.0 - least) * whole[i, j] - part[i, j]
-    if not solve_spd(H, x, 0.0, L, x):
+    if not cholesky(H, 0.0, L):
         return False
     for i in range(n):
         for j in range(n):
             H[i, j] = whole[i, j] - part[i, j]
+    cholesky(H, 0.0, L)
     for j in range(n):
-        for i in range(n):
-            x[i] = whole[i, j]
-        solve_spd(H, x, 0.0, L, x)
-        for i in range(n):
-            y[j, i] = x[i]  # Row j of V H^-1.
+        substitute(L, whole[j], y[j])  # Row j of V H^-1.
     for j in range(n):
         for i in range(n):
             x[i] = y[i, j]
-        solve_spd(H, x, 0.0, L, x)
-        for i in range(n):
-            out[i, j] = x[i]
+        substitute(L, x, out[j])
     for i in range(n):
         for j in range(i):
             out[i, j] = out[j, i] = 0.5 * (out[i, j] + out[j, i])

@@ -85,11 +85,13 @@ class Pinhole(FocalModel):
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return rays_from_plane(*self._lens.undistort(a, b), 1.0)
 
-    def _unproject(self, pixels: np.ndarray) -> np.ndarray:
+    def unproject(self, pixels: np.ndarray) -> np.ndarray:
+        """Unit rays (N, 3) of pixels (N, 2); NaN rows where no ray exists."""
         if not self._lens.is_identity:
-            return super()._unproject(pixels)
+            return super().unproject(pixels)
+        pixels = np.ascontiguousarray(pixels, dtype=np.float64)
         rays = np.empty((len(pixels), 3))
-        pinhole_rays(np.ascontiguousarray(pixels), self.fx, self.fy, self.cx, self.cy, rays)
+        pinhole_rays(pixels, self.fx, self.fy, self.cx, self.cy, rays)
         return rays
 
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:

@@ -95,7 +95,8 @@ def no_consensus(matches: Matches, agreeing: int, course: Course) -> RelativePos
 
 def fixes_rotation(rotation_covariance: np.ndarray) -> bool:
     """Whether a covariance (3, 3), rad^2, leaves the rotation anything but open."""
-    trace = float(rotation_covariance.trace())
+    xx, yy, zz = rotation_covariance.diagonal().tolist()
+    trace = xx + yy + zz
     if trace < MAX_ROTATION_SIGMA**2:  # the sum of all eigenvalues
         return True
     return math.isfinite(trace) and largest_sigma(rotation_covariance) < MAX_ROTATION_SIGMA
@@ -183,12 +184,12 @@ def failed_pose(reason: str, total: int = 0, course: Course | None = None) -> Re
 
 
 def _stats(labels: np.ndarray, course: Course) -> PoseStats:
-    counts = np.bincount(labels, minlength=3)
+    each = labels.tobytes()
     return PoseStats(
-        matches=len(labels),
-        far=int(counts[TrackLabel.FAR]),
-        near=int(counts[TrackLabel.NEAR]),
-        outliers=int(counts[TrackLabel.OUTLIER]),
+        matches=len(each),
+        far=each.count(TrackLabel.FAR),
+        near=each.count(TrackLabel.NEAR),
+        outliers=each.count(TrackLabel.OUTLIER),
         iterations=course.iterations,
         cost=course.cost,
         sign_probability=course.sign_probability,

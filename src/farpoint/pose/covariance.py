@@ -30,7 +30,8 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
     matches roughly: on average its inverse is too large by ``f / (f - 2)`` with f degrees of
     freedom, and the covariance is made larger by as much.
     """
-    whole, noise = np.empty((5, 5)), np.empty((5, 5))
+    both = np.empty((2, 5, 5))
+    whole, noise = both
     known = information(
         matches.pairs,
         fit.prior,
@@ -41,10 +42,8 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
         whole,
         noise,
     )
-    freedom = max(float(np.sum(fit.probability)) - 5.0, 4.0)
-    known *= (freedom - 2.0) / freedom
-    whole *= known
-    noise *= known
+    freedom = max(float(fit.probability.sum()) - 5.0, 4.0)
+    both *= known * ((freedom - 2.0) / freedom)
     whole += DIRECTION_PRIOR
     covariance = np.empty((5, 5))
     if sandwich(whole, noise, LEAST_SIGNAL, covariance):

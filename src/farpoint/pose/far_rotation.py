@@ -12,6 +12,7 @@ from farpoint.pose.matches import Matches
 __all__ = ["FarRotation", "far_rotation"]
 
 MAX_ITERATIONS = 300
+IDENTITY = np.eye(3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +53,7 @@ def far_rotation(
         Samples to draw at most: fewer do for a start.
     """
     n = len(matches)
-    R, consistent = np.eye(3), np.empty(n, np.bool_)
+    R, consistent = IDENTITY.copy(), np.empty(n, np.bool_)
     iterations = search_rotation(matches.pairs, n, tolerance, max_iterations, state, R)
     enlarge_rotation(matches.pairs, n, tolerance, R, consistent)
     return FarRotation(R_cam1_from_cam0=R, consistent=consistent, iterations=iterations)

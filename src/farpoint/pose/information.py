@@ -6,6 +6,8 @@ import numpy as np
 
 __all__ = ["inverse_root", "positive", "symmetric_inverse"]
 
+_SURER = np.ones((5, 5)) + 1e-12 * np.eye(5)
+
 
 def symmetric_inverse(information: np.ndarray) -> np.ndarray:
     """Inverse of a symmetric matrix; what it knows nothing of gets a variance beyond all bounds."""
@@ -23,6 +25,4 @@ def inverse_root(information: np.ndarray) -> np.ndarray:
 
 def positive(covariance: np.ndarray) -> np.ndarray:
     """The covariance with a trace more on its diagonal, lest rounding make correlation perfect."""
-    surer = covariance.copy()
-    surer.flat[:: len(covariance) + 1] *= 1.0 + 1e-12
-    return surer
+    return covariance * _SURER[: len(covariance), : len(covariance)]

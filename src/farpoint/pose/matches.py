@@ -202,21 +202,24 @@ def _checked(
     name: str, values: np.ndarray, shape: tuple[int, ...], rows: int | None = None
 ) -> np.ndarray:
     """The values as finite C-ordered float64 of shape (rows, *shape), or an InputError."""
-    expected = f"({'N' if rows is None else rows}, {', '.join(map(str, shape))})"
     try:
         given = np.asarray(values)
     except ValueError as error:  # rows of different lengths
-        raise InputError(f"expected numbers of shape {expected}", field=name) from error
+        raise InputError(f"expected numbers of shape {_shape(rows, shape)}", field=name) from error
     if given.dtype.kind not in "iuf" and given.size:
         raise InputError(
-            f"expected real numbers of shape {expected}, got {given.dtype}", field=name
+            f"expected real numbers of shape {_shape(rows, shape)}, got {given.dtype}", field=name
         )
     array = np.ascontiguousarray(given, dtype=np.float64)
     if array.ndim != 1 + len(shape) or array.shape[1:] != shape or rows not in (None, len(array)):
-        raise InputError(f"expected shape {expected}, got {array.shape}", field=name)
-    if not np.isfinite(array).all():
+        raise InputError(f"expected shape {_shape(rows, shape)}, got {array.shape}", field=name)
+    if np.count_nonzero(np.isfinite(array)) < array.size:
         raise InputError("expected finite numbers, got NaN or infinite ones", field=name)
     return array
+
+
+def _shape(rows: int | None, shape: tuple[int, ...]) -> str:
+    return f"({'N' if rows is None else rows}, {', '.join(map(str, shape))})"
 
 
 def _covariances(

@@ -177,7 +177,8 @@ def _conclude_moving(
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.unfixed_rotation(matches, course)
     labels = given_labels(matches, labels)
-    direction_sigma = largest_sigma2(covariance[3, 3], covariance[3, 4], covariance[4, 4])
+    (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
+    direction_sigma = largest_sigma2(xx, xy, yy)
     sign = 1.0 / (1.0 + math.exp(-min(max(odds, -700.0), 700.0)))
     course.cost, course.sign_probability = fit.cost, sign
     if direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate:
