@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -153,6 +154,36 @@ def test_solve_spd_solves(seed, n, damping):
 )
 def test_solve_spd_says_when_a_matrix_is_not_positive_definite(H):
     assert solve_spd(H, np.ones(2)) is None
+
+
+@numba.njit
+def solve_five_spd(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray) -> bool:
+    return linear.solve_five_spd(H, g, damping, x)
+
+
+@quick
+@given(seed=seeds, damping=st.sampled_from([0.0, 1e-6, 0.1]))
+def test_five_unknowns_are_solved_for_as_any_number_is(seed, damping):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(6, 9))
+    normal, g, x = A @ A.T, rng.normal(size=5), np.full(5, np.nan)
+    assert solve_five_spd(normal, g, damping, x)
+    expected = solve_spd(normal[:5, :5].copy(), g, damping)
+    assert expected is not None
+    np.testing.assert_allclose(x, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("pivot", range(5))
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_each_of_five_pivots_must_be_positive_and_finite(pivot, value):
+    rng = np.random.default_rng(pivot)
+    L = np.tril(rng.normal(size=(5, 5)), -1) + np.eye(5)
+    D = np.ones(5)
+    assert solve_five_spd(L @ np.diag(D) @ L.T, np.ones(5), 0.0, np.empty(5))
+    D[pivot] = value
+    with np.errstate(invalid="ignore"):
+        H = L @ np.diag(D) @ L.T
+    assert not solve_five_spd(H, np.ones(5), 0.0, np.empty(5))
 
 
 def test_damping_makes_a_singular_system_solvable():

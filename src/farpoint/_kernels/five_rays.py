@@ -9,7 +9,7 @@ import numpy as np
 from farpoint._kernels.compile import kernel, sum_kernel
 from farpoint._kernels.epipolar import flow_along, sampson
 from farpoint._kernels.likelihood import apply_step, fill_row
-from farpoint._kernels.linear import clear, solve_spd
+from farpoint._kernels.linear import clear, solve_five_spd
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
 from farpoint._kernels.vectors import cross, dot, matrix, rotate, tangent_columns, vector
 
@@ -119,13 +119,7 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
     DOI 10.5244/C.27.116). It ends where the next step would be within the noise of five rays; False
     where it does not get there.
     """
-    rays, normal, L, g, x = (
-        np.empty(6 * SEATS),
-        np.empty((6, 6)),
-        np.empty((5, 5)),
-        np.empty(5),
-        np.empty(5),
-    )
+    rays, normal, g, x = np.empty(6 * SEATS), np.empty((6, 6)), np.empty(5), np.empty(5)
     clear(rays)
     for s in range(5):
         at = address(sample[s])
@@ -135,7 +129,7 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
         _newton_equations(rays, R, t, normal)
         for k in range(5):
             g[k] = -normal[k, 5]
-        if not solve_spd(normal, g, 0.0, L, x):
+        if not solve_five_spd(normal, g, 0.0, x):
             return False
         size = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3] + x[4] * x[4])
         if not size < 1e3:

@@ -24,7 +24,7 @@ from farpoint._kernels.epipolar import (
     sampson_jacobian,
 )
 from farpoint._kernels.exponential import exp_and_eighth, lane_log
-from farpoint._kernels.linear import apply_rotation_step, copy, solve_spd
+from farpoint._kernels.linear import apply_rotation_step, copy, solve_five_spd
 from farpoint._kernels.pairs import LANES, PANEL, ray0, ray1
 from farpoint._kernels.vectors import combine, dot, matrix, rotate, tangent_columns, vector
 
@@ -197,7 +197,7 @@ def refine_pose(
     ends at a pose from which a step promises less than ``precision``, in the unit of the log
     likelihood; ``normal`` (6, 6) receives the normal equations there.
     """
-    g, x, shares, L = np.empty(5), np.empty(5), np.empty(2), np.empty((5, 5))
+    g, x, shares = np.empty(5), np.empty(5), np.empty(2)
     kept_R, kept_t, kept = np.empty((3, 3)), np.empty(3), np.empty((6, 6))
     lowest = math.inf
     damping = 0.0
@@ -222,7 +222,7 @@ def refine_pose(
             update_mixture(square, shares[0], shares[1], count, min_variance, mixture)
         for k in range(5):
             g[k] = normal[k, 5]
-        while not solve_spd(normal, g, damping, L, x) and damping < 1e6:
+        while not solve_five_spd(normal, g, damping, x) and damping < 1e6:
             damping = max(10.0 * damping, 1e-9)
         if not damping < 1e6:
             break

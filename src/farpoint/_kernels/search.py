@@ -18,7 +18,7 @@ from farpoint._kernels.linear import (
     draw_direction,
     draw_index,
     draw_unit,
-    solve_spd,
+    solve_five_spd,
 )
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.twins import layer_twin, planar_twin
@@ -35,8 +35,10 @@ RIVAL = 30.0
 PROMISES = 4.0
 # Steps of a refinement. Of a type of its own: for a plain number numba would compile it anew.
 REFINEMENTS = np.int64(10)
+# Those after which most hypotheses that lead to the best pose are seen to do so.
+GLANCE = np.int64(3)
 # Truncated squares over the least so far with which a hypothesis is still worth refining.
-PROMISING = 1.5
+PROMISING = 2.0
 # Log likelihood within which two hypotheses are taken for one.
 SAME = 2.0
 # Pairs of matches whose directions the search starts from.
@@ -243,7 +245,7 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
     """
     variance, wrong = challenger.mixture[0], challenger.mixture[1]
     clutter = clutter_density(variance, wrong, matches.spread)
-    normal, shares, L = challenger.normal, np.empty(2), np.empty((5, 5))
+    normal, shares = challenger.normal, np.empty(2)
     cost = linearize(
         matches.pairs,
         matches.prior,
@@ -258,7 +260,7 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
     g, x = np.empty(5), np.empty(5)
     for k in range(5):
         g[k] = normal[k, 5]
-    if not solve_spd(normal, g, 0.0, L, x):
+    if not solve_five_spd(normal, g, 0.0, x):
         return False
     promise = 0.0
     for k in range(5):
@@ -270,6 +272,9 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
 def _challenge(matches: Matches, challenger: Pose, best: Pose) -> bool:
     """Refine a hypothesis that may compete, and keep it if it is better; whether it was a rival."""
     if not _may_compete(matches, challenger, best):
+        return False
+    _refine(matches, GLANCE, challenger)
+    if _is_same(challenger, best):
         return False
     _refine(matches, REFINEMENTS, challenger)
     if not challenger.cost[0] < best.cost[0] + RIVAL or _is_same(challenger, best):
@@ -305,10 +310,10 @@ def search_pose(
     The start is the direction that the flow of the ``candidates`` suggests at ``R``. Samples are
     solved in turn from the best pose, for a better one nearby, and from about the rotation of the
     start with a direction from anywhere, or from two of their own rays. A hypothesis that agrees
-    with the matches about as well as any before it is refined, and judged by its likelihood with
-    the noise that it needs: a wrong minimum looks good only with more noise than there is. Once
-    there has been a rival, many more are tried. At last come the motions that look like the best
-    one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
+    with the matches about as well as the first pose, and as any since, is refined, and judged by
+    its likelihood with the noise that it needs: a wrong minimum looks good only with more noise
+    than there is. Once there has been a rival, many more are tried. At last come the motions that
+    look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
     """
     matches = Matches(pairs, prior, count, spread, min_variance)
     best = Pose(R, t, mixture, np.empty((6, 6)), np.empty(1))
@@ -322,7 +327,7 @@ def search_pose(
     search_direction(pairs, prior, candidates, tolerance, DIRECTIONS, state, R, t)
     _refine(matches, REFINEMENTS, best)
     limit = GATE_SIGMA * GATE_SIGMA * mixture[0]
-    lowest = limit * count
+    lowest = score_pose(pairs, prior, R, t.copy(), limit, math.inf)
     wrong = _unexplained(matches, best, tolerance)
     contested = False
     iteration = 0

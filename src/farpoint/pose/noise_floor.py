@@ -48,4 +48,5 @@ def noise_floor(matches: Matches, fit: MovingFit) -> float:
         0.5 * np.log(factor * variances) + 0.5 * (FREEDOM + 1.0) * np.log1p(scaled / FREEDOM),
         axis=1,
     )
-    return float(FLOORS[np.argmax(log_likelihood)])
+    # Of those as likely but for rounding, the least: the same noise told of all has no floor.
+    return float(FLOORS[np.argmax(np.round(log_likelihood, 6))])
