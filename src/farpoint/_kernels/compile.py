@@ -6,6 +6,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,36 +40,41 @@ forget_stale(Path(__file__).parent)
 # Untyped: numba's type hints do not know all of the options that numba takes.
 njit: Any = numba.njit
 
-# Cached on disk; divisions follow IEEE 754 (inf and NaN), as they do in NumPy. Said of fastmath, or
-# a function has that of the caller for which it is compiled first.
-kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True, fastmath=False)
+# Divisions follow IEEE 754 (inf and NaN), as they do in NumPy. Said of fastmath, or a function has
+# that of the caller for which it is compiled first.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "fastmath": False}
+# Sums in any order and fused multiply-adds; NaN and infinity stay what they are.
+_SUM_OPTIONS = _OPTIONS | {"fastmath": {"reassoc", "contract", "nsz"}}
+_INNER: dict[str, Any] = {"no_cpython_wrapper": True}
 
-# For functions that only kernels call: without a door to Python, and cached as part of the caller,
-# they compile several times faster.
-inner_kernel = njit(
-    error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=False
-)
+try:
+    from farpoint._kernels.linking import InnerCompiler, with_door
+except (ImportError, AttributeError):  # a numba with other inner parts compiles in its own way
+    with_door = None
+else:
+    _INNER["pipeline_class"] = InnerCompiler
+
+
+def _called_by_python(options: dict[str, Any], function: Callable[..., object]) -> Any:
+    if with_door is None:
+        return njit(function, cache=True, **options)
+    return with_door(njit(function, **options, **_INNER))
+
+
+# For functions that Python calls, cached on disk.
+kernel = partial(_called_by_python, _OPTIONS)
+
+# For functions that only kernels call, cached as part of the caller.
+inner_kernel = njit(**_OPTIONS, **_INNER)
 
 # What the body of a loop is made of: every operation as it is written, and no call, which would
 # count the references of each array.
-inlined_kernel = njit(
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    forceinline=True,
-    fastmath=False,
-)
+inlined_kernel = njit(**_OPTIONS, **_INNER, forceinline=True)
 
-# Sums in any order and fused multiply-adds, so that a loop over matches adds several at once; NaN
-# and infinity stay what they are. For loops that write to no array: one that does looks where the
-# arrays lie, and takes matches one by one where they are neighbours. Sums would then end in other
-# digits.
-sum_kernel = njit(
-    cache=True,
-    error_model="numpy",
-    no_cfunc_wrapper=True,
-    fastmath={"reassoc", "contract", "nsz"},
-)
+# A loop over matches that adds several at once. For loops that write to no array: one that does
+# looks where the arrays lie, and takes matches one by one where they are neighbours. Sums would
+# then end in other digits.
+sum_kernel = partial(_called_by_python, _SUM_OPTIONS)
 
 _PATIENCE_S = 2.0  # loading compiled loops takes less
 

@@ -1,0 +1,189 @@
+"""Kernels are compiled once, together with all that they call.
+
+numba optimises each function and turns it into machine code, and then does so again within each of
+its callers. Of some hundred functions Python calls a dozen. Here a function stays as it was lowered
+until one of those takes it in: a *door* to Python links all that its kernel calls, directly or not,
+and only that is optimised and becomes machine code.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any, Literal
+
+from numba import types
+from numba._dynfunc import make_function  # pyright: ignore[reportMissingModuleSource]
+from numba.core import compiler, typed_passes
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.registry import CPUDispatcher
+from numba.core.targetconfig import ConfigStack
+
+__all__ = ["InnerCompiler", "with_door"]
+
+# Where a numba has no such inner parts, it fails here and not in the middle of an estimate.
+_RELIED_ON = (
+    JITCodeLibrary._finalize_dynamic_globals,
+    JITCodeLibrary._get_module_for_linking,
+    JITCodeLibrary._optimize_final_module,
+)
+# Passes for what no kernel has (closures, array expressions, arguments that are None), and which
+# take their time to find that out.
+_NOT_NEEDED = {"InlineClosureLikes", "InlineOverloads", "NopythonRewrites", "DeadBranchPrune"}
+
+
+class _InnerLibrary(JITCodeLibrary):
+    """Code for callers alone."""
+
+    def finalize(self) -> None:
+        """Make it ready to be taken in, which is less than ready to run."""
+        self._finalize_dynamic_globals()
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage.name == "external":
+                function.linkage = "linkonce_odr"  # several callers may hold it
+        self._shared_module = self._final_module
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002 - numba's interface
+        """None: there is no machine code."""
+        return 0
+
+
+class _SumLibrary(_InnerLibrary):
+    """Code that may add in any order: optimised by itself, so that all callers get one order."""
+
+    def finalize(self) -> None:
+        """Take in all that it calls, and optimise that."""
+        for library in _taken_in(self):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._optimize_final_module()
+        super().finalize()
+        self._linking_libraries = []
+
+
+class _DoorLibrary(JITCodeLibrary):
+    """Code that Python calls."""
+
+    def finalize(self) -> None:
+        """Take in all that it calls, optimise that, and make machine code of it."""
+        self._linking_libraries = list(_taken_in(self))
+        super().finalize()
+
+
+def _taken_in(library: JITCodeLibrary) -> Iterable[JITCodeLibrary]:
+    """Every library that this one calls, directly or by way of others, once."""
+    found: dict[JITCodeLibrary, None] = {}
+    waiting = list(library._linking_libraries)
+    while waiting:
+        other = waiting.pop(0)
+        if other not in found:
+            found[other] = None
+            if isinstance(other, _InnerLibrary):
+                waiting.extend(other._linking_libraries)
+    return found
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _InnerLowering(typed_passes.NativeLowering):
+    """Lowering into a library of the inner kind."""
+
+    _name = "farpoint_inner_lowering"
+
+    def run_pass(self, state: Any) -> Literal[True]:
+        """Lower, and tell numba under which name callers find the function."""
+        kind = _SumLibrary if state.flags.fastmath else _InnerLibrary
+        library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library = library
+        state.flags.no_compile = True
+        super().run_pass(state)
+        library.finalize()
+        lowered = state["cr"]
+        name = lowered.fndesc.qualname.split(".")[-1]
+        module = lowered.fndesc.lookup_module()
+        token = make_function(module, name, "", 0, lowered.env, (library,))
+        state.targetctx.insert_user_function(token, lowered.fndesc, [library])
+        state["cr"] = lowered._replace(cfunc=token)
+        return True
+
+
+class InnerCompiler(compiler.CompilerBase):
+    """Compiles what only kernels call, as far as they need it."""
+
+    def define_pipelines(self) -> list[Any]:
+        """The passes of numba that kernels need."""
+        pipeline = PassManager("kernel")
+        own = {typed_passes.NativeLowering: _InnerLowering}
+        for stage, description in compiler.DefaultPassBuilder.define_nopython_pipeline(
+            self.state
+        ).passes:
+            if stage.__name__ not in _NOT_NEEDED:
+                pipeline.add_pass(own.get(stage, stage), description)
+        pipeline.finalize()
+        return [pipeline]
+
+
+class _DoorCompiler(compiler.CompilerBase):
+    """Makes of a compiled kernel something that Python can call."""
+
+    def __init__(self, inner: Any, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._inner = inner
+
+    def compile_extra(self, func: Callable[..., object]) -> Any:
+        """The kernel ``func`` with its arguments unpacked, and all that it calls."""
+        with _no_collection(), ConfigStack().enter(self.state.flags.copy()):
+            arguments, context = tuple(self.state.args), self.state.targetctx
+            self._inner.compile(arguments)
+            kernel = self._inner.overloads[arguments]
+            library = _DoorLibrary(context.codegen(), func.__qualname__)
+            library.enable_object_caching()
+            library.add_linking_library(kernel.library)
+            with context.push_code_library(library):
+                context.create_cpython_wrapper(
+                    library, kernel.fndesc, kernel.environment, kernel.call_helper
+                )
+            entry = context.get_executable(library, kernel.fndesc, kernel.environment)
+            return kernel._replace(
+                library=library,
+                entry_point=entry,
+                metadata={},
+                reload_init=list(getattr(library, "_reload_init", ())),
+            )
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Collect no garbage: the compiler makes much that lasts, and little that does not."""
+    wanted = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if wanted:
+            gc.enable()
+
+
+class _Door(CPUDispatcher):
+    """A kernel for Python to call, cached on disk; kernels call the ``inner`` one."""
+
+    def __init__(self, inner: Any) -> None:
+        pipeline: Any = partial(_DoorCompiler, inner)
+        super().__init__(
+            py_func=inner.py_func,
+            targetoptions=dict(inner.targetoptions, no_cpython_wrapper=False),
+            pipeline_class=pipeline,
+        )
+        self.inner = inner
+        self.enable_caching()
+
+    @property
+    def _numba_type_(self) -> Any:
+        return types.Dispatcher(self.inner)
+
+
+def with_door(inner: Any) -> Any:
+    """The kernel for Python to call, of one that kernels call; the same where nothing compiles."""
+    return _Door(inner) if isinstance(inner, CPUDispatcher) else inner

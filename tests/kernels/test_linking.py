@@ -1,0 +1,114 @@
+"""Kernels are compiled once, as a part of what Python calls."""
+
+from __future__ import annotations
+
+import gc
+import math
+import os
+
+import numpy as np
+import pytest
+from numba.core.caching import NullCache
+
+from farpoint._kernels import compile as room
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, sum_kernel
+
+pytestmark = pytest.mark.skipif(
+    os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled"
+)
+
+
+@inlined_kernel
+def square(x):
+    return x * x
+
+
+@sum_kernel
+def sum_of_squares(values):
+    total = 0.0
+    for i in range(values.shape[0]):
+        total += square(values[i])
+    return total
+
+
+@inner_kernel
+def mean_square(values):
+    return sum_of_squares(values) / values.shape[0]
+
+
+def uncached(inner):
+    assert room.with_door is not None
+    door = room.with_door(inner)
+    door._cache = NullCache()
+    return door
+
+
+def root_mean_square_of(values):
+    return math.sqrt(mean_square(values))
+
+
+VALUES = np.array([3.0, 4.0, 3.0, 4.0])
+ROOT = math.sqrt(12.5)
+
+
+@pytest.fixture(scope="module")
+def root_mean_square():
+    return uncached(inner_kernel(root_mean_square_of))
+
+
+@pytest.fixture(scope="module")
+def root_plus_one(root_mean_square):
+    @inner_kernel
+    def root_plus_one(values):
+        return root_mean_square(values) + 1.0
+
+    return uncached(root_plus_one)
+
+
+def test_kernels_call_kernels_of_every_kind(root_mean_square, root_plus_one):
+    assert root_plus_one(VALUES) == ROOT + 1.0
+    assert root_mean_square(VALUES) == ROOT
+    assert sum_of_squares(VALUES) == 50.0
+
+
+def test_what_kernels_call_has_no_machine_code_of_its_own(root_mean_square, root_plus_one):
+    root_plus_one(VALUES)
+    (code,) = root_mean_square.inner.overloads.values()
+    assert code.library.get_pointer_to_function(code.fndesc.llvm_func_name) == 0
+
+
+def test_a_door_holds_all_that_its_kernel_calls(root_plus_one):
+    root_plus_one(VALUES)
+    (code,) = root_plus_one.overloads.values()
+    missing = [f.name for f in code.library._final_module.functions if f.is_declaration]
+    assert not [name for name in missing if "square" in name]
+
+
+def test_a_kernel_is_lowered_once_for_python_and_for_kernels(root_mean_square, root_plus_one):
+    root_plus_one(VALUES)
+    root_mean_square(VALUES)
+    (inner,) = root_mean_square.inner.overloads.values()
+    (door,) = root_mean_square.overloads.values()
+    assert door.fndesc is inner.fndesc
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_collection_of_garbage_is_left_as_it_was(wanted):
+    @inner_kernel
+    def half(x):
+        return 0.5 * x
+
+    before = gc.isenabled()
+    (gc.enable if wanted else gc.disable)()
+    try:
+        assert uncached(half)(3.0) == 1.5
+        assert gc.isenabled() is wanted
+    finally:
+        (gc.enable if before else gc.disable)()
+
+
+def test_a_numba_with_other_inner_parts_compiles_in_its_own_way(monkeypatch):
+    monkeypatch.setattr(room, "with_door", None)
+    plain = kernel(root_mean_square_of)
+    assert not hasattr(plain, "inner")
+    assert plain(VALUES) == ROOT
