@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,9 @@ from farpoint import (
     estimate_relative_pose,
 )
 from farpoint.camera import Pinhole
+from farpoint.geometry import so3
 from farpoint.pose import failed_pose
+from farpoint.pose.verdict import is_static
 from farpoint.synthetic import PointScene, paper_camera
 
 STILL = (0.0, 0.0, 0.0)
@@ -183,3 +186,20 @@ def test_an_error_in_the_told_noise_is_no_translation():
     assert statuses(turned)[PoseStatus.ROTATION_ONLY] == 20
     moved = [pose_of(point_scene(seed, **given)) for seed in range(20)]
     assert statuses(moved)[PoseStatus.OK] == 20
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-9, 0.01, 0.3, 1.5])
+def test_a_turn_is_none_where_its_own_covariance_says_so(angle):
+    axis = np.array([0.6, -0.48, 0.64])
+    R = so3.exp(angle * axis)
+    # The 99.9 % quantile of chi-square with three degrees of freedom is 16.27.
+    across = np.eye(3) - np.outer(axis, axis)
+    for distance2, expected in ((16.2, True), (16.4, False)):
+        sigma2 = max(angle, 1e-6) ** 2 / distance2
+        covariance = sigma2 * np.outer(axis, axis) + 1e-8 * across
+        assert is_static(R, covariance, 1e-3) == (expected or angle < 1e-6)
+
+
+@pytest.mark.parametrize("angle", [1.6, 3.0, math.pi])
+def test_a_large_turn_is_never_none(angle):
+    assert not is_static(so3.exp(np.array([angle, 0.0, 0.0])), 0.04 * np.eye(3), 1e-3)

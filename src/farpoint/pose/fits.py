@@ -211,7 +211,10 @@ def fit_moving(
         MIN_VARIANCE,
         options.confidence,
         # Few matches leave few samples without a doubtful one: try them all, they cost little.
-        min(max(options.min_iterations, FEW_MATCHES // n), options.max_iterations),
+        min(
+            max(options.min_iterations, min(FEW_MATCHES // n, math.comb(n, 5))),
+            options.max_iterations,
+        ),
         options.max_iterations,
         state,
         R,

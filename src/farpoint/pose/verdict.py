@@ -17,7 +17,6 @@ import numpy as np
 import scipy  # its parts load on first use
 
 from farpoint._kernels.evidence import count_beyond_rotation
-from farpoint.geometry import so3
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit
 from farpoint.pose.matches import Matches
 
@@ -86,7 +85,13 @@ def is_translating(matches: Matches, fit: MovingFit, turning: TurningFit, rate: 
 
 def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float) -> bool:
     """Whether a rotation with this covariance (3, 3), rad^2, cannot be told from none."""
-    dtheta = so3.log(R_cam1_from_cam0)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R_cam1_from_cam0.tolist()
+    cosine = 0.5 * (xx + yy + zz - 1.0)
+    if cosine <= 0.0:  # a quarter turn and more: no covariance that fixes a rotation reaches so far
+        return False
+    sine_axis = 0.5 * np.array([zy - yz, xz - zx, yx - xy])
+    sine = float(np.sqrt(sine_axis @ sine_axis))
+    dtheta = sine_axis * (math.atan2(sine, cosine) / sine if sine > 1e-8 else 1.0)
     values, vectors = np.linalg.eigh(covariance)
     distance2 = np.sum((vectors.T @ dtheta) ** 2 / np.maximum(values, 1e-300))
     return bool(scipy.special.chdtrc(3, distance2) > rate)
