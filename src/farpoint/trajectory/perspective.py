@@ -72,14 +72,15 @@ def _quadratic_part(
 ) -> np.ndarray:
     """Coefficients (N, 2, 3) of ``u^2``, ``u v``, ``v^2`` in the motion of the pixels around."""
 
-    def moved(u: float, v: float) -> np.ndarray:
-        rays = camera.unproject(points + np.array([u, v]))
-        return camera.project(motion.moved(rays, np.sum(planes * rays, axis=1)))
-
-    h, centre = _STEP_PX, moved(0.0, 0.0)
-    uu = (moved(h, 0.0) + moved(-h, 0.0) - 2.0 * centre) / (2.0 * h**2)
-    vv = (moved(0.0, h) + moved(0.0, -h) - 2.0 * centre) / (2.0 * h**2)
-    uv = (moved(h, h) + moved(-h, -h) - moved(h, -h) - moved(-h, h)) / (4.0 * h**2)
+    h = _STEP_PX
+    steps = h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1]])
+    rays = camera.unproject((points + steps[:, None]).reshape(-1, 2))
+    nearness = np.sum(np.tile(planes, (len(steps), 1)) * rays, axis=1)
+    moved = camera.project(motion.moved(rays, nearness)).reshape(len(steps), -1, 2)
+    here, right, left, below, above, corner = moved
+    uu = (right + left - 2.0 * here) / (2.0 * h**2)
+    vv = (below + above - 2.0 * here) / (2.0 * h**2)
+    uv = (corner - right - below + here) / h**2
     return np.stack([uu, uv, vv], axis=2)
 
 
@@ -97,9 +98,10 @@ def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> np.ndarray:
     tangents = camera.unproject_jacobian(rays0)
     ahead = camera.model.project_jacobian(motion.moved(rays0, nearness))
     along = ahead @ direction
-    excess = np.einsum("na,nab->nb", along, tracks.windows.warps - ahead @ R @ tangents)
-    metric = np.swapaxes(tangents, 1, 2) @ tangents
+    if_flat = np.einsum("nai,nib->nab", ahead @ R, tangents)
+    excess = np.einsum("na,nab->nb", along, tracks.windows.warps - if_flat)
+    metric = np.einsum("nia,nib->nab", tangents, tangents)
     prior = (_SLOPE * nearness) ** 2 * 0.5 * np.trace(metric, axis1=1, axis2=2)
     gain = prior / (prior * np.sum(along**2, axis=1) + _WARP_SIGMA**2)
     slopes = np.linalg.solve(metric, (gain[:, None] * excess)[:, :, None])
-    return nearness[:, None] * rays0 + (tangents @ slopes)[:, :, 0]
+    return nearness[:, None] * rays0 + np.einsum("nib,nb->ni", tangents, slopes[:, :, 0])
