@@ -70,6 +70,26 @@ def test_a_camera_that_moves_past_nothing_near():
     assert not any((pose.labels == TrackLabel.NEAR).any() for pose in poses[:10])
 
 
+def test_flow_that_is_mostly_noise_tells_no_direction():
+    """All points at about the same distance: the flow is a rotation's but for a hair."""
+    refused, held = 0, 0
+    scene = {"matches": 500, "outliers": 100, "far_share": 1.0}
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        translation = rng.normal(size=3)
+        translation *= 0.05 / np.linalg.norm(translation)
+        drawn = point_scene(seed, translation_m=tuple(translation), **scene)
+        pose = estimate(drawn)
+        assert_sound(pose, len(drawn.points0))
+        if "direction is uncertain" in pose.reason:
+            error = rotation_error(pose, drawn.rotation_cam1_from_cam0)
+            refused += 1
+            held += error @ np.linalg.solve(pose.rotation_covariance, error) < 7.81
+    # Three, and none of them within its covariance, where the flow is not asked for its signal.
+    assert refused >= 10
+    assert held >= 0.3 * refused
+
+
 def test_wrong_matches_alone_are_no_consensus():
     poses = run(40, outliers=110)
     assert statuses(poses)[PoseStatus.FAILED] == 40

@@ -13,14 +13,19 @@ from farpoint.pose.matches import Matches
 
 __all__ = ["moving_covariance"]
 
+# Where more than three quarters of what the flow tells, along any axis, are noise, the covariance
+# no longer holds: points that are all far have such flow, and half of their directions are wrong.
+SIGNAL = 0.25
 # Where nearly all of the flow is noise, the curvature cannot tell how little of it is signal.
 LEAST_SIGNAL = 0.05
 # Information of one radian on the direction, none on the rotation: the sphere is bounded.
 DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 
 
-def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
+def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, bool]:
     """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
+
+    And whether the flow holds signal enough to tell a direction.
 
     The sandwich ``H^-1 V H^-1`` of the curvature H of the expected likelihood and the variance V of
     its gradient, which is the Gauss-Newton matrix. Since the depths are estimated along, V counts
@@ -46,12 +51,12 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> np.ndarray:
     both *= known * ((freedom - 2.0) / freedom)
     whole += DIRECTION_PRIOR
     covariance = np.empty((5, 5))
-    if sandwich(whole, noise, LEAST_SIGNAL, covariance):
-        return positive(covariance)
+    if sandwich(whole, noise, SIGNAL, covariance):
+        return positive(covariance), True
     if not (np.isfinite(whole).all() and np.isfinite(noise).all()):
-        return np.full((5, 5), np.inf)
+        return np.full((5, 5), np.inf), False
     # In the axes in which V is the identity, H is what is left of it without the share of noise.
     whiten = inverse_root(whole)
     share, vectors = np.linalg.eigh(whiten.T @ noise @ whiten)
     root = whiten @ vectors / np.clip(1.0 - share, LEAST_SIGNAL, 1.0)
-    return positive(root @ root.T)
+    return positive(root @ root.T), False

@@ -13,6 +13,7 @@ from farpoint._kernels.evidence import weigh
 from farpoint._kernels.likelihood import refine_pose
 from farpoint.camera import Camera
 from farpoint.errors import InputError
+from farpoint.geometry import so3
 from farpoint.pose import conclusion
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import (
@@ -156,15 +157,19 @@ def _find(
         moving = refit_moving(matches, moving)
         course.lap("refinement_s")
     if is_plainly_translating(moving):
-        return _conclude_moving(matches, moving, options, course)
+        return _conclude_moving(matches, moving, tolerance, options, course)
     turning = fit_turning(matches, moving.far_rotation_cam1_from_cam0, tolerance)
     if is_translating(matches, moving, turning, options.false_alarm_rate):
-        return _conclude_moving(matches, moving, options, course)
+        return _conclude_moving(matches, moving, tolerance, options, course)
     return _conclude_turning(matches, turning, options, course)
 
 
 def _conclude_moving(
-    matches: Matches, fit: MovingFit, options: RelativePoseOptions, course: Course
+    matches: Matches,
+    fit: MovingFit,
+    tolerance: float,
+    options: RelativePoseOptions,
+    course: Course,
 ) -> RelativePose:
     sigma = fit.noise.sigma
     labels = np.empty(len(matches), np.uint8)
@@ -172,7 +177,7 @@ def _conclude_moving(
     chance = 3.0 * sigma / matches.spread
     if not is_consensus(agreeing, len(matches), 5, chance, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
-    covariance = moving_covariance(matches, fit)
+    covariance, shows_direction = moving_covariance(matches, fit)
     course.lap("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.unfixed_rotation(matches, course)
@@ -181,14 +186,15 @@ def _conclude_moving(
     direction_sigma = largest_sigma2(xx, xy, yy)
     sign = 1.0 / (1.0 + math.exp(-min(max(odds, -700.0), 700.0)))
     course.cost, course.sign_probability = fit.cost, sign
-    if direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate:
+    is_vague = direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate
+    if is_vague or not shows_direction:
         return conclusion.turned(
             PoseStatus.ROTATION_ONLY,
             "The flow beyond the rotation is too short or too parallel: "
             f"its direction is uncertain by {math.degrees(direction_sigma):.0f} deg, "
             f"its sign right with {100 * sign:.0f} %.",
             fit.R_cam1_from_cam0,
-            covariance[:3, :3],
+            covariance[:3, :3] + _doubt_of_model(matches, fit, tolerance),
             labels,
             fit.noise.mean_sigma,
             course,
@@ -202,6 +208,17 @@ def _conclude_moving(
         fit.noise.mean_sigma,
         course,
     )
+
+
+def _doubt_of_model(matches: Matches, fit: MovingFit, tolerance: float) -> np.ndarray:
+    """Covariance (3, 3), rad^2, of a rotation beside a translation that can barely be told.
+
+    By how much the rotation would be another one without that translation. About which axis
+    depends on its direction, which is not known.
+    """
+    turning = fit_turning(matches, fit.far_rotation_cam1_from_cam0, tolerance)
+    apart = so3.log(fit.R_cam1_from_cam0 @ turning.R_cam1_from_cam0.T)
+    return 0.5 * float(apart @ apart) * np.eye(3)
 
 
 def _conclude_turning(

@@ -71,7 +71,6 @@ def _quadratic_part(
     points: np.ndarray, camera: Camera, motion: _Motion, planes: np.ndarray
 ) -> np.ndarray:
     """Coefficients (N, 2, 3) of ``u^2``, ``u v``, ``v^2`` in the motion of the pixels around."""
-
     h = _STEP_PX
     steps = h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1]])
     rays = camera.unproject((points + steps[:, None]).reshape(-1, 2))
