@@ -65,7 +65,9 @@ def count_beyond_rotation(
     if not solve_spd(H, g, 0.0, L, step):
         return 0, 0
     apply_rotation_step(R, -step[0], -step[1], -step[2], last)
-    total = int(right.sum())
+    total = 0
+    for i in range(right.shape[0]):
+        total += 1 if right[i] > 0.5 else 0
     fewest = total
     for k in range(rotations.shape[0]):
         rotation_distance2(pairs, rotations[k], distance2)

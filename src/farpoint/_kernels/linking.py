@@ -67,6 +67,10 @@ class _SumLibrary(_InnerLibrary):
 class _DoorLibrary(JITCodeLibrary):
     """Code that Python calls."""
 
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Nothing yet: unpacking arguments holds no loop, and waits for the whole."""
+        ll_module.data_layout = self._codegen._data_layout
+
     def finalize(self) -> None:
         """Take in all that it calls, optimise that, and make machine code of it."""
         self._linking_libraries = list(_taken_in(self))
@@ -109,8 +113,48 @@ class _InnerLowering(typed_passes.NativeLowering):
         return True
 
 
+class _Remembering:
+    """The types that numba knows, asked only once what the sum of two numbers is.
+
+    It asks some dozen rules, of strings or dates, every time.
+    """
+
+    def __init__(self, table: Any) -> None:
+        self._table = table
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._table, name)
+
+    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
+        """Signature of a call, None where there is none."""
+        if kws or not _is_operation(func, args):
+            return self._table.resolve_function_type(func, args, kws)
+        key = (func.typing_key, *args)
+        if key not in _SIGNATURES:
+            _SIGNATURES[key] = self._table.resolve_function_type(func, args, kws)
+        return _SIGNATURES[key]
+
+
+# Of operators on numbers and arrays, for the life of the process.
+_SIGNATURES: dict[tuple[Any, ...], Any] = {}
+
+
+def _is_operation(func: Any, args: Any) -> bool:
+    return (
+        isinstance(func, types.Function)
+        and getattr(func.typing_key, "__module__", None) == "_operator"
+        and all(
+            type(kind) in (types.Float, types.Integer, types.Array, types.UniTuple) for kind in args
+        )
+    )
+
+
 class InnerCompiler(compiler.CompilerBase):
     """Compiles what only kernels call, as far as they need it."""
+
+    def __init__(self, typingctx: Any, *arguments: Any) -> None:
+        super().__init__(typingctx, *arguments)
+        self.state.typingctx = _Remembering(typingctx)
 
     def define_pipelines(self) -> list[Any]:
         """The passes of numba that kernels need."""
