@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from farpoint._kernels.compile import kernel
+from farpoint._kernels.compile import inner_kernel, kernel
 
-__all__ = ["take_places"]
+__all__ = ["cover", "take_places"]
 
 
 @kernel
@@ -21,7 +21,6 @@ def take_places(places, taken, reach, limit, kept):
     kept : ndarray of int64, shape (N,)
         Out: indices of the places accepted, as many as are returned.
     """
-    height, width = taken.shape
     count = 0
     for index in range(len(places)):
         if count >= limit:
@@ -31,7 +30,20 @@ def take_places(places, taken, reach, limit, kept):
             continue
         kept[count] = index
         count += 1
-        for y in range(max(row - reach, 0), min(row + reach + 1, height)):
-            for x in range(max(column - reach, 0), min(column + reach + 1, width)):
-                taken[y, x] = True
+        _cover_one(column, row, taken, reach)
     return count
+
+
+@kernel
+def cover(places, taken, reach):
+    """Take the pixels within ``reach`` of every place; as for `take_places`."""
+    for index in range(len(places)):
+        _cover_one(places[index, 0], places[index, 1], taken, reach)
+
+
+@inner_kernel
+def _cover_one(column, row, taken, reach):
+    height, width = taken.shape
+    for y in range(max(row - reach, 0), min(row + reach + 1, height)):
+        for x in range(max(column - reach, 0), min(column + reach + 1, width)):
+            taken[y, x] = True

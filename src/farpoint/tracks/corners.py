@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.spacing import take_places
-from farpoint.errors import optional_import
+from farpoint._kernels.corners import corner_strength, strongest_places
+from farpoint._kernels.spacing import cover, take_places
 from farpoint.tracks.options import CornerOptions
 
 __all__ = ["find_corners", "thin_out"]
-
-# cv2.cornerMinEigenVal scales slopes of 8-bit images by 2 / 255 with its 3x3 Sobel kernel.
-_SLOPE_PER_ROOT = 255.0 / 2.0
-_STRIP = 64  # rows
 
 
 def find_corners(
@@ -51,10 +47,9 @@ def find_corners(
     empty = np.empty((0, 2))
     if count <= 0 or min(image.shape) <= 2 * border:
         return empty
-    candidates, strength = _local_maxima(image, border, options, mask)
-    taken = _surroundings(points, image.shape, options.min_distance_px - 1)
-    free = ~taken[candidates[:, 1], candidates[:, 0]]
-    candidates, strength = candidates[free], strength[free]
+    taken = np.zeros(image.shape, bool) if mask is None else ~mask
+    cover(np.rint(points).astype(np.int64), taken, options.min_distance_px - 1)
+    candidates, strength = _local_maxima(image, border, taken, options)
     rank = _rank_in_cell(candidates, strength, points, image.shape, options.cell_px)
     candidates = candidates[np.lexsort((-strength, rank))]
     chosen = thin_out(candidates, taken, options.min_distance_px - 1, count)
@@ -75,50 +70,18 @@ def thin_out(
     return kept[:count]
 
 
-def _surroundings(points: np.ndarray, shape: tuple[int, int], reach: int) -> np.ndarray:
-    """Mask (H, W) of the pixels within ``reach`` of a point along either axis."""
-    cv2 = optional_import("cv2", extra="video", purpose="tracking")
-    mask = np.zeros(shape, np.uint8)
-    x, y = np.rint(points).astype(np.intp).T
-    mask[y, x] = 1
-    return cv2.dilate(mask, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)).astype(bool)
-
-
 def _local_maxima(
-    image: np.ndarray, border: int, options: CornerOptions, mask: np.ndarray | None
+    image: np.ndarray, border: int, taken: np.ndarray, options: CornerOptions
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pixels (M, 2) and strengths (M,) of the corners that outdo their neighbours."""
-    cv2 = optional_import("cv2", extra="video", purpose="tracking")
-    strength = _corner_strength(image, options.block_px)
-    reach = max(1, options.min_distance_px // 2)
-    neighbourhood = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    peak = strength == cv2.dilate(strength, neighbourhood)
-    peak &= strength > (options.min_slope / _SLOPE_PER_ROOT) ** 2
-    if mask is not None:
-        peak &= mask
-    height, width = image.shape
-    inner = np.ascontiguousarray(peak[border : height - border, border : width - border])
-    found = cv2.findNonZero(inner.view(np.uint8))  # three times as fast as np.nonzero
-    if found is None:
-        return np.empty((0, 2), np.intp), np.empty(0)
-    x, y = found.reshape(-1, 2).T.astype(np.intp) + border
-    return np.stack([x, y], axis=1), strength[y, x]
-
-
-def _corner_strength(image: np.ndarray, block_px: int) -> np.ndarray:
-    """Smallest eigenvalue of the gradients' second moments, float32, shape (H, W).
-
-    In strips, since OpenCV's buffers for a whole image fall out of the cache: three times as fast.
-    """
-    cv2 = optional_import("cv2", extra="video", purpose="tracking")
-    height = len(image)
     strength = np.empty(image.shape, np.float32)
-    halo = block_px + 1
-    for top in range(0, height, _STRIP):
-        above, below = min(halo, top), min(height, top + _STRIP + halo)
-        strip = cv2.cornerMinEigenVal(image[top - above : below], block_px, ksize=3)
-        strength[top : top + _STRIP] = strip[above : above + _STRIP]
-    return strength
+    corner_strength(np.ascontiguousarray(image), options.block_px, strength)
+    reach = max(1, options.min_distance_px // 2)
+    rows, columns = (-(-length // (reach + 1)) for length in image.shape)
+    places = np.empty((rows * columns, 2), np.int64)
+    count = strongest_places(strength, options.min_slope**2, reach, border, taken, places)
+    places = places[:count]
+    return places, strength[places[:, 1], places[:, 0]]
 
 
 def _rank_in_cell(

@@ -1,0 +1,152 @@
+"""How good a corner every pixel is, and which are the best in their surroundings.
+
+Loops along a line of the image are written so that one instruction works on several pixels. Floats
+are float32: gradients are whole numbers here, and so are their sums.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel, kernel
+
+__all__ = ["corner_strength", "strongest_places"]
+
+
+@kernel
+def corner_strength(image, block, strength):
+    """Mean square slope in the weakest direction, over blocks of pixels.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W)
+    block : int
+        Width and height of the blocks, px; even ones reach a pixel farther left and up.
+    strength : ndarray of float32, shape (H, W)
+        Out: smallest eigenvalue of the gradients' second moments (Sobel), grey levels^2 per px^2;
+        0 where the block leaves the image.
+    """
+    height, width = image.shape
+    strength[:] = 0.0
+    # Gradients of the last lines, and sums over them of their products.
+    gx, gy = np.zeros((block, width), np.float32), np.zeros((block, width), np.float32)
+    xx, xy, yy = (
+        np.zeros(width, np.float32),
+        np.zeros(width, np.float32),
+        np.zeros(width, np.float32),
+    )
+    sums = np.zeros((3, width), np.float32)
+    scale = np.float32(1.0 / (64.0 * block * block))
+    for y in range(1, height - 1):
+        slot = y % block
+        _move_on(image[y - 1], image[y], image[y + 1], gx[slot], gy[slot], xx, xy, yy)
+        if y >= block and width > block + 1:
+            line = strength[y - block + 1 + block // 2]
+            _sum_along(xx, block, sums[0])
+            _sum_along(xy, block, sums[1])
+            _sum_along(yy, block, sums[2])
+            _weakest(sums[0], sums[1], sums[2], scale, block, line)
+
+
+@inner_kernel
+def _move_on(above, here, below, gx, gy, xx, xy, yy):
+    """Put a line's gradients in the place of those of a block ago, and their products too."""
+    one, two = np.uintp(1), np.uintp(2)
+    twice = np.float32(2.0)
+    for i in range(np.uintp(len(here) - 2)):
+        j, k = i + one, i + two
+        # Converted first: differences of bytes are no bytes.
+        nw, n, ne = np.float32(above[i]), np.float32(above[j]), np.float32(above[k])
+        w, e = np.float32(here[i]), np.float32(here[k])
+        sw, s, se = np.float32(below[i]), np.float32(below[j]), np.float32(below[k])
+        dx = (ne - nw) + twice * (e - w) + (se - sw)
+        dy = (sw - nw) + twice * (s - n) + (se - ne)
+        xx[j] += dx * dx - gx[j] * gx[j]
+        xy[j] += dx * dy - gx[j] * gy[j]
+        yy[j] += dy * dy - gy[j] * gy[j]
+        gx[j], gy[j] = dx, dy
+
+
+@inner_kernel
+def _sum_along(values, block, sums):
+    """Sums of ``block`` neighbours, at the place of the first."""
+    count = np.uintp(len(values) - block)
+    for i in range(count):
+        sums[i] = values[i]
+    for b in range(1, block):
+        for i in range(count):
+            sums[i] += values[i + np.uintp(b)]
+
+
+@inner_kernel
+def _weakest(xx, xy, yy, scale, block, line):
+    """Smallest eigenvalues, each in the middle of its block."""
+    half = np.float32(0.5)
+    for i in range(np.uintp(1), np.uintp(len(xx) - block)):
+        mean, difference = half * (xx[i] + yy[i]), half * (xx[i] - yy[i])
+        root = np.sqrt(difference * difference + xy[i] * xy[i])
+        line[i + np.uintp(block // 2)] = scale * (mean - root)
+
+
+@kernel
+def strongest_places(strength, least, reach, border, taken, places):
+    """Pixels that no other within ``reach`` along either axis outdoes; returns how many.
+
+    Parameters
+    ----------
+    strength : ndarray of float32, shape (H, W)
+    least : float
+        What is not stronger does not count.
+    reach, border : int
+        The latter is the distance to keep from the border, px.
+    taken : ndarray of bool, shape (H, W)
+        Pixels that are not asked for.
+    places : ndarray of int64, shape (C, 2)
+        Out: column and row. Of every square of ``reach + 1`` pixels, one can be among them.
+    """
+    height, width = strength.shape
+    size = reach + 1
+    count = 0
+    highest = np.empty(width, np.float32)
+    for top in range(border, height - border, size):
+        bottom = min(top + size, height - border)
+        _highest(strength[top:bottom], highest)
+        for left in range(border, width - border, size):
+            right = min(left + size, width - border)
+            best = np.float32(least)
+            column = -1
+            for x in range(left, right):
+                if highest[x] > best:
+                    best, column = highest[x], x
+            if column < 0:
+                continue
+            row = top
+            while strength[row, column] != best:
+                row += 1
+            if taken[row, column] or not _outdone_by_none(strength, column, row, 1):
+                continue  # most end here
+            if _outdone_by_none(strength, column, row, reach):
+                places[count, 0], places[count, 1] = column, row
+                count += 1
+    return count
+
+
+@inner_kernel
+def _highest(lines, highest):
+    """The largest of each column."""
+    for x in range(np.uintp(len(highest))):
+        highest[x] = lines[0, x]
+    for y in range(1, len(lines)):
+        line = lines[y]
+        for x in range(np.uintp(len(highest))):
+            highest[x] = line[x] if line[x] > highest[x] else highest[x]
+
+
+@inner_kernel
+def _outdone_by_none(strength, column, row, reach):
+    height, width = strength.shape
+    for y in range(max(row - reach, 0), min(row + reach + 1, height)):
+        for x in range(max(column - reach, 0), min(column + reach + 1, width)):
+            if strength[y, x] > strength[row, column]:
+                return False
+    return True
