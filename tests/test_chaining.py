@@ -40,13 +40,21 @@ def test_prediction_repeats_the_motion_exactly():
     motion = estimate_relative_pose(tracks.points0, tracks.points1, CAMERA)
     assert motion.status is PoseStatus.OK
     order = np.argsort(tracks.ids)
-    predicted = point_predictor(CAMERA, motion, tracks, tracks.ids[order])(tracks.points1[order])
+    now = tracks.points1[order]
+    predicted = point_predictor(CAMERA, motion, tracks, tracks.ids[order], now)(now)
     np.testing.assert_allclose(predicted, after[order], rtol=0.0, atol=1e-4)
-    # A track that the motion does not know is taken to be far: it turns.
+
+
+def test_a_track_without_a_depth_is_expected_to_go_where_its_neighbour_does():
+    tracks, after = exact_matches()
+    motion = estimate_relative_pose(tracks.points0, tracks.points1, CAMERA)
+    quickest = np.argsort(np.linalg.norm(after - tracks.points1, axis=1))[-2:]
+    beside = tracks.points1[quickest] + [[0.3, -0.2], [-0.1, 0.2]]
     fresh = np.array([5000, 5001])
-    points = np.array([[20.0, 30.0], [300.0, 200.0]])
-    turned = CAMERA.project(CAMERA.unproject(points) @ motion.rotation_cam1_from_cam0.T)
-    np.testing.assert_allclose(point_predictor(CAMERA, motion, tracks, fresh)(points), turned)
+    predicted = point_predictor(CAMERA, motion, tracks, fresh, beside)(beside)
+    np.testing.assert_allclose(predicted, after[quickest], rtol=0.0, atol=0.5)
+    turned = CAMERA.project(CAMERA.unproject(beside) @ TURN.T)
+    assert np.linalg.norm(after[quickest] - turned, axis=1).min() > 2.0
 
 
 def test_prediction_without_a_direction_turns_and_without_a_motion_stays():
@@ -55,11 +63,11 @@ def test_prediction_without_a_direction_turns_and_without_a_motion_stays():
     turned = CAMERA.project(X @ TURN.T)
     motion = estimate_relative_pose(tracks.points0, turned, CAMERA)
     assert motion.status is PoseStatus.ROTATION_ONLY
-    predicted = point_predictor(CAMERA, motion, tracks, np.sort(tracks.ids))(turned)
+    predicted = point_predictor(CAMERA, motion, tracks, np.sort(tracks.ids), turned)(turned)
     np.testing.assert_allclose(predicted, CAMERA.project(X @ (TURN @ TURN).T), rtol=0.0, atol=1e-4)
     nothing = failed_pose("No consensus here.", 40)
     np.testing.assert_array_equal(
-        point_predictor(CAMERA, nothing, tracks, np.sort(tracks.ids))(turned), turned
+        point_predictor(CAMERA, nothing, tracks, np.sort(tracks.ids), turned)(turned), turned
     )
 
 

@@ -293,7 +293,8 @@ class Odometry:
         motion = reference.motion
         if motion is None:
             return None
-        return point_predictor(self.camera, motion, reference.tracks, self._tracker.ids)
+        tracker = self._tracker
+        return point_predictor(self.camera, motion, reference.tracks, tracker.ids, tracker.points)
 
     def _begin(self, image: np.ndarray, index: int, timestamp: float) -> OdometryResult:
         self._restart(image, index, timestamp)

@@ -11,6 +11,7 @@ from farpoint.errors import InputError
 from farpoint.tracks.corners import find_corners, thin_out
 from farpoint.tracks.lucas_kanade import follow
 from farpoint.tracks.options import TrackerOptions
+from farpoint.tracks.pyramid import Pyramid, build_pyramid
 from farpoint.tracks.refinement import refine, window_reach
 from farpoint.tracks.tracks import Tracks
 
@@ -27,6 +28,7 @@ class _Reference:
     """The image that the next one is compared with, and the tracks alive in it."""
 
     image: np.ndarray
+    pyramid: Pyramid
     ids: np.ndarray
     points: np.ndarray
 
@@ -116,10 +118,13 @@ class Tracker:
                 field="image",
             )
         start, warps = _predicted(predict, reference.points)
-        tracks = self._found(reference, image, start, warps)
+        pyramid = build_pyramid(image, self.options.matching)
+        tracks = self._found(reference, image, pyramid, start, warps)
         if predict is not None and 2 * len(tracks) < len(reference.ids):
             # A prediction that loses most tracks may itself be the fault.
-            unpredicted = self._found(reference, image, *_predicted(None, reference.points))
+            unpredicted = self._found(
+                reference, image, pyramid, *_predicted(None, reference.points)
+            )
             tracks = max(tracks, unpredicted, key=len)
         return tracks
 
@@ -154,6 +159,7 @@ class Tracker:
         self._next_id += len(new)
         self._reference = _Reference(
             image=image,
+            pyramid=build_pyramid(image, self.options.matching),
             ids=np.concatenate([ids, new_ids]),
             points=np.concatenate([points, new]),
         )
@@ -168,10 +174,15 @@ class Tracker:
         return find_corners(image, points, count, reach, corners, self._mask_for(image))
 
     def _found(
-        self, reference: _Reference, image: np.ndarray, start: np.ndarray, warps: np.ndarray
+        self,
+        reference: _Reference,
+        image: np.ndarray,
+        pyramid: Pyramid,
+        start: np.ndarray,
+        warps: np.ndarray,
     ) -> Tracks:
         options = self.options
-        rough, seen = follow(reference.image, image, reference.points, start, options.matching)
+        rough, seen = follow(reference.pyramid, pyramid, reference.points, start, options.matching)
         ids, points0 = reference.ids[seen], reference.points[seen]
         points1, covariance_px2, found, windows = refine(
             reference.image, image, points0, rough[seen], options.refinement, warps[seen]

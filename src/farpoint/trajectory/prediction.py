@@ -28,7 +28,7 @@ def inverse_depths(
 
 
 def point_predictor(
-    camera: Camera, motion: RelativePose, tracks: Tracks, ids: np.ndarray
+    camera: Camera, motion: RelativePose, tracks: Tracks, ids: np.ndarray, points: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
     """What tells where the tracks ``ids`` go if the same motion comes once more.
 
@@ -39,26 +39,36 @@ def point_predictor(
     motion : RelativePose
         The last motion; one that FAILED predicts nothing.
     tracks : Tracks
-        The matches behind it; they give the depths. A track without is taken to be far.
+        The matches behind it; they give the depths. A track without is taken to be as far as its
+        neighbour in the image.
     ids : ndarray of int64, shape (N,)
         Ascending.
+    points : ndarray, shape (N, 2)
+        Their pixels now.
 
     Returns
     -------
     callable
-        Takes their pixels now (N, 2), or others as far away, and returns those to come (N, 2); NaN
+        Takes their pixels now, or others (N, 2) as far away, and returns those to come (N, 2); NaN
         rows where the lens sees none.
     """
     R, direction = motion.rotation_cam1_from_cam0, motion.direction_cam1_from_cam0
     if R is None:
         return lambda points: points
     shift = np.zeros((len(ids), 3))
-    if direction is not None:
+    if direction is not None and len(tracks) > 0:
         rays0, rays1 = camera.unproject(tracks.points0), camera.unproject(tracks.points1)
         depths = np.maximum(inverse_depths(rays0, rays1, R, direction), 0.0)
         order = np.argsort(tracks.ids)
         found = np.searchsorted(tracks.ids[order], ids)
         row = order[np.minimum(found, len(order) - 1)]
-        known = tracks.ids[row] == ids
-        shift[known] = depths[row[known], None] * direction
+        fresh = tracks.ids[row] != ids
+        row[fresh] = _nearest(points[fresh], tracks.points1)
+        shift = depths[row, None] * direction
     return lambda points: camera.project(camera.unproject(points) @ R.T + shift)
+
+
+def _nearest(points: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """For each of the points (N, 2), which of the others (M, 2), at least one, is nearest."""
+    # Squared distances, less what is the same for all of a row.
+    return np.argmin(np.sum(others**2, axis=1) - 2.0 * points @ others.T, axis=1)

@@ -1,0 +1,58 @@
+"""Windows followed from image to image: a known shift is found, and what cannot be found is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from farpoint._kernels.lucas_kanade import border_px, follow_windows
+
+HALF = 4
+BORDER = border_px(HALF)
+SIZE = (48, 40)  # width, height
+SHIFT = np.array([1.37, -0.81])
+
+
+def picture(shift: np.ndarray) -> np.ndarray:
+    """A smooth texture moved by ``shift``, exact at the centres of the pixels."""
+    x, y = np.meshgrid(np.arange(SIZE[0]) - shift[0], np.arange(SIZE[1]) - shift[1])
+    grey = 128 + 50 * np.sin(0.5 * x + 0.2 * y) + 50 * np.cos(0.25 * x - 0.45 * y)
+    return np.rint(grey).astype(np.uint8)
+
+
+def single_level(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A pyramid of one level, and its layout."""
+    whole = np.pad(image, BORDER, mode="edge")
+    height, width = image.shape
+    line = whole.shape[1]
+    return whole.ravel(), np.array([[BORDER * (line + 1), line, width, height]])
+
+
+def follow(image0: np.ndarray, image1: np.ndarray, points: np.ndarray) -> np.ndarray:
+    values0, layout = single_level(image0)
+    values1, _ = single_level(image1)
+    found = np.empty(points.shape)
+    follow_windows(values0, values1, layout, points, points, HALF, 20, 0.01, found)
+    return found
+
+
+def test_a_shift_is_found_to_a_fiftieth_of_a_pixel():
+    points = np.random.default_rng(0).uniform([6, 6], np.array(SIZE) - 8, (12, 2))
+    found = follow(picture(np.zeros(2)), picture(SHIFT), points)
+    np.testing.assert_allclose(found - points, np.tile(SHIFT, (12, 1)), rtol=0.0, atol=0.02)
+
+
+@pytest.mark.parametrize("corner", [(0.0, 0.0), (47.0, 39.0), (0.0, 39.0)])
+def test_windows_reach_beyond_the_border(corner):
+    still = picture(np.zeros(2))
+    np.testing.assert_allclose(follow(still, still, np.array([corner]))[0], corner, atol=0.01)
+
+
+def test_what_has_no_texture_or_leaves_the_image_is_not_found():
+    points = np.array([[20.0, 20.0], [1.0, 20.0], [np.nan, 20.0]])
+    flat = np.full((SIZE[1], SIZE[0]), 90, np.uint8)
+    stripes = np.tile(flat[:, :1] // 2 + 40 * (np.arange(SIZE[0]) % 8 > 3).astype(np.uint8), 1)
+    for image in (flat, stripes):
+        assert np.isnan(follow(image, image, points)).all()
+    moved = follow(picture(np.zeros(2)), picture(np.array([-3.0, 0.0])), points)
+    assert np.isnan(moved).any(axis=1).tolist() == [False, True, True]
