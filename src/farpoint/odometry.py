@@ -29,6 +29,8 @@ from farpoint.trajectory.prediction import point_predictor
 
 __all__ = ["Odometry", "OdometryOptions", "OdometryResult"]
 
+_ENOUGH_TRACKS = 200  # for a first estimate of a motion
+
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryOptions:
@@ -238,12 +240,8 @@ class Odometry:
         start = time.perf_counter()
         tracks = self._tracker.match(image, self._prediction(reference))
         matched = time.perf_counter()
+        tracks = self._without_perspective(tracks)
         pose = self._estimate(tracks.points0, tracks.points1, tracks.covariance_px2)
-        if pose.rotation_cam1_from_cam0 is not None:
-            tracks = without_perspective(
-                tracks, self.camera, pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0
-            )
-            pose = self._estimate(tracks.points0, tracks.points1, tracks.covariance_px2)
         estimated = time.perf_counter()
         if pose.status is not PoseStatus.FAILED:
             good = tracks.select(pose.labels != TrackLabel.OUTLIER)
@@ -262,6 +260,22 @@ class Odometry:
         self.seconds["pose"] += estimated - matched
         self.seconds["path"] += time.perf_counter() - advanced
         return self._result(reference, index, timestamp, pose, tracks, point)
+
+    def _without_perspective(self, tracks: Tracks) -> Tracks:
+        """Tracks corrected by a first estimate of the motion, which need not be exact."""
+        some = slice(None, None, max(len(tracks) // _ENOUGH_TRACKS, 1))
+        rough = estimate_relative_pose(
+            tracks.points0[some],
+            tracks.points1[some],
+            self.camera,
+            options=self.options.pose,
+            seed=self.options.seed,
+        )
+        if rough.rotation_cam1_from_cam0 is None:
+            return tracks
+        return without_perspective(
+            tracks, self.camera, rough.rotation_cam1_from_cam0, rough.direction_cam1_from_cam0
+        )
 
     def _estimate(
         self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray

@@ -86,6 +86,7 @@ def match_windows(
     theta = np.empty(PARAMETERS)
     step = np.empty(PARAMETERS)
     influence = np.empty((2, width * width), np.float32)
+    monomials = _monomials(half)
     for k in range(len(points0)):
         covariance[k] = np.nan
         correlation[k] = 0.0
@@ -116,7 +117,7 @@ def match_windows(
             warps[k, 0, 0], warps[k, 0, 1] = 1.0 + theta[2], theta[3]
             warps[k, 1, 0], warps[k, 1, 1] = theta[4], 1.0 + theta[5]
             rows = _influences(jacobian, factor, influence)
-            _bending(jacobian, influence, half, bending[k])
+            _bending(jacobian, influence, monomials, bending[k])
             _covariance(rows, influence, residual, prior, variance, half, covariance[k])
 
 
@@ -236,7 +237,8 @@ def _residual(image, x, y, half, theta, template, jacobian, residual):
         return False
     gain, offset = np.float32(theta[6]), np.float32(theta[7])
     one = np.float32(1.0)
-    i = 0
+    contrast = jacobian[6]
+    i = np.uintp(0)
     for v in range(-half, half + 1):
         row_x = x + theta[3] * v
         row_y = y + (1.0 + theta[5]) * v
@@ -253,8 +255,8 @@ def _residual(image, x, y, half, theta, template, jacobian, residual):
             above = (one - a) * image[top, left] + a * image[top, right]
             below = (one - a) * image[bottom, left] + a * image[bottom, right]
             value = (one - b) * above + b * below
-            residual[i] = value - template[i] + gain * jacobian[6, i] - offset
-            i += 1
+            residual[i] = value - template[i] + gain * contrast[i] - offset
+            i += np.uintp(1)
     return True
 
 
@@ -298,38 +300,46 @@ def _influences(jacobian, factor, influence):
     for a in range(2):
         rows[a, a] = 1.0
         _solve(factor, rows[a])
-        influence[a] = 0.0
+        pull = influence[a]
+        pull[:] = 0.0
         for b in range(PARAMETERS):
-            weight = np.float32(rows[a, b])
-            for i in range(influence.shape[1]):
-                influence[a, i] += weight * jacobian[b, i]
+            weight, column = np.float32(rows[a, b]), jacobian[b]
+            for i in range(len(pull)):
+                pull[i] += weight * column[i]
     return rows
 
 
+@numba.njit(cache=True)
+def _monomials(half):
+    """``u^2``, ``u v`` and ``v^2`` (3, count) of the window's pixels."""
+    width = 2 * half + 1
+    monomials = np.empty((3, width * width), np.float32)
+    i = 0
+    for v in range(-half, half + 1):
+        for u in range(-half, half + 1):
+            monomials[0, i], monomials[1, i], monomials[2, i] = u * u, u * v, v * v
+            i += 1
+    return monomials
+
+
 @numba.njit(cache=True, fastmath=_SUMS)
-def _bending(jacobian, influence, half, bending):
+def _dot3(a, b, c):
+    total = np.float32(0.0)
+    for i in range(len(a)):
+        total += a[i] * b[i] * c[i]
+    return total
+
+
+@numba.njit(cache=True)
+def _bending(jacobian, influence, monomials, bending):
     """What the quadratic part of a window's motion, which is not modelled, does to the match.
 
     A motion that is farther by ``q(w)`` at the pixel w lowers its residual by ``gradient . q``.
     """
-    width = 2 * half + 1
     for a in range(2):
         for b in range(2):
-            uu, uv, vv = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-            i = 0
-            for v in range(-half, half + 1):
-                first, second, third = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-                for j in range(width):
-                    u = np.float32(j - half)
-                    pull = influence[a, i + j] * jacobian[b, i + j]
-                    first += pull
-                    second += pull * u
-                    third += pull * u * u
-                uu += third
-                uv += second * np.float32(v)
-                vv += first * np.float32(v * v)
-                i += width
-            bending[a, b, 0], bending[a, b, 1], bending[a, b, 2] = uu, uv, vv
+            for c in range(3):
+                bending[a, b, c] = _dot3(influence[a], jacobian[b], monomials[c])
 
 
 @numba.njit(cache=True)
