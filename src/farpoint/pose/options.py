@@ -43,7 +43,7 @@ class RelativePoseOptions:
     refine: bool = True
     flow_saturation_px: float = 12.0
     confidence: float = 0.999
-    min_iterations: int = 8
+    min_iterations: int = 16
     max_iterations: int = 2000
     false_alarm_rate: float = 1e-3
 
