@@ -62,27 +62,29 @@ class RenderedErrors:
 
 
 def run_rendered(
-    sequence: RenderedSequence,
+    *sequences: RenderedSequence,
     options: OdometryOptions | None = None,
-    *,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> RenderedErrors:
-    """Odometry over a rendered sequence that always moves, each pair compared with the truth.
+    """Odometry over rendered sequences that always move, each pair compared with the truth.
 
     Parameters
     ----------
-    sequence : RenderedSequence
-        Images with truth.
+    *sequences : RenderedSequence
+        Images with truth; odometry begins anew with each.
     options : OdometryOptions, optional
     progress : callable
         Told how many frames are done, and of how many.
     """
     rows, statuses = [], []
-    for result in Odometry(sequence.camera, options).run(sequence):
-        if result.pose is not None:
-            rows.append(_row(sequence, result))
-            statuses.append(result.pose.status)
-        progress(result.frame1 + 1, len(sequence))
+    done, total = 0, sum(map(len, sequences))
+    for sequence in sequences:
+        for result in Odometry(sequence.camera, options).run(sequence):
+            if result.pose is not None:
+                rows.append(_row(sequence, result))
+                statuses.append(result.pose.status)
+            done += 1
+            progress(done, total)
     columns = np.array(rows).T
     names = [name for name in RenderedErrors.__annotations__ if name != "statuses"]
     return RenderedErrors(statuses=tuple(statuses), **dict(zip(names, columns, strict=True)))
