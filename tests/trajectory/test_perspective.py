@@ -7,10 +7,12 @@ import pytest
 from tracks_textures import Waves, photo
 
 from farpoint.camera import Camera
+from farpoint.camera.equirectangular import Equirectangular
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.tracks import CornerOptions, RefinementOptions, Tracks
 from farpoint.tracks.corners import find_corners
 from farpoint.tracks.refinement import refine
+from farpoint.tracks.tracks import Windows
 from farpoint.trajectory.perspective import without_perspective
 
 SIZE = 280, 200
@@ -87,3 +89,28 @@ def test_a_camera_that_only_turned_has_no_planes():
     assert without_perspective(corrected, PINHOLE, TURN, None) is corrected
     # What the turn itself bends is known exactly, and little.
     assert 0 < np.abs(corrected.points1 - tracks.points1).max() < 0.005
+
+
+@pytest.mark.parametrize(
+    ("camera", "place"),
+    [
+        (
+            Camera(model=KannalaBrandt(fx=60.0, fy=60.0, cx=140.0, cy=100.0), size=SIZE),
+            (-90.0, 0.0),
+        ),
+        (Camera(model=Equirectangular(width=280, height=140), size=(280, 140)), (100.0, -0.5)),
+    ],
+    ids=["outside the field", "pole"],
+)
+def test_a_window_where_the_lens_has_no_derivatives_stays(camera, place):
+    points = np.array([(150.0, 90.0), place])
+    tracks = Tracks(
+        ids=np.arange(2),
+        points0=points,
+        points1=points + 1.0,
+        covariance_px2=np.tile(np.eye(2), (2, 1, 1)),
+        windows=Windows(warps=np.tile(1.05 * np.eye(2), (2, 1, 1)), bending=np.ones((2, 2, 2, 3))),
+    )
+    corrected = without_perspective(tracks, camera, np.eye(3), np.array([0.0, 0.0, 1.0]))
+    assert np.isfinite(corrected.points1).all()
+    assert np.abs(corrected.points1 - tracks.points1).max() < 0.2

@@ -106,13 +106,15 @@ def unprojection_table(options: BenchOptions, progress: Progress) -> tuple[Table
 
 def wide_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
     """A row for each camera driven through rendered streets."""
-    streets = math.ceil((options.pairs or _PAIRS) / _PAIRS_PER_STREET)
+    pairs = options.pairs or _PAIRS
+    streets = math.ceil(pairs / _PAIRS_PER_STREET)
+    frames = min(pairs, _PAIRS_PER_STREET) + 1
     seeds = range(options.seed, options.seed + streets)
     rows = []
     for name, camera in _CAMERAS:
         errors = run_rendered(
             *(
-                RenderedSequence(camera, street_drive(_PAIRS_PER_STREET + 1, _FPS, seed), seed=seed)
+                RenderedSequence(camera, street_drive(frames, _FPS, seed), seed=seed)
                 for seed in seeds
             ),
             progress=lambda done, total: progress(f"drive, {name}", done, total),  # noqa: B023
@@ -139,7 +141,7 @@ def wide_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
             notes=(
                 "over_bound: by the Cramer-Rao bound of the tracks that are right, at the spread "
                 "of their true errors",
-                f"{_PAIRS_PER_STREET} pairs in each street, which share most of their tracks",
+                f"{frames - 1} pairs in each street, which share most of their tracks",
             ),
         ),
     )
