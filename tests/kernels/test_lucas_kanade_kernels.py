@@ -51,8 +51,15 @@ def test_windows_reach_beyond_the_border(corner):
 def test_what_has_no_texture_or_leaves_the_image_is_not_found():
     points = np.array([[20.0, 20.0], [1.0, 20.0], [np.nan, 20.0]])
     flat = np.full((SIZE[1], SIZE[0]), 90, np.uint8)
-    stripes = np.tile(flat[:, :1] // 2 + 40 * (np.arange(SIZE[0]) % 8 > 3).astype(np.uint8), 1)
-    for image in (flat, stripes):
-        assert np.isnan(follow(image, image, points)).all()
+    assert np.isnan(follow(flat, flat, points)).all()
     moved = follow(picture(np.zeros(2)), picture(np.array([-3.0, 0.0])), points)
     assert np.isnan(moved).any(axis=1).tolist() == [False, True, True]
+
+
+@pytest.mark.parametrize("slope", [-1, 1])
+def test_stripes_of_one_direction_are_not_found(slope):
+    x, y = np.meshgrid(*map(np.arange, SIZE))
+    stripes = np.rint(128 + 120 * np.sin(0.8 * (x + slope * y))).astype(np.uint8)
+    # A grey level beside the window is all that tells one place along a stripe from the next.
+    stripes[20, 20 + HALF + 1] ^= 1
+    assert np.isnan(follow(stripes, stripes, np.array([[20.0, 20.0]]))).all()

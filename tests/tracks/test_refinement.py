@@ -7,11 +7,10 @@ import pytest
 from scipy.ndimage import correlate, map_coordinates
 from scipy.optimize import root
 from scipy.stats import chi2
-from tracks_textures import Waves, photo
+from tracks_textures import Waves, photo, refine
 
 from farpoint.tracks import CornerOptions, RefinementOptions
 from farpoint.tracks.corners import find_corners
-from farpoint.tracks.refinement import refine
 
 OPTIONS = RefinementOptions()
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from farpoint.tracks import LucasKanadeOptions, refinement
+from farpoint.tracks.pyramid import build_pyramid
+
 
 class Waves:
     """A texture of plane waves below half of the sampling frequency, seen through any warp."""
@@ -50,3 +53,9 @@ def photo(grey: np.ndarray, noise: float = 0.0, rng: np.random.Generator | None 
     if rng is not None:
         grey = grey + rng.normal(0, noise, grey.shape)
     return np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+
+
+def refine(image0: np.ndarray, image1: np.ndarray, *matches):
+    """`refinement.refine` between plain images."""
+    finest = LucasKanadeOptions(levels=0)
+    return refinement.refine(build_pyramid(image0, finest), build_pyramid(image1, finest), *matches)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tracks_textures import Waves, photo
+from tracks_textures import Waves, photo, refine
 
 from farpoint.camera import Camera
 from farpoint.camera.equirectangular import Equirectangular
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.tracks import CornerOptions, RefinementOptions, Tracks
 from farpoint.tracks.corners import find_corners
-from farpoint.tracks.refinement import refine
 from farpoint.tracks.tracks import Windows
 from farpoint.trajectory.perspective import without_perspective
 

@@ -11,26 +11,17 @@ beyond the window has no gradient, and no weight by that. Floats are float32, as
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
+from farpoint._kernels.windows import LANES, between, differentiate, line_px, sample, value_at
 
-__all__ = ["LANES", "border_px", "follow_windows"]
-
-LANES = 16
+__all__ = ["border_px", "follow_windows"]
 
 
 def border_px(half: int) -> int:
     """How wide the border around each level must be for windows of ``2 half + 1`` pixels."""
     return 2 * half + LANES + 4
-
-
-@inner_kernel
-def _line(width):
-    """Pixels from one line of a window to the next."""
-    return (width + LANES - 1) // LANES * LANES
 
 
 @kernel
@@ -58,7 +49,7 @@ def follow_windows(values0, values1, layout, points0, start, half, iterations, t
         no texture, or no place within the image.
     """
     width = 2 * half + 1
-    line, patch_line = _line(width), _line(width + 2)
+    line, patch_line = line_px(width), line_px(width + 2)
     patch = np.zeros((width + 2) * patch_line + LANES, np.float32)
     window, gx, gy = (
         np.zeros(width * line, np.float32),
@@ -76,8 +67,8 @@ def follow_windows(values0, values1, layout, points0, start, half, iterations, t
             x0, y0 = points0[k, 0] * scale, points0[k, 1] * scale
             seen = False
             if _within(here, x0, y0):
-                _sample(values0, here, x0 - half - 1, y0 - half - 1, width + 2, patch_line, patch)
-                _differentiate(patch, patch_line, width, line, weight, window, gx, gy)
+                sample(values0, here, x0 - half - 1, y0 - half - 1, width + 2, patch_line, patch)
+                differentiate(patch, patch_line, width, line, weight, window, gx, gy)
                 x1, y1, seen = _descend(
                     values1, here, x, y, half, line, window, gx, gy, iterations, tolerance
                 )
@@ -119,46 +110,6 @@ def _descend(values, here, x, y, half, line, window, gx, gy, iterations, toleran
     return x, y, _within(here, x, y)
 
 
-@inner_kernel
-def _sample(values, here, x, y, rows, line, patch):
-    """Fill the lines of ``patch`` with values between pixels, the first of them at (x, y)."""
-    left, top = math.floor(x), math.floor(y)
-    a, b, one = np.float32(x - left), np.float32(y - top), np.float32(1.0)
-    w00, w01, w10, w11 = (one - a) * (one - b), a * (one - b), (one - a) * b, a * b
-    # Unsigned, an index is not looked at for whether it counts from the end.
-    stride, right = np.uintp(here[1]), np.uintp(1)
-    for v in range(rows):
-        for begin in range(0, line, LANES):
-            i = np.uintp(here[0] + (int(top) + v) * here[1] + int(left) + begin)
-            out = np.uintp(v * line + begin)
-            for j in range(np.uintp(LANES)):
-                above = w00 * values[i + j] + w01 * values[i + j + right]
-                below = w10 * values[i + j + stride] + w11 * values[i + j + stride + right]
-                patch[out + j] = above + below
-
-
-@inner_kernel
-def _differentiate(patch, patch_line, rows, line, weight, window, gx, gy):
-    """Values and Scharr gradients of a window, from a patch that reaches a pixel farther."""
-    side, middle = np.float32(3.0 / 32.0), np.float32(10.0 / 32.0)
-    one, two = np.uintp(1), np.uintp(2)
-    for v in range(rows):
-        for begin in range(0, line, LANES):
-            i = np.uintp(v * patch_line + begin)
-            j = i + np.uintp(patch_line)
-            k = j + np.uintp(patch_line)
-            out = np.uintp(v * line + begin)
-            at = np.uintp(begin)
-            for u in range(np.uintp(LANES)):
-                window[out + u] = patch[j + u + one]
-                dx = side * (patch[i + u + two] - patch[i + u] + patch[k + u + two] - patch[k + u])
-                dx += middle * (patch[j + u + two] - patch[j + u])
-                gx[out + u] = weight[at + u] * dx
-                dy = side * (patch[k + u] - patch[i + u] + patch[k + u + two] - patch[i + u + two])
-                dy += middle * (patch[k + u + one] - patch[i + u + one])
-                gy[out + u] = weight[at + u] * dy
-
-
 @sum_kernel
 def _normal_matrix(gx, gy):
     """Second moments of the gradients: xx, xy, yy."""
@@ -176,19 +127,14 @@ def _normal_matrix(gx, gy):
 @sum_kernel
 def _mismatch(values, here, x, y, rows, line, window, gx, gy):
     """Sums of gradient times second image minus first, for a window that begins at (x, y)."""
-    left, top = math.floor(x), math.floor(y)
-    a, b, one = np.float32(x - left), np.float32(y - top), np.float32(1.0)
-    w00, w01, w10, w11 = (one - a) * (one - b), a * (one - b), (one - a) * b, a * b
-    stride, right = np.uintp(here[1]), np.uintp(1)
+    place, weights = between(here, x, y)
+    stride = np.uintp(here[1])
     bx, by = np.float32(0.0), np.float32(0.0)
     for v in range(rows):
         for begin in range(0, line, LANES):
-            i = np.uintp(here[0] + (int(top) + v) * here[1] + int(left) + begin)
-            out = np.uintp(v * line + begin)
+            i, out = np.uintp(place + v * here[1] + begin), np.uintp(v * line + begin)
             for j in range(np.uintp(LANES)):
-                above = w00 * values[i + j] + w01 * values[i + j + right]
-                below = w10 * values[i + j + stride] + w11 * values[i + j + stride + right]
-                difference = above + below - window[out + j]
+                difference = value_at(values, i + j, stride, weights) - window[out + j]
                 bx += difference * gx[out + j]
                 by += difference * gy[out + j]
     return float(bx), float(by)

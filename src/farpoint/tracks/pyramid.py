@@ -29,6 +29,12 @@ class Pyramid:
     values: np.ndarray
     layout: np.ndarray
 
+    @property
+    def image(self) -> np.ndarray:
+        """The image itself, uint8 (H, W)."""
+        place, line, width, height = self.layout[0]
+        return self.values[place : place + height * line].reshape(height, line)[:, :width]
+
 
 def build_pyramid(image: np.ndarray, options: LucasKanadeOptions) -> Pyramid:
     """Halve an image as often as the options ask and a window fits in.

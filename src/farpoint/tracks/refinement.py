@@ -6,6 +6,7 @@ import numpy as np
 
 from farpoint._kernels.affine_match import match_windows
 from farpoint.tracks.options import RefinementOptions
+from farpoint.tracks.pyramid import Pyramid
 from farpoint.tracks.tracks import Windows
 
 __all__ = ["refine", "window_reach"]
@@ -21,8 +22,8 @@ def window_reach(options: RefinementOptions) -> int:
 
 
 def refine(
-    image0: np.ndarray,
-    image1: np.ndarray,
+    image0: Pyramid,
+    image1: Pyramid,
     points0: np.ndarray,
     points1: np.ndarray,
     options: RefinementOptions,
@@ -41,8 +42,8 @@ def refine(
 
     Parameters
     ----------
-    image0, image1 : ndarray of uint8, shape (H, W)
-        Grey values.
+    image0, image1 : Pyramid
+        Of images of one size; their finest levels are used.
     points0 : ndarray of float64, shape (N, 2)
         Pixels in ``image0``.
     points1 : ndarray of float64, shape (N, 2)
@@ -74,8 +75,9 @@ def refine(
         warps=np.empty((len(points0), 2, 2)), bending=np.empty((len(points0), 2, 2, 3))
     )
     match_windows(
-        np.ascontiguousarray(image0),
-        np.ascontiguousarray(image1),
+        image0.values,
+        image1.values,
+        image0.layout[0],
         np.ascontiguousarray(points0, dtype=np.float64),
         expected,
         options.window_px // 2,

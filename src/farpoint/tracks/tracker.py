@@ -19,7 +19,7 @@ __all__ = ["Tracker", "grey_size"]
 
 Predict = Callable[[np.ndarray], np.ndarray]
 
-_WARP_STEP_PX = 4.0  # to either side: half of a window, over which the lens is about affine
+_WARP_STEP_PX = 4.0  # half of a window, over which the lens is about affine
 _LARGEST_WARP = 0.5  # elements farther off the identity are a seam or the edge of a field
 
 
@@ -27,7 +27,6 @@ _LARGEST_WARP = 0.5  # elements farther off the identity are a seam or the edge 
 class _Reference:
     """The image that the next one is compared with, and the tracks alive in it."""
 
-    image: np.ndarray
     pyramid: Pyramid
     ids: np.ndarray
     points: np.ndarray
@@ -67,6 +66,7 @@ class Tracker:
         self.options = TrackerOptions() if options is None else options
         self._mask = None if mask is None else _checked_mask(mask)
         self._reference: _Reference | None = None
+        self._matched: Pyramid | None = None  # of the image that was matched last
         self._next_id = 0
 
     @property
@@ -112,19 +112,18 @@ class Tracker:
         reference = self._reference
         if reference is None:
             return Tracks.empty()
-        if image.shape != reference.image.shape:
+        if image.shape != reference.pyramid.image.shape:
             raise InputError(
-                f"expected {_size(reference.image)} pixels like the reference, got {_size(image)}",
+                f"expected {_size(reference.pyramid.image)} pixels like the reference, "
+                f"got {_size(image)}",
                 field="image",
             )
         start, warps = _predicted(predict, reference.points)
-        pyramid = build_pyramid(image, self.options.matching)
-        tracks = self._found(reference, image, pyramid, start, warps)
+        pyramid = self._matched = build_pyramid(image, self.options.matching)
+        tracks = self._found(reference, pyramid, start, warps)
         if predict is not None and 2 * len(tracks) < len(reference.ids):
             # A prediction that loses most tracks may itself be the fault.
-            unpredicted = self._found(
-                reference, image, pyramid, *_predicted(None, reference.points)
-            )
+            unpredicted = self._found(reference, pyramid, *_predicted(None, reference.points))
             tracks = max(tracks, unpredicted, key=len)
         return tracks
 
@@ -146,7 +145,7 @@ class Tracker:
         tracks : Tracks
             What `match` returned, or the part of it that proved good (`Tracks.select`).
         """
-        image = _checked_image(image).copy()
+        image = _checked_image(image)
         order = np.argsort(tracks.ids, kind="stable")
         ids, points = tracks.ids[order], tracks.points1[order]
         alive = thin_out(
@@ -158,8 +157,7 @@ class Tracker:
         new = new + _fractions(new_ids)
         self._next_id += len(new)
         self._reference = _Reference(
-            image=image,
-            pyramid=build_pyramid(image, self.options.matching),
+            pyramid=self._pyramid_of(image),
             ids=np.concatenate([ids, new_ids]),
             points=np.concatenate([points, new]),
         )
@@ -167,6 +165,14 @@ class Tracker:
     def restart(self, image: np.ndarray) -> None:
         """Make ``image``, of any size, the reference; all tracks begin anew, under new ids."""
         self.advance(image, Tracks.empty())
+
+    def _pyramid_of(self, image: np.ndarray) -> Pyramid:
+        """The image's pyramid, which `match` has mostly built before."""
+        matched, self._matched = self._matched, None
+        # Looked at, not remembered: a caller may fill the same array with the next image.
+        if matched is not None and np.array_equal(matched.image, image):
+            return matched
+        return build_pyramid(image, self.options.matching)
 
     def _new_corners(self, image: np.ndarray, points: np.ndarray, count: int) -> np.ndarray:
         reach = window_reach(self.options.refinement)
@@ -176,7 +182,6 @@ class Tracker:
     def _found(
         self,
         reference: _Reference,
-        image: np.ndarray,
         pyramid: Pyramid,
         start: np.ndarray,
         warps: np.ndarray,
@@ -185,7 +190,7 @@ class Tracker:
         rough, seen = follow(reference.pyramid, pyramid, reference.points, start, options.matching)
         ids, points0 = reference.ids[seen], reference.points[seen]
         points1, covariance_px2, found, windows = refine(
-            reference.image, image, points0, rough[seen], options.refinement, warps[seen]
+            reference.pyramid, pyramid, points0, rough[seen], options.refinement, warps[seen]
         )
         return Tracks(
             ids=ids,
@@ -193,7 +198,7 @@ class Tracker:
             points1=points1,
             covariance_px2=covariance_px2,
             windows=windows,
-        ).select(found & self._inside_mask(points1, image))
+        ).select(found & self._inside_mask(points1, pyramid.image))
 
     def _inside_mask(self, points: np.ndarray, image: np.ndarray) -> np.ndarray:
         """Which points (N, 2), all within the image, the mask allows."""
@@ -257,15 +262,13 @@ def _predicted(predict: Predict | None, points: np.ndarray) -> tuple[np.ndarray,
     warps = np.broadcast_to(np.eye(2), (len(points), 2, 2)).copy()
     if predict is None:
         return points, warps
-    places = [_checked_prediction(predict, points)]
+    start = _checked_prediction(predict, points)
     for axis in range(2):
-        step = _WARP_STEP_PX * np.eye(2)[axis]
-        ahead, behind = (_checked_prediction(predict, points + sign * step) for sign in (1, -1))
-        warps[:, :, axis] = (ahead - behind) / (2.0 * _WARP_STEP_PX)
+        ahead = _checked_prediction(predict, points + _WARP_STEP_PX * np.eye(2)[axis])
+        warps[:, :, axis] = (ahead - start) / _WARP_STEP_PX
     with np.errstate(invalid="ignore"):
         known = np.abs(warps - np.eye(2)).max(axis=(1, 2), initial=0.0) < _LARGEST_WARP
     warps[~known] = np.eye(2)
-    start = places[0]
     return np.where(np.isfinite(start).all(axis=1, keepdims=True), start, points), warps
 
 
