@@ -8,6 +8,7 @@ import os
 
 import numpy as np
 import pytest
+from numba import types
 from numba.core.caching import NullCache
 
 from farpoint._kernels import compile as room
@@ -112,3 +113,65 @@ def test_a_numba_with_other_inner_parts_compiles_in_its_own_way(monkeypatch):
     plain = kernel(root_mean_square_of)
     assert not hasattr(plain, "inner")
     assert plain(VALUES) == ROOT
+
+
+def ir_of(inner):
+    (code,) = inner.overloads.values()
+    return str(code.library._final_module)
+
+
+def test_references_are_counted_only_where_an_array_is_made():
+    @inner_kernel
+    def reads(values):
+        first = values
+        return first[1:][0]
+
+    @inner_kernel
+    def makes(values):
+        made = np.empty(1)
+        made[0] = reads(values)
+        return made[0]
+
+    assert uncached(makes)(VALUES) == 4.0
+    assert "NRT_incref" not in ir_of(reads)
+    assert "NRT_" in ir_of(makes)
+
+
+def test_numba_is_asked_once_what_a_sum_of_two_numbers_is(monkeypatch):
+    asked = []
+    really = types.Function.get_call_type
+
+    def counted(function, context, args, kws):
+        asked.append((function.typing_key, args))
+        return really(function, context, args, kws)
+
+    monkeypatch.setattr(types.Function, "get_call_type", counted)
+
+    @inner_kernel
+    def sums(x):
+        return (x + 1.5) + (x + 2.5) + x
+
+    assert uncached(sums)(np.complex64(1.0)) == 7.0
+    assert {kind for _, kind in asked} == {
+        (types.complex64, types.float64),
+        (types.complex128, types.complex128),
+        (types.complex128, types.complex64),
+    }
+    assert len(asked) == 3
+
+
+def test_what_is_made_for_sums_in_any_order_is_for_them_alone():
+    @sum_kernel
+    def least_in_any_order(values):
+        least = values[0]
+        for i in range(values.shape[0]):
+            least = min(least, values[i])
+        return least
+
+    @inner_kernel
+    def least(values):
+        return min(least_in_any_order(values), values[0], values[1])
+
+    assert uncached(least)(VALUES) == 3.0
+    assert "fcmp reassoc" in ir_of(least_in_any_order.inner)
+    assert "fcmp reassoc" not in ir_of(least)

@@ -14,13 +14,17 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any, Literal
 
+import llvmlite.binding as llvm
 from numba import types
 from numba._dynfunc import make_function  # pyright: ignore[reportMissingModuleSource]
-from numba.core import compiler, typed_passes
+from numba.core import compiler, ir, typed_passes
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.datamodel.models import OpaqueModel
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
+from numba.core.typing.context import Context
+from numba.extending import register_model
 
 __all__ = ["InnerCompiler", "with_door"]
 
@@ -46,6 +50,17 @@ class _InnerLibrary(JITCodeLibrary):
                 function.linkage = "linkonce_odr"  # several callers may hold it
         self._shared_module = self._final_module
         self._finalized = True
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Only what makes it small: callers optimise it together with themselves."""
+        ll_module.data_layout = self._codegen._data_layout
+        passes, settings = llvm.create_new_function_pass_manager(), self._codegen._pass_builder()
+        passes.add_sroa_pass()
+        passes.add_simplify_cfg_pass()
+        passes.add_instruction_combine_pass()
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes.run(function, settings)
 
     def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002 - numba's interface
         """None: there is no machine code."""
@@ -76,6 +91,11 @@ class _DoorLibrary(JITCodeLibrary):
         self._linking_libraries = list(_taken_in(self))
         super().finalize()
 
+    def _optimize_final_module(self) -> None:
+        """Once: numba does so twice, for references that would be counted between functions."""
+        passes, settings = self._codegen._module_pass_manager()
+        passes.run(self._final_module, settings)
+
 
 def _taken_in(library: JITCodeLibrary) -> Iterable[JITCodeLibrary]:
     """Every library that this one calls, directly or by way of others, once."""
@@ -102,6 +122,8 @@ class _InnerLowering(typed_passes.NativeLowering):
         library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library = library
         state.flags.no_compile = True
+        # References to arrays are counted only where an array is made.
+        state.flags.nrt = state.targetctx.enable_nrt = _makes_array(state.calltypes)
         super().run_pass(state)
         library.finalize()
         lowered = state["cr"]
@@ -113,40 +135,67 @@ class _InnerLowering(typed_passes.NativeLowering):
         return True
 
 
-class _Remembering:
-    """The types that numba knows, asked only once what the sum of two numbers is.
+def _makes_array(signatures: dict[Any, Any]) -> bool:
+    """Whether a call, of these in a kernel, returns an array."""
+    return any(
+        isinstance(called, ir.Expr)
+        and called.op == "call"
+        and isinstance(signature.return_type, types.Array)
+        for called, signature in signatures.items()
+    )
 
-    It asks some dozen rules, of strings or dates, every time.
+
+class _Known(types.Function):
+    """A function of numba's own that is asked once for what it returns.
+
+    It asks some dozen rules, of strings or dates, whenever two numbers are added. What kernels that
+    add in any order are told, with functions made for them, is theirs alone.
     """
 
-    def __init__(self, table: Any) -> None:
-        self._table = table
+    def __init__(self, function: types.Function, any_order: bool) -> None:
+        self._any_order = any_order
+        self._answers: dict[Any, Any] = {}
+        super().__init__(function.templates)
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._table, name)
+    @property
+    def key(self) -> Any:
+        """What numba tells types apart by."""
+        return *super().key, self._any_order
 
-    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
-        """Signature of a call, None where there is none."""
-        if kws or not _is_operation(func, args):
-            return self._table.resolve_function_type(func, args, kws)
-        key = (func.typing_key, *args)
-        if key not in _SIGNATURES:
-            _SIGNATURES[key] = self._table.resolve_function_type(func, args, kws)
-        return _SIGNATURES[key]
-
-
-# Of operators on numbers and arrays, for the life of the process.
-_SIGNATURES: dict[tuple[Any, ...], Any] = {}
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        """Signature of a call."""
+        if kws:
+            return super().get_call_type(context, args, kws)
+        if args not in self._answers:
+            self._answers[args] = super().get_call_type(context, args, kws)
+        return self._answers[args]
 
 
-def _is_operation(func: Any, args: Any) -> bool:
-    return (
-        isinstance(func, types.Function)
-        and getattr(func.typing_key, "__module__", None) == "_operator"
-        and all(
-            type(kind) in (types.Float, types.Integer, types.Array, types.UniTuple) for kind in args
-        )
-    )
+register_model(_Known)(OpaqueModel)  # a value of nothing, as before
+
+# For the life of the process.
+_KNOWN: dict[tuple[types.Function, bool], _Known] = {}
+
+
+class _Remembering(Context):
+    """The types that numba knows, another view of the same table."""
+
+    _any_order: bool
+
+    def __init__(self, table: Context, any_order: bool) -> None:
+        self.__dict__ = table.__dict__ | {"_any_order": any_order}
+
+    def refresh(self) -> None:
+        """Nothing: the table itself has been."""
+
+    def _lookup_global(self, gv: Any) -> Any:
+        found = super()._lookup_global(gv)
+        if type(found) is not types.Function:
+            return found
+        key = found, self._any_order
+        if key not in _KNOWN:
+            _KNOWN[key] = _Known(*key)
+        return _KNOWN[key]
 
 
 class InnerCompiler(compiler.CompilerBase):
@@ -154,7 +203,8 @@ class InnerCompiler(compiler.CompilerBase):
 
     def __init__(self, typingctx: Any, *arguments: Any) -> None:
         super().__init__(typingctx, *arguments)
-        self.state.typingctx = _Remembering(typingctx)
+        table = _Remembering(typingctx, bool(self.state.flags.fastmath))
+        self.state.typingctx = self.state.targetctx.typing_context = table
 
     def define_pipelines(self) -> list[Any]:
         """The passes of numba that kernels need."""

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.likelihood import POOR, clutter_density, explain, refine_pose
+from farpoint._kernels.likelihood import POOR, clutter_density, explain
+from farpoint._kernels.motion import find_motion, settle_motion
 from farpoint._kernels.pairs import packed_length
-from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
-from farpoint._kernels.search import GATE_SIGMA, START_POOR, START_WRONG, search_pose
-from farpoint.pose.far_rotation import far_rotation
+from farpoint._kernels.search import GATE_SIGMA, START_POOR, START_WRONG
+from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.information import symmetric_inverse
 from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
@@ -33,19 +33,11 @@ __all__ = [
 
 # Noise below a thousandth of a pixel is rounding, not information.
 MIN_VARIANCE = 1e-6
-# Log likelihood to which the result is refined: a thirtieth of a sigma.
-FINE = 1e-3
 MAX_REFINEMENTS = 20
-# What parallax is plausible is learnt from the fit, and the fit from what is plausible.
-PARALLAX_ROUNDS = 2
 # The search looks at this many matches: more make it slower, not surer.
 MAX_SEARCHED = 160
-# Samples for the rotation that the search begins with.
-START_SAMPLES = 50
 # Matches times samples that are tried at least.
 FEW_MATCHES = 1000
-# With fewer matches that the rotation does not explain, all may carry translation.
-MIN_FLOWING = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,16 +188,11 @@ def fit_moving(
     if n > MAX_SEARCHED:
         rows = np.arange(MAX_SEARCHED) * n // MAX_SEARCHED
         searched = matches.select(rows)
-    rotation = far_rotation(searched, tolerance, state, START_SAMPLES)
-    flowing = np.flatnonzero(~rotation.consistent)
-    if len(flowing) < MIN_FLOWING:
-        flowing = np.arange(len(rows))
-    R, t, mixture = rotation.R_cam1_from_cam0.copy(), np.empty(3), np.empty(3)
-    iterations = search_pose(
+    far_R, R, t, mixture = IDENTITY.copy(), np.empty((3, 3)), np.empty(3), np.empty(3)
+    iterations = find_motion(
         searched.pairs,
         searched.weights(),
         len(searched),
-        flowing,
         tolerance,
         matches.spread,
         MIN_VARIANCE,
@@ -217,11 +204,12 @@ def fit_moving(
         ),
         options.max_iterations,
         state,
+        far_R,
         R,
         t,
         mixture,
     )
-    return _settle(matches, searched, rows, rotation.R_cam1_from_cam0, iterations, R, t, mixture)
+    return _settle(matches, searched, rows, far_R, iterations, R, t, mixture)
 
 
 def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
@@ -241,8 +229,17 @@ def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
 def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
     """Sampson residuals (N,) of the motion fitted, by the noise of these matches."""
     found, other, right = np.empty((3, packed_length(len(matches))))
-    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
-    _explain(matches, matches.weights(), R, t, fit.noise.array, found, other, right)
+    explain(
+        matches.pairs,
+        matches.weights(),
+        fit.R_cam1_from_cam0,
+        fit.direction_cam1_from_cam0,
+        fit.noise.array,
+        clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
+        found,
+        other,
+        right,
+    )
     return found[: len(matches)]
 
 
@@ -258,17 +255,21 @@ def _settle(
 ) -> MovingFit:
     """Refine a pose by all matches, with what parallax they make plausible."""
     n = len(matches)
-    prior, normal = matches.weights(), np.empty((6, 6))
+    prior = matches.weights()
     residual, parallax, right = np.empty((3, len(prior)))
-    pairs, spread = matches.pairs, matches.spread
-    cost = math.inf
-    for _ in range(PARALLAX_ROUNDS):
-        _explain(matches, prior, R, t, mixture, residual, parallax, right)
-        plausible_parallax(parallax, right, n, math.sqrt(mixture[0]), spread, prior)
-        cost = refine_pose(
-            pairs, prior, n, spread, MIN_VARIANCE, FINE, MAX_REFINEMENTS, R, t, mixture, normal
-        )
-    _explain(matches, prior, R, t, mixture, residual, parallax, right)
+    cost = settle_motion(
+        matches.pairs,
+        prior,
+        n,
+        matches.spread,
+        MIN_VARIANCE,
+        R,
+        t,
+        mixture,
+        residual,
+        parallax,
+        right,
+    )
     return MovingFit(
         prior=prior,
         R_cam1_from_cam0=R,
@@ -283,20 +284,6 @@ def _settle(
         searched=searched,
         rows=rows,
     )
-
-
-def _explain(
-    matches: Matches,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    residual: np.ndarray,
-    parallax: np.ndarray,
-    right: np.ndarray,
-) -> None:
-    clutter = clutter_density(mixture[0], mixture[1], matches.spread)
-    explain(matches.pairs, prior, R, t, mixture, clutter, residual, parallax, right)
 
 
 def _noise(mixture: np.ndarray) -> Noise:

@@ -10,7 +10,7 @@ import numpy as np
 
 from farpoint._kernels.compile import announced_compilation
 from farpoint._kernels.evidence import weigh
-from farpoint._kernels.likelihood import refine_pose
+from farpoint._kernels.motion import find_motion
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
@@ -134,7 +134,7 @@ def _estimate(
             matches.total,
             course,
         )
-    with announced_compilation(refine_pose):
+    with announced_compilation(find_motion):
         return _find(matches, tolerance, options, _random_state(seed), course)
 
 
