@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from pathlib import Path
 from types import ModuleType
 
-__all__ = ["InputError", "MissingExtraError", "optional_import"]
+__all__ = ["InputError", "MissingExtraError", "optional_import", "require"]
 
 
 class InputError(ValueError):
@@ -48,6 +49,16 @@ def optional_import(module: str, *, extra: str, purpose: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise MissingExtraError(
-            f"{purpose} needs {module}: install it with pip install 'farpoint[{extra}]'"
-        ) from error
+        raise _missing(module, extra, purpose) from error
+
+
+def require(module: str, *, extra: str, purpose: str) -> None:
+    """Raise what `optional_import` would where a library is absent, without loading it."""
+    if importlib.util.find_spec(module) is None:
+        raise _missing(module, extra, purpose)
+
+
+def _missing(module: str, extra: str, purpose: str) -> MissingExtraError:
+    return MissingExtraError(
+        f"{purpose} needs {module}: install it with pip install 'farpoint[{extra}]'"
+    )

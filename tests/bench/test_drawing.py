@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from bench_kit import silent
 
 from farpoint.bench.options import BenchOptions
+from farpoint.bench.processes import resident_mb
 from farpoint.bench.sequences import Sequence
 from farpoint.bench.tables import drawing
 from farpoint.camera import Camera
@@ -21,7 +25,7 @@ CAMERA = Camera.pinhole(160, 96, 120.0, 120.0, 79.5, 47.5)
 @pytest.fixture
 def _small(monkeypatch: pytest.MonkeyPatch):
     """A drive of few pixels, seen twice."""
-    images = [frame.image for frame in render_drive(CAMERA, frames=9, seed=1)]
+    images = [frame.image for frame in render_drive(CAMERA, frames=drawing._WARM_UP + 4, seed=1)]
     sequence = Sequence(name="small", camera=CAMERA, source=None)
     monkeypatch.setattr(Sequence, "images", lambda _, count: images[:count])
     monkeypatch.setattr(drawing, "rendered_sequence", lambda _: sequence)
@@ -56,7 +60,7 @@ def test_work_in_the_same_thread_shows(monkeypatch: pytest.MonkeyPatch):
 
     monkeypatch.setattr(OutputFolder, "write", slow)
     sequence = drawing.rendered_sequence(0)
-    seconds = drawing._run(sequence, sequence.images(8), drawing._QUIET, False)
+    seconds = drawing._run(sequence, sequence.images(drawing._WARM_UP + 3), drawing._QUIET, False)
     assert seconds.shape == (3, 4)
     assert np.all(seconds[:, drawing._WHOLE] - seconds[:, drawing._WALL] > 0.029)
 
@@ -80,8 +84,52 @@ def test_waiting_takes_no_processor_and_own_work_is_not_that_of_others(
 ):
     monkeypatch.setattr(drawing, "Odometry", Idler)
     sequence = drawing.rendered_sequence(0)
-    seconds = drawing._run(sequence, sequence.images(8), None, False)
+    seconds = drawing._run(sequence, sequence.images(drawing._WARM_UP + 3), None, False)
     assert np.all(seconds[:, drawing._WALL] > 0.059)
     assert np.all(seconds[:, drawing._CPU] > 0.029)
     assert np.all(seconds[:, drawing._CPU] < 0.045)
     assert np.all(seconds[:, drawing._OTHERS] < 0.015)
+
+
+class Drawer:
+    """Has another process work for 50 ms with every frame, beside this one."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder
+        script = "import sys, time\nfor _ in sys.stdin:\n t = time.process_time() + 0.05\n"
+        script += " while time.process_time() < t: pass\n"
+        self.process = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE)
+
+    def write(self, *_: object) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(b"draw\n")
+        self.process.stdin.flush()
+
+
+@pytest.mark.usefixtures("_small")
+def test_the_work_of_processes_that_draw_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    drawer = Drawer(tmp_path)
+    monkeypatch.setattr(drawing, "Odometry", Idler)
+    monkeypatch.setattr(drawing, "_outputs", lambda *_: drawer)
+    sequence = drawing.rendered_sequence(0)
+    try:
+        seconds = drawing._run(sequence, sequence.images(drawing._WARM_UP + 4), None, False)
+    finally:
+        drawer.process.communicate()
+    assert np.all(seconds[:, drawing._OTHERS] > 0.045)
+    assert np.all(seconds[:, drawing._OTHERS] < 0.075)
+
+
+def test_memory_counts_the_processes_that_were_started():
+    script = "x = b'1' * 100_000_000; print('full', flush=True); input()"
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    before_mb = resident_mb()
+    with subprocess.Popen([sys.executable, "-c", script], **pipes) as process:  # type: ignore
+        assert process.stdout is not None
+        process.stdout.readline()
+        during_mb = resident_mb()
+        process.communicate(b"\n")
+    assert 100.0 < during_mb - before_mb < 130.0
+    assert resident_mb() < before_mb + 50.0

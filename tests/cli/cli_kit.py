@@ -158,6 +158,7 @@ def start(*arguments: str | Path) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
         env=BUFFERED,
+        process_group=0,
         # Tests that run in the background are deaf to Ctrl-C, and would pass that on.
         preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import time
 from pathlib import Path
 
 import av
@@ -21,6 +22,7 @@ from cli_kit import (
     write_folder,
 )
 
+from farpoint.sinks.background import WAITING
 from farpoint.sinks.motions import read_motions
 from farpoint.trajectory.files import read_tum
 
@@ -28,10 +30,11 @@ Pictures = tuple[np.ndarray, ...]
 
 
 def test_ctrl_c_leaves_valid_files(tmp_path: Path, images: Pictures, calibration: Path):
+    """It goes to every process of the terminal's group: not to the one that draws the film."""
     shots, out = write_folder(tmp_path / "shots", 40 * there_and_back(images)), tmp_path / "out"
     process = start("run", shots, "--camera", calibration, "--out", out)
     wait_for_rows(out / "motions.csv", 5, process)
-    process.send_signal(signal.SIGINT)
+    os.killpg(process.pid, signal.SIGINT)
     said, told = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert said == ""
@@ -49,6 +52,28 @@ def test_ctrl_c_leaves_valid_files(tmp_path: Path, images: Pictures, calibration
     report = (out / "report.html").read_text()
     assert report.rstrip().endswith("</html>")
     assert "interrupted" in report
+
+
+def test_a_killed_run_leaves_a_finished_film_and_no_process(
+    tmp_path: Path, images: Pictures, calibration: Path
+):
+    shots, out = write_folder(tmp_path / "shots", 40 * there_and_back(images)), tmp_path / "out"
+    process = start("run", shots, "--camera", calibration, "--out", out)
+    wait_for_rows(out / "motions.csv", 20, process)
+    process.kill()
+    process.communicate(timeout=PATIENCE_S)
+    # Nobody is left in the group that would hold the film open.
+    end = time.monotonic() + PATIENCE_S
+    film = out / "overlay.mp4"
+    while b"moof" in (data := film.read_bytes()) or b"moov" not in data:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    with av.open(str(film)) as pictures:
+        drawn = sum(1 for _ in pictures.decode(video=0))
+    rows = len(read_motions(out / "motions.csv"))
+    assert rows - WAITING <= drawn <= rows + 1
+    assert read_tum(out / "trajectory.tum")
+    assert record_of(out)["state"] == "running"
 
 
 def told_printing_to(stdout: int, *arguments: str | Path) -> tuple[int, str]:

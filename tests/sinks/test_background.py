@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -97,3 +98,26 @@ def test_an_error_of_the_last_frame_is_raised_by_closing(make_result: MakeResult
     with pytest.raises(OSError, match="disk full"):
         sink.close()
     assert recorder.closed == 1
+
+
+def test_notes_keep_their_place_and_take_no_room(make_result: MakeResult) -> None:
+    recorder = Recorder()
+    sink = BackgroundSink(recorder)
+    for k in range(WAITING):
+        sink.write(make_result(k), None)
+        sink.note(partial(recorder.frames.append, 100 + k))
+    assert not sink.offer(make_result(WAITING), None)
+    recorder.gate.set()
+    sink.close()
+    assert recorder.frames == [step for k in range(WAITING) for step in (k, 100 + k)]
+
+
+def test_notes_that_nobody_takes_are_left_out_in_the_end(make_result: MakeResult) -> None:
+    recorder = Recorder()
+    sink = BackgroundSink(recorder)
+    sink.write(make_result(0), None)
+    for k in range(3000):
+        sink.note(partial(recorder.frames.append, k))
+    recorder.gate.set()
+    sink.close()
+    assert 900 < len(recorder.frames) < 1100

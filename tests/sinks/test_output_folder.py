@@ -14,9 +14,10 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus
+from farpoint.sinks.background import BackgroundSink
 from farpoint.sinks.motions import MotionsFile, read_motions
 from farpoint.sinks.output_folder import OutputFolder, OutputOptions
-from farpoint.sinks.overlay import OverlayVideo
+from farpoint.sinks.overlay import start_film
 from farpoint.sinks.run_record import RunDescription
 from farpoint.trajectory.files import read_tum
 
@@ -119,16 +120,42 @@ def test_a_second_ctrl_c_while_closing_does_not_stop_the_closing(
     make_result: MakeResult,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    close = OverlayVideo.close
+    close = BackgroundSink.close
 
-    def interrupted(self: OverlayVideo) -> None:
+    def interrupted(self: BackgroundSink) -> None:
         close(self)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(OverlayVideo, "close", interrupted)
+    monkeypatch.setattr(BackgroundSink, "close", interrupted)
     with pytest.raises(KeyboardInterrupt), OutputFolder(tmp_path, run) as folder:
         write_frames(folder, make_result, 3)
     check_files(tmp_path, 3, "done")
+
+
+def test_the_other_outputs_survive_the_process_that_draws(
+    tmp_path: Path, run: RunDescription, make_result: MakeResult
+) -> None:
+    with start_film() as process:
+        folder = OutputFolder(tmp_path, run, film_process=process)
+        write_frames(folder, make_result, 3)
+        process.kill()
+        process.wait()
+
+        def write_on() -> None:
+            with folder:
+                for k in range(3, 100):
+                    folder.write(make_result(k), IMAGE)
+
+        with pytest.raises(ChildProcessError, match=r"overlay\.mp4: the process that draws it"):
+            write_on()
+    assert {path.name for path in tmp_path.iterdir()} == NAMES
+    rows = len(read_motions(tmp_path / "motions.csv"))
+    assert rows >= 3
+    assert len(read_tum(tmp_path / "trajectory.tum")) == rows + 1
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["state"] == "failed"
+    assert "overlay.mp4" in record["error"]
+    assert "failed" in (tmp_path / "report.html").read_text()
 
 
 def test_same_run_same_files(tmp_path: Path, run: RunDescription, make_result: MakeResult) -> None:

@@ -6,7 +6,7 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from farpoint.bench.memory import resident_mb
+from farpoint.bench.processes import resident_mb
 from farpoint.camera import Camera
 from farpoint.errors import optional_import
 from farpoint.frames import Frame
@@ -53,7 +53,7 @@ class LiveMoment:
     ----------
     elapsed_s : float
     memory_mb : float
-        Of the process.
+        Of the process, and of those that draw.
     state : LiveState
     """
 

@@ -26,6 +26,9 @@ from farpoint.sinks import (
     OutputOptions,
     RunDescription,
     ViewerOptions,
+    start_film,
+    start_live_viewer,
+    wait_until_loaded,
 )
 
 __all__ = ["LiveSession", "LiveState"]
@@ -117,8 +120,14 @@ class LiveSession:
         output, viewer = output or OutputOptions(), viewer or ViewerOptions()
         self._latency_s = self._longest_latency_s = 0.0
         self._indices: dict[int, int] = {}  # of the odometry's frames, in the source
-        rehearse(camera, viewer)
         with ExitStack() as opened:
+            # These load while this process does.
+            display = opened.enter_context(start_live_viewer()) if viewer.wanted else None
+            film = opened.enter_context(start_film()) if output.overlay else None
+            rehearse(camera)
+            for process in (display, film):
+                if process is not None:
+                    wait_until_loaded(process)
             self._capture = opened.enter_context(Capture(live))
             camera, notes = camera_for(camera, *self._first_size())
             for note in notes:
@@ -126,7 +135,9 @@ class LiveSession:
             self._odometry = Odometry(camera, odometry)
             self._display: LiveViewer | None = None
             if viewer.wanted:
-                self._display = LiveViewer(viewer, self._capture.name, camera, output.palette)
+                self._display = LiveViewer(
+                    viewer, self._capture.name, camera, output.palette, display
+                )
                 opened.callback(self._display.close)
             description = RunDescription(
                 source=source,
@@ -137,7 +148,7 @@ class LiveSession:
                 notes=notes,
             )
             self.path = out or Path("farpoint-out") / self._capture.name
-            self._folder = opened.enter_context(OutputFolder(self.path, description, output))
+            self._folder = opened.enter_context(OutputFolder(self.path, description, output, film))
             if self._display is not None:
                 self._folder.add("viewer", self._display)
             if hints:

@@ -3,10 +3,11 @@
 from farpoint.sinks.metric import MetricSink
 from farpoint.sinks.motions import Motions, read_motions
 from farpoint.sinks.output_folder import OutputFolder, OutputOptions
-from farpoint.sinks.overlay import draw_overlay
+from farpoint.sinks.overlay import draw_overlay, start_film
+from farpoint.sinks.process import wait_until_loaded
 from farpoint.sinks.report import write_report
 from farpoint.sinks.run_record import RunDescription, RunState, read_run
-from farpoint.sinks.viewer import LiveViewer, Viewer, ViewerOptions, open_viewer
+from farpoint.sinks.viewer import LiveViewer, Viewer, ViewerOptions, open_viewer, start_live_viewer
 
 __all__ = [
     "LiveViewer",
@@ -22,5 +23,8 @@ __all__ = [
     "open_viewer",
     "read_motions",
     "read_run",
+    "start_film",
+    "start_live_viewer",
+    "wait_until_loaded",
     "write_report",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from functools import partial
 from queue import SimpleQueue
 
 import numpy as np
@@ -16,12 +17,16 @@ __all__ = ["BackgroundSink"]
 WAITING = 8
 """Frames that may wait: enough to smooth the pace, too few to matter for memory."""
 
+_Step = Callable[[], object]
+_NOTES = 1000  # small things beside the frames; so many wait only for a sink that hangs
+
 
 class BackgroundSink:
     """Hands results to another sink in a thread of its own: all of them, in order.
 
     Where that sink falls behind, `write` waits: no frame is left out, and memory stays bounded.
-    What goes wrong in the thread is raised once, by the next call.
+    What goes wrong in the thread is raised once, by the next call. The thread is for waiting; the
+    work is best done by a `SinkProcess`.
 
     Parameters
     ----------
@@ -32,43 +37,53 @@ class BackgroundSink:
     def __init__(self, sink: Sink) -> None:
         self._sink = sink
         # The bound is a semaphore of its own, so that closing never waits for room.
-        self._frames: SimpleQueue[tuple[OdometryResult, np.ndarray | None] | None] = SimpleQueue()
+        self._steps: SimpleQueue[tuple[_Step, _Step] | None] = SimpleQueue()
         self._room = threading.Semaphore(WAITING)
         self._problem: BaseException | None = None
         self._failed = self._closed = False
-        self._thread = threading.Thread(target=self._work, name="farpoint-sink")
+        # A program that forgets to close its sinks ends nevertheless.
+        self._thread = threading.Thread(target=self._work, name="farpoint-sink", daemon=True)
         self._thread.start()
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
         """Queue one frame; neither result nor image may be changed afterwards."""
         self._room.acquire()
-        self._frames.put((result, image))
-        self._raise_problem()
+        self._add(result, image)
 
     def offer(self, result: OdometryResult, image: np.ndarray | None) -> bool:
         """Queue one frame as `write` does if there is room; whether there was."""
         if not self._room.acquire(blocking=False):
             return False
-        self._frames.put((result, image))
-        self._raise_problem()
+        self._add(result, image)
         return True
+
+    def note(self, step: _Step) -> None:
+        """Queue something small to be done between frames; left out where a great many wait."""
+        if self._steps.qsize() < _NOTES:
+            self._steps.put((step, _nothing))
+        self._raise_problem()
 
     def close(self) -> None:
         """Wait until all is written and the sink is closed; a second call does nothing."""
         if not self._closed:
             self._closed = True
-            self._frames.put(None)
+            self._steps.put(None)
         self._thread.join()
         self._raise_problem()
 
+    def _add(self, result: OdometryResult, image: np.ndarray | None) -> None:
+        self._steps.put((partial(self._sink.write, result, image), self._room.release))
+        self._raise_problem()
+
     def _work(self) -> None:
-        while (frame := self._frames.get()) is not None:
+        while (waiting := self._steps.get()) is not None:
+            step, afterwards = waiting
             if not self._failed:  # a broken sink gets no more, but nobody waits for it either
-                self._attempt(lambda frame=frame: self._sink.write(*frame))
-            self._room.release()
+                self._attempt(step)
+            afterwards()
         self._attempt(self._sink.close)
 
-    def _attempt(self, step: Callable[[], object]) -> None:
+    def _attempt(self, step: _Step) -> None:
         try:
             step()
         except BaseException as problem:
@@ -79,3 +94,7 @@ class BackgroundSink:
         problem, self._problem = self._problem, None
         if problem is not None:
             raise problem
+
+
+def _nothing() -> None:
+    pass

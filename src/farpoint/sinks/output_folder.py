@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -16,10 +17,9 @@ import numpy as np
 from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
 from farpoint.odometry import Odometry, OdometryResult
-from farpoint.sinks.background import BackgroundSink
 from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.motions import MotionsFile
-from farpoint.sinks.overlay import PALETTES, OverlayVideo, PaletteName
+from farpoint.sinks.overlay import PALETTES, PaletteName, open_film
 from farpoint.sinks.positions import PositionsFile, load_pyarrow, write_positions_parquet
 from farpoint.sinks.report import REPORT_NAME, write_report
 from farpoint.sinks.run_record import RunDescription, RunRecord, RunState
@@ -43,7 +43,7 @@ class OutputOptions:
     Attributes
     ----------
     overlay : bool
-        Write ``overlay.mp4``, in a thread of its own; the report shows pictures only if it is
+        Write ``overlay.mp4``, in a process of its own; the report shows pictures only if it is
         there.
     report : bool
         Write ``report.html`` at the end.
@@ -84,6 +84,8 @@ class OutputFolder:
     run : RunDescription
         What is run.
     options : OutputOptions, optional
+    film_process : Popen, optional
+        Draws the overlay; from `start_film`, where it was started beforehand.
 
     Raises
     ------
@@ -97,7 +99,11 @@ class OutputFolder:
     """
 
     def __init__(
-        self, folder: str | Path, run: RunDescription, options: OutputOptions | None = None
+        self,
+        folder: str | Path,
+        run: RunDescription,
+        options: OutputOptions | None = None,
+        film_process: subprocess.Popen[bytes] | None = None,
     ) -> None:
         self.path = Path(folder)
         self._options = options or OutputOptions()
@@ -118,8 +124,10 @@ class OutputFolder:
                 self._halves = HalvesFile(self.path / "halves.csv")
                 opened.callback(self._halves.close)
             if self._options.overlay:
-                film = OverlayVideo(self.path / "overlay.mp4", run.camera, self._options.palette)
-                self._sinks["overlay"] = BackgroundSink(film)
+                film = self.path / "overlay.mp4"
+                self._sinks["overlay"] = open_film(
+                    film, run.camera, self._options.palette, film_process
+                )
             opened.pop_all()
 
     def add(self, name: str, sink: Sink) -> None:

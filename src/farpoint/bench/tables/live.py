@@ -67,5 +67,7 @@ def _memory_table(trial: LiveTrial, command: str) -> Table:
             )
             for moment in trial.moments
         ),
-        notes=("memory of the whole process, the source's pictures included",),
+        notes=(
+            "memory of the whole process, the source's pictures included, and of those that draw",
+        ),
     )

@@ -2,6 +2,6 @@
 
 from farpoint.sinks.overlay.palette import PALETTES, PaletteName
 from farpoint.sinks.overlay.picture import draw_overlay
-from farpoint.sinks.overlay.video import OverlayVideo
+from farpoint.sinks.overlay.video import OverlayVideo, open_film, start_film
 
-__all__ = ["PALETTES", "OverlayVideo", "PaletteName", "draw_overlay"]
+__all__ = ["PALETTES", "OverlayVideo", "PaletteName", "draw_overlay", "open_film", "start_film"]

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import contextlib
+import subprocess
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from farpoint.camera import Camera
-from farpoint.errors import optional_import
+from farpoint.errors import optional_import, require
 from farpoint.odometry import OdometryResult
+from farpoint.sinks.background import BackgroundSink
 from farpoint.sinks.overlay.layout import Layout
 from farpoint.sinks.overlay.palette import PaletteName
 from farpoint.sinks.overlay.picture import draw_overlay
+from farpoint.sinks.process import SinkProcess, start_process
 from farpoint.sinks.sink import open_output
 
-__all__ = ["KEYFRAME_INTERVAL", "OverlayVideo"]
+__all__ = ["KEYFRAME_INTERVAL", "OverlayVideo", "open_film", "start_film"]
 
 KEYFRAME_INTERVAL = 15
 """Frames between key frames; a killed run loses at most these, and reports show these."""
@@ -37,6 +41,7 @@ _ENCODER = {
     "crf": "25",
     "x264-params": "no-deblock=0",  # blocks would show in the sky
 }
+_LIBRARIES = {"av": "writing overlay.mp4", "cv2": "drawing overlay.mp4"}
 
 
 class OverlayVideo:
@@ -60,8 +65,10 @@ class OverlayVideo:
     """
 
     def __init__(self, path: Path, camera: Camera, palette: PaletteName = "red-green") -> None:
-        self._av = optional_import("av", extra="video", purpose="writing overlay.mp4")
-        self._cv2 = optional_import("cv2", extra="video", purpose="drawing overlay.mp4")
+        self._av, self._cv2 = (
+            optional_import(name, extra="video", purpose=purpose)
+            for name, purpose in _LIBRARIES.items()
+        )
         self._path, self._camera = path, camera
         self._palette: PaletteName = palette
         self._stream: Any = None
@@ -115,6 +122,29 @@ class OverlayVideo:
         stream.codec_context.color_range = self._av.video.reformatter.ColorRange.MPEG
         self._stream, self._start_s = stream, start_s
         return stream
+
+
+def open_film(
+    path: Path,
+    camera: Camera,
+    palette: PaletteName = "red-green",
+    process: subprocess.Popen[bytes] | None = None,
+) -> BackgroundSink:
+    """An `OverlayVideo` in a process of its own, with the same errors.
+
+    They are found here as far as that needs no waiting for the process. It comes from
+    `start_film`, where it was started beforehand.
+    """
+    for name, purpose in _LIBRARIES.items():
+        require(name, extra="video", purpose=purpose)
+    open_output(path).close()
+    make = partial(OverlayVideo, path.absolute(), camera, palette)
+    return BackgroundSink(SinkProcess(make, path, process or start_film()))
+
+
+def start_film() -> subprocess.Popen[bytes]:
+    """Start the process that draws the film, so that it is ready when the first frame comes."""
+    return start_process(__name__, *_LIBRARIES)
 
 
 def _pack(av: Any, path: Path) -> None:

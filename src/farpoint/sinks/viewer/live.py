@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import os
+import subprocess
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,14 @@ from farpoint.errors import optional_import
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.background import BackgroundSink
 from farpoint.sinks.overlay.palette import PALETTES, PaletteName
+from farpoint.sinks.process import SinkProcess, start_process
 from farpoint.sinks.viewer import places
 from farpoint.sinks.viewer.layout import TIMELINE
 from farpoint.sinks.viewer.options import ViewerOptions
+from farpoint.sinks.viewer.place import Place, claim
 from farpoint.sinks.viewer.viewer import Viewer, open_recording
 
-__all__ = ["LiveViewer"]
+__all__ = ["LiveViewer", "start_live_viewer"]
 
 
 class LiveViewer:
@@ -34,6 +37,8 @@ class LiveViewer:
         Camera of the frames.
     palette : {"red-green", "orange-blue"}
         Colours.
+    process : Popen, optional
+        Draws; from `start_live_viewer`, where it was started beforehand.
 
     Attributes
     ----------
@@ -47,23 +52,14 @@ class LiveViewer:
         name: str,
         camera: Camera,
         palette: PaletteName = "red-green",
+        process: subprocess.Popen[bytes] | None = None,
     ) -> None:
-        self._rr = _load_quietly()
-        self._recording = open_recording(options, name, endless=True)
-        self._sink = BackgroundSink(Viewer(self._recording, camera, PALETTES[palette], live=True))
+        place = claim(options)
+        make = partial(_Drawing, place, name, camera, palette)
+        self._process = SinkProcess(make, place.name, process or start_live_viewer())
+        self._sink = BackgroundSink(self._process)
         self._link = ""
         self.left_out = 0
-        curves = self._rr.SeriesLines(
-            names=["latency, ms", "frames left out"], colors=[(240, 170, 60), (214, 48, 49)]
-        )
-        self._recording.log(places.DELAYS, curves, static=True)
-        colours = PALETTES[palette]
-        lanes = self._rr.StateConfiguration(
-            values=["receiving", "silent", "lost"],
-            labels=["receiving", "silent", "lost"],
-            colors=[colours.good, colours.partial, colours.bad],
-        )
-        self._recording.log(places.LINK, lanes, static=True)
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
         """Draw one frame, if there is room for it."""
@@ -71,30 +67,56 @@ class LiveViewer:
 
     def tell(self, latency_s: float, dropped: int) -> None:
         """Show how old the newest result is, and how many frames were left out before it."""
-        self._recording.set_time(TIMELINE, timestamp=time.time())
-        self._recording.log(places.DELAYS, self._rr.Scalars([1e3 * latency_s, float(dropped)]))
+        self._note("tell", latency_s, dropped)
 
     def tell_link(self, link: str) -> None:
         """Show whether the source delivers, in a word or two, where that has changed."""
         if link != self._link:
-            self._recording.set_time(TIMELINE, timestamp=time.time())
-            self._recording.log(places.LINK, self._rr.StateChange(state=link))
+            self._note("tell_link", link)
             self._link = link
 
     def close(self) -> None:
         """Write what is still on its way and let go of file and window."""
         self._sink.close()
 
+    def _note(self, method: str, *told: object) -> None:
+        self._sink.note(partial(self._process.call, method, time.time(), *told))
 
-def _load_quietly() -> Any:
-    """Rerun without its warning that the recording has no footer, which is our own choice.
 
-    It reads what it may say when it is loaded, from the environment.
-    """
-    if "RUST_LOG" in os.environ:  # the user's word comes first
-        return optional_import("rerun", extra="rerun", purpose="the display")
-    os.environ["RUST_LOG"] = "warn,re_log_encoding=error"
-    try:
-        return optional_import("rerun", extra="rerun", purpose="the display")
-    finally:
-        del os.environ["RUST_LOG"]
+def start_live_viewer() -> subprocess.Popen[bytes]:
+    """Start the process that draws, so that it is ready when the first frame comes."""
+    # It leaves frames out rather than wait, so it can step back far. Without Rerun's warning that
+    # the recording has no footer, which is our own choice.
+    quiet = "warn,re_log_encoding=error"
+    return start_process(__name__, "rerun", niceness=10, RUST_LOG=quiet)
+
+
+class _Drawing(Viewer):
+    """What a `LiveViewer` has drawn, in the process that draws."""
+
+    def __init__(self, place: Place, name: str, camera: Camera, palette: PaletteName) -> None:
+        self._rr = optional_import("rerun", extra="rerun", purpose="the display")
+        self._recording = open_recording(place, name, endless=True)
+        colours = PALETTES[palette]
+        super().__init__(self._recording, camera, colours, live=True)
+        curves = self._rr.SeriesLines(
+            names=["latency, ms", "frames left out"], colors=[(240, 170, 60), (214, 48, 49)]
+        )
+        self._recording.log(places.DELAYS, curves, static=True)
+        lanes = self._rr.StateConfiguration(
+            values=["receiving", "silent", "lost"],
+            labels=["receiving", "silent", "lost"],
+            colors=[colours.good, colours.partial, colours.bad],
+        )
+        self._recording.log(places.LINK, lanes, static=True)
+
+    def tell(self, moment_s: float, latency_s: float, dropped: int) -> None:
+        self._log(moment_s, places.DELAYS, self._rr.Scalars([1e3 * latency_s, float(dropped)]))
+
+    def tell_link(self, moment_s: float, link: str) -> None:
+        self._log(moment_s, places.LINK, self._rr.StateChange(state=link))
+
+    def _log(self, moment_s: float, place: str, what: Any) -> None:
+        self._recording.reset_time()  # it belongs to no frame
+        self._recording.set_time(TIMELINE, timestamp=moment_s)
+        self._recording.log(place, what)

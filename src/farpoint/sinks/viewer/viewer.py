@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,13 @@ from farpoint.errors import optional_import
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.background import BackgroundSink
 from farpoint.sinks.overlay.palette import PALETTES, RED_GREEN, Palette, PaletteName
-from farpoint.sinks.sink import open_output
+from farpoint.sinks.process import SinkProcess, start_process
 from farpoint.sinks.viewer.curves import Curves
 from farpoint.sinks.viewer.layout import TIMELINE, layout
 from farpoint.sinks.viewer.options import ViewerOptions
 from farpoint.sinks.viewer.pictures import Pictures
+from farpoint.sinks.viewer.place import Place, claim
 from farpoint.sinks.viewer.strip import Strip
-from farpoint.sinks.viewer.window import open_window
 from farpoint.sinks.viewer.world import World
 
 __all__ = ["Viewer", "open_viewer"]
@@ -92,7 +93,7 @@ def set_moment(recording: Any, result: OdometryResult) -> None:
 def open_viewer(
     options: ViewerOptions, name: str, camera: Camera, palette: PaletteName = "red-green"
 ) -> BackgroundSink:
-    """The display as a sink that draws in a thread of its own.
+    """The display as a sink that draws in a process of its own.
 
     Parameters
     ----------
@@ -112,21 +113,26 @@ def open_viewer(
     MissingExtraError
         If rerun-sdk is not installed.
     """
-    viewer = Viewer(open_recording(options, name), camera, PALETTES[palette])
-    return BackgroundSink(viewer)
+    place = claim(options)
+    process = start_process(__name__, "rerun", niceness=10)
+    make = partial(_make, place, name, camera, palette)
+    return BackgroundSink(SinkProcess(make, place.name, process))
 
 
-def open_recording(options: ViewerOptions, name: str, *, endless: bool = False) -> Any:
-    """A Rerun recording that goes where the options say."""
+def _make(place: Place, name: str, camera: Camera, palette: PaletteName) -> Viewer:
+    return Viewer(open_recording(place, name), camera, PALETTES[palette])
+
+
+def open_recording(place: Place, name: str, *, endless: bool = False) -> Any:
+    """A Rerun recording that goes to a place."""
     rr = optional_import("rerun", extra="rerun", purpose="the display")
     sinks: list[Any] = []
-    if options.rrd is not None:
-        open_output(options.rrd).close()  # Rerun would complain in a thread of its own
+    if place.rrd is not None:
         # The footer lists every piece of the file, for faster scrubbing; until the end the list is
         # held in memory, which a session without an end cannot afford.
-        sinks.append(rr.FileSink(options.rrd, write_footer=not endless))
-    if options.show:
-        sinks.append(rr.GrpcSink(open_window()))
+        sinks.append(rr.FileSink(place.rrd, write_footer=not endless))
+    if place.url is not None:
+        sinks.append(rr.GrpcSink(place.url))
     recording = rr.RecordingStream("farpoint")
     recording.set_sinks(*sinks)
     recording.set_log_time_enabled(False)  # a timeline that nobody looks at

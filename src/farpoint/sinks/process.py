@@ -1,0 +1,157 @@
+"""A sink whose work is done by another process, so that it takes no time from this one's."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from farpoint.odometry import OdometryResult
+from farpoint.sinks.sink import Sink
+
+__all__ = ["SinkProcess", "start_process", "wait_until_loaded"]
+
+# One thread each, unless the user's own environment says otherwise: the cores are for estimation.
+_FEW_THREADS = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OPENCV_FOR_THREADS_NUM": "1",
+}
+
+
+class SinkProcess:
+    """Hands each call to a sink in another process and waits until it is done there.
+
+    An interpreter runs one thread at a time, so that drawing in a thread makes estimation wait.
+    The other process ends when this one does, however that happens: it reads from a pipe, and at
+    the end of the pipe it closes its sink. Ctrl-C does not reach it.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the sink; pickled, and called over there. Errors of it are raised by the next call.
+    output : str or Path
+        What the sink makes, for the message if its process is lost.
+    process : Popen, optional
+        From `start_process`, where it was started beforehand.
+
+    Raises
+    ------
+    ChildProcessError
+        By `write`, `call` or `close`, once, where the process has ended on its own.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[], Sink],
+        output: object,
+        process: subprocess.Popen[bytes] | None = None,
+    ) -> None:
+        self._output = output
+        self._process = process or start_process()
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._calls, self._answers = self._process.stdin, self._process.stdout
+        self._unheard = 2  # answers to come: that it is loaded, and that the sink is made
+        self._lost = self._closed = False
+        self._send(make)
+
+    def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
+        """Have one frame added; what goes wrong over there is raised here."""
+        self.call("write", result, image)
+
+    def call(self, method: str, *arguments: object) -> None:
+        """Have any method of the sink called; what it returns is left over there."""
+        self._wait_until_open()
+        self._send((method, arguments))
+        self._receive()
+
+    def close(self) -> None:
+        """Have the sink closed and wait until its process has ended; a second call does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if not self._lost:
+                self._wait_until_open()
+                self._calls.close()  # the end of the calls, over there
+                self._receive()
+        finally:
+            with contextlib.suppress(OSError):  # what was left in it reaches nobody
+                self._calls.close()
+            self._answers.close()
+            self._process.wait()
+
+    def _wait_until_open(self) -> None:
+        while self._unheard:
+            self._unheard -= 1
+            self._receive()
+
+    def _send(self, message: object) -> None:
+        data = pickle.dumps(message, protocol=5)
+        try:
+            self._calls.write(data)
+            self._calls.flush()
+        except OSError:
+            raise self._loss() from None
+
+    def _receive(self) -> None:
+        try:
+            problem = pickle.load(self._answers)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            raise self._loss() from None
+        if problem is not None:
+            raise problem
+
+    def _loss(self) -> ChildProcessError:
+        self._lost = True
+        self._process.kill()  # where it lives, but cannot be understood
+        code = self._process.wait()
+        return ChildProcessError(
+            f"{self._output}: the process that draws it has ended early (exit code {code})"
+        )
+
+
+def start_process(*modules: str, niceness: int = 5, **environment: str) -> subprocess.Popen[bytes]:
+    """Start a process for a `SinkProcess`, which need not be there yet.
+
+    Parameters
+    ----------
+    *modules : str
+        Loaded at once rather than with the first frame.
+    niceness : int
+        How far it steps back where cores are few, so that estimation goes first.
+    **environment : str
+        Variables that it has where the user has not set them.
+    """
+    # Modules are found where this interpreter finds them. Its __main__ is not loaded again, so
+    # that scripts need no guard around what they do.
+    path = os.pathsep.join(place or str(Path.cwd()) for place in sys.path)
+    command = [sys.executable, "-P", "-m", "farpoint.sinks.process_main", *modules]
+    environment = {**_FEW_THREADS, **environment, **os.environ, "PYTHONPATH": path}
+    pipe = subprocess.PIPE
+    if sys.platform == "win32":
+        flags = subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.BELOW_NORMAL_PRIORITY_CLASS
+        return subprocess.Popen(
+            command, stdin=pipe, stdout=pipe, env=environment, creationflags=flags
+        )
+    # A group of its own, which Ctrl-C spares, but not a session: Linux shares its cores out to
+    # sessions first, and niceness counts only within one.
+    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment, process_group=0)
+    now = os.getpriority(os.PRIO_PROCESS, process.pid)
+    os.setpriority(os.PRIO_PROCESS, process.pid, now + niceness)
+    return process
+
+
+def wait_until_loaded(process: subprocess.Popen[bytes]) -> None:
+    """Wait for a process that was started beforehand, or for its end."""
+    reader = process.stdout
+    assert isinstance(reader, io.BufferedReader)
+    reader.peek(1)  # its first answer, which stays to be read

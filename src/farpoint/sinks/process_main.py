@@ -1,0 +1,100 @@
+"""What runs in the process of a sink: ``python -m farpoint.sinks.process_main [MODULE ...]``.
+
+Messages are pickled. The first makes the sink; every other one is a method and its arguments. Each
+gets an answer: None, or the error it met; one more comes before, when the modules are loaded. The
+end of the messages closes the sink, whether it was meant or the other process is dead.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import pickle
+import sys
+import traceback
+from collections.abc import Callable
+from functools import partial
+from typing import Any, BinaryIO
+
+from farpoint.sinks.sink import Sink
+
+__all__ = ["main"]
+
+
+def main() -> None:
+    """Answer messages until they end."""
+    messages, answers = _pipes()
+    for module in sys.argv[1:]:
+        with contextlib.suppress(ImportError):  # told by whoever needs it, in better words
+            importlib.import_module(module)
+    _answer(answers, None)  # all is loaded
+    worker = _Worker()
+    while (step := _next(messages)) is not None:
+        _answer(answers, _attempt(partial(worker.follow, step)))
+        del step  # an image that need not wait for the next one
+    _answer(answers, _attempt(worker.close))
+
+
+class _Worker:
+    """Does what the messages say."""
+
+    def __init__(self) -> None:
+        self._sink: Sink | None = None
+
+    def follow(self, message: Any) -> None:
+        if isinstance(message, tuple):
+            method, arguments = message
+            getattr(self._sink, method)(*arguments)
+        else:
+            self._sink = message()
+
+    def close(self) -> None:
+        if self._sink is not None:  # it could be made
+            self._sink.close()
+
+
+def _next(messages: BinaryIO) -> Any | None:
+    """A message; None at the end, also where it comes within one."""
+    try:
+        return pickle.load(messages)
+    except (EOFError, OSError, pickle.UnpicklingError):
+        return None
+
+
+def _pipes() -> tuple[BinaryIO, BinaryIO]:
+    """Messages and answers, out of the reach of libraries that print or read."""
+    messages, answers = os.dup(0), os.dup(1)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.dup2(2, 1)
+    return os.fdopen(messages, "rb"), os.fdopen(answers, "wb")
+
+
+def _attempt(step: Callable[[], None]) -> BaseException | None:
+    try:
+        step()
+    except BaseException as error:
+        return _portable(error)
+    return None
+
+
+def _portable(error: BaseException) -> BaseException:
+    """The error if it survives pickling, or one that says the same."""
+    error.add_note("".join(["in the process that draws:\n", *traceback.format_exception(error)]))
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
+
+
+def _answer(answers: BinaryIO, problem: BaseException | None) -> None:
+    with contextlib.suppress(OSError):  # nobody waits for it any more
+        answers.write(pickle.dumps(problem, protocol=5))
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()
