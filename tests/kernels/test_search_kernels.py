@@ -203,12 +203,12 @@ def test_a_start_without_a_rival_needs_fewer_samples():
         assert iterations_needed(wrong, 0.999) > 2 * needed
 
 
-def on_a_plane(wrong: int = 0, captured: int = 0) -> View:
+def on_a_plane(wrong: int = 0, captured: int = 0, towards=(1.0, 0.3, -0.4)) -> View:
     """A plane 4 m away seen from 0.1 m on: wrong matches first, then some on their own line."""
     rng = np.random.default_rng(0)
     count = 40 + wrong + captured
     rays0 = sphere.normalize(np.c_[rng.uniform(-0.5, 0.5, (count, 2)), np.ones(count)])
-    normal, t = np.array([0.3, -0.2, 1.0]) / 4.0, sphere.normalize(np.array([1.0, 0.3, -0.4]))
+    normal, t = np.array([0.3, -0.2, 1.0]) / 4.0, sphere.normalize(np.array(towards))
     R = so3.exp(np.array([0.4, -0.3, 0.5]))
     X = rays0 / (rays0 @ normal)[:, None]
     rays1 = X @ R.T + 0.1 * t
@@ -233,6 +233,15 @@ def test_a_plane_allows_another_motion(wrong, captured):
     share = 0.1 if captured else 0.05
     assert np.abs(constraints(view, twin_R, twin_t)[right]).max() < share * flow
     assert np.abs(constraints(view, view.R, twin_t)[right]).max() > 0.2 * flow
+
+
+@pytest.mark.parametrize("towards", [(0.2, 0.1, 1.0), (0.2, 0.1, -1.0), (-0.4, 0.1, -0.9)])
+def test_matches_flow_towards_the_twin_whichever_way_the_camera_went(towards):
+    view = on_a_plane(towards=so3.exp(np.array([0.4, -0.3, 0.5])) @ np.array(towards))
+    twin_R, twin_t = np.empty((3, 3)), np.empty(3)
+    assert twins.planar_twin(view.pairs, view.size, 3.0, view.R, view.t, twin_R, twin_t)
+    assert sphere.angle_between(twin_t, view.t) > 0.1
+    assert np.mean((view.rays1 - view.rays0 @ twin_R.T) @ twin_t > 0.0) > 0.8
 
 
 def test_a_match_at_the_epipole_tells_nothing_of_a_plane():

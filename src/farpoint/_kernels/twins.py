@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from farpoint._kernels.compile import kernel
@@ -38,8 +40,9 @@ def planar_twin(
     ``n . a`` of the matches. With ``tau = R^T t`` the plane induces ``R (I + tau n^T)``, and since
     ``tau n^T - n tau^T = [n x tau]x`` the twin exchanges translation and normal and turns by
     ``n x tau``: exact for small motions (Longuet-Higgins, Proc. R. Soc. B 223, 1984,
-    DOI 10.1098/rspb.1984.0088), a start for the refinement otherwise. Matches with a residual
-    beyond ``gate`` are left out.
+    DOI 10.1098/rspb.1984.0088), a start for the refinement otherwise. The inverse distances are
+    then ``tau . a``; where most of these are negative, both change their signs. Matches with a
+    residual beyond ``gate`` are left out.
     """
     M = np.empty((3, 3))
     v = np.empty(3)
@@ -49,6 +52,7 @@ def planar_twin(
     clear(v)
     turn, towards = matrix(R), vector(t)
     tau = rotate_back(turn, towards)
+    ahead = 0
     for i in range(count):
         at = address(i)
         if abs(sampson(pairs, at, turn, towards)) > gate:
@@ -60,6 +64,7 @@ def planar_twin(
         if not square > 1e-12:
             continue
         inverse_distance = dot(cross(a, back), across) / square
+        ahead += 1 if dot(tau, a) > 0.0 else -1
         # Each weighs by its own accuracy; a wrong one is bounded by its own size.
         weight = square / (1.0 + inverse_distance * inverse_distance)
         for k in range(3):
@@ -76,7 +81,7 @@ def planar_twin(
     apply_rotation_step(R, step[0], step[1], step[2], twin_R)
     normal = rotate(matrix(twin_R), plane)
     for k in range(3):
-        twin_t[k] = normal[k] / norm(plane)
+        twin_t[k] = math.copysign(1.0, ahead) * normal[k] / norm(plane)
     return True
 
 
