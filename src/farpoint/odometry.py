@@ -41,7 +41,8 @@ class OdometryOptions:
     tracker : TrackerOptions
         How points are found and followed.
     pose : RelativePoseOptions
-        How the motion is estimated from them.
+        How the motion is estimated from them. By default `shared_error_px` is 0.002: what the
+        tracker's windows were seen to have in common on rendered streets.
     path : PathOptions
         How motions are strung together.
     seed : int
@@ -49,7 +50,9 @@ class OdometryOptions:
     """
 
     tracker: TrackerOptions = field(default_factory=TrackerOptions)
-    pose: RelativePoseOptions = field(default_factory=RelativePoseOptions)
+    pose: RelativePoseOptions = field(
+        default_factory=lambda: RelativePoseOptions(shared_error_px=0.002)
+    )
     path: PathOptions = field(default_factory=PathOptions)
     seed: int = 0
 

@@ -9,6 +9,7 @@ from pose_kit import assert_identical, estimate, point_scene, pose_error
 from farpoint import (
     Camera,
     PoseStatus,
+    RelativePoseOptions,
     TrackLabel,
     estimate_relative_pose,
     estimate_relative_pose_from_rays,
@@ -76,6 +77,27 @@ def test_only_the_shape_of_the_noise_is_believed_not_its_size():
         estimate(scene, **dict.fromkeys(FIELDS, factor * covariance)) for factor in (1.0, 4.0)
     )
     assert_identical(once, fourfold)
+
+
+@pytest.mark.parametrize(
+    "translation_m", [(0.2, 0.1, -0.2), (0.0, 0.0, 0.0)], ids=["moved", "turned"]
+)
+@pytest.mark.parametrize(
+    "told", [None, 3.0 * np.tile(np.eye(2), (80, 1, 1))], ids=["untold", "told"]
+)
+def test_what_all_matches_are_off_by_alike_is_counted_once(translation_m, told):
+    scene = point_scene(2, matches=80, outliers=0, translation_m=translation_m)
+    noise = dict.fromkeys(FIELDS, told)
+    plain = estimate(scene, **noise)
+    shifted = estimate(scene, options=RelativePoseOptions(shared_error_px=0.5), **noise)
+    assert shifted.status is plain.status
+    extra = shifted.rotation_covariance - plain.rotation_covariance
+    # A pixel at the median distance from the centre of a 65-degree lens sees a little less.
+    one_px = 0.5 / scene.camera.model.fx
+    np.testing.assert_allclose(extra, extra[0, 0] * np.eye(3), atol=1e-12)
+    assert 0.75 * one_px**2 < extra[0, 0] < one_px**2
+    if plain.covariance is not None:
+        np.testing.assert_array_equal(shifted.covariance[3:], plain.covariance[3:])
 
 
 def test_equal_round_noise_is_the_same_as_none_told():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tracks_textures import Waves, photo, refine
@@ -88,6 +90,33 @@ def test_a_camera_that_only_turned_has_no_planes():
     assert without_perspective(corrected, PINHOLE, TURN, None) is corrected
     # What the turn itself bends is known exactly, and little.
     assert 0 < np.abs(corrected.points1 - tracks.points1).max() < 0.005
+
+
+@pytest.mark.parametrize("camera", [PINHOLE, FISHEYE], ids=["pinhole", "fisheye"])
+def test_a_window_that_no_plane_explains_is_doubted(camera):
+    translation = np.array([0.01, 0.02, -0.2])
+    tracks, _ = plane_drive(camera, np.array([0.1, 0.8, 0.5]), translation, 0)
+    assert tracks.windows is not None
+    direction = translation / np.linalg.norm(translation)
+    # Along the flow, by which planes of any slope change a window, and across it.
+    still = camera.project(camera.unproject(tracks.points0) @ TURN.T)
+    along = tracks.points1 - still
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    across = along[:, ::-1] * [-1.0, 1.0]
+
+    def doubt_px2(change: np.ndarray) -> np.ndarray:
+        warps = tracks.windows.warps + change[:, :, None] * np.array([0.6, 0.8])
+        windows = replace(tracks.windows, warps=warps)
+        judged = without_perspective(replace(tracks, windows=windows), camera, TURN, direction)
+        extra = judged.covariance_px2 - tracks.covariance_px2
+        np.testing.assert_allclose(extra, extra[:, :1, :1] * np.eye(2), atol=1e-12)
+        return extra[:, 0, 0]
+
+    plain = doubt_px2(0.0 * along)
+    assert (plain > 0).all()
+    assert np.median(plain) < 0.03**2
+    np.testing.assert_allclose(np.median(doubt_px2(0.1 * along)), np.median(plain), rtol=0.1)
+    assert np.median(doubt_px2(0.1 * across)) == pytest.approx((1.2 * 0.1) ** 2, rel=0.2)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from farpoint.pose.fits import MovingFit
 from farpoint.pose.information import inverse_root, positive
 from farpoint.pose.matches import Matches
 
-__all__ = ["moving_covariance"]
+__all__ = ["moving_covariance", "shared_covariance"]
 
 # Where more than three quarters of what the flow tells, along any axis, are noise, the covariance
 # no longer holds: points that are all far have such flow, and half of their directions are wrong.
@@ -60,3 +60,14 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, boo
     share, vectors = np.linalg.eigh(whiten.T @ noise @ whiten)
     root = whiten @ vectors / np.clip(1.0 - share, LEAST_SIGNAL, 1.0)
     return positive(root @ root.T), False
+
+
+def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
+    """Covariance (3, 3), rad^2, of a rotation by which all matches are off alike, by ``sigma``.
+
+    As large as the rotation that moves a typical match by ``sigma``, in units of the noise.
+    """
+    if sigma == 0.0:
+        return np.zeros((3, 3))
+    per_unit = 0.5 * float(np.median(1.0 / matches.precision))  # rad^2; both images have noise
+    return sigma**2 * per_unit * np.eye(3)

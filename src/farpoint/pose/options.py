@@ -34,6 +34,9 @@ class RelativePoseOptions:
         Probability, in (0, 1), that the search has drawn a sample without a wrong match.
     min_iterations, max_iterations : int
         Bounds on the number of joint hypotheses tried in one search.
+    shared_error_px : float
+        1-sigma, px, by which all matches may be off in one way: no number of them averages it away,
+        and the covariance of the rotation is never less. As `matching_tolerance_px` for rays.
     false_alarm_rate : float
         Probability, in (0, 1), with which a camera that only turned may be said to have moved, one
         that stood still to have turned, and chance to have been a consensus.
@@ -45,6 +48,7 @@ class RelativePoseOptions:
     confidence: float = 0.999
     min_iterations: int = 16
     max_iterations: int = 2000
+    shared_error_px: float = 0.0
     false_alarm_rate: float = 1e-3
 
     def __post_init__(self) -> None:
@@ -52,6 +56,7 @@ class RelativePoseOptions:
             _check(self, name, float, "a positive number of pixels", lambda value: value > 0)
         for name in ("confidence", "false_alarm_rate"):
             _check(self, name, float, "a probability in (0, 1)", lambda value: 0 < value < 1)
+        _check(self, "shared_error_px", float, "0 px or more", lambda value: value >= 0)
         for name in ("min_iterations", "max_iterations"):
             _check(self, name, int, "a whole number, 0 or more", lambda value: value >= 0)
         if self.min_iterations > self.max_iterations:

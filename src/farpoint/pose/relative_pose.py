@@ -23,7 +23,7 @@ from farpoint.pose.conclusion import (
     label_matches,
     largest_sigma2,
 )
-from farpoint.pose.covariance import moving_covariance
+from farpoint.pose.covariance import moving_covariance, shared_covariance
 from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning, refit_moving
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
@@ -178,6 +178,7 @@ def _conclude_moving(
     if not is_consensus(agreeing, len(matches), 5, chance, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
     covariance, shows_direction = moving_covariance(matches, fit)
+    covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.unfixed_rotation(matches, course)
@@ -231,9 +232,10 @@ def _conclude_turning(
     if not is_consensus(agreeing, len(matches), 2, chance, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
     course.cost = fit.cost
-    if not fixes_rotation(fit.covariance):
+    covariance = fit.covariance + shared_covariance(matches, options.shared_error_px)
+    if not fixes_rotation(covariance):
         return conclusion.unfixed_rotation(matches, course)
-    if is_static(fit.R_cam1_from_cam0, fit.covariance, options.false_alarm_rate):
+    if is_static(fit.R_cam1_from_cam0, covariance, options.false_alarm_rate):
         status = PoseStatus.STATIC
         reason = f"{agreeing} of {len(matches)} matches stand still within the noise."
     else:
@@ -246,7 +248,7 @@ def _conclude_turning(
         status,
         reason,
         fit.R_cam1_from_cam0,
-        fit.covariance,
+        covariance,
         label_matches(matches, right),
         fit.noise.mean_sigma,
         course,

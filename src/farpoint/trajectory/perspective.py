@@ -1,4 +1,4 @@
-"""Matches of windows, rid of what perspective does to them."""
+"""Matches of windows, rid of what perspective does to them, and doubted where no plane fits."""
 
 from __future__ import annotations
 
@@ -19,6 +19,10 @@ _WARP_SIGMA = 0.01
 # 1-sigma of the slope of surfaces: change of the distance's logarithm by an angle, 1 / rad.
 _SLOPE = 2.0
 _LARGEST_SHIFT_PX = 0.2  # more than perspective does
+# 1-sigma of a match, px, for each unit by which its window's warp is none of a plane: as measured
+# on rendered streets, through each of four lenses.
+_PX_PER_CONTRADICTION = 1.2
+_LARGEST_CONTRADICTION = 0.2  # no worse than that: the window was found, after all
 
 
 def without_perspective(
@@ -31,6 +35,10 @@ def without_perspective(
     on the walls beside it, are moved alike, which no covariance of single matches tells; over
     hundreds of them it would be the largest error of the motion. How the windows changed their
     shapes tells how the surfaces lie, and these, with the motion, the quadratic part.
+
+    A window across the edge of something near moves in two ways at once, and its match is neither.
+    Planes of any slope change the shapes of windows along the flow only: by as much as one was
+    changed across it, the covariance of its match grows.
 
     Parameters
     ----------
@@ -46,15 +54,22 @@ def without_perspective(
     Returns
     -------
     Tracks
-        Without windows: the correction is made once.
+        Without windows: the correction is made once. Their covariances are larger.
     """
     if tracks.windows is None:
         return tracks
     motion = _Motion(R_cam1_from_cam0, np.zeros(3) if direction is None else direction)
-    bent = _quadratic_part(tracks.points0, camera, motion, _planes(tracks, camera, motion))
+    planes, contradiction = _planes(tracks, camera, motion)
+    bent = _quadratic_part(tracks.points0, camera, motion, planes)
     shift = np.einsum("nabc,nbc->na", tracks.windows.bending, bent)
     shift[~(np.abs(shift).max(axis=1, initial=0.0) < _LARGEST_SHIFT_PX)] = 0.0
-    return replace(tracks, points1=tracks.points1 - shift, windows=None)
+    doubt_px2 = (_PX_PER_CONTRADICTION * contradiction) ** 2
+    return replace(
+        tracks,
+        points1=tracks.points1 - shift,
+        covariance_px2=tracks.covariance_px2 + doubt_px2[:, None, None] * np.eye(2),
+        windows=None,
+    )
 
 
 class _Motion(NamedTuple):
@@ -83,11 +98,12 @@ def _quadratic_part(
     return np.stack([uu, uv, vv], axis=2)
 
 
-def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> np.ndarray:
+def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> tuple[np.ndarray, np.ndarray]:
     """Vectors n (N, 3): the inverse distances around a window are ``n . ray``, as on a plane.
 
-    The warp of a window is the derivative of ``project(R ray + direction (n . ray))`` by the
-    pixel: linear in the slope of n, which a prior keeps from following noise.
+    And by how much (N,) the warps contradict every plane. The warp of a window is the derivative of
+    ``project(R ray + direction (n . ray))`` by the pixel: linear in the slope of n, which a prior
+    keeps from following noise, and of any slope only along the flow.
     """
     assert tracks.windows is not None
     R, direction = motion
@@ -97,10 +113,15 @@ def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> np.ndarray:
     tangents = camera.unproject_jacobian(rays0)
     ahead = camera.model.project_jacobian(motion.moved(rays0, nearness))
     along = ahead @ direction
-    if_flat = np.einsum("nai,nib->nab", ahead @ R, tangents)
-    excess = np.einsum("na,nab->nb", along, tracks.windows.warps - if_flat)
+    rest = tracks.windows.warps - np.einsum("nai,nib->nab", ahead @ R, tangents)
+    excess = np.einsum("na,nab->nb", along, rest)
+    across = np.einsum("na,nab->nb", along[:, ::-1] * [-1.0, 1.0], rest)
+    length = np.linalg.norm(along, axis=1)
+    contradiction = np.linalg.norm(across, axis=1) / np.where(length > 0.0, length, np.inf)
     metric = np.einsum("nia,nib->nab", tangents, tangents)
     prior = (_SLOPE * nearness) ** 2 * 0.5 * np.trace(metric, axis1=1, axis2=2)
     gain = prior / (prior * np.sum(along**2, axis=1) + _WARP_SIGMA**2)
     slopes = np.linalg.solve(metric, (gain[:, None] * excess)[:, :, None])
-    return nearness[:, None] * rays0 + np.einsum("nib,nb->ni", tangents, slopes[:, :, 0])
+    planes = nearness[:, None] * rays0 + np.einsum("nib,nb->ni", tangents, slopes[:, :, 0])
+    # What cannot be told (a lens without derivatives there) is as bad as it gets.
+    return planes, np.fmin(contradiction, _LARGEST_CONTRADICTION)
