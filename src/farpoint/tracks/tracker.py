@@ -19,7 +19,7 @@ __all__ = ["Tracker", "grey_size"]
 
 Predict = Callable[[np.ndarray], np.ndarray]
 
-_WARP_STEP_PX = 4.0  # half of a window, over which the lens is about affine
+_WARP_STEP_PX = 4.0  # to either side: half of a window, over which the lens is about affine
 _LARGEST_WARP = 0.5  # elements farther off the identity are a seam or the edge of a field
 
 
@@ -264,8 +264,9 @@ def _predicted(predict: Predict | None, points: np.ndarray) -> tuple[np.ndarray,
         return points, warps
     start = _checked_prediction(predict, points)
     for axis in range(2):
-        ahead = _checked_prediction(predict, points + _WARP_STEP_PX * np.eye(2)[axis])
-        warps[:, :, axis] = (ahead - start) / _WARP_STEP_PX
+        step = _WARP_STEP_PX * np.eye(2)[axis]
+        ahead, behind = (_checked_prediction(predict, points + sign * step) for sign in (1, -1))
+        warps[:, :, axis] = (ahead - behind) / (2.0 * _WARP_STEP_PX)
     with np.errstate(invalid="ignore"):
         known = np.abs(warps - np.eye(2)).max(axis=(1, 2), initial=0.0) < _LARGEST_WARP
     warps[~known] = np.eye(2)
