@@ -18,6 +18,7 @@ _STEP_PX = 4.0  # over which the motion's second differences are taken: half of 
 _WARP_SIGMA = 0.01
 # 1-sigma of the slope of surfaces: change of the distance's logarithm by an angle, 1 / rad.
 _SLOPE = 2.0
+_LEAST_METRIC = 1e-15  # rad^2 / px^2
 _LARGEST_SHIFT_PX = 0.2  # more than perspective does
 # 1-sigma of a match, px, for each unit by which its window's warp is none of a plane: as measured
 # on rendered streets, through each of four lenses.
@@ -118,7 +119,8 @@ def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> tuple[np.ndarray
     across = np.einsum("na,nab->nb", along[:, ::-1] * [-1.0, 1.0], rest)
     length = np.linalg.norm(along, axis=1)
     contradiction = np.linalg.norm(across, axis=1) / np.where(length > 0.0, length, np.inf)
-    metric = np.einsum("nia,nib->nab", tangents, tangents)
+    # A pixel whose ray does not move tells no slope, and must not end the run.
+    metric = np.einsum("nia,nib->nab", tangents, tangents) + _LEAST_METRIC * np.eye(2)
     prior = (_SLOPE * nearness) ** 2 * 0.5 * np.trace(metric, axis1=1, axis2=2)
     gain = prior / (prior * np.sum(along**2, axis=1) + _WARP_SIGMA**2)
     slopes = np.linalg.solve(metric, (gain[:, None] * excess)[:, :, None])
