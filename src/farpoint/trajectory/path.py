@@ -57,8 +57,8 @@ class PathOptions:
 
     keyframe_direction_deg: float = 1.0
     keyframe_share: float = 0.5
-    persistent_motion_share: float = 0.2
-    persistent_length_share: float = 0.015
+    persistent_motion_share: float = 0.12
+    persistent_length_share: float = 0.008
     fading_motion_share: float = 0.3
     fading_motions: float = 12.0
     speed_ratio_sigma: float = 0.5
