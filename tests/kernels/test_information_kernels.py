@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from kernels_kit import View, packed, two_views
@@ -27,10 +29,17 @@ def told_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
     )
 
 
-def informed(view: View, prior: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    whole, noise = np.full((2, 5, 5), np.nan)
-    share = information(view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, whole, noise)
-    return share, whole, noise
+class Informed(NamedTuple):
+    known: float
+    whole: np.ndarray
+    noise: np.ndarray
+    scatter: np.ndarray
+
+
+def informed(view: View, prior: np.ndarray) -> Informed:
+    told = np.full((3, 5, 5), np.nan)
+    known = information(view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, *told)
+    return Informed(known, *told)
 
 
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -49,7 +58,7 @@ def test_the_whole_is_the_gauss_newton_matrix_of_the_likelihood():
     likelihood.linearize(
         view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, normal, np.empty(2)
     )
-    np.testing.assert_allclose(informed(view, prior)[1], normal[:5, :5], rtol=1e-7)
+    np.testing.assert_allclose(informed(view, prior).whole, normal[:5, :5], rtol=1e-7)
 
 
 def test_not_to_know_which_match_is_good_costs_the_variance_of_the_score():
@@ -59,11 +68,37 @@ def test_not_to_know_which_match_is_good_costs_the_variance_of_the_score():
     weight, square = good + poor / 8.0, good + poor / 64.0
     expected = 1.0 - np.sum(z * z * (square - weight * weight)) / np.sum(weight)
     assert expected < 0.9  # else nothing is tested
-    assert informed(view, prior)[0] == pytest.approx(expected, rel=1e-6)
+    assert informed(view, prior).known == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("matches", [7, 40])
+def test_the_scatter_is_that_of_a_fit_which_each_match_has_drawn_to_itself(matches):
+    view = two_views(5, matches, error_rad=2e-3)
+    prior = np.random.default_rng(5).uniform(0.5, 2.0, matches)
+    z, good, poor = parts(view, prior)
+    J = np.array([told_of(view.pairs, i, view.R, view.t)[0][1:] for i in range(matches)])
+    weight = (good + poor / 8.0) / VARIANCE
+    inverse = np.linalg.inv((weight[:, None] * J).T @ J)
+    leverage = weight * np.einsum("ni,ij,nj->n", J, inverse, J)
+    assert leverage.max() > 2.0 / matches  # else nothing is tested
+    score = weight * z * np.sqrt(VARIANCE) / np.sqrt(1.0 - np.minimum(leverage, 0.9))
+    expected = (score[:, None] * J).T @ (score[:, None] * J)
+    scatter = informed(view, prior).scatter
+    np.testing.assert_allclose(scatter, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
+
+
+def test_a_single_match_scatters_as_it_is_off():
+    # It fixes no pose, and so has drawn none.
+    view = two_views(6, 1, error_rad=2e-3)
+    z, good, poor = parts(view, np.ones(1))
+    _, *J = told_of(view.pairs, 0, view.R, view.t)[0]
+    score = (good + poor / 8.0) * z / np.sqrt(VARIANCE)
+    expected = score**2 * np.outer(J, J)
+    np.testing.assert_allclose(informed(view, np.ones(1)).scatter, expected, rtol=1e-6)
 
 
 def test_no_match_at_all_lacks_nothing():
-    assert informed(two_views(4, 3), np.zeros(3))[0] == 1.0
+    assert informed(two_views(4, 3), np.zeros(3)).known == 1.0
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -83,5 +118,5 @@ def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
     _, (g, flow) = told_of(view.pairs, 0, view.R, view.t)
     variance = flow / np.sum(np.cross(m, view.t) ** 2)  # of the angle, for unit noise
     expected = (good + poor / 8.0) * variance / g * np.outer(change, change)
-    noise = informed(view, np.ones(1))[2]
+    noise = informed(view, np.ones(1)).noise
     np.testing.assert_allclose(noise, expected, rtol=0.0, atol=3e-3 * np.abs(expected).max())

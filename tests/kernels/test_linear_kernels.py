@@ -198,10 +198,11 @@ def test_the_sandwich_of_what_is_left_of_a_matrix(seed, scale):
     roots = np.diag([scale, 1.0, 1.0, 1.0, 1.0]) @ rng.normal(size=(5, 12))
     V = roots @ roots.T
     part = 0.9 * roots[:, :5] @ roots[:, :5].T
+    inner = roots @ np.diag(rng.uniform(0.5, 2.0, 12)) @ roots.T
     H = V - part
     out = np.full((5, 5), np.nan)
-    assert linear.sandwich(V, part, 0.05, out)
-    expected = np.linalg.solve(H, np.linalg.solve(H, V).T)
+    assert linear.sandwich(V, part, inner, 0.05, out)
+    expected = np.linalg.solve(H, np.linalg.solve(H, inner).T)
     unit = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(
         out / np.outer(unit, unit), expected / np.outer(unit, unit), atol=1e-6
@@ -211,13 +212,13 @@ def test_the_sandwich_of_what_is_left_of_a_matrix(seed, scale):
 
 def test_the_sandwich_says_when_too_little_is_left():
     V = np.diag([4.0, 1.0, 1.0, 1.0, 1.0])
-    out = np.zeros((5, 5))
+    inner, out = 0.1 * V, np.zeros((5, 5))
     # Of the first direction 10 % are left.
-    assert linear.sandwich(V, np.diag([3.6, 0.0, 0.0, 0.0, 0.0]), 0.05, out)
-    assert out[0, 0] == pytest.approx(4.0 / 0.4**2)
-    assert not linear.sandwich(V, np.diag([3.6, 0.0, 0.0, 0.0, 0.0]), 0.15, out)
-    assert not linear.sandwich(V, np.diag([5.0, 0.0, 0.0, 0.0, 0.0]), 0.05, out)
-    assert not linear.sandwich(np.full((5, 5), np.nan), np.zeros((5, 5)), 0.05, out)
+    assert linear.sandwich(V, np.diag([3.6, 0.0, 0.0, 0.0, 0.0]), inner, 0.05, out)
+    assert out[0, 0] == pytest.approx(0.4 / 0.4**2)
+    assert not linear.sandwich(V, np.diag([3.6, 0.0, 0.0, 0.0, 0.0]), inner, 0.15, out)
+    assert not linear.sandwich(V, np.diag([5.0, 0.0, 0.0, 0.0, 0.0]), inner, 0.05, out)
+    assert not linear.sandwich(np.full((5, 5), np.nan), np.zeros((5, 5)), inner, 0.05, out)
 
 
 @quick

@@ -7,6 +7,7 @@ import numpy as np
 from farpoint._kernels.compile import inlined_kernel, kernel, sum_kernel
 from farpoint._kernels.epipolar import sampson_jacobian, variances
 from farpoint._kernels.likelihood import densities
+from farpoint._kernels.linear import cholesky
 from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0
 from farpoint._kernels.vectors import combine, cross, dot, matrix, rotate, tangent_columns, vector
 
@@ -14,10 +15,14 @@ __all__ = ["information"]
 
 # A match nearer to the epipole than this, in sigma of its flow, tells nothing of where it is.
 EPIPOLE_SIGMA = 8.0
+# Leverage beyond which a match is trusted no less.
+MOST_LEVERAGE = 0.9
 # Rows of a panel of what is told: Jacobian and its change by noise along the line, their weights,
-# the weight of the residual and what is missing of it.
-JACOBIAN, CHANGE, WEIGHT, SHARE, KNOWN, MISSING = (np.int64(row) for row in (0, 5, 10, 11, 12, 13))
-TOLD = 14 * LANES
+# the weight of the residual and what is missing of it, and the square of the weighted residual.
+JACOBIAN, CHANGE, WEIGHT, SHARE, KNOWN, MISSING, SCATTER = (
+    np.int64(row) for row in (0, 5, 10, 11, 12, 13, 14)
+)
+TOLD = 15 * LANES
 
 
 @kernel
@@ -30,6 +35,7 @@ def information(
     clutter: float,
     whole: np.ndarray,
     noise: np.ndarray,
+    scatter: np.ndarray,
 ) -> float:
     """Gauss-Newton matrix ``whole`` (5, 5) of the cost, and the part of it that is ``noise``.
 
@@ -39,6 +45,11 @@ def information(
     itself, and so adds v times that squared. Matches at the epipole are left out: noise alone
     decides on their epipolar line.
 
+    ``scatter`` is the variance of the gradient as the residuals show it, which is ``whole`` where
+    their noise is the one that was stated. A match draws the pose towards itself, and so shows a
+    smaller square than it had: by ``1 - h`` with h its leverage (MacKinnon and White, J. Econom.
+    29, 1985, HC2, DOI 10.1016/0304-4076(85)90158-7).
+
     Returns the share of this information that there is without knowing which matches are good, poor
     or wrong: what is missing is the variance of the score over these (Louis, J. R. Stat. Soc. B 44,
     1982, DOI 10.1111/j.2517-6161.1982.tb01203.x).
@@ -47,6 +58,8 @@ def information(
     _tell(pairs, prior, R, t, mixture, clutter, told)
     _gram(told, JACOBIAN, WEIGHT, whole)
     _gram(told, CHANGE, SHARE, noise)
+    _without_leverage(told, whole)
+    _gram(told, JACOBIAN, SCATTER, scatter)
     known, missing = _total(told, KNOWN), _total(told, MISSING)
     return 1.0 - missing / known if known > 0.0 else 1.0
 
@@ -87,6 +100,28 @@ def _tell(
             told[to + SHARE * LANES] = w * v / (g * square * square + 1e-300)
             told[to + KNOWN * LANES] = w
             told[to + MISSING * LANES] = r * r * precision * (w2 - w * w)
+            told[to + SCATTER * LANES] = (w * precision * r) ** 2
+
+
+@kernel
+def _without_leverage(told: np.ndarray, whole: np.ndarray) -> None:
+    """Make up for what of its residual each match has taken by drawing the pose."""
+    L = np.empty((5, 5))
+    if not cholesky(whole, 0.0, L):
+        return
+    for at in range(5):
+        L[at, at] = 1.0 / L[at, at]
+    for panel in range(told.shape[0] // TOLD):
+        for lane in range(LANES):
+            at = panel * TOLD + lane
+            a = L[0, 0] * told[at]
+            b = L[1, 1] * (told[at + LANES] - L[1, 0] * a)
+            c = L[2, 2] * (told[at + 2 * LANES] - L[2, 0] * a - L[2, 1] * b)
+            d = L[3, 3] * (told[at + 3 * LANES] - L[3, 0] * a - L[3, 1] * b - L[3, 2] * c)
+            e = told[at + 4 * LANES] - L[4, 0] * a - L[4, 1] * b - L[4, 2] * c - L[4, 3] * d
+            square = a * a + b * b + c * c + d * d + (L[4, 4] * e) ** 2
+            rest = 1.0 - min(told[at + WEIGHT * LANES] * square, MOST_LEVERAGE)
+            told[at + SCATTER * LANES] /= rest
 
 
 @inlined_kernel

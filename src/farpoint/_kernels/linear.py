@@ -194,10 +194,12 @@ def substitute(L: np.ndarray, g: np.ndarray, x: np.ndarray) -> None:
 
 
 @kernel
-def sandwich(whole: np.ndarray, part: np.ndarray, least: float, out: np.ndarray) -> bool:
-    """``H^-1 V H^-1`` with ``V = whole`` and ``H = whole - part``, all (5, 5) and symmetric.
+def sandwich(
+    whole: np.ndarray, part: np.ndarray, inner: np.ndarray, least: float, out: np.ndarray
+) -> bool:
+    """``H^-1 V H^-1`` with ``V = inner`` and ``H = whole - part``, all (5, 5) and symmetric.
 
-    False, and nothing done, unless H is at least ``least`` times V in every direction.
+    False, and nothing done, unless H is at least ``least`` times ``whole`` in every direction.
     """
     n = 5
     H, L, x, y = np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty((n, n))
@@ -211,7 +213,7 @@ def sandwich(whole: np.ndarray, part: np.ndarray, least: float, out: np.ndarray)
             H[i, j] = whole[i, j] - part[i, j]
     cholesky(H, 0.0, L)
     for j in range(n):
-        substitute(L, whole[j], y[j])  # Row j of V H^-1.
+        substitute(L, inner[j], y[j])  # Row j of V H^-1.
     for j in range(n):
         for i in range(n):
             x[i] = y[i, j]

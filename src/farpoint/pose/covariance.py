@@ -18,6 +18,9 @@ __all__ = ["moving_covariance", "shared_covariance"]
 SIGNAL = 0.25
 # Where nearly all of the flow is noise, the curvature cannot tell how little of it is signal.
 LEAST_SIGNAL = 0.05
+# Matches whose residuals weigh as much as the noise that was found, in saying how the gradient
+# varies: few residuals tell little of it.
+STATED = 60.0
 # Information of one radian on the direction, none on the rotation: the sphere is bounded.
 DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 
@@ -28,15 +31,18 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, boo
     And whether the flow holds signal enough to tell a direction.
 
     The sandwich ``H^-1 V H^-1`` of the curvature H of the expected likelihood and the variance V of
-    its gradient, which is the Gauss-Newton matrix. Since the depths are estimated along, V counts
-    the noise in the flow as if it were flow; H does not. Where nearly all of V is noise, it alone
-    tells the scale, by the least share of it that is taken to be signal. Both lack the information
-    that is lost for not knowing which matches are good. The noise is estimated too, from few
-    matches roughly: on average its inverse is too large by ``f / (f - 2)`` with f degrees of
-    freedom, and the covariance is made larger by as much.
+    its gradient. Since the depths are estimated along, the Gauss-Newton matrix counts the noise in
+    the flow as if it were flow; H does not. V is that matrix if the noise is what was found, and
+    the scatter of the gradient over the matches whatever it is: both are heard, the scatter the
+    more, the more matches there are. H lacks the information that is lost for not knowing which
+    matches are good. The noise is estimated too, from few matches roughly: on average its inverse
+    is too large by ``f / (f - 2)`` with f degrees of freedom, and the covariance is made larger by
+    as much.
+
+    Where nearly all of the Gauss-Newton matrix is noise, it alone tells the scale, by the least
+    share of it that is taken to be signal.
     """
-    both = np.empty((2, 5, 5))
-    whole, noise = both
+    whole, noise, scatter = np.empty((3, 5, 5))
     known = information(
         matches.pairs,
         fit.prior,
@@ -46,12 +52,18 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, boo
         clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
         whole,
         noise,
+        scatter,
     )
-    freedom = max(float(fit.probability.sum()) - 5.0, 4.0)
-    both *= known * ((freedom - 2.0) / freedom)
+    right = float(fit.probability.sum())
+    freedom = max(right - 5.0, 4.0)
+    sure = (freedom - 2.0) / freedom
+    whole *= known * sure
+    noise *= known * sure
+    heard = right / (right + STATED)
+    variance = (heard * sure) * scatter + (1.0 - heard) * whole + DIRECTION_PRIOR
     whole += DIRECTION_PRIOR
     covariance = np.empty((5, 5))
-    if sandwich(whole, noise, SIGNAL, covariance):
+    if sandwich(whole, noise, variance, SIGNAL, covariance):
         return positive(covariance), True
     if not (np.isfinite(whole).all() and np.isfinite(noise).all()):
         return np.full((5, 5), np.inf), False
