@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from farpoint import Camera, estimate_relative_pose
+from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
 from farpoint.geometry import so3, sphere
+from farpoint.metrics import statistics as metrics
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 NORMAL = np.array([0.45, -0.25, 1.0]) / 4.0
@@ -15,6 +16,13 @@ NOISE_PX = 0.2
 
 def wall(seed: int, direction: np.ndarray, off_the_wall: int) -> tuple[np.ndarray, np.ndarray]:
     """Pixels of 100 points seen from two places 12 cm apart, some in front of the wall."""
+    return seen_wall(seed, direction, off_the_wall)[:2]
+
+
+def seen_wall(
+    seed: int, direction: np.ndarray, off_the_wall: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `wall`, and the true rotation."""
     rng = np.random.default_rng(seed)
     points0 = rng.uniform((0.0, 0.0), (639.0, 479.0), (100, 2))
     rays = CAMERA.unproject(points0)
@@ -24,7 +32,13 @@ def wall(seed: int, direction: np.ndarray, off_the_wall: int) -> tuple[np.ndarra
     points1 = CAMERA.project(depth[:, None] * rays @ R.T + 0.12 * direction)
     seen = np.isfinite(points1).all(axis=1)
     noise = rng.normal(0.0, NOISE_PX, (2, seen.sum(), 2))
-    return points0[seen] + noise[0], points1[seen] + noise[1]
+    return points0[seen] + noise[0], points1[seen] + noise[1], R
+
+
+def is_right(pose: RelativePose, direction: np.ndarray) -> bool:
+    """Whether this direction is given; that of the other motion is 30 degrees away and more."""
+    found = pose.direction_cam1_from_cam0
+    return found is not None and float(sphere.angle_between(found, direction)) < np.radians(20.0)
 
 
 @pytest.mark.parametrize(
@@ -34,10 +48,45 @@ def wall(seed: int, direction: np.ndarray, off_the_wall: int) -> tuple[np.ndarra
 )
 def test_a_few_points_before_a_wall_tell_which_of_the_two_motions_it_was(direction):
     direction = sphere.normalize(np.array(direction))
-    angles = []
+    told = []
     for seed in range(40):
         pose = estimate_relative_pose(*wall(seed, direction, off_the_wall=3), CAMERA, seed=seed)
-        assert pose.direction_cam1_from_cam0 is not None
-        angles.append(sphere.angle_between(pose.direction_cam1_from_cam0, direction))
-    # The other motion is 40 degrees away and more.
-    assert np.mean(np.array(angles) > np.radians(20.0)) < 0.1
+        told.append(is_right(pose, direction))
+    assert np.mean(told) > 0.9
+
+
+@pytest.fixture(scope="module")
+def bare_walls() -> list[tuple[RelativePose, np.ndarray, np.ndarray]]:
+    """Estimates from walls with nothing before them; true rotations and directions."""
+    found = []
+    for direction in map(sphere.normalize, np.array([(0.4, 0.3, -0.85), (-0.8, 0.1, -0.5)])):
+        for seed in range(40):
+            points0, points1, R = seen_wall(seed, direction, off_the_wall=0)
+            found.append((estimate_relative_pose(points0, points1, CAMERA), R, direction))
+    return found
+
+
+def test_a_bare_wall_is_said_to_allow_two_motions(bare_walls):
+    said = ["two motions" in pose.reason for pose, _, _ in bare_walls]
+    assert np.mean(said) > 0.8
+    assert all(
+        pose.status is PoseStatus.ROTATION_ONLY
+        for (pose, _, _), two in zip(bare_walls, said, strict=True)
+        if two
+    )
+
+
+def test_a_wall_tells_the_two_apart_where_one_has_points_behind_the_camera():
+    # Of a motion along the wall: the other one is towards it, past half of its points.
+    direction = np.array([1.0, 0.0, 0.0])
+    poses = [estimate_relative_pose(*wall(seed, direction, 0), CAMERA) for seed in range(40)]
+    assert np.mean([is_right(pose, direction) for pose in poses]) > 0.9
+
+
+def test_the_rotation_before_a_bare_wall_is_as_sure_as_two_motions_leave_it(bare_walls):
+    errors, covariances = [], []
+    for pose, R, _ in bare_walls:
+        if "two motions" in pose.reason:
+            errors.append(so3.log(R @ pose.rotation_cam1_from_cam0.T))
+            covariances.append(pose.rotation_covariance)
+    assert np.mean(metrics.nees(np.array(errors), np.array(covariances)) < 7.81) > 0.9

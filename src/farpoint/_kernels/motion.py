@@ -42,6 +42,7 @@ def find_motion(
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
+    twins: np.ndarray,
 ) -> int:
     """Search for the pose from the rotation of the far matches; returns the hypotheses tried.
 
@@ -77,6 +78,7 @@ def find_motion(
         R,
         t,
         mixture,
+        twins,
     )
 
 

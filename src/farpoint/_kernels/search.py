@@ -304,6 +304,7 @@ def search_pose(
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
+    twins: np.ndarray,
 ) -> int:
     """Most likely pose near the rotation ``R`` and among joint hypotheses; returns iterations.
 
@@ -313,7 +314,8 @@ def search_pose(
     with the matches about as well as the first pose, and as any since, is refined, and judged by
     its likelihood with the noise that it needs: a wrong minimum looks good only with more noise
     than there is. Once there has been a rival, many more are tried. At last come the motions that
-    look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best.
+    look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best, ``twins`` (2,) which
+    of the motions that look alike, by a plane and by two layers, were rivals.
     """
     matches = Matches(pairs, prior, count, spread, min_variance)
     best = Pose(R, t, mixture, np.empty((6, 6)), np.empty(1))
@@ -356,6 +358,7 @@ def search_pose(
             contested = True
             wrong = _unexplained(matches, best, tolerance)
     for twin in range(2):
+        twins[twin] = False
         gate = GATE_SIGMA * math.sqrt(mixture[0])
         if twin == 0:
             found = planar_twin(pairs, count, gate, R, t, other.R, other.t)
@@ -363,7 +366,7 @@ def search_pose(
             found = layer_twin(pairs, count, gate, R, t, other.R, other.t)
         if found:
             copy(mixture, other.mixture)
-            _challenge(matches, other, best)
+            twins[twin] = _challenge(matches, other, best)
     return iteration
 
 

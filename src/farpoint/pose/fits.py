@@ -118,6 +118,8 @@ class MovingFit:
         Of each match to be right.
     iterations : int
         Joint hypotheses tried.
+    is_planar : bool
+        Whether the second motion that a plane allows explained the matches searched nearly as well.
     cost : float
         Mean negative log likelihood of a match.
     prior : ndarray
@@ -137,6 +139,7 @@ class MovingFit:
     parallax: np.ndarray
     probability: np.ndarray
     iterations: int
+    is_planar: bool
     cost: float
     prior: np.ndarray
     far_rotation_cam1_from_cam0: np.ndarray
@@ -189,6 +192,7 @@ def fit_moving(
         rows = np.arange(MAX_SEARCHED) * n // MAX_SEARCHED
         searched = matches.select(rows)
     far_R, R, t, mixture = IDENTITY.copy(), np.empty((3, 3)), np.empty(3), np.empty(3)
+    twins = np.empty(2, bool)
     iterations = find_motion(
         searched.pairs,
         searched.weights(),
@@ -208,8 +212,10 @@ def fit_moving(
         R,
         t,
         mixture,
+        twins,
     )
-    return _settle(matches, searched, rows, far_R, iterations, R, t, mixture)
+    is_planar = bool(twins[0])
+    return _settle(matches, searched, rows, far_R, iterations, is_planar, R, t, mixture)
 
 
 def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
@@ -220,6 +226,7 @@ def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
         fit.rows,
         fit.far_rotation_cam1_from_cam0,
         fit.iterations,
+        fit.is_planar,
         fit.R_cam1_from_cam0.copy(),
         fit.direction_cam1_from_cam0.copy(),
         fit.noise.array,
@@ -249,6 +256,7 @@ def _settle(
     rows: np.ndarray,
     far_rotation_cam1_from_cam0: np.ndarray,
     iterations: int,
+    is_planar: bool,
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
@@ -279,6 +287,7 @@ def _settle(
         parallax=parallax[:n],
         probability=right[:n],
         iterations=iterations,
+        is_planar=is_planar,
         cost=cost / n,
         far_rotation_cam1_from_cam0=far_rotation_cam1_from_cam0,
         searched=searched,

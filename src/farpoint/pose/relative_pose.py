@@ -14,6 +14,7 @@ from farpoint._kernels.motion import find_motion
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
+from farpoint.geometry.sphere import angle_between
 from farpoint.pose import conclusion
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import (
@@ -29,6 +30,7 @@ from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning, r
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
+from farpoint.pose.planes import likelier_motion
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.verdict import (
     NEAR_SIGMA,
@@ -171,6 +173,8 @@ def _conclude_moving(
     options: RelativePoseOptions,
     course: Course,
 ) -> RelativePose:
+    fit, other = likelier_motion(matches, fit)
+    course.lap("refinement_s")
     sigma = fit.noise.sigma
     labels = np.empty(len(matches), np.uint8)
     agreeing, odds = weigh(fit.parallax, fit.probability, sigma, NEAR_SIGMA, labels)
@@ -187,19 +191,24 @@ def _conclude_moving(
     direction_sigma = largest_sigma2(xx, xy, yy)
     sign = 1.0 / (1.0 + math.exp(-min(max(odds, -700.0), 700.0)))
     course.cost, course.sign_probability = fit.cost, sign
+    rotation_covariance = covariance[:3, :3]
+    if other is not None and other.against < -math.log(options.false_alarm_rate):
+        apart = angle_between(other.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
+        reason = (
+            "A plane explains the matches and allows two motions, whose directions are "
+            f"{math.degrees(apart):.0f} deg apart."
+        )
+        other_R = other.R_cam1_from_cam0
+        return _rotation_alone(fit, reason, rotation_covariance, other_R, labels, course)
     is_vague = direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate
     if is_vague or not shows_direction:
-        return conclusion.turned(
-            PoseStatus.ROTATION_ONLY,
+        reason = (
             "The flow beyond the rotation is too short or too parallel: "
             f"its direction is uncertain by {math.degrees(direction_sigma):.0f} deg, "
-            f"its sign right with {100 * sign:.0f} %.",
-            fit.R_cam1_from_cam0,
-            covariance[:3, :3] + _doubt_of_model(matches, fit, tolerance),
-            labels,
-            fit.noise.mean_sigma,
-            course,
+            f"its sign right with {100 * sign:.0f} %."
         )
+        other_R = fit_turning(matches, fit.far_rotation_cam1_from_cam0, tolerance).R_cam1_from_cam0
+        return _rotation_alone(fit, reason, rotation_covariance, other_R, labels, course)
     return conclusion.observed(
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
@@ -211,15 +220,29 @@ def _conclude_moving(
     )
 
 
-def _doubt_of_model(matches: Matches, fit: MovingFit, tolerance: float) -> np.ndarray:
-    """Covariance (3, 3), rad^2, of a rotation beside a translation that can barely be told.
+def _rotation_alone(
+    fit: MovingFit,
+    reason: str,
+    covariance: np.ndarray,
+    other_R: np.ndarray,
+    labels: np.ndarray,
+    course: Course,
+) -> RelativePose:
+    """The rotation of a motion whose direction cannot be told, and that may be the other one.
 
-    By how much the rotation would be another one without that translation. About which axis
-    depends on its direction, which is not known.
+    That of another motion, or that without a translation. About which axis the two differ depends
+    on a direction that is not known.
     """
-    turning = fit_turning(matches, fit.far_rotation_cam1_from_cam0, tolerance)
-    apart = so3.log(fit.R_cam1_from_cam0 @ turning.R_cam1_from_cam0.T)
-    return 0.5 * float(apart @ apart) * np.eye(3)
+    apart = so3.log(fit.R_cam1_from_cam0 @ other_R.T)
+    return conclusion.turned(
+        PoseStatus.ROTATION_ONLY,
+        reason,
+        fit.R_cam1_from_cam0,
+        covariance + 0.5 * float(apart @ apart) * np.eye(3),
+        labels,
+        fit.noise.mean_sigma,
+        course,
+    )
 
 
 def _conclude_turning(
