@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numba
 import numpy as np
+import pytest
 
 from farpoint._kernels.fused import fused
 
@@ -31,3 +32,11 @@ def test_a_loop_over_several_has_the_digits_of_one():
         sums(a[i : i + 1], b[i : i + 1], c[i : i + 1], alone[i : i + 1])
     np.testing.assert_array_equal(together, alone)
     np.testing.assert_allclose(together, a * b + c, rtol=0.0, atol=1e-14)
+
+
+def test_narrow_numbers_stay_narrow():
+    compiled = numba.njit(lambda a, b, c: fused(a, b, c))
+    a, b, c = (np.float32(value) for value in (0.1, 0.3, -0.7))
+    result = compiled(a, b, c)
+    assert result == np.float32(result)
+    assert result == pytest.approx(float(a) * float(b) + float(c), rel=1e-7)

@@ -32,7 +32,7 @@ def follow(image0: np.ndarray, image1: np.ndarray, points: np.ndarray) -> np.nda
     values0, layout = single_level(image0)
     values1, _ = single_level(image1)
     found = np.empty(points.shape)
-    follow_windows(values0, values1, layout, points, points, HALF, 20, 0.01, found)
+    follow_windows(values0, values1, layout, points, points, HALF, 20, 0.01, 1.0, found)
     return found
 
 

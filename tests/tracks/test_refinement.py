@@ -84,6 +84,21 @@ def test_matches_are_right_to_a_fiftieth_of_a_pixel(scale):
     assert np.abs(np.mean(points1 - truth, axis=0)).max() < 0.005
 
 
+def test_three_steps_lead_to_the_end():
+    """Though gradients of sharp images are too flat, and steps by these too long."""
+    scene = Waves(9)
+    rng = np.random.default_rng(9)
+    image0, image1 = (photo(scene.grey(shift=shift), 1, rng) for shift in ((0, 0), (1.2, 0.3)))
+    points0, _, start = starts(scene, image0, rng, shift=(1.2, 0.3))
+    few, many = (
+        refine(image0, image1, points0, start, RefinementOptions(max_iterations=n, tolerance_px=t))
+        for n, t in ((3, 0.05), (40, 1e-5))
+    )
+    left_px = np.linalg.norm(few[0] - many[0], axis=1)
+    assert np.quantile(left_px, 0.9) < 0.004
+    assert np.median(few[1][:, 0, 0] / many[1][:, 0, 0]) == pytest.approx(1.0, abs=0.02)
+
+
 def test_a_change_of_exposure_does_not_move_the_matches():
     scene = Waves(3)
     image0 = photo(scene.grey())

@@ -11,7 +11,7 @@ from numba.extending import lower_builtin, type_callable
 __all__ = ["fused"]
 
 
-def fused(a: float, b: float, c: float) -> float:
+def fused(a: Any, b: Any, c: Any) -> Any:
     """``a b + c``, rounded once where the processor can.
 
     Said so in the formulas, every loop has the same digits; a compiler that is free to fuse what it
@@ -22,12 +22,12 @@ def fused(a: float, b: float, c: float) -> float:
 
 @type_callable(fused)
 def _type(_context: Any) -> Any:
-    return lambda a, b, c: types.float64  # noqa: ARG005 - numba asks for its names
+    return lambda a, b, c: a if a == b == c else types.float64
 
 
 @lower_builtin(fused, types.Float, types.Float, types.Float)
-def _lower(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-    number = llvmlite.ir.DoubleType()
+def _lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    number = context.get_value_type(signature.return_type)
     function = llvmlite.ir.FunctionType(number, [number] * 3)
     fmuladd = builder.module.declare_intrinsic("llvm.fmuladd", [number], function)
     return builder.call(fmuladd, arguments)

@@ -5,18 +5,33 @@ of the level's pixel (0, 0), the places from one line to the next, width and hei
 level there is a border at least as wide as `border_px`, so that a window whose centre is in the
 image needs no look at where the image ends.
 
-Lines of a window are as long as the processor likes them, `LANES` pixels or a multiple: what lies
-beyond the window has no gradient, and no weight by that. Floats are float32, as in `affine_match`.
+Templates, gradients and what they are compared with have lines of one length, so that a window is
+one stretch of memory: what lies between the window's columns and the end of a line has no gradient,
+and no weight by that. Floats are float32, as in `affine_match`.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
-from farpoint._kernels.windows import LANES, between, differentiate, line_px, sample, value_at
+from farpoint._kernels.windows import (
+    LANES,
+    differentiate,
+    line_px,
+    read,
+    relaxed,
+    room_px,
+    sample,
+    value_at,
+    weights_of,
+)
 
 __all__ = ["border_px", "follow_windows"]
+
+_SLACK = 1  # px to each side that a window may move before the image is read anew
 
 
 def border_px(half: int) -> int:
@@ -25,8 +40,12 @@ def border_px(half: int) -> int:
 
 
 @kernel
-def follow_windows(values0, values1, layout, points0, start, half, iterations, tolerance, points1):
-    """Find windows of one image in another, from the coarsest level to the finest.
+def follow_windows(
+    values0, values1, layout, points0, start, half, iterations, tolerance, back, points1
+):
+    """Find windows of one image in another, from the coarsest level to the finest, and back.
+
+    The way back begins as far from its goal as the way forth did.
 
     Parameters
     ----------
@@ -44,39 +63,64 @@ def follow_windows(values0, values1, layout, points0, start, half, iterations, t
         Steps at most at every level.
     tolerance : float
         Steps end when they are shorter, px of the level.
+    back : float
+        How far from its start a point may come back, px.
     points1 : ndarray of float64, shape (N, 2)
-        Out: centres of the windows in the second image; NaN where the finest level has no answer:
-        no texture, or no place within the image.
+        Out: centres of the windows in the second image; NaN where the finest level has no answer
+        (no texture, or no place within the image), or one that does not lead back.
     """
     width = 2 * half + 1
-    line, patch_line = line_px(width), line_px(width + 2)
-    patch = np.zeros((width + 2) * patch_line + LANES, np.float32)
-    window, gx, gy = (
+    line = line_px(width + 1 + 2 * _SLACK)
+    room = (
+        np.zeros(room_px(width + 1 + 2 * _SLACK, line), np.float32),  # pixels as they are
+        np.zeros(room_px(width + 2, line), np.float32),  # values between them
+        np.zeros(width * line, np.float32),  # the template
+        np.zeros(width * line, np.float32),  # its gradients
         np.zeros(width * line, np.float32),
-        np.zeros(width * line, np.float32),
-        np.zeros(width * line, np.float32),
+        np.zeros(width * line, np.float32),  # 1 within the window
     )
-    weight = np.zeros(line, np.float32)
-    weight[:width] = 1.0
+    for v in range(width):
+        room[5][v * line : v * line + width] = 1.0
+    patience = iterations, tolerance
     for k in range(len(points0)):
-        scale = 0.5 ** (len(layout) - 1)
-        x, y = start[k, 0] * scale, start[k, 1] * scale
-        seen = False
-        for level in range(len(layout) - 1, -1, -1):
-            here = layout[level]
-            x0, y0 = points0[k, 0] * scale, points0[k, 1] * scale
-            seen = False
-            if _within(here, x0, y0):
-                sample(values0, here, x0 - half - 1, y0 - half - 1, width + 2, patch_line, patch)
-                differentiate(patch, patch_line, width, line, weight, window, gx, gy)
-                x1, y1, seen = _descend(
-                    values1, here, x, y, half, line, window, gx, gy, iterations, tolerance
-                )
-                if seen:
-                    x, y = x1, y1
-            if level > 0:
-                scale, x, y = 2.0 * scale, 2.0 * x, 2.0 * y
-        points1[k, 0], points1[k, 1] = (x, y) if seen else (np.nan, np.nan)
+        x0, y0 = points0[k]
+        from_x, from_y = start[k]
+        points1[k] = np.nan
+        x, y, seen = _find(
+            values0, values1, layout, (x0, y0), (from_x, from_y), half, patience, room
+        )
+        if seen:
+            from_x, from_y = x + x0 - from_x, y + y0 - from_y
+            again_x, again_y, seen = _find(
+                values1, values0, layout, (x, y), (from_x, from_y), half, patience, room
+            )
+            if seen and math.hypot(again_x - x0, again_y - y0) <= back:
+                points1[k, 0], points1[k, 1] = x, y
+
+
+@inner_kernel
+def _find(values0, values1, layout, point0, start, half, patience, room):
+    """Where the window around a point is in the second image; whether it is."""
+    width = 2 * half + 1
+    pixels, patch, window, gx, gy, weight = room
+    line = len(window) // width
+    scale = 0.5 ** (len(layout) - 1)
+    x, y = start[0] * scale, start[1] * scale
+    seen = False
+    for level in range(len(layout) - 1, -1, -1):
+        here = layout[level]
+        left, top = point0[0] * scale, point0[1] * scale
+        seen = _within(here, left, top)
+        if seen:
+            left, top = left - half - 1, top - half - 1
+            sample(values0, here, left, top, width + 2, line, pixels, patch)
+            differentiate(patch, line, 1, width * line, weight, window, gx, gy)
+            x1, y1, seen = _descend(values1, here, x, y, half, window, gx, gy, patience, pixels)
+            if seen:
+                x, y = x1, y1
+        if level > 0:
+            scale, x, y = 2.0 * scale, 2.0 * x, 2.0 * y
+    return x, y, seen
 
 
 @inner_kernel
@@ -86,25 +130,32 @@ def _within(here, x, y):
 
 
 @inner_kernel
-def _descend(values, here, x, y, half, line, window, gx, gy, iterations, tolerance):
+def _descend(values, here, x, y, half, window, gx, gy, patience, pixels):
     """Gauss-Newton steps on one level from (x, y); whether they stayed in the image."""
     xx, xy, yy = _normal_matrix(gx, gy)
     determinant = xx * yy - xy * xy
     if not determinant > 1e-6 * xx * yy:  # no texture, or along one direction only
         return x, y, False
-    before_x, before_y = 0.0, 0.0
-    for _ in range(iterations):
+    before_x, before_y, share = 0.0, 0.0, 1.0
+    iterations, tolerance = patience
+    line = len(window) // (2 * half + 1)
+    left, top = 0, 0
+    for step in range(iterations):
         if not _within(here, x, y):
             return x, y, False
-        bx, by = _mismatch(values, here, x - half, y - half, 2 * half + 1, line, window, gx, gy)
+        whole_x, whole_y = math.floor(x), math.floor(y)
+        beside, below = whole_x - half - left, whole_y - half - top
+        if step == 0 or not (0 <= beside <= 2 * _SLACK and 0 <= below <= 2 * _SLACK):
+            beside, below = _SLACK, _SLACK
+            left, top = whole_x - half - beside, whole_y - half - below
+            read(values, here, left, top, 2 * (half + 1 + _SLACK), line, pixels)
+        weights = weights_of(x - whole_x, y - whole_y)
+        bx, by = _mismatch(pixels, below * line + beside, line, weights, window, gx, gy)
         step_x = (yy * bx - xy * by) / determinant
         step_y = (xx * by - xy * bx) / determinant
-        x, y = x - step_x, y - step_y
+        share = relaxed(share, step_x, step_y, before_x, before_y)
+        x, y = x - share * step_x, y - share * step_y
         if step_x * step_x + step_y * step_y < tolerance * tolerance:
-            break
-        if abs(step_x + before_x) < 0.01 and abs(step_y + before_y) < 0.01:
-            # To and fro: the middle.
-            x, y = x + 0.5 * step_x, y + 0.5 * step_y
             break
         before_x, before_y = step_x, step_y
     return x, y, _within(here, x, y)
@@ -115,26 +166,20 @@ def _normal_matrix(gx, gy):
     """Second moments of the gradients: xx, xy, yy."""
     zero = np.float32(0.0)
     xx, xy, yy = zero, zero, zero
-    for begin in range(0, len(gx), LANES):
-        i = np.uintp(begin)
-        for j in range(np.uintp(LANES)):
-            xx += gx[i + j] * gx[i + j]
-            xy += gx[i + j] * gy[i + j]
-            yy += gy[i + j] * gy[i + j]
+    for i in range(np.uintp(len(gx))):
+        xx += gx[i] * gx[i]
+        xy += gx[i] * gy[i]
+        yy += gy[i] * gy[i]
     return float(xx), float(xy), float(yy)
 
 
 @sum_kernel
-def _mismatch(values, here, x, y, rows, line, window, gx, gy):
-    """Sums of gradient times second image minus first, for a window that begins at (x, y)."""
-    place, weights = between(here, x, y)
-    stride = np.uintp(here[1])
+def _mismatch(pixels, begin, line, weights, window, gx, gy):
+    """Sums of gradient times second image minus first, for a window that begins at a pixel."""
     bx, by = np.float32(0.0), np.float32(0.0)
-    for v in range(rows):
-        for begin in range(0, line, LANES):
-            i, out = np.uintp(place + v * here[1] + begin), np.uintp(v * line + begin)
-            for j in range(np.uintp(LANES)):
-                difference = value_at(values, i + j, stride, weights) - window[out + j]
-                bx += difference * gx[out + j]
-                by += difference * gy[out + j]
+    first = np.uintp(begin)
+    for i in range(np.uintp(len(window))):
+        difference = value_at(pixels, first + i, line, weights) - window[i]
+        bx += difference * gx[i]
+        by += difference * gy[i]
     return float(bx), float(by)

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.affine_slopes import PARAMETERS, changes
 from farpoint._kernels.compile import inner_kernel, sum_kernel
 from farpoint._kernels.windows import LANES, line_px
 
-__all__ = ["PARAMETERS", "bend", "covary", "influence_of", "room_of", "solve"]
+__all__ = ["bend", "covary", "influence_of", "room_of", "solve"]
 
-PARAMETERS = 8
 # Variance of Scharr's gradients over that of the residual, both of white noise sampled between
 # pixels: 0.23 s^2 shrunk to 0.13 s^2, over the two images' 0.88 s^2.
 _GRADIENT_NOISE = 0.15
@@ -44,15 +44,7 @@ def influence_of(factor, slopes, grid, rows, influence):
     for a in range(2):
         rows[a, a] = 1.0
         solve(factor, rows[a])
-        x, y = np.float32(rows[a, 0]), np.float32(rows[a, 1])
-        xu, xv = np.float32(rows[a, 2]), np.float32(rows[a, 3])
-        yu, yv = np.float32(rows[a, 4]), np.float32(rows[a, 5])
-        c, w = np.float32(rows[a, 6]), np.float32(rows[a, 7])
-        out = influence[a]
-        for i in range(np.uintp(len(out))):
-            u, v = grid[0][i], grid[1][i]
-            along = slopes[0][i] * (x + xu * u + xv * v) + slopes[1][i] * (y + yu * u + yv * v)
-            out[i] = along + c * slopes[2][i] - w * grid[2][i]
+        changes(slopes, grid, rows[a], influence[a])
 
 
 @inner_kernel
@@ -106,11 +98,9 @@ def covary(rows, influence, residual, prior, variance, width, line, moves, covar
     stride = line_px(width + 2 * margin)
     for a in range(2):
         for v in range(width):
-            for part in range(0, line, LANES):
-                i = np.uintp(v * line + part)
-                out = np.uintp((v + margin) * stride + margin + part)
-                for j in range(np.uintp(LANES)):
-                    moves[a, out + j] = influence[a, i + j] * residual[i + j]
+            i, out = np.uintp(v * line), np.uintp((v + margin) * stride + margin)
+            for j in range(np.uintp(line)):
+                moves[a, out + j] = influence[a, i + j] * residual[i + j]
     xx, xy, yy = _block_moments(moves, stride, (width + margin) * stride)
     # The fit has bent the residuals towards zero: of the count / block^2 independent blocks the
     # parameters have taken their share.

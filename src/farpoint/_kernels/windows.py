@@ -15,9 +15,19 @@ import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel
 
-__all__ = ["LANES", "between", "differentiate", "line_px", "sample", "value_at"]
+__all__ = [
+    "LANES",
+    "differentiate",
+    "line_px",
+    "read",
+    "relaxed",
+    "room_px",
+    "sample",
+    "value_at",
+    "weights_of",
+]
 
-LANES = 16
+LANES = 8
 
 
 @inner_kernel
@@ -26,37 +36,53 @@ def line_px(width: int) -> int:
     return -(-width // LANES) * LANES
 
 
-@inlined_kernel
-def between(here, x, y):
-    """Place of the pixel at the upper left of (x, y), and the weights of it and its neighbours."""
-    left, top = math.floor(x), math.floor(y)
-    a, b, one = np.float32(x - left), np.float32(y - top), np.float32(1.0)
-    place = here[0] + int(top) * here[1] + int(left)
-    return place, ((one - a) * (one - b), a * (one - b), (one - a) * b, a * b)
+@inner_kernel
+def read(values, here, left, top, rows, line, pixels):
+    """Fill the lines of ``pixels`` from a place of the image on, the first of them its (left, top).
 
-
-@inlined_kernel
-def value_at(values, i, stride, weights):
-    """Value between pixel ``i`` and its three neighbours.
-
-    Both unsigned: an index that might count from the end is looked at, one by one.
+    They are turned into floats once, and looked at between them many times.
     """
-    right = np.uintp(1)
-    above = weights[0] * values[i] + weights[1] * values[i + right]
-    below = weights[2] * values[i + stride] + weights[3] * values[i + stride + right]
-    return above + below
+    place, stride = np.uintp(here[0] + top * here[1] + left), np.uintp(here[1])
+    out, length = np.uintp(0), np.uintp(line)
+    for _ in range(rows):
+        for j in range(length):
+            pixels[out + j] = np.float32(values[place + j])
+        place += stride
+        out += length
 
 
 @inner_kernel
-def sample(values, here, x, y, rows, line, patch):
+def weights_of(x, y):
+    """Weights of a pixel, of those to its right, below and across, for a value (x, y) from it."""
+    a, b, one = np.float32(x), np.float32(y), np.float32(1.0)
+    return (one - a) * (one - b), a * (one - b), (one - a) * b, a * b
+
+
+@inlined_kernel
+def value_at(pixels, i, line, weights):
+    """Value between the pixel ``i`` and its three neighbours.
+
+    Both unsigned: an index that might count from the end is looked at, one by one.
+    """
+    right, below = np.uintp(1), np.uintp(line)
+    above = weights[0] * pixels[i] + weights[1] * pixels[i + right]
+    return above + (weights[2] * pixels[i + below] + weights[3] * pixels[i + below + right])
+
+
+@inner_kernel
+def sample(values, here, x, y, rows, line, pixels, patch):
     """Fill the lines of ``patch`` with values between pixels, the first of them at (x, y)."""
-    place, weights = between(here, x, y)
-    stride = np.uintp(here[1])
-    for v in range(rows):
-        for begin in range(0, line, LANES):
-            i, out = np.uintp(place + v * here[1] + begin), np.uintp(v * line + begin)
-            for j in range(np.uintp(LANES)):
-                patch[out + j] = value_at(values, i + j, stride, weights)
+    left, top = math.floor(x), math.floor(y)
+    read(values, here, left, top, rows + 1, line, pixels)
+    weights = weights_of(x - left, y - top)
+    for i in range(np.uintp(rows * line)):
+        patch[i] = value_at(pixels, i, line, weights)
+
+
+@inner_kernel
+def room_px(rows: int, line: int) -> int:
+    """Places for so many lines, and for what is read beyond the last of them."""
+    return (rows + 1) * line + LANES
 
 
 @inner_kernel
@@ -65,17 +91,26 @@ def differentiate(patch, patch_line, rows, line, weight, window, gx, gy):
     side, middle = np.float32(3.0 / 32.0), np.float32(10.0 / 32.0)
     one, two = np.uintp(1), np.uintp(2)
     for v in range(rows):
-        for begin in range(0, line, LANES):
-            i = np.uintp(v * patch_line + begin)
-            j = i + np.uintp(patch_line)
-            k = j + np.uintp(patch_line)
-            out = np.uintp(v * line + begin)
-            at = np.uintp(begin)
-            for u in range(np.uintp(LANES)):
-                window[out + u] = patch[j + u + one]
-                dx = side * (patch[i + u + two] - patch[i + u] + patch[k + u + two] - patch[k + u])
-                dx += middle * (patch[j + u + two] - patch[j + u])
-                gx[out + u] = weight[at + u] * dx
-                dy = side * (patch[k + u] - patch[i + u] + patch[k + u + two] - patch[i + u + two])
-                dy += middle * (patch[k + u + one] - patch[i + u + one])
-                gy[out + u] = weight[at + u] * dy
+        i, out = np.uintp(v * patch_line), np.uintp(v * line)
+        j, k = i + np.uintp(patch_line), i + np.uintp(2 * patch_line)
+        for u in range(np.uintp(line)):
+            window[out + u] = patch[j + u + one]
+            dx = side * (patch[i + u + two] - patch[i + u] + patch[k + u + two] - patch[k + u])
+            dx += middle * (patch[j + u + two] - patch[j + u])
+            gx[out + u] = weight[out + u] * dx
+            dy = side * (patch[k + u] - patch[i + u] + patch[k + u + two] - patch[i + u + two])
+            dy += middle * (patch[k + u + one] - patch[i + u + one])
+            gy[out + u] = weight[out + u] * dy
+
+
+@inner_kernel
+def relaxed(share, step_x, step_y, before_x, before_y):
+    """Share of a step to take, 0.5 to 1, given the share taken of the step before.
+
+    The gradients of a sampled image are too flat, by a half where it is sharp, and steps too long
+    by as much: they go to and fro. Had all of the last step been as long as it should, none would
+    be left; what is left of it tells by how much it was not (the secant of the steps).
+    """
+    square = before_x * before_x + before_y * before_y
+    left = (step_x * before_x + step_y * before_y) / square if square > 0.0 else 0.0
+    return min(max(share / (1.0 - min(left, 0.5)), 0.5), 1.0)

@@ -86,24 +86,6 @@ def _there_and_back(
     options: LucasKanadeOptions,
 ) -> np.ndarray:
     """Pixels (N, 2) in the second image; NaN where they do not lead back."""
-    points1 = _lucas_kanade(image0, image1, points0, start, level, options)
-    found = np.flatnonzero(~np.isnan(points1[:, 0]))
-    there, home = points1[found], points0[found]
-    again = _lucas_kanade(image1, image0, there, there + home - start[found], level, options)
-    error_px = np.linalg.norm(again - home, axis=1)
-    points1[found[~(error_px <= options.forward_backward_px)]] = np.nan
-    return points1
-
-
-def _lucas_kanade(
-    image0: Pyramid,
-    image1: Pyramid,
-    points0: np.ndarray,
-    start: np.ndarray,
-    level: int,
-    options: LucasKanadeOptions,
-) -> np.ndarray:
-    """Pixels (N, 2) in the second image; NaN where there is no answer."""
     points1 = np.empty(points0.shape)
     follow_windows(
         image0.values,
@@ -114,6 +96,7 @@ def _lucas_kanade(
         options.window_px // 2,
         options.max_iterations,
         options.tolerance_px,
+        options.forward_backward_px,
         points1,
     )
     return points1

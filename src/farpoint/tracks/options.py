@@ -58,7 +58,7 @@ class LucasKanadeOptions:
     window_px: int = 11
     levels: int = 4
     max_iterations: int = 15
-    tolerance_px: float = 0.03
+    tolerance_px: float = 0.1
     forward_backward_px: float = 1.0
 
     def __post_init__(self) -> None:
@@ -95,8 +95,8 @@ class RefinementOptions:
     """
 
     window_px: int = 15
-    max_iterations: int = 5
-    tolerance_px: float = 0.02
+    max_iterations: int = 6
+    tolerance_px: float = 0.05
     affine_sigma: float = 0.1
     gain_sigma: float = 0.1
     offset_sigma: float = 10.0

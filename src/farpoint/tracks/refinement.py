@@ -65,37 +65,27 @@ def refine(
     windows : Windows
         What they tell beyond where they are.
     """
-    refined = np.array(points1, dtype=np.float64)
-    expected = np.zeros((len(points0), 8))
-    if warps is not None:
-        expected[:, 2:6] = (warps - np.eye(2)).reshape(-1, 4)
-    covariance_px2 = np.empty((len(points0), 2, 2))
-    correlation = np.empty(len(points0))
-    windows = Windows(
-        warps=np.empty((len(points0), 2, 2)), bending=np.empty((len(points0), 2, 2, 3))
-    )
+    count = len(points0)
+    matched = np.array(points1, dtype=np.float64)
+    shapes = np.broadcast_to(np.eye(2), (count, 2, 2)) if warps is None else warps
+    windows = Windows(warps=np.array(shapes), bending=np.empty((count, 2, 2, 3)))
+    covariance_px2, correlation = np.empty((count, 2, 2)), np.empty(count)
     match_windows(
         image0.values,
         image1.values,
         image0.layout[0],
         np.ascontiguousarray(points0, dtype=np.float64),
-        expected,
         options.window_px // 2,
         _precision(options),
         options.noise_floor**2,
         options.max_iterations,
         options.tolerance_px,
-        refined,
-        covariance_px2,
-        correlation,
-        windows.warps,
-        windows.bending,
+        (matched, windows.warps, covariance_px2, correlation, windows.bending),
     )
-    found = correlation >= options.min_correlation
-    found &= np.isfinite(covariance_px2).all(axis=(1, 2))
-    found &= np.linalg.norm(refined - points1, axis=1) <= options.max_shift_px
+    found = (correlation >= options.min_correlation) & np.isfinite(covariance_px2[:, 0, 0])
+    found &= np.linalg.norm(matched - points1, axis=1) <= options.max_shift_px
     covariance_px2 += _INTERPOLATION_SIGMA_PX**2 * np.eye(2)
-    return refined, covariance_px2, found, windows
+    return matched, covariance_px2, found, windows
 
 
 def _precision(options: RefinementOptions) -> np.ndarray:
