@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pose_kit import assert_sound, estimate, point_scene, rotation_error
+from pose_kit import assert_sound, direction_error, estimate, point_scene, rotation_error
 
 from farpoint import (
     PoseStatus,
@@ -88,6 +88,19 @@ def test_flow_that_is_mostly_noise_tells_no_direction():
     # Three, and none of them within its covariance, where the flow is not asked for its signal.
     assert refused >= 10
     assert held >= 0.3 * refused
+
+
+def test_ten_right_matches_outvote_ten_wrong_ones():
+    # Five of any kind fit a motion without noise, and of the others one or two come near it.
+    found, right = 0, 0
+    for seed in range(60):
+        drawn = point_scene(seed, matches=20, outliers=10, far_share=0.0)
+        pose = estimate(drawn)
+        if pose.status is PoseStatus.OK:
+            found += 1
+            right += np.linalg.norm(direction_error(pose, drawn.direction_cam1_from_cam0)) < 0.5
+    assert found >= 40
+    assert right >= 0.95 * found
 
 
 def test_wrong_matches_alone_are_no_consensus():

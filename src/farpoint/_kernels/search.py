@@ -14,6 +14,7 @@ from farpoint._kernels.five_rays import LONG_FLOW, iterations_needed, score_pose
 from farpoint._kernels.likelihood import clutter_density, linearize, mixture_cost, refine_pose
 from farpoint._kernels.linear import (
     apply_rotation_step,
+    cholesky,
     copy,
     draw_direction,
     draw_index,
@@ -43,6 +44,8 @@ PROMISING = 2.0
 SAME = 2.0
 # Pairs of matches whose directions the search starts from.
 DIRECTIONS = np.int64(16)
+# Matches that agree with a pose by chance: the five of a sample, and one more.
+BY_CHANCE = 6.5
 # Shares of wrong and of poor matches that EM starts from.
 START_WRONG = 0.2
 START_POOR = 0.1
@@ -75,7 +78,7 @@ class Pose(NamedTuple):
     normal: np.ndarray
     """(6, 6) normal equations."""
     cost: np.ndarray
-    """(1,) negative log likelihood."""
+    """(1,) negative log likelihood, of all poses nearby together."""
 
 
 @kernel
@@ -167,6 +170,27 @@ def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
 
 
 @inner_kernel
+def _narrowness(normal: np.ndarray) -> float:
+    """What the likelihood loses when it is averaged over the poses around its maximum.
+
+    The five matches of a sample fit without any noise, and a sixth joins them by chance: the less
+    noise, the likelier they are, but the fewer poses do it (Laplace's method). Nothing is wider
+    than a radian.
+    """
+    H, L = np.empty((5, 5)), np.empty((5, 5))
+    for i in range(5):
+        for j in range(5):
+            H[i, j] = normal[i, j]
+        H[i, i] += 1.0
+    if not cholesky(H, 0.0, L):
+        return math.inf
+    product = 1.0
+    for i in range(5):
+        product *= L[i, i]
+    return math.log(product)
+
+
+@inner_kernel
 def _refine(matches: Matches, steps: int, pose: Pose) -> None:
     """Improve a pose and judge it by the likelihood of the matches with the noise that it needs."""
     pose.cost[0] = refine_pose(
@@ -182,6 +206,24 @@ def _refine(matches: Matches, steps: int, pose: Pose) -> None:
         pose.mixture,
         pose.normal,
     )
+    pose.cost[0] += _narrowness(pose.normal)
+
+
+@inner_kernel
+def _start_noise(tolerance: float, mixture: np.ndarray) -> None:
+    """What EM starts from, knowing nothing."""
+    mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
+    mixture[1] = START_WRONG
+    mixture[2] = START_POOR
+
+
+@inner_kernel
+def _noise_of(matches: Matches, best: Pose, tolerance: float, mixture: np.ndarray) -> None:
+    """What EM starts from: the noise of the best pose, if it explains more than a sample."""
+    if (1.0 - best.mixture[1]) * matches.total > BY_CHANCE:
+        copy(best.mixture, mixture)
+    else:
+        _start_noise(tolerance, mixture)
 
 
 @inner_kernel
@@ -256,7 +298,7 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
         normal,
         shares,
     )
-    cost += matches.total * mixture_cost(variance, wrong)
+    cost += matches.total * mixture_cost(variance, wrong) + _narrowness(normal)
     g, x = np.empty(5), np.empty(5)
     for k in range(5):
         g[k] = normal[k, 5]
@@ -323,12 +365,11 @@ def search_pose(
     sample = np.empty(5, np.int64)
     start = R.copy()
     flow = _typical_flow(pairs, count, start)
-    mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
-    mixture[1] = START_WRONG
-    mixture[2] = START_POOR
+    _start_noise(tolerance, mixture)
     search_direction(pairs, prior, candidates, tolerance, DIRECTIONS, state, R, t)
     _refine(matches, REFINEMENTS, best)
-    limit = GATE_SIGMA * GATE_SIGMA * mixture[0]
+    _noise_of(matches, best, tolerance, other.mixture)
+    limit = GATE_SIGMA * GATE_SIGMA * other.mixture[0]
     lowest = score_pose(pairs, prior, R, t.copy(), limit, math.inf)
     wrong = _unexplained(matches, best, tolerance)
     contested = False
@@ -353,7 +394,7 @@ def search_pose(
         if raw >= PROMISING * lowest:
             continue
         lowest = min(raw, lowest)
-        copy(mixture, other.mixture)
+        _noise_of(matches, best, tolerance, other.mixture)
         if _challenge(matches, other, best):
             contested = True
             wrong = _unexplained(matches, best, tolerance)

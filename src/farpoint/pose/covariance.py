@@ -37,7 +37,8 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, boo
     more, the more matches there are. H lacks the information that is lost for not knowing which
     matches are good. The noise is estimated too, from few matches roughly: on average its inverse
     is too large by ``f / (f - 2)`` with f degrees of freedom, and the covariance is made larger by
-    as much.
+    as much. The scatter along one axis is that of some matches only: as far as it is heard, by
+    ``f / (f - 5)``.
 
     Where nearly all of the Gauss-Newton matrix is noise, it alone tells the scale, by the least
     share of it that is taken to be signal.
@@ -55,11 +56,11 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, boo
         scatter,
     )
     right = float(fit.probability.sum())
+    heard = right / (right + STATED)
     freedom = max(right - 5.0, 4.0)
-    sure = (freedom - 2.0) / freedom
+    sure = (freedom - 2.0 - 3.0 * heard) / freedom
     whole *= known * sure
     noise *= known * sure
-    heard = right / (right + STATED)
     variance = (heard * sure) * scatter + (1.0 - heard) * whole + DIRECTION_PRIOR
     whole += DIRECTION_PRIOR
     covariance = np.empty((5, 5))

@@ -163,7 +163,7 @@ def _squares_from_plane(
     for _ in range(PLANE_ROUNDS):
         M = np.einsum("n,nki,nkj->ij", weight * precision, moved, moved)
         v = np.einsum("n,nki,nk->i", weight * precision, moved, still)
-        n = -np.linalg.solve(M + 1e-9 * np.trace(M) * np.eye(3), v)
+        n = -np.linalg.solve(M + (1e-9 * np.trace(M) + 1e-300) * np.eye(3), v)
         square = precision * np.sum((still + moved @ n) ** 2, axis=1)
         typical = max(float(np.median(square[right])) / MEDIAN, 1.0) if right.any() else 1.0
         weight = right / (1.0 + square / (9.0 * typical)) ** 2

@@ -44,6 +44,9 @@ __all__ = ["estimate_relative_pose", "estimate_relative_pose_from_rays"]
 
 # Five matches fix a motion; a consensus needs a few more that could have disagreed.
 MIN_MATCHES = 8
+# A motion that leaves so much less noise than a rotation may be the truth, be there ever so few
+# matches to say so.
+FAR_LESS_NOISE = 0.5
 # A direction less certain than this (1 sigma, rad) is none: half of the sphere would be in reach.
 MAX_DIRECTION_SIGMA = math.radians(20.0)
 
@@ -163,7 +166,7 @@ def _find(
     turning = fit_turning(matches, moving.far_rotation_cam1_from_cam0, tolerance)
     if is_translating(matches, moving, turning, options.false_alarm_rate):
         return _conclude_moving(matches, moving, tolerance, options, course)
-    return _conclude_turning(matches, turning, options, course)
+    return _conclude_turning(matches, turning, moving, options, course)
 
 
 def _conclude_moving(
@@ -228,25 +231,33 @@ def _rotation_alone(
     labels: np.ndarray,
     course: Course,
 ) -> RelativePose:
-    """The rotation of a motion whose direction cannot be told, and that may be the other one.
-
-    That of another motion, or that without a translation. About which axis the two differ depends
-    on a direction that is not known.
-    """
-    apart = so3.log(fit.R_cam1_from_cam0 @ other_R.T)
+    """The rotation of a motion whose direction cannot be told, and that may be the other one."""
     return conclusion.turned(
         PoseStatus.ROTATION_ONLY,
         reason,
         fit.R_cam1_from_cam0,
-        covariance + 0.5 * float(apart @ apart) * np.eye(3),
+        covariance + _doubt_between(fit.R_cam1_from_cam0, other_R),
         labels,
         fit.noise.mean_sigma,
         course,
     )
 
 
+def _doubt_between(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
+    """Covariance (3, 3), rad^2, of a rotation that may as well be the other one.
+
+    About which axis the two differ depends on a direction that is not known.
+    """
+    apart = so3.log(R @ other_R.T)
+    return 0.5 * float(apart @ apart) * np.eye(3)
+
+
 def _conclude_turning(
-    matches: Matches, fit: TurningFit, options: RelativePoseOptions, course: Course
+    matches: Matches,
+    fit: TurningFit,
+    moving: MovingFit,
+    options: RelativePoseOptions,
+    course: Course,
 ) -> RelativePose:
     sigma = fit.noise.sigma
     right = fit.probability > 0.5
@@ -256,9 +267,12 @@ def _conclude_turning(
         return conclusion.no_consensus(matches, agreeing, course)
     course.cost = fit.cost
     covariance = fit.covariance + shared_covariance(matches, options.shared_error_px)
+    stands_still = is_static(fit.R_cam1_from_cam0, covariance, options.false_alarm_rate)
+    if moving.noise.mean_sigma < FAR_LESS_NOISE * fit.noise.mean_sigma:
+        covariance += _doubt_between(fit.R_cam1_from_cam0, moving.R_cam1_from_cam0)
     if not fixes_rotation(covariance):
         return conclusion.unfixed_rotation(matches, course)
-    if is_static(fit.R_cam1_from_cam0, covariance, options.false_alarm_rate):
+    if stands_still:
         status = PoseStatus.STATIC
         reason = f"{agreeing} of {len(matches)} matches stand still within the noise."
     else:
