@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -230,9 +230,11 @@ class Odometry:
             share do not cancel; by default every track is dealt by itself.
         """
         tracks = result.tracks
+        # A lens is wrong for both halves alike, and so is what all tracks have in common.
+        options = replace(self.options.pose, shared_error_px=0.0)
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
-            partial(self._estimate_by, self.camera),  # a wrong lens is wrong for both halves alike
+            partial(self._estimate_by, self.camera, options),
             seed=result.frame1,
             groups=None if cell_px is None else image_cells(tracks.points0, cell_px),
         )
@@ -286,11 +288,18 @@ class Odometry:
         """The motion behind `Tracks`, given as arrays so that parts of them can be given."""
         return with_lens_doubt(
             self.camera,
-            lambda camera: self._estimate_by(camera, points0, points1, covariance_px2),
+            lambda camera: self._estimate_by(
+                camera, self.options.pose, points0, points1, covariance_px2
+            ),
         )
 
     def _estimate_by(
-        self, camera: Camera, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
+        self,
+        camera: Camera,
+        options: RelativePoseOptions,
+        points0: np.ndarray,
+        points1: np.ndarray,
+        covariance_px2: np.ndarray,
     ) -> RelativePose:
         """The motion by a lens that is not doubted."""
         # The covariance is that of the displacement: each end carries half of it.
@@ -299,7 +308,7 @@ class Odometry:
             points0,
             points1,
             camera,
-            options=self.options.pose,
+            options=options,
             seed=self.options.seed,
             covariance0_px2=half_px2,
             covariance1_px2=half_px2,
