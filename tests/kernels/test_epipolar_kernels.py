@@ -50,7 +50,7 @@ def sampson(view: View, R: np.ndarray, t: np.ndarray, i: int) -> float:
 
 
 def sampson_jacobian(view: View, i: int) -> tuple[float, np.ndarray]:
-    residual, *J = derivatives_of(view.pairs, i, view.R, view.t)
+    *J, residual = derivatives_of(view.pairs, i, view.R, view.t)
     return residual, np.array(J)
 
 

@@ -44,7 +44,7 @@ def informed(view: View, prior: np.ndarray) -> Informed:
 
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Residuals over sigma; weights of good and of poor matches, whose variance is eightfold."""
-    r = np.array([told_of(view.pairs, i, view.R, view.t)[0][0] for i in range(view.size)])
+    r = np.array([told_of(view.pairs, i, view.R, view.t)[0][5] for i in range(view.size)])
     z = r / np.sqrt(VARIANCE)
     good = prior * (1.0 - POOR) * np.exp(-0.5 * z * z)
     poor = prior * POOR / np.sqrt(8.0) * np.exp(-0.5 * z * z / 8.0)
@@ -76,7 +76,7 @@ def test_the_scatter_is_that_of_a_fit_which_each_match_has_drawn_to_itself(match
     view = two_views(5, matches, error_rad=2e-3)
     prior = np.random.default_rng(5).uniform(0.5, 2.0, matches)
     z, good, poor = parts(view, prior)
-    J = np.array([told_of(view.pairs, i, view.R, view.t)[0][1:] for i in range(matches)])
+    J = np.array([told_of(view.pairs, i, view.R, view.t)[0][:5] for i in range(matches)])
     weight = (good + poor / 8.0) / VARIANCE
     inverse = np.linalg.inv((weight[:, None] * J).T @ J)
     leverage = weight * np.einsum("ni,ij,nj->n", J, inverse, J)
@@ -91,7 +91,7 @@ def test_a_single_match_scatters_as_it_is_off():
     # It fixes no pose, and so has drawn none.
     view = two_views(6, 1, error_rad=2e-3)
     z, good, poor = parts(view, np.ones(1))
-    _, *J = told_of(view.pairs, 0, view.R, view.t)[0]
+    *J, _ = told_of(view.pairs, 0, view.R, view.t)[0]
     score = (good + poor / 8.0) * z / np.sqrt(VARIANCE)
     expected = score**2 * np.outer(J, J)
     np.testing.assert_allclose(informed(view, np.ones(1)).scatter, expected, rtol=1e-6)
@@ -110,7 +110,7 @@ def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
     def jacobian(angle_rad: float) -> np.ndarray:
         """Of the bare constraint, the later ray moved along its epipolar line."""
         at = view._replace(rays1=view.rays1 @ so3.exp(angle_rad * axis).T)
-        (_, *J), (g, _) = told_of(at.pairs, 0, at.R, at.t)
+        (*J, _), (g, _) = told_of(at.pairs, 0, at.R, at.t)
         return np.sqrt(g) * np.array(J)
 
     change = (jacobian(1e-5) - jacobian(-1e-5)) / 2e-5

@@ -33,7 +33,7 @@ def derivatives_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> t
 
 
 def sampson_jacobian(view: View, i: int) -> tuple[float, np.ndarray]:
-    residual, *J = derivatives_of(view.pairs, i, view.R, view.t)
+    *J, residual = derivatives_of(view.pairs, i, view.R, view.t)
     return residual, np.array(J)
 
 

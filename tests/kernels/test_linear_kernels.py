@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -23,15 +22,6 @@ seeds = st.integers(0, 2**32)
 def kabsch(M: np.ndarray) -> np.ndarray | None:
     R = np.full((3, 3), np.nan)
     return R if linear.kabsch(np.ascontiguousarray(M, dtype=float), R) else None
-
-
-def solve_spd(H: np.ndarray, g: np.ndarray, damping: float = 0.0) -> np.ndarray | None:
-    x = np.full(len(g), np.nan)
-    kept = H.copy(), g.copy()
-    solved = linear.solve_spd(H, g, damping, np.full_like(H, np.nan), x)
-    np.testing.assert_array_equal(H, kept[0])
-    np.testing.assert_array_equal(g, kept[1])
-    return x if solved else None
 
 
 def turned(R: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -127,68 +117,6 @@ def test_kabsch_aligns_what_a_narrow_view_sees(width_rad):
 )
 def test_kabsch_says_when_no_rotation_is_determined(M):
     assert kabsch(M) is None
-
-
-@quick
-@given(seed=seeds, n=st.integers(1, 6), damping=st.sampled_from([0.0, 1e-6, 0.1]))
-def test_solve_spd_solves(seed, n, damping):
-    rng = np.random.default_rng(seed)
-    A = rng.normal(size=(n + 3, n))
-    H, g = A.T @ A, rng.normal(size=n)
-    x = solve_spd(H, g, damping)
-    expected = np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
-    np.testing.assert_allclose(x, expected, rtol=1e-8, atol=1e-10)
-
-
-@pytest.mark.parametrize(
-    "H",
-    [
-        np.zeros((2, 2)),
-        np.diag([1.0, -1.0]),
-        np.array([[1.0, 2.0], [2.0, 1.0]]),
-        np.array([[1.0, 1.0], [1.0, 1.0]]),
-        np.diag([1.0, np.nan]),
-        np.diag([np.inf, 1.0]),
-    ],
-    ids=["zero", "negative", "indefinite", "singular", "nan", "inf"],
-)
-def test_solve_spd_says_when_a_matrix_is_not_positive_definite(H):
-    assert solve_spd(H, np.ones(2)) is None
-
-
-@numba.njit
-def solve_five_spd(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray) -> bool:
-    return linear.solve_five_spd(H, g, damping, x)
-
-
-@quick
-@given(seed=seeds, damping=st.sampled_from([0.0, 1e-6, 0.1]))
-def test_five_unknowns_are_solved_for_as_any_number_is(seed, damping):
-    rng = np.random.default_rng(seed)
-    A = rng.normal(size=(6, 9))
-    normal, g, x = A @ A.T, rng.normal(size=5), np.full(5, np.nan)
-    assert solve_five_spd(normal, g, damping, x)
-    expected = solve_spd(normal[:5, :5].copy(), g, damping)
-    assert expected is not None
-    np.testing.assert_allclose(x, expected, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("pivot", range(5))
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_each_of_five_pivots_must_be_positive_and_finite(pivot, value):
-    rng = np.random.default_rng(pivot)
-    L = np.tril(rng.normal(size=(5, 5)), -1) + np.eye(5)
-    D = np.ones(5)
-    assert solve_five_spd(L @ np.diag(D) @ L.T, np.ones(5), 0.0, np.empty(5))
-    D[pivot] = value
-    with np.errstate(invalid="ignore"):
-        H = L @ np.diag(D) @ L.T
-    assert not solve_five_spd(H, np.ones(5), 0.0, np.empty(5))
-
-
-def test_damping_makes_a_singular_system_solvable():
-    x = solve_spd(np.ones((2, 2)), np.array([1.0, 1.0]), 0.5)
-    np.testing.assert_allclose(x, [0.4, 0.4])
 
 
 @quick

@@ -11,7 +11,8 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.compile import kernel
+from farpoint._kernels.formulas import formula
 from farpoint._kernels.linear import clear
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.vectors import (
@@ -29,7 +30,7 @@ from farpoint._kernels.vectors import (
 __all__ = ["intersect_circles", "pairwise_direction"]
 
 
-@inner_kernel
+@formula
 def circle(pairs: np.ndarray, R: Matrix, i: int) -> tuple[Vector, Vector]:
     """Normal ``m x b`` (not normalised) and flow ``b - m`` of match ``i`` with ``m = R a``."""
     at = address(i)

@@ -12,11 +12,9 @@ derivative out costs a factor of 2.5 in the direction at small baselines.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.formulas import formula, root
 from farpoint._kernels.fused import fused
 from farpoint._kernels.pairs import noise0, noise1, ray0, ray1
 from farpoint._kernels.vectors import (
@@ -41,7 +39,7 @@ __all__ = [
 TINY = 1e-300
 
 
-@inlined_kernel
+@formula
 def _constraint(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector
 ) -> tuple[Vector, Vector, Vector, Vector, Vector, float, float]:
@@ -53,38 +51,38 @@ def _constraint(
     return m, b, q, w, z, dot(b, n), dot(w, q) + dot(z, n) + TINY
 
 
-@inlined_kernel
+@formula
 def sampson(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> float:
     """Residual of the match at this address, in units of the noise."""
     _, _, _, _, _, e, g = _constraint(pairs, at, R, t)
-    return e / math.sqrt(g)
+    return e / root(g)
 
 
-@inlined_kernel
+@formula
 def sampson_jacobian(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, basis: tuple[Vector, Vector]
 ) -> tuple[float, float, float, float, float, float]:
-    """Residual and its full derivative by ``[dtheta (3), dbeta (2)]``.
+    """Full derivative of the residual by ``[dtheta (3), dbeta (2)]``, and the residual itself.
 
     With ``f = e / g`` and ``dg / 2 = w . dq + z . dn`` (w turning with R):
     ``dr = (de - f dg / 2) / sqrt(g)``.
     """
     m, b, q, w, z, e, g = _constraint(pairs, at, R, t)
-    inv = 1.0 / math.sqrt(g)
+    inv = 1.0 / root(g)
     f = e * inv * inv
     by_theta = combine(1.0, cross(m, combine(1.0, q, -f, cross(z, t))), -f, cross(w, q))
     by_t = combine(1.0, cross(m, combine(1.0, b, -f, z)), -f, cross(w, b))
     return (
-        e * inv,
         inv * by_theta[0],
         inv * by_theta[1],
         inv * by_theta[2],
         inv * dot(basis[0], by_t),
         inv * dot(basis[1], by_t),
+        e * inv,
     )
 
 
-@inlined_kernel
+@formula
 def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
     """Flow from ``m`` to ``b`` along the great circle towards ``t``, and squared sine of its reach.
 
@@ -95,7 +93,7 @@ def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
     return fused(-reach, dot(m, b), dot(b, t)), fused(-reach, reach, 1.0)
 
 
-@inlined_kernel
+@formula
 def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vector) -> float:
     """Variance, for unit noise, of the first of `flow_along`."""
     along = combine(1.0, t, -dot(m, t), m)
@@ -103,7 +101,7 @@ def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vecto
     return dot(back, noise0(pairs, at, back)) + dot(along, noise1(pairs, at, along))
 
 
-@inlined_kernel
+@formula
 def variances(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[float, float]:
     """For unit noise: the variance ``g`` of the constraint, and of the flow once it is known.
 

@@ -7,8 +7,11 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.linear import apply_rotation_step, solve_spd
+from farpoint._kernels.formulas import lesser
+from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.rotation import rotation_distance2, rotation_linearize
+from farpoint._kernels.scratch import scratch
+from farpoint._kernels.squares import solve_three_spd
 
 __all__ = ["count_beyond_rotation", "weigh"]
 
@@ -38,7 +41,7 @@ def weigh(
         agrees = right[i] > 0.5 and p > -near_sigma
         agreeing += 1 if agrees else 0
         labels[i] = 0 if not agrees else 2 if p > near_sigma else 1
-        trust = min(right[i], MOST_TRUST)
+        trust = lesser(right[i], MOST_TRUST)
         doubt = 0.5 * (1.0 - trust)
         backward = 0.5 * math.erfc(p / math.sqrt(2.0)) if abs(p) < 8.0 else 0.0 if p > 0.0 else 1.0
         odds += math.log((trust * (1.0 - backward) + doubt) / (trust * backward + doubt))
@@ -56,13 +59,12 @@ def count_beyond_rotation(
     least squares, by one step from the first, about which the prediction is linear: it undoes what
     a motion took from the rotation, but a few wrong matches drag it away.
     """
-    step, L, distance2 = np.empty(3), np.empty((3, 3)), np.empty(right.shape[0])
-    H, g, sums = np.empty((3, 3)), np.empty(3), np.empty(3)
-    only_good = np.empty(3)
+    step, distance2 = scratch(3), np.empty(right.shape[0])
+    H, g, sums, only_good = scratch(3, 3), scratch(3), scratch(3), scratch(3)
     only_good[0], only_good[1], only_good[2] = 1.0, 0.0, 0.0
     R, last = rotations[0], rotations[rotations.shape[0] - 1]
     rotation_linearize(pairs, right, R, only_good, 1e-300, H, g, sums)
-    if not solve_spd(H, g, 0.0, L, step):
+    if not solve_three_spd(H, g, 0.0, step):
         return 0, 0
     apply_rotation_step(R, -step[0], -step[1], -step[2], last)
     total = 0
@@ -74,5 +76,5 @@ def count_beyond_rotation(
         beyond = 0
         for i in range(right.shape[0]):
             beyond += 1 if right[i] > 0.5 and distance2[i] > distance * distance else 0
-        fewest = min(fewest, beyond)
+        fewest = lesser(fewest, beyond)
     return fewest, total

@@ -8,6 +8,8 @@ import llvmlite.ir
 from numba import types
 from numba.extending import lower_builtin, type_callable
 
+from farpoint._kernels.symbols import symbol_among
+
 __all__ = ["fused"]
 
 
@@ -17,7 +19,10 @@ def fused(a: Any, b: Any, c: Any) -> Any:
     Said so in the formulas, every loop has the same digits; a compiler that is free to fuse what it
     likes does so differently from loop to loop.
     """
-    return a * b + c
+    symbol = symbol_among(a, b, c)
+    if symbol is None:
+        return a * b + c
+    return symbol.code.intrinsic("llvm.fmuladd", *(symbol.like(x) for x in (a, b, c)))
 
 
 @type_callable(fused)

@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel, kernel, sum_kernel
+from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
 from farpoint._kernels.epipolar import sampson_jacobian, variances
+from farpoint._kernels.formulas import choose, formula, lesser
 from farpoint._kernels.likelihood import densities
-from farpoint._kernels.linear import cholesky
 from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0
-from farpoint._kernels.vectors import combine, cross, dot, matrix, rotate, tangent_columns, vector
+from farpoint._kernels.squares import FIVE, add_square, inverse_square, size2, write_square
+from farpoint._kernels.vectors import (
+    Matrix,
+    Vector,
+    combine,
+    cross,
+    dot,
+    matrix,
+    rotate,
+    tangent_columns,
+    vector,
+)
 
 __all__ = ["information"]
 
@@ -81,80 +92,74 @@ def _tell(
     for panel in range(prior.shape[0] // LANES):
         for lane in range(LANES):
             at, to = panel * PANEL + lane, panel * TOLD + lane
-            r, j0, j1, j2, j3, j4 = sampson_jacobian(pairs, at, turn, towards, basis)
-            _put_five(told, to, j0, j1, j2, j3, j4)
-            m = rotate(turn, ray0(pairs, at))
-            reach = dot(m, towards)
-            along = combine(reach, towards, -reach * reach, m)
-            across = cross(m, towards)
-            change = dot(basis[0], across), dot(basis[1], across)
-            _put_five(told, to + CHANGE * LANES, along[0], along[1], along[2], *change)
-            p = prior[panel * LANES + lane]
-            good, fair = densities(pairs, at, turn, towards, r, precision, poor, p)
-            square = 1.0 - reach * reach
-            elsewhere = square > EPIPOLE_SIGMA**2 * mixture[0] * flow_variance(pairs, at)
-            over = 1.0 / (good + fair + clutter) if elsewhere else 0.0
-            w, w2 = (good + fair * 0.125) * over, (good + fair * 0.125 * 0.125) * over
-            g, v = variances(pairs, at, turn, towards)
-            told[to + WEIGHT * LANES] = w * precision
-            told[to + SHARE * LANES] = w * v / (g * square * square + 1e-300)
-            told[to + KNOWN * LANES] = w
-            told[to + MISSING * LANES] = r * r * precision * (w2 - w * w)
-            told[to + SCATTER * LANES] = (w * precision * r) ** 2
+            share = prior[panel * LANES + lane]
+            _tell_of(pairs, at, share, turn, towards, basis, (precision, poor, clutter), told, to)
 
 
-@kernel
+@formula
+def _tell_of(
+    pairs: np.ndarray,
+    at: int,
+    prior: float,
+    R: Matrix,
+    t: Vector,
+    basis: tuple[Vector, Vector],
+    noise: tuple[float, float, float],
+    told: np.ndarray,
+    to: int,
+) -> None:
+    """Write down what one match tells, in a column of a panel."""
+    precision, poor, clutter = noise
+    *jacobian, r = sampson_jacobian(pairs, at, R, t, basis)
+    m = rotate(R, ray0(pairs, at))
+    reach = dot(m, t)
+    along = combine(reach, t, -reach * reach, m)
+    across = cross(m, t)
+    good, fair = densities(pairs, at, R, t, r, precision, poor, prior)
+    square = 1.0 - reach * reach
+    elsewhere = square > EPIPOLE_SIGMA**2 / precision * flow_variance(pairs, at)
+    over = choose(elsewhere, 1.0 / (good + fair + clutter), 0.0)
+    w, w2 = (good + fair * 0.125) * over, (good + fair * 0.125 * 0.125) * over
+    g, v = variances(pairs, at, R, t)
+    change = *along, dot(basis[0], across), dot(basis[1], across)
+    weight, share = w * precision, w * v / (g * square * square + 1e-300)
+    missing, scatter = r * r * precision * (w2 - w * w), weight * r * weight * r
+    rows = *jacobian, *change, weight, share, w, missing, scatter
+    for row, value in enumerate(rows):
+        told[to + row * LANES] = value
+
+
+@inner_kernel
 def _without_leverage(told: np.ndarray, whole: np.ndarray) -> None:
     """Make up for what of its residual each match has taken by drawing the pose."""
-    L = np.empty((5, 5))
-    if not cholesky(whole, 0.0, L):
+    inverse, positive = inverse_square(whole)
+    if not positive:
         return
-    for at in range(5):
-        L[at, at] = 1.0 / L[at, at]
     for panel in range(told.shape[0] // TOLD):
         for lane in range(LANES):
             at = panel * TOLD + lane
-            a = L[0, 0] * told[at]
-            b = L[1, 1] * (told[at + LANES] - L[1, 0] * a)
-            c = L[2, 2] * (told[at + 2 * LANES] - L[2, 0] * a - L[2, 1] * b)
-            d = L[3, 3] * (told[at + 3 * LANES] - L[3, 0] * a - L[3, 1] * b - L[3, 2] * c)
-            e = told[at + 4 * LANES] - L[4, 0] * a - L[4, 1] * b - L[4, 2] * c - L[4, 3] * d
-            square = a * a + b * b + c * c + d * d + (L[4, 4] * e) ** 2
-            rest = 1.0 - min(told[at + WEIGHT * LANES] * square, MOST_LEVERAGE)
-            told[at + SCATTER * LANES] /= rest
-
-
-@inlined_kernel
-def _put_five(told: np.ndarray, to: int, a: float, b: float, c: float, d: float, e: float) -> None:
-    told[to], told[to + LANES], told[to + 2 * LANES] = a, b, c
-    told[to + 3 * LANES], told[to + 4 * LANES] = d, e
+            drawn = told[at + WEIGHT * LANES] * size2(inverse, _five(told, at))
+            told[at + SCATTER * LANES] /= 1.0 - lesser(drawn, MOST_LEVERAGE)
 
 
 @sum_kernel
 def _gram(told: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
     """``A diag(w) A^T`` (5, 5) of five rows A and the row w of what is told."""
-    # Each sum has a register of its own, as in `likelihood.linearize`.
-    n00 = n10 = n11 = n20 = n21 = n22 = n30 = n31 = 0.0
-    n32 = n33 = n40 = n41 = n42 = n43 = n44 = 0.0
+    sums = FIVE
     for panel in range(told.shape[0] // TOLD):
         for lane in range(LANES):
-            at, w = panel * TOLD + row * LANES + lane, told[panel * TOLD + weight * LANES + lane]
-            a, b, c = told[at], told[at + LANES], told[at + 2 * LANES]
-            d, e = told[at + 3 * LANES], told[at + 4 * LANES]
-            n00, n10, n20, n30 = n00 + w * a * a, n10 + w * a * b, n20 + w * a * c, n30 + w * a * d
-            n11, n21, n31, n41 = n11 + w * b * b, n21 + w * b * c, n31 + w * b * d, n41 + w * b * e
-            n22, n32, n42 = n22 + w * c * c, n32 + w * c * d, n42 + w * c * e
-            n33, n43, n44, n40 = n33 + w * d * d, n43 + w * d * e, n44 + w * e * e, n40 + w * a * e
-    out[0, 0], out[1, 1], out[2, 2], out[3, 3], out[4, 4] = n00, n11, n22, n33, n44
-    out[1, 0], out[2, 0], out[3, 0], out[4, 0] = n10, n20, n30, n40
-    out[2, 1], out[3, 1], out[4, 1] = n21, n31, n41
-    out[3, 2], out[4, 2], out[4, 3] = n32, n42, n43
-    for k in range(5):
-        for j in range(k):
-            out[j, k] = out[k, j]
+            at = panel * TOLD + lane
+            sums = add_square(sums, told[at + weight * LANES], _five(told, at + row * LANES))
+    write_square(sums, out)
 
 
-@sum_kernel
+@formula
+def _five(told: np.ndarray, at: int) -> tuple[float, float, float, float, float]:
+    a, b, c, d, e = (told[at + row * LANES] for row in range(5))
+    return a, b, c, d, e
+
+
+@inner_kernel
 def _total(told: np.ndarray, row: int) -> float:
     total = 0.0
     for panel in range(told.shape[0] // TOLD):

@@ -11,9 +11,22 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.vectors import combine, cross, dot, matrix, norm
+from farpoint._kernels.formulas import formula
+from farpoint._kernels.squares import sandwich_five
+from farpoint._kernels.vectors import (
+    Vector,
+    combine,
+    cross,
+    dot,
+    matrix,
+    norm,
+    tangent_columns,
+    vector,
+)
 
 __all__ = [
+    "add",
+    "add_outer",
     "apply_rotation_step",
     "clear",
     "copy",
@@ -22,8 +35,6 @@ __all__ = [
     "draw_unit",
     "kabsch",
     "sandwich",
-    "solve_five_spd",
-    "solve_spd",
     "tangent_basis",
 ]
 
@@ -68,18 +79,11 @@ def draw_direction(state: np.ndarray, d: np.ndarray) -> None:
     d[0], d[1], d[2] = radius * math.cos(angle), radius * math.sin(angle), z
 
 
-@kernel
+@formula
 def tangent_basis(d: np.ndarray, basis: np.ndarray) -> None:
     """Orthonormal basis (3, 2) perpendicular to the unit vector ``d`` (Duff et al., JCGT 2017)."""
-    sign = math.copysign(1.0, d[2])
-    a = -1.0 / (sign + d[2])
-    b = d[0] * d[1] * a
-    basis[0, 0] = 1.0 + sign * d[0] * d[0] * a
-    basis[1, 0] = sign * b
-    basis[2, 0] = -sign * d[0]
-    basis[0, 1] = b
-    basis[1, 1] = sign + d[1] * d[1] * a
-    basis[2, 1] = -d[1]
+    for column, e in enumerate(tangent_columns(vector(d))):
+        basis[0, column], basis[1, column], basis[2, column] = e
 
 
 @kernel
@@ -94,7 +98,12 @@ def apply_rotation_step(R: np.ndarray, x: float, y: float, z: float, out: np.nda
         angle = math.sqrt(angle2)
         qw = math.cos(0.5 * angle)
         f = math.sin(0.5 * angle) / angle
-    qx, qy, qz = f * x, f * y, f * z
+    _turn(qw, f * x, f * y, f * z, R, out)
+
+
+@formula
+def _turn(qw: float, qx: float, qy: float, qz: float, R: np.ndarray, out: np.ndarray) -> None:
+    """``out = E @ R`` with the rotation E of a unit quaternion."""
     e00, e01, e02 = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qw * qz), 2 * (qx * qz + qw * qy)
     e10, e11, e12 = 2 * (qx * qy + qw * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qw * qx)
     e20, e21, e22 = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
@@ -106,122 +115,15 @@ def apply_rotation_step(R: np.ndarray, x: float, y: float, z: float, out: np.nda
 
 
 @kernel
-def solve_spd(H: np.ndarray, g: np.ndarray, damping: float, L: np.ndarray, x: np.ndarray) -> bool:
-    """Solve ``(H + damping * diag(H)) x = g`` by Cholesky; False where H is not positive definite.
-
-    ``H`` (n, n) and ``g`` (n,) are left as they are; ``L`` (n, n) is scratch.
-    """
-    if not cholesky(H, damping, L):
-        return False
-    substitute(L, g, x)
-    return True
-
-
-@inner_kernel
-def solve_five_spd(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray) -> bool:
-    """As `solve_spd` with n = 5, the unknowns of a pose; a larger ``H`` is looked at so far.
-
-    ``L D L^T``, each element in a register of its own: three times as fast as loops over indices,
-    which wait for memory and for one root after another.
-    """
-    more = 1.0 + damping
-    d0 = more * H[0, 0]
-    inv0 = 1.0 / d0
-    u1, u2, u3, u4 = H[1, 0], H[2, 0], H[3, 0], H[4, 0]
-    l10, l20, l30, l40 = u1 * inv0, u2 * inv0, u3 * inv0, u4 * inv0
-    d1 = more * H[1, 1] - l10 * u1
-    inv1 = 1.0 / d1
-    v2, v3, v4 = H[2, 1] - l20 * u1, H[3, 1] - l30 * u1, H[4, 1] - l40 * u1
-    l21, l31, l41 = v2 * inv1, v3 * inv1, v4 * inv1
-    d2 = more * H[2, 2] - l20 * u2 - l21 * v2
-    inv2 = 1.0 / d2
-    w3, w4 = H[3, 2] - l30 * u2 - l31 * v2, H[4, 2] - l40 * u2 - l41 * v2
-    l32, l42 = w3 * inv2, w4 * inv2
-    d3 = more * H[3, 3] - l30 * u3 - l31 * v3 - l32 * w3
-    inv3 = 1.0 / d3
-    z4 = H[4, 3] - l40 * u3 - l41 * v3 - l42 * w3
-    l43 = z4 * inv3
-    d4 = more * H[4, 4] - l40 * u4 - l41 * v4 - l42 * w4 - l43 * z4
-    for k, d in enumerate((d0, d1, d2, d3, d4)):
-        if not (d > 1e-14 * H[k, k] and d < math.inf):
-            return False
-    y0 = g[0]
-    y1 = g[1] - l10 * y0
-    y2 = g[2] - l20 * y0 - l21 * y1
-    y3 = g[3] - l30 * y0 - l31 * y1 - l32 * y2
-    y4 = g[4] - l40 * y0 - l41 * y1 - l42 * y2 - l43 * y3
-    x[4] = y4 / d4
-    x[3] = y3 * inv3 - l43 * x[4]
-    x[2] = y2 * inv2 - l32 * x[3] - l42 * x[4]
-    x[1] = y1 * inv1 - l21 * x[2] - l31 * x[3] - l41 * x[4]
-    x[0] = y0 * inv0 - l10 * x[1] - l20 * x[2] - l30 * x[3] - l40 * x[4]
-    return True
-
-
-@inner_kernel
-def cholesky(H: np.ndarray, damping: float, L: np.ndarray) -> bool:
-    """``L L^T = H + damping * diag(H)``; False where that is not positive definite."""
-    for i in range(L.shape[0]):
-        for j in range(i + 1):
-            s = H[i, j]
-            if i == j:
-                s += damping * H[i, i]
-            for k in range(j):
-                s -= L[i, k] * L[j, k]
-            if i == j:
-                if not s > 1e-14 * H[i, i] or not s < math.inf:
-                    return False
-                L[i, i] = math.sqrt(s)
-            else:
-                L[i, j] = s / L[j, j]
-    return True
-
-
-@inner_kernel
-def substitute(L: np.ndarray, g: np.ndarray, x: np.ndarray) -> None:
-    """Solve ``L L^T x = g``."""
-    n = g.shape[0]
-    for i in range(n):
-        s = g[i]
-        for k in range(i):
-            s -= L[i, k] * x[k]
-        x[i] = s / L[i, i]
-    for i in range(n - 1, -1, -1):
-        s = x[i]
-        for k in range(i + 1, n):
-            s -= L[k, i] * x[k]
-        x[i] = s / L[i, i]
-
-
-@kernel
 def sandwich(
     whole: np.ndarray, part: np.ndarray, inner: np.ndarray, least: float, out: np.ndarray
 ) -> bool:
     """``H^-1 V H^-1`` with ``V = inner`` and ``H = whole - part``, all (5, 5) and symmetric.
 
-    False, and nothing done, unless H is at least ``least`` times ``whole`` in every direction.
+    False, and ``out`` without a meaning, unless H is at least ``least`` times ``whole`` in every
+    direction.
     """
-    n = 5
-    H, L, x, y = np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty((n, n))
-    for i in range(n):
-        for j in range(n):
-            H[i, j] = (1.0 - least) * whole[i, j] - part[i, j]
-    if not cholesky(H, 0.0, L):
-        return False
-    for i in range(n):
-        for j in range(n):
-            H[i, j] = whole[i, j] - part[i, j]
-    cholesky(H, 0.0, L)
-    for j in range(n):
-        substitute(L, inner[j], y[j])  # Row j of V H^-1.
-    for j in range(n):
-        for i in range(n):
-            x[i] = y[i, j]
-        substitute(L, x, out[j])
-    for i in range(n):
-        for j in range(i):
-            out[i, j] = out[j, i] = 0.5 * (out[i, j] + out[j, i])
-    return True
+    return sandwich_five(whole, part, inner, least, out)
 
 
 @kernel
@@ -233,11 +135,7 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     Determination Using Vector Observations: A Fast Optimal Matrix Algorithm", J. Astronaut. Sci.
     41, 1993). False where M has rank below two.
     """
-    x, y, z = matrix(M)
-    over_x, over_y, over_z = cross(y, z), cross(z, x), cross(x, y)  # cofactors
-    xx, yy, zz, xy, yz, zx = dot(x, x), dot(y, y), dot(z, z), dot(x, y), dot(y, z), dot(z, x)
-    square, det = xx + yy + zz, dot(x, over_x)
-    cofactors = dot(over_x, over_x) + dot(over_y, over_y) + dot(over_z, over_z)
+    square, det, cofactors = _invariants(M)
     # Newton's method from an upper bound comes down to the largest root and stops there.
     trace = math.sqrt(3.0 * square)
     for _ in range(60):
@@ -250,9 +148,28 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     # (s0 + s1) (s1 + s2) (s2 + s0) of the singular values, the last with the sign of det M.
     if not k * trace - det > 1e-9 * square * math.sqrt(square):
         return False
-    first = combine(k + square - xx, x, trace, over_x)
+    _write_nearest(M, square, trace, R)
+    return True
+
+
+@formula
+def _invariants(M: np.ndarray) -> tuple[float, float, float]:
+    """Squares of all elements, determinant, and squares of all cofactors."""
+    x, y, z = matrix(M)
+    over_x, over_y, over_z = cross(y, z), cross(z, x), cross(x, y)
+    square = dot(x, x) + dot(y, y) + dot(z, z)
+    return square, dot(x, over_x), dot(over_x, over_x) + dot(over_y, over_y) + dot(over_z, over_z)
+
+
+@formula
+def _write_nearest(M: np.ndarray, square: float, trace: float, R: np.ndarray) -> None:
+    """The rotation with the largest ``trace`` of ``R.T @ M``."""
+    x, y, z = matrix(M)
+    xy, yz, zx = dot(x, y), dot(y, z), dot(z, x)
+    k = 0.5 * (trace * trace - square) + square
+    first = combine(k - dot(x, x), x, trace, cross(y, z))
     first = combine(1.0, first, -1.0, combine(xy, y, zx, z))
-    second = combine(k + square - yy, y, trace, over_y)
+    second = combine(k - dot(y, y), y, trace, cross(z, x))
     second = combine(1.0, second, -1.0, combine(xy, x, yz, z))
     first = combine(1.0 / norm(first), first, 0.0, first)
     third = cross(first, second)
@@ -260,4 +177,18 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     second = cross(third, first)
     for i in range(3):
         R[0, i], R[1, i], R[2, i] = first[i], second[i], third[i]
-    return True
+
+
+@formula
+def add_outer(b: Vector, a: Vector, weight: float, M: np.ndarray) -> None:
+    """``M += weight b a^T``."""
+    for j in range(3):
+        for k in range(3):
+            M[j, k] += weight * b[j] * a[k]
+
+
+@formula
+def add(s: float, a: Vector, v: np.ndarray) -> None:
+    """``v += s a``."""
+    for k in range(3):
+        v[k] += s * a[k]

@@ -26,7 +26,7 @@ from numba.core.targetconfig import ConfigStack
 from numba.core.typing.context import Context
 from numba.extending import register_model
 
-__all__ = ["InnerCompiler", "with_door"]
+__all__ = ["InnerCompiler", "inner_library", "with_door"]
 
 # Where a numba has no such inner parts, it fails here and not in the middle of an estimate.
 _RELIED_ON = (
@@ -65,6 +65,11 @@ class _InnerLibrary(JITCodeLibrary):
     def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002 - numba's interface
         """None: there is no machine code."""
         return 0
+
+
+def inner_library(codegen: Any, name: str) -> JITCodeLibrary:
+    """Code for callers alone, of which nothing is written yet."""
+    return _InnerLibrary(codegen, name)
 
 
 class _SumLibrary(_InnerLibrary):

@@ -11,6 +11,7 @@ from farpoint._kernels.likelihood import clutter_density, explain, refine_pose
 from farpoint._kernels.linear import copy
 from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.rotation import enlarge_rotation, search_rotation
+from farpoint._kernels.scratch import scratch
 from farpoint._kernels.search import search_pose
 
 __all__ = ["find_motion", "settle_motion"]
@@ -101,7 +102,7 @@ def settle_motion(
     As `likelihood.refine_pose`; ``prior`` receives what is plausible, the last three what
     `likelihood.explain` says of each match.
     """
-    normal = np.empty((6, 6))
+    normal = scratch(6, 6)
     cost = math.inf
     for step in range(PARALLAX_ROUNDS + 1):
         clutter = clutter_density(mixture[0], mixture[1], spread)

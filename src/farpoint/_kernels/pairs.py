@@ -11,9 +11,10 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel, kernel
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.formulas import formula, greater
 from farpoint._kernels.fused import fused
-from farpoint._kernels.vectors import Vector
+from farpoint._kernels.vectors import Vector, combine, dot
 
 __all__ = [
     "LANES",
@@ -31,8 +32,7 @@ __all__ = [
 
 LANES = 16
 # Rows of a panel: two rays, their covariances (upper triangles), the mean variance of their flow.
-# Of a type of their own: for each plain number numba would compile a function anew.
-RAY0, RAY1, COVARIANCE0, COVARIANCE1, FLOW = (np.int64(row) for row in (0, 3, 6, 12, 18))
+RAY0, RAY1, COVARIANCE0, COVARIANCE1, FLOW = 0, 3, 6, 12, 18
 PANEL = 19 * LANES
 # Noise that is smaller is rounding of the rays themselves, rad^2.
 MIN_VARIANCE_RAD2 = 1e-30
@@ -45,35 +45,30 @@ def packed_length(count: int) -> int:
     return -(-count // LANES) * LANES
 
 
-@inlined_kernel
+@formula
 def address(i: int) -> int:
     """Where the first row has match ``i``; the next row has it `LANES` further on."""
     return i // LANES * PANEL + i % LANES
 
 
-@inlined_kernel
+@formula
 def _at(pairs: np.ndarray, at: int, row: int) -> Vector:
-    # An unsigned index: one that might count from the end keeps the loops from adding several.
-    return (
-        pairs[np.uint64(at + row * LANES)],
-        pairs[np.uint64(at + (row + 1) * LANES)],
-        pairs[np.uint64(at + (row + 2) * LANES)],
-    )
+    return pairs[at + row * LANES], pairs[at + (row + 1) * LANES], pairs[at + (row + 2) * LANES]
 
 
-@inlined_kernel
+@formula
 def ray0(pairs: np.ndarray, at: int) -> Vector:
     """Unit ray in camera 0 of the match at this address."""
     return _at(pairs, at, RAY0)
 
 
-@inlined_kernel
+@formula
 def ray1(pairs: np.ndarray, at: int) -> Vector:
     """Unit ray in camera 1."""
     return _at(pairs, at, RAY1)
 
 
-@inlined_kernel
+@formula
 def _covariance_times(pairs: np.ndarray, at: int, row: int, v: Vector) -> Vector:
     x, y = _at(pairs, at, row), _at(pairs, at, row + 3)
     return (
@@ -83,41 +78,59 @@ def _covariance_times(pairs: np.ndarray, at: int, row: int, v: Vector) -> Vector
     )
 
 
-@inlined_kernel
+@formula
 def noise0(pairs: np.ndarray, at: int, v: Vector) -> Vector:
     """Covariance of the ray in camera 0, for unit noise, times ``v``."""
     return _covariance_times(pairs, at, COVARIANCE0, v)
 
 
-@inlined_kernel
+@formula
 def noise1(pairs: np.ndarray, at: int, v: Vector) -> Vector:
     """Covariance of the ray in camera 1, for unit noise, times ``v``."""
     return _covariance_times(pairs, at, COVARIANCE1, v)
 
 
-@inlined_kernel
+@formula
 def flow_variance(pairs: np.ndarray, at: int) -> float:
     """Variance, rad^2 for unit noise, of the flow in one direction, on average."""
-    return pairs[np.uint64(at + FLOW * LANES)]
+    return pairs[at + FLOW * LANES]
 
 
-@inlined_kernel
+@formula
+def _put_ray(pairs: np.ndarray, at: int, row: int, rays: np.ndarray, i: int) -> Vector:
+    """Store ray ``i``, and return it."""
+    ray = rays[i, 0], rays[i, 1], rays[i, 2]
+    for k in range(3):
+        pairs[at + (row + k) * LANES] = ray[k]
+    return ray
+
+
+@formula
 def _put_covariance(
-    pairs: np.ndarray, at: int, row: int, A: np.ndarray, i: int, C: np.ndarray
+    pairs: np.ndarray, at: int, row: int, A: np.ndarray, i: int, C: np.ndarray, j: int
 ) -> float:
-    """Store ``A C A^T`` of match ``i`` (C (M, 2, 2), one for all where M = 1); its trace."""
-    j = i if C.shape[0] > 1 else 0
+    """Store ``A C A^T`` of match ``i``, with the noise ``C[j]`` (2, 2); its trace."""
     c00, c01, c11 = C[j, 0, 0], C[j, 0, 1], C[j, 1, 1]
     slot = at + row * LANES
     trace = 0.0
     for k in range(3):
         u, v = c00 * A[i, k, 0] + c01 * A[i, k, 1], c01 * A[i, k, 0] + c11 * A[i, k, 1]
         for m in range(k, 3):
-            pairs[slot] = u * A[i, m, 0] + v * A[i, m, 1]
-            if m == k:
-                trace += pairs[slot]
-            slot += LANES
+            element = u * A[i, m, 0] + v * A[i, m, 1]
+            pairs[slot] = element
+            trace = element + trace if m == k else trace
+            slot = slot + LANES
     return trace
+
+
+@formula
+def _squares(factors: np.ndarray, i: int) -> float:
+    """Sum of the squares of a derivative (3, 2)."""
+    square = 0.0
+    for k in range(3):
+        for c in range(2):
+            square = square + factors[i, k, c] * factors[i, k, c]
+    return square
 
 
 @kernel
@@ -157,24 +170,24 @@ def pack_pairs(
         the later rays.
     """
     n = 0
-    x = y = z = square = precision = 0.0
+    square = precision = 0.0
+    mean = 0.0, 0.0, 0.0
     for i in range(rays0.shape[0]):
-        squares0 = squares1 = 0.0
-        for k in range(3):
-            for c in range(2):
-                squares0 += factors0[i, k, c] ** 2
-                squares1 += factors1[i, k, c] ** 2
-        if not (squares0 > least_variance and squares1 > least_variance):  # nor NaN
+        if not _squares(factors0, i) > least_variance:  # or NaN
+            continue
+        if not _squares(factors1, i) > least_variance:
             continue
         at = address(n)
-        for k in range(3):
-            pairs[at + (RAY0 + k) * LANES] = rays0[i, k]
-            pairs[at + (RAY1 + k) * LANES] = rays1[i, k]
-            square += rays1[i, k] ** 2
-        x, y, z = x + rays1[i, 0], y + rays1[i, 1], z + rays1[i, 2]
-        trace = _put_covariance(pairs, at, COVARIANCE0, factors0, i, covariance0)
-        trace += _put_covariance(pairs, at, COVARIANCE1, factors1, i, covariance1)
-        variance = max(0.5 * trace, MIN_VARIANCE_RAD2)
+        _put_ray(pairs, at, RAY0, rays0, i)
+        ray = _put_ray(pairs, at, RAY1, rays1, i)
+        square += dot(ray, ray)
+        mean = combine(1.0, mean, 1.0, ray)
+        trace = _put_covariance(
+            pairs, at, COVARIANCE0, factors0, i, covariance0, i if covariance0.shape[0] > 1 else 0
+        ) + _put_covariance(
+            pairs, at, COVARIANCE1, factors1, i, covariance1, i if covariance1.shape[0] > 1 else 0
+        )
+        variance = greater(0.5 * trace, MIN_VARIANCE_RAD2)
         pairs[at + FLOW * LANES] = variance
         precision += 1.0 / variance
         index[n] = i
@@ -182,22 +195,22 @@ def pack_pairs(
     _fill_up(pairs, n)
     if n == 0:
         return 0, 10.0
-    square -= (x * x + y * y + z * z) / n
-    return n, max(math.sqrt(1.5 * max(square, 0.0) / n * precision / n), 10.0)
+    square -= dot(mean, mean) / n
+    return n, greater(math.sqrt(1.5 * greater(square, 0.0) / n * precision / n), 10.0)
 
 
-@inlined_kernel
+@inner_kernel
 def _fill_up(pairs: np.ndarray, n: int) -> None:
     """Fill the last panel with matches that are harmless to compute with."""
     for i in range(n, -(-n // LANES) * LANES):
-        at = address(i)
-        for row in range(19):
-            pairs[at + row * LANES] = 0.0
-        pairs[at + 2 * LANES] = pairs[at + 5 * LANES] = 1.0
-        for row in (0, 3, 5):
-            pairs[at + (COVARIANCE0 + row) * LANES] = VAGUE
-            pairs[at + (COVARIANCE1 + row) * LANES] = VAGUE
-        pairs[at + FLOW * LANES] = VAGUE
+        _put_harmless(pairs, address(i))
+
+
+@formula
+def _put_harmless(pairs: np.ndarray, at: int) -> None:
+    ray, covariance = (0.0, 0.0, 1.0), (VAGUE, 0.0, 0.0, VAGUE, 0.0, VAGUE)
+    for row, value in enumerate((*ray, *ray, *covariance, *covariance, VAGUE)):
+        pairs[at + row * LANES] = value
 
 
 @kernel

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.formulas import greater, lesser
 
 __all__ = ["largest", "plausible_parallax"]
 
@@ -19,8 +20,9 @@ def largest(values: np.ndarray, k: int) -> float:
     """The ``k``-th largest of non-negative values, to a millionth of the largest."""
     low, high = 0.0, 0.0
     for i in range(values.shape[0]):
-        high = max(high, values[i])
-    for _ in range(20):
+        high = greater(high, values[i])
+    least = 1e-6 * high
+    while high - low > least:
         middle = 0.5 * (low + high)
         above = 0
         for i in range(values.shape[0]):
@@ -60,13 +62,13 @@ def plausible_parallax(
         bulk += 1 if belongs else 0
     wrong = count - bulk
     # Where no match is off the lines, none is on one by chance.
-    captured = min(wrong, 3 + math.ceil(2.0 * wrong * BAND_SIGMA * sigma / spread))
+    captured = lesser(wrong, 3 + math.ceil(2.0 * wrong * BAND_SIGMA * sigma / spread))
     if bulk <= captured:
         for i in range(count):
             prior[i] = 1.0
         return
-    reach = 2.0 * max(largest(sizes, captured + 1), BAND_SIGMA)
-    flat = max(2.0 * spread / ((reach + BAND_SIGMA) * sigma), 1.0)
+    reach = 2.0 * greater(largest(sizes, captured + 1), BAND_SIGMA)
+    flat = greater(2.0 * spread / ((reach + BAND_SIGMA) * sigma), 1.0)
     for i in range(count):
-        beyond = max(parallax[i] / sigma - reach, 0.0) / (0.2 * reach)
+        beyond = greater(parallax[i] / sigma - reach, 0.0) / (0.2 * reach)
         prior[i] = flat * math.exp(-0.5 * beyond * beyond)

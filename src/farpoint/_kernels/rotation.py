@@ -6,16 +6,17 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, sum_kernel
+from farpoint._kernels.compile import kernel, sum_kernel
 from farpoint._kernels.exponential import exp_and_eighth, lane_log
+from farpoint._kernels.formulas import formula, greater, lesser, root, sum_formula
 from farpoint._kernels.likelihood import POOR, update_mixture
 from farpoint._kernels.linear import (
+    add_outer,
     apply_rotation_step,
     clear,
     copy,
     draw_index,
     kabsch,
-    solve_spd,
 )
 from farpoint._kernels.pairs import (
     LANES,
@@ -27,8 +28,11 @@ from farpoint._kernels.pairs import (
     ray0,
     ray1,
 )
+from farpoint._kernels.scratch import scratch
+from farpoint._kernels.squares import FOUR, add_square, solve_three_spd, write_square
 from farpoint._kernels.vectors import (
     Matrix,
+    Vector,
     combine,
     cross,
     dot,
@@ -48,7 +52,10 @@ __all__ = [
 ]
 
 
-@inlined_kernel
+Row = tuple[float, float, float, float]
+
+
+@formula
 def _distance2(pairs: np.ndarray, at: int, R: Matrix) -> float:
     """``|b - R a|^2`` in units of the noise of one coordinate (isotropic)."""
     d = combine(1.0, ray1(pairs, at), -1.0, rotate(R, ray0(pairs, at)))
@@ -62,7 +69,7 @@ def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float) -> float:
     cost = 0.0
     for panel in range(pairs.shape[0] // PANEL):
         for lane in range(LANES):
-            cost += min(_distance2(pairs, panel * PANEL + lane, turn), limit)
+            cost += lesser(_distance2(pairs, panel * PANEL + lane, turn), limit)
     return cost
 
 
@@ -82,7 +89,7 @@ def search_rotation(
     receives the best rotation.
     """
     limit = tolerance * tolerance
-    hypothesis, M = np.empty((3, 3)), np.empty((3, 3))
+    hypothesis, M = scratch(3, 3), scratch(3, 3)
     best = math.inf
     needed = max_iterations
     iteration = 0
@@ -91,10 +98,7 @@ def search_rotation(
         clear(M)
         for _ in range(3):
             at = address(draw_index(state, count))
-            a, b = ray0(pairs, at), ray1(pairs, at)
-            for j in range(3):
-                for k in range(3):
-                    M[j, k] += b[j] * a[k]
+            add_outer(ray1(pairs, at), ray0(pairs, at), 1.0, M)
         if not kabsch(M, hypothesis):
             continue
         cost = _truncated_squares(pairs, hypothesis, limit)
@@ -104,7 +108,7 @@ def search_rotation(
             share = 1.0 - best / (limit * count)
             miss = 1.0 - share * share * share
             if 1e-3 < miss < 1.0:
-                needed = min(max_iterations, int(math.log(1e-3) / math.log(miss)) + 1)
+                needed = lesser(max_iterations, int(math.log(1e-3) / math.log(miss)) + 1)
             elif miss <= 1e-3:
                 break
     return iteration
@@ -118,22 +122,30 @@ def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) ->
     """
     turn = matrix(R)
     inside = 0.0
-    m00 = m01 = m02 = m10 = m11 = m12 = m20 = m21 = m22 = 0.0
+    sums = (0.0,) * 9
     for panel in range(pairs.shape[0] // PANEL):
         for lane in range(LANES):
             at = panel * PANEL + lane
-            a, b = ray0(pairs, at), ray1(pairs, at)
             agrees = 1.0 if _distance2(pairs, at, turn) <= limit else 0.0
             inside += agrees
             weight = agrees / flow_variance(pairs, at)
-            x, y, z = weight * b[0], weight * b[1], weight * b[2]
-            m00, m01, m02 = m00 + x * a[0], m01 + x * a[1], m02 + x * a[2]
-            m10, m11, m12 = m10 + y * a[0], m11 + y * a[1], m12 + y * a[2]
-            m20, m21, m22 = m20 + z * a[0], m21 + z * a[1], m22 + z * a[2]
-    M[0, 0], M[0, 1], M[0, 2] = m00, m01, m02
-    M[1, 0], M[1, 1], M[1, 2] = m10, m11, m12
-    M[2, 0], M[2, 1], M[2, 2] = m20, m21, m22
+            sums = _add_product(sums, weight, ray1(pairs, at), ray0(pairs, at))
+    write_rows(sums, M)
     return inside
+
+
+@sum_formula
+def _add_product(sums: tuple, weight: float, b: Vector, a: Vector) -> tuple:
+    """``sums + weight b a^T``, by rows."""
+    terms = [weight * y * x for y in b for x in a]
+    return tuple(so_far + term for so_far, term in zip(sums, terms, strict=True))
+
+
+@formula
+def write_rows(elements: tuple, M: np.ndarray) -> None:
+    """Write a matrix (3, 3)."""
+    for i, element in enumerate(elements):
+        M[i // 3, i % 3] = element
 
 
 @kernel
@@ -146,13 +158,14 @@ def enlarge_rotation(
     about as much as the far points that it should recognise. ``consistent`` (count,) receives
     whether a match belongs to it; ``R`` is improved in place.
     """
-    M = np.empty((3, 3))
+    M = scratch(3, 3)
     filled_up = pairs.shape[0] // PANEL * LANES - count
     limit = tolerance * tolerance
     size = 0
     for step in range(12):
         previous = size
-        within = limit * min(1.0, (0.5 + 0.125 * step) ** 2)
+        part = lesser(1.0, 0.5 + 0.125 * step)
+        within = limit * part * part
         size = int(_correlate(pairs, R, within, M)) - filled_up
         if step > 4 and size == previous:
             break
@@ -164,19 +177,17 @@ def enlarge_rotation(
     return size
 
 
-@inlined_kernel
+@formula
 def _tangent_residual(
     pairs: np.ndarray, at: int, R: Matrix
 ) -> tuple[tuple, tuple, float, float, float, float, float]:
     """Basis ``E`` of the plane at ``b``, ``E^T (b - R a)``, its covariance for unit noise."""
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
-    first, second = tangent_columns(b)
     d = combine(1.0, b, -1.0, m)
-    x = combine(
-        1.0, noise1(pairs, at, first), 1.0, rotate(R, noise0(pairs, at, rotate_back(R, first)))
-    )
-    y = combine(
-        1.0, noise1(pairs, at, second), 1.0, rotate(R, noise0(pairs, at, rotate_back(R, second)))
+    first, second = tangent_columns(b)
+    x, y = (
+        combine(1.0, noise1(pairs, at, e), 1.0, rotate(R, noise0(pairs, at, rotate_back(R, e))))
+        for e in (first, second)
     )
     return (
         first,
@@ -189,6 +200,27 @@ def _tangent_residual(
     )
 
 
+@formula
+def _square(pairs: np.ndarray, at: int, R: Matrix) -> float:
+    """Squared Mahalanobis distance of ``b`` from ``R a``."""
+    _, _, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
+    return (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / (s00 * s11 - s01 * s01)
+
+
+@formula
+def _whitened(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row, Row]:
+    """That distance, and Jacobian and residual in axes in which their noise is 1 and round."""
+    first, second, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
+    m = rotate(R, ray0(pairs, at))
+    # d(b - R a) = m x dtheta, so the rows of J = E^T [m]x are e x m.
+    j, k = cross(first, m), cross(second, m)
+    scale0, slope = 1.0 / root(s00), s01 / s00
+    scale1 = 1.0 / root(s11 - slope * s01)
+    u, v = scale0 * z0, scale1 * (z1 - slope * z0)
+    rest = combine(scale1, k, -scale1 * slope, j)
+    return u * u + v * v, (scale0 * j[0], scale0 * j[1], scale0 * j[2], u), (*rest, v)
+
+
 @kernel
 def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
     """Squared Mahalanobis distances ``out`` of ``b`` from ``R a``, in units of the noise.
@@ -198,12 +230,10 @@ def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> Non
     turn = matrix(R)
     for panel in range(out.shape[0] // LANES):
         for lane in range(LANES):
-            _, _, z0, z1, s00, s01, s11 = _tangent_residual(pairs, panel * PANEL + lane, turn)
-            square = s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1
-            out[panel * LANES + lane] = square / (s00 * s11 - s01 * s01)
+            out[panel * LANES + lane] = _square(pairs, panel * PANEL + lane, turn)
 
 
-@inlined_kernel
+@formula
 def _densities(square: float, precision: float, poor: float, prior: float) -> tuple[float, float]:
     """Density of a match, if good and if poor, over that of a good one at 0, in two dimensions."""
     whole, eighth = exp_and_eighth(0.5 * square * precision)
@@ -229,46 +259,30 @@ def rotation_linearize(
     """
     turn = matrix(R)
     precision, poor = 1.0 / mixture[0], mixture[2]
-    cost = used = right = doubtful = squares = 0.0
-    g0 = g1 = g2 = h00 = h10 = h11 = h20 = h21 = h22 = 0.0
+    cost = used = right = doubtful = 0.0
+    normal = FOUR
     for panel in range(prior.shape[0] // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
-            first, second, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, turn)
-            over_det = 1.0 / (s00 * s11 - s01 * s01)
-            y0, y1 = over_det * (s11 * z0 - s01 * z1), over_det * (s00 * z1 - s01 * z0)
-            square = z0 * y0 + z1 * y1
+            square, row0, row1 = _whitened(pairs, at, turn)
             good, fair = _densities(square, precision, poor, share)
             total = good + fair + clutter
+            over = 1.0 / total
             cost -= lane_log(total)
             used += 1.0 if share > 0.0 else 0.0
-            right += (good + fair) / total
-            doubtful += fair / total
-            weight = (good + fair * 0.125) / total
-            squares += weight * square
-            # d(b - R a) = m x dtheta, so the rows of J = E^T [m]x are e x m.
-            m = rotate(turn, ray0(pairs, at))
-            j, k = cross(first, m), cross(second, m)
-            weight *= precision
-            u, v = weight * y0, weight * y1
-            g0, g1, g2 = (
-                g0 + u * j[0] + v * k[0],
-                g1 + u * j[1] + v * k[1],
-                g2 + u * j[2] + v * k[2],
-            )
-            weight *= over_det
-            p = combine(weight * s11, j, -weight * s01, k)
-            q = combine(weight * s00, k, -weight * s01, j)
-            h00, h10 = h00 + p[0] * j[0] + q[0] * k[0], h10 + p[0] * j[1] + q[0] * k[1]
-            h11, h20 = h11 + p[1] * j[1] + q[1] * k[1], h20 + p[0] * j[2] + q[0] * k[2]
-            h21, h22 = h21 + p[1] * j[2] + q[1] * k[2], h22 + p[2] * j[2] + q[2] * k[2]
-    g[0], g[1], g[2] = g0, g1, g2
-    H[0, 0], H[1, 1], H[2, 2] = h00, h11, h22
-    H[0, 1] = H[1, 0] = h10
-    H[0, 2] = H[2, 0] = h20
-    H[1, 2] = H[2, 1] = h21
-    sums[0], sums[1], sums[2] = right, doubtful, squares
+            right += (good + fair) * over
+            doubtful += fair * over
+            weight = precision * (good + fair * 0.125) * over
+            normal = add_square(add_square(normal, weight, row0), weight, row1)
+    _write_normal(normal, H, g)
+    sums[0], sums[1], sums[2] = right, doubtful, normal[9] / precision
     return cost + (prior.shape[0] - used) * lane_log(clutter)
+
+
+@formula
+def _write_normal(sums: tuple, H: np.ndarray, g: np.ndarray) -> None:
+    write_square(sums[:6], H)
+    g[0], g[1], g[2] = sums[6:9]
 
 
 @kernel
@@ -289,24 +303,26 @@ def refine_rotation(
     and that of poor ones, in and out (EM); wrong matches fill a disc of radius ``spread`` (in units
     of the noise).
     """
-    g, L, step, sums = np.empty(3), np.empty((3, 3)), np.empty(3), np.empty(3)
+    g, step, sums = scratch(3), scratch(3), scratch(3)
     cost = math.inf
     for _ in range(max_iterations):
         variance, wrong = mixture[0], mixture[1]
         clutter = _clutter(variance, wrong, spread)
         cost = rotation_linearize(pairs, prior, R, mixture, clutter, H, g, sums)
-        square = sums[2] / max(2.0 * sums[0] - 3.0, 1.0)
-        update_mixture(square, sums[0], sums[1], count, min_variance, mixture)
-        if not solve_spd(H, g, 0.0, L, step):
+        square = sums[2] / greater(2.0 * sums[0] - 3.0, 1.0)
+        update_mixture(square, sums[0], sums[1], float(count), min_variance, mixture)
+        if not solve_three_spd(H, g, 0.0, step):
             break
         apply_rotation_step(R, -step[0], -step[1], -step[2], R)
-        size = H[0, 0] * step[0] ** 2 + H[1, 1] * step[1] ** 2 + H[2, 2] * step[2] ** 2
+        size = 0.0
+        for k in range(3):
+            size += H[k, k] * step[k] * step[k]
         if size < 1e-6 and abs(mixture[0] - variance) < 1e-3 * variance:
             break
     return cost
 
 
-@inner_kernel
+@formula
 def _clutter(variance: float, wrong: float, spread: float) -> float:
     """Density of wrong matches over that of good ones at 0, in two dimensions."""
     return wrong / (1.0 - wrong) * 2.0 * variance / (spread * spread)

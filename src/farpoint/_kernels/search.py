@@ -11,17 +11,19 @@ from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.direction import intersect_circles
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.five_rays import LONG_FLOW, iterations_needed, score_pose, solve_five
+from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.likelihood import clutter_density, linearize, mixture_cost, refine_pose
 from farpoint._kernels.linear import (
     apply_rotation_step,
-    cholesky,
     copy,
     draw_direction,
     draw_index,
     draw_unit,
-    solve_five_spd,
 )
 from farpoint._kernels.pairs import address, ray0, ray1
+from farpoint._kernels.plausible import largest
+from farpoint._kernels.scratch import index_scratch, scratch
+from farpoint._kernels.squares import determinant_beside_one, promise, solve_five_spd
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import combine, dot, matrix, rotate, tangent_columns, vector
 
@@ -97,7 +99,7 @@ def search_direction(
     The two are drawn from ``candidates`` (M,), indices of the matches that may carry translation.
     """
     limit = tolerance * tolerance
-    hypothesis = np.empty(3)
+    hypothesis = scratch(3)
     best = limit * prior.shape[0]
     t[0], t[1], t[2] = 0.0, 0.0, 1.0
     for _ in range(iterations):
@@ -125,7 +127,7 @@ def _draw_distinct(sample: np.ndarray, n: int, state: np.ndarray) -> None:
                     fresh = False
 
 
-@inner_kernel
+@formula
 def _flow2(pairs: np.ndarray, R: np.ndarray, i: int) -> float:
     """Squared length of the flow that the rotation leaves of match ``i``."""
     at = address(i)
@@ -151,22 +153,9 @@ def _longest_flow_first(pairs: np.ndarray, R: np.ndarray, sample: np.ndarray) ->
 def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
     """Median angle, rad, that the rotation ``R`` leaves between matched rays."""
     squares = np.empty(count)
-    largest = 0.0
     for i in range(count):
         squares[i] = _flow2(pairs, R, i)
-        largest = max(largest, squares[i])
-    # The median by bisection, which is enough here: np.median takes a second to compile.
-    low, high = 0.0, largest
-    for _ in range(16):
-        middle = 0.5 * (low + high)
-        below = 0
-        for i in range(count):
-            below += 1 if squares[i] <= middle else 0
-        if 2 * below < count:
-            low = middle
-        else:
-            high = middle
-    return math.sqrt(high)
+    return math.sqrt(largest(squares, count // 2 + 1))
 
 
 @inner_kernel
@@ -177,17 +166,8 @@ def _narrowness(normal: np.ndarray) -> float:
     noise, the likelier they are, but the fewer poses do it (Laplace's method). Nothing is wider
     than a radian.
     """
-    H, L = np.empty((5, 5)), np.empty((5, 5))
-    for i in range(5):
-        for j in range(5):
-            H[i, j] = normal[i, j]
-        H[i, i] += 1.0
-    if not cholesky(H, 0.0, L):
-        return math.inf
-    product = 1.0
-    for i in range(5):
-        product *= L[i, i]
-    return math.log(product)
+    determinant, positive = determinant_beside_one(normal)
+    return 0.5 * math.log(determinant) if positive else math.inf
 
 
 @inner_kernel
@@ -236,7 +216,7 @@ def _unexplained(matches: Matches, best: Pose, tolerance: float) -> float:
     within = 0
     for i in range(matches.total):
         within += 1 if abs(sampson(matches.pairs, address(i), turn, towards)) < tolerance else 0
-    return max(best.mixture[1], 1.0 - within / matches.total)
+    return greater(best.mixture[1], 1.0 - within / matches.total)
 
 
 @inner_kernel
@@ -244,24 +224,25 @@ def _is_same(pose: Pose, best: Pose) -> bool:
     """Whether a pose is within the uncertainty of the best: the same minimum, on its way."""
     if pose.t[0] * best.t[0] + pose.t[1] * best.t[1] + pose.t[2] * best.t[2] < 0.5:
         return False
-    x = np.empty(5)
-    trace = 0.0
-    for k in range(3):
-        trace += dot(vector(pose.R[k]), vector(best.R[k]))
-        i, j = (k + 1) % 3, (k + 2) % 3
-        # The rotation between the two is small: half the difference of its off-diagonal elements.
-        x[k] = 0.5 * (
-            dot(vector(pose.R[j]), vector(best.R[i])) - dot(vector(pose.R[i]), vector(best.R[j]))
-        )
-    if trace < 2.0:
-        return False
-    first, second = tangent_columns(vector(best.t))
-    x[3], x[4] = dot(first, vector(pose.t)), dot(second, vector(pose.t))
+    trace, distance2 = _apart(pose.R, pose.t, best.R, best.t, best.normal)
+    return trace > 2.0 and distance2 < 2.0 * SAME
+
+
+@formula
+def _apart(
+    R: np.ndarray, t: np.ndarray, other_R: np.ndarray, other_t: np.ndarray, normal: np.ndarray
+) -> tuple[float, float]:
+    """Trace of the rotation between two poses, and their squared distance by normal equations."""
+    A, B = matrix(R), matrix(other_R)
+    trace = dot(A[0], B[0]) + dot(A[1], B[1]) + dot(A[2], B[2])
+    # The rotation between the two is small: half the difference of its off-diagonal elements.
+    x = [0.5 * (dot(A[j], B[i]) - dot(A[i], B[j])) for i, j in ((1, 2), (2, 0), (0, 1))]
+    x += [dot(e, vector(t)) for e in tangent_columns(vector(other_t))]
     distance2 = 0.0
     for k in range(5):
         for j in range(5):
-            distance2 += x[k] * best.normal[k, j] * x[j]
-    return distance2 < 2.0 * SAME
+            distance2 = distance2 + x[k] * normal[k, j] * x[j]
+    return trace, distance2
 
 
 @inner_kernel
@@ -287,7 +268,7 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
     """
     variance, wrong = challenger.mixture[0], challenger.mixture[1]
     clutter = clutter_density(variance, wrong, matches.spread)
-    normal, shares = challenger.normal, np.empty(2)
+    normal, x, shares = challenger.normal, scratch(5), scratch(2)
     cost = linearize(
         matches.pairs,
         matches.prior,
@@ -299,15 +280,10 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
         shares,
     )
     cost += matches.total * mixture_cost(variance, wrong) + _narrowness(normal)
-    g, x = np.empty(5), np.empty(5)
-    for k in range(5):
-        g[k] = normal[k, 5]
-    if not solve_five_spd(normal, g, 0.0, x):
+    if not solve_five_spd(normal, 0.0, x):
         return False
-    promise = 0.0
-    for k in range(5):
-        promise += g[k] * x[k]
-    return cost - PROMISES * promise < best.cost[0] + RIVAL
+    gain, _ = promise(normal, x)
+    return cost - PROMISES * gain < best.cost[0] + RIVAL
 
 
 @inner_kernel
@@ -360,22 +336,23 @@ def search_pose(
     of the motions that look alike, by a plane and by two layers, were rivals.
     """
     matches = Matches(pairs, prior, count, spread, min_variance)
-    best = Pose(R, t, mixture, np.empty((6, 6)), np.empty(1))
-    other = Pose(np.empty((3, 3)), np.empty(3), np.empty(3), np.empty((6, 6)), np.empty(1))
-    sample = np.empty(5, np.int64)
-    start = R.copy()
+    best = Pose(R, t, mixture, scratch(6, 6), scratch(1))
+    other = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    sample, start = index_scratch(5), scratch(3, 3)
+    copy(R, start)
     flow = _typical_flow(pairs, count, start)
     _start_noise(tolerance, mixture)
     search_direction(pairs, prior, candidates, tolerance, DIRECTIONS, state, R, t)
     _refine(matches, REFINEMENTS, best)
     _noise_of(matches, best, tolerance, other.mixture)
     limit = GATE_SIGMA * GATE_SIGMA * other.mixture[0]
-    lowest = score_pose(pairs, prior, R, t.copy(), limit, math.inf)
+    copy(t, other.t)
+    lowest = score_pose(pairs, prior, R, other.t, limit, math.inf)
     wrong = _unexplained(matches, best, tolerance)
-    contested = False
+    rivals = 0
     iteration = 0
     while iteration < iterations_needed(
-        wrong, flow, contested, confidence, min_iterations, max_iterations
+        wrong, flow, rivals > 0, confidence, min_iterations, max_iterations
     ):
         iteration += 1
         _draw_distinct(sample, count, state)
@@ -393,10 +370,10 @@ def search_pose(
         raw = score_pose(pairs, prior, other.R, other.t, limit, PROMISING * lowest)
         if raw >= PROMISING * lowest:
             continue
-        lowest = min(raw, lowest)
+        lowest = lesser(raw, lowest)
         _noise_of(matches, best, tolerance, other.mixture)
         if _challenge(matches, other, best):
-            contested = True
+            rivals += 1
             wrong = _unexplained(matches, best, tolerance)
     for twin in range(2):
         twins[twin] = False

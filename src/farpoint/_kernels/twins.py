@@ -8,10 +8,20 @@ import numpy as np
 
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.epipolar import flow_along, sampson
-from farpoint._kernels.linear import apply_rotation_step, clear, kabsch, solve_spd
+from farpoint._kernels.formulas import formula, greater
+from farpoint._kernels.linear import (
+    add,
+    add_outer,
+    apply_rotation_step,
+    clear,
+    kabsch,
+)
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
+from farpoint._kernels.scratch import scratch
+from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.vectors import (
+    Vector,
     cross,
     dot,
     matrix,
@@ -44,10 +54,7 @@ def planar_twin(
     then ``tau . a``; where most of these are negative, both change their signs. Matches with a
     residual beyond ``gate`` are left out.
     """
-    M = np.empty((3, 3))
-    v = np.empty(3)
-    L = np.empty((3, 3))
-    n = np.empty(3)
+    M, v, n = scratch(3, 3), scratch(3), scratch(3)
     clear(M)
     clear(v)
     turn, towards = matrix(R), vector(t)
@@ -57,21 +64,16 @@ def planar_twin(
         at = address(i)
         if abs(sampson(pairs, at, turn, towards)) > gate:
             continue
-        a, back = ray0(pairs, at), rotate_back(turn, ray1(pairs, at))
-        # back = l0 a + tau up to length: its cross product gives a x back = (back x tau) / l0.
-        across = cross(back, tau)
-        square = dot(across, across)
+        a = ray0(pairs, at)
+        inverse_distance, square = _inverse_distance(a, rotate_back(turn, ray1(pairs, at)), tau)
         if not square > 1e-12:
             continue
-        inverse_distance = dot(cross(a, back), across) / square
         ahead += 1 if dot(tau, a) > 0.0 else -1
         # Each weighs by its own accuracy; a wrong one is bounded by its own size.
         weight = square / (1.0 + inverse_distance * inverse_distance)
-        for k in range(3):
-            v[k] += weight * inverse_distance * a[k]
-            for j in range(3):
-                M[k, j] += weight * a[k] * a[j]
-    if not solve_spd(M, v, 1e-9, L, n):
+        add_outer(a, a, weight, M)
+        add(weight * inverse_distance, a, v)
+    if not solve_three_spd(M, v, 1e-9, n):
         return False
     plane = vector(n)
     if not norm(plane) > 1e-9:
@@ -83,6 +85,15 @@ def planar_twin(
     for k in range(3):
         twin_t[k] = math.copysign(1.0, ahead) * normal[k] / norm(plane)
     return True
+
+
+@formula
+def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, float]:
+    """Inverse distance of a match, and the square of the sine that tells it."""
+    # back = l0 a + tau up to length: its cross product gives a x back = (back x tau) / l0.
+    across = cross(back, tau)
+    square = dot(across, across)
+    return dot(cross(a, back), across) / square, square
 
 
 @kernel
@@ -101,7 +112,7 @@ def layer_twin(
     of the near points which the rotation takes up, the far ones flow backwards. Near are those
     nearer than most; matches with a residual beyond ``gate`` are left out.
     """
-    M, nearness = np.empty((3, 3)), np.empty(count)
+    M, nearness = scratch(3, 3), np.empty(count)
     clear(M)
     turn, towards = matrix(R), vector(t)
     agreeing = 0
@@ -111,15 +122,12 @@ def layer_twin(
         flow, reach2 = flow_along(m, b, towards)
         agrees = abs(sampson(pairs, at, turn, towards)) <= gate
         # Inverse distance, and nothing at the epipole.
-        nearness[i] = max(flow, 0.0) / max(reach2, 1e-6) if agrees else -1.0
+        nearness[i] = greater(flow, 0.0) / greater(reach2, 1e-6) if agrees else -1.0
         agreeing += 1 if agrees else 0
     typical = largest(nearness, agreeing // 2)
     for i in range(count):
         if nearness[i] > typical:
-            a, b = ray0(pairs, address(i)), ray1(pairs, address(i))
-            for j in range(3):
-                for k in range(3):
-                    M[j, k] += b[j] * a[k]
+            add_outer(ray1(pairs, address(i)), ray0(pairs, address(i)), 1.0, M)
     for k in range(3):
         twin_t[k] = -t[k]
     return kabsch(M, twin_R)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.formulas import formula, root, with_sign_of
 from farpoint._kernels.fused import fused
 
 __all__ = [
@@ -27,13 +25,13 @@ Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
 
-@inlined_kernel
+@formula
 def vector(a: np.ndarray) -> Vector:
     """The elements of an array (3,)."""
     return a[0], a[1], a[2]
 
 
-@inlined_kernel
+@formula
 def matrix(A: np.ndarray) -> Matrix:
     """The rows of an array (3, 3)."""
     return (
@@ -43,19 +41,19 @@ def matrix(A: np.ndarray) -> Matrix:
     )
 
 
-@inlined_kernel
+@formula
 def dot(a: Vector, b: Vector) -> float:
     """``a . b``."""
     return fused(a[0], b[0], fused(a[1], b[1], a[2] * b[2]))
 
 
-@inlined_kernel
+@formula
 def norm(a: Vector) -> float:
     """``|a|``."""
-    return math.sqrt(dot(a, a))
+    return root(dot(a, a))
 
 
-@inlined_kernel
+@formula
 def cross(a: Vector, b: Vector) -> Vector:
     """``a x b``."""
     return (
@@ -65,19 +63,19 @@ def cross(a: Vector, b: Vector) -> Vector:
     )
 
 
-@inlined_kernel
+@formula
 def combine(s: float, a: Vector, u: float, b: Vector) -> Vector:
     """``s a + u b``."""
     return fused(s, a[0], u * b[0]), fused(s, a[1], u * b[1]), fused(s, a[2], u * b[2])
 
 
-@inlined_kernel
+@formula
 def rotate(R: Matrix, a: Vector) -> Vector:
     """``R a``."""
     return dot(R[0], a), dot(R[1], a), dot(R[2], a)
 
 
-@inlined_kernel
+@formula
 def rotate_back(R: Matrix, a: Vector) -> Vector:
     """``R^T a``."""
     return (
@@ -87,10 +85,10 @@ def rotate_back(R: Matrix, a: Vector) -> Vector:
     )
 
 
-@inlined_kernel
+@formula
 def tangent_columns(d: Vector) -> tuple[Vector, Vector]:
     """Orthonormal basis perpendicular to the unit vector ``d`` (Duff et al., JCGT 2017)."""
-    sign = math.copysign(1.0, d[2])
+    sign = with_sign_of(d[2], 1.0)
     a = -1.0 / (sign + d[2])
     b = d[0] * d[1] * a
     first = (1.0 + sign * d[0] * d[0] * a, sign * b, -sign * d[0])

@@ -1,0 +1,156 @@
+"""Sums of squares, and what solves them, against NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from farpoint._kernels import squares
+from farpoint._kernels.compile import kernel
+from farpoint._kernels.formulas import formula
+from farpoint._kernels.scratch import index_scratch, scratch
+
+quick = settings(max_examples=60, deadline=None)
+seeds = st.integers(0, 2**32)
+
+
+@kernel
+def gram(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
+    sums = squares.FOUR
+    for i in range(rows.shape[0]):
+        row = rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
+        sums = squares.add_square(sums, weights[i], row)
+    squares.write_square(sums, out)
+
+
+@kernel
+def solve_five(normal: np.ndarray, damping: float, x: np.ndarray) -> bool:
+    return squares.solve_five_spd(normal, damping, x)
+
+
+@kernel
+def promised(normal: np.ndarray, x: np.ndarray) -> tuple:
+    return squares.promise(normal, x)
+
+
+@kernel
+def solve_three(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray) -> bool:
+    return squares.solve_three_spd(H, g, damping, x)
+
+
+@kernel
+def size2(H: np.ndarray, row: np.ndarray) -> float:
+    inverse, positive = squares.inverse_square(H)
+    if not positive:
+        return -1.0
+    return squares.size2(inverse, (row[0], row[1], row[2], row[3], row[4]))
+
+
+def damped(H: np.ndarray, damping: float) -> np.ndarray:
+    return H + damping * np.diag(np.diag(H))
+
+
+def test_rows_are_added_up_with_their_weights():
+    rng = np.random.default_rng(0)
+    rows, weights, out = rng.normal(size=(37, 4)), rng.uniform(size=37), np.full((4, 4), np.nan)
+    gram(rows, weights, out)
+    np.testing.assert_allclose(out, rows.T @ (weights[:, None] * rows), rtol=1e-13)
+    np.testing.assert_array_equal(out, out.T)
+
+
+@quick
+@given(seed=seeds, damping=st.sampled_from([0.0, 1e-6, 0.1]))
+def test_normal_equations_are_solved(seed, damping):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(6, 9))
+    normal, x = A @ A.T, np.full(5, np.nan)
+    kept = normal.copy()
+    assert solve_five(normal, damping, x)
+    expected = np.linalg.solve(damped(normal[:5, :5], damping), normal[:5, 5])
+    np.testing.assert_allclose(x, expected, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(promised(normal, x), [normal[:5, 5] @ x, x @ x], rtol=1e-12)
+    np.testing.assert_array_equal(normal, kept)
+
+
+@quick
+@given(seed=seeds, damping=st.sampled_from([0.0, 1e-6, 0.1]))
+def test_three_unknowns_are_solved_for(seed, damping):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(6, 3))
+    H, g, x = A.T @ A, rng.normal(size=3), np.full(3, np.nan)
+    assert solve_three(H, g, damping, x)
+    np.testing.assert_allclose(x, np.linalg.solve(damped(H, damping), g), rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "H",
+    [
+        np.zeros((3, 3)),
+        np.diag([1.0, -1.0, 1.0]),
+        np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+        np.ones((3, 3)),
+        np.diag([1.0, np.nan, 1.0]),
+        np.diag([np.inf, 1.0, 1.0]),
+    ],
+    ids=["zero", "negative", "indefinite", "singular", "nan", "inf"],
+)
+def test_what_is_not_positive_definite_is_said(H):
+    assert not solve_three(H, np.ones(3), 0.0, np.empty(3))
+
+
+def test_damping_makes_a_singular_system_solvable():
+    x = np.empty(3)
+    assert solve_three(np.ones((3, 3)), np.ones(3), 0.5, x)
+    np.testing.assert_allclose(x, 1.0 / 3.5)
+
+
+@pytest.mark.parametrize("pivot", range(5))
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_each_of_five_pivots_must_be_positive_and_finite(pivot, value):
+    rng = np.random.default_rng(pivot)
+    L = np.tril(rng.normal(size=(5, 5)), -1) + np.eye(5)
+    D, normal = np.ones(5), np.ones((6, 6))
+    normal[:5, :5] = L @ np.diag(D) @ L.T
+    assert solve_five(normal, 0.0, np.empty(5))
+    D[pivot] = value
+    with np.errstate(invalid="ignore"):
+        normal[:5, :5] = L @ np.diag(D) @ L.T
+    assert not solve_five(normal, 0.0, np.empty(5))
+
+
+@quick
+@given(seed=seeds)
+def test_a_row_is_measured_by_the_inverse(seed):
+    rng = np.random.default_rng(seed)
+    A, row = rng.normal(size=(5, 9)), rng.normal(size=5)
+    H = A @ A.T
+    assert size2(H, row) == pytest.approx(row @ np.linalg.solve(H, row), rel=1e-7)
+    assert size2(np.diag([1.0, 1.0, 0.0, 1.0, 1.0]), row) == -1.0
+
+
+@formula
+def element(table: np.ndarray, i: int, j: int) -> float:
+    return table[i, j]
+
+
+@kernel
+def on_the_stack(x: float, out: np.ndarray) -> int:
+    line, table, indices = scratch(3), scratch(2, 4), index_scratch(2)
+    for i in range(3):
+        line[i] = x + i
+    for i in range(2):
+        indices[i] = 1 - i
+        for j in range(4):
+            table[i, j] = 10.0 * i + j
+    for i in range(2):
+        for j in range(4):
+            out[i, j] = element(table, indices[i], j) + line[i]
+    return line.shape[0] + table.shape[0] * table.size
+
+
+def test_scratch_is_an_array_of_its_kernel():
+    out = np.empty((2, 4))
+    assert on_the_stack(0.5, out) == 19
+    np.testing.assert_array_equal(out, [[10.5, 11.5, 12.5, 13.5], [1.5, 2.5, 3.5, 4.5]])
