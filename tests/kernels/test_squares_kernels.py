@@ -154,3 +154,17 @@ def test_scratch_is_an_array_of_its_kernel():
     out = np.empty((2, 4))
     assert on_the_stack(0.5, out) == 19
     np.testing.assert_array_equal(out, [[10.5, 11.5, 12.5, 13.5], [1.5, 2.5, 3.5, 4.5]])
+
+
+@kernel
+def beside_one(H: np.ndarray) -> tuple:
+    return squares.determinant_beside_one(H)
+
+
+def test_the_determinant_beside_one():
+    A = np.random.default_rng(3).normal(size=(6, 9))
+    H = A @ A.T
+    determinant, positive = beside_one(H)
+    assert positive
+    assert determinant == pytest.approx(np.linalg.det(H[:5, :5] + np.eye(5)), rel=1e-9)
+    assert not beside_one(-3.0 * np.eye(6))[1]

@@ -67,9 +67,16 @@ class _InnerLibrary(JITCodeLibrary):
         return 0
 
 
+class _FormulaLibrary(_InnerLibrary):
+    """Code for callers alone, written as small as they would make it."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+
+
 def inner_library(codegen: Any, name: str) -> JITCodeLibrary:
-    """Code for callers alone, of which nothing is written yet."""
-    return _InnerLibrary(codegen, name)
+    """Room for the code of a formula."""
+    return _FormulaLibrary(codegen, name)
 
 
 class _SumLibrary(_InnerLibrary):
@@ -129,6 +136,8 @@ class _InnerLowering(typed_passes.NativeLowering):
         state.flags.no_compile = True
         # References to arrays are counted only where an array is made.
         state.flags.nrt = state.targetctx.enable_nrt = _makes_array(state.calltypes)
+        # numba writes and reads a program whenever it looks for the size of a type.
+        state.targetctx.get_abi_sizeof = partial(_size_of, state.targetctx.target_data)
         super().run_pass(state)
         library.finalize()
         lowered = state["cr"]
@@ -138,6 +147,17 @@ class _InnerLowering(typed_passes.NativeLowering):
         state.targetctx.insert_user_function(token, lowered.fndesc, [library])
         state["cr"] = lowered._replace(cfunc=token)
         return True
+
+
+_SIZES: dict[str, int] = {}
+
+
+def _size_of(target_data: Any, kind: Any) -> int:
+    """Bytes of an LLVM type, of which there is one target."""
+    name = str(kind)
+    if name not in _SIZES:
+        _SIZES[name] = kind.get_abi_size(target_data)
+    return _SIZES[name]
 
 
 def _makes_array(signatures: dict[Any, Any]) -> bool:

@@ -112,7 +112,7 @@ def size2(inverse: Sums, row: Sums) -> float:
 
 @formula
 def determinant_beside_one(H: np.ndarray) -> tuple[float, bool]:
-    """Determinant of ``H + 1``, five columns and rows of H, and whether that is positive definite."""
+    """Determinant of ``H + 1``, of five rows and columns, and whether that is positive definite."""
     factors = _Factors(lambda i, j: H[i, j] + (1.0 if i == j else 0.0), 5)
     determinant = 1.0
     for over in factors.over:
