@@ -268,7 +268,7 @@ class Odometry:
 
     def _without_perspective(self, tracks: Tracks) -> Tracks:
         """Tracks corrected by a first estimate of the motion, which need not be exact."""
-        some = slice(None, None, max(len(tracks) // _ENOUGH_TRACKS, 1))
+        some = slice(None, None, max(-(-len(tracks) // _ENOUGH_TRACKS), 1))
         rough = estimate_relative_pose(
             tracks.points0[some],
             tracks.points1[some],

@@ -139,7 +139,8 @@ def _highest(lines, highest):
     for y in range(1, len(lines)):
         line = lines[y]
         for x in range(np.uintp(len(highest))):
-            highest[x] = line[x] if line[x] > highest[x] else highest[x]
+            here, above = line[x], highest[x]  # both read, so that no choice needs a jump
+            highest[x] = here if here > above else above
 
 
 @inner_kernel

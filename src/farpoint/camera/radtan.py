@@ -67,9 +67,10 @@ class RadialTangential:
 
     def distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distorted plane coordinates; NaN where (x, y) lies beyond the fold."""
-        distorted = self._map(x, y)
         seen = x * x + y * y < self.fold**2
-        a, b = np.where(seen, distorted.a, np.nan), np.where(seen, distorted.b, np.nan)
+        if not self.is_identity:
+            x, y = self._map(x, y)[:2]
+        a, b = np.where(seen, x, np.nan), np.where(seen, y, np.nan)
         return (a, b) if self._tilt is None else self._tilt.apply(a, b)
 
     def derivatives(self, x: np.ndarray, y: np.ndarray) -> PlaneMap:

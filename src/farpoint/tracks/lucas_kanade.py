@@ -10,7 +10,7 @@ from farpoint.tracks.pyramid import Pyramid
 
 __all__ = ["follow"]
 
-_SCOUTS = 8  # one point in so many tells how far off the others begin
+_SCOUTS = 40  # so many points, spread over all, tell how far off the others begin
 _MIN_SCOUTS = 10
 _MIN_FOUND = 0.5  # of the scouts: fewer tell nothing
 _USUAL_SHARE = 0.9  # of the scouts, whose misses count as usual
@@ -55,7 +55,8 @@ def follow(
     """
     points1 = np.full(points0.shape, np.nan)
     every = np.arange(len(points0))
-    scouts, others = every[::_SCOUTS], np.delete(every, np.s_[::_SCOUTS])
+    first = np.s_[:: max(len(points0) // _SCOUTS, 1)]
+    scouts, others = every[first], np.delete(every, first)
     coarsest = len(image0.layout) - 1
     points1[scouts] = _there_and_back(
         image0, image1, points0[scouts], start[scouts], coarsest, options

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.pose import RelativePose, TrackLabel
 from farpoint.tracks import Tracks
+from farpoint.trajectory.vectors import cross
 
 __all__ = ["InverseDistances", "Parallax", "measure_parallax"]
 
@@ -40,7 +41,10 @@ class Parallax:
     """Angles by which a translation has moved points, each alone.
 
     A point at the inverse distance k, in units of the translation, is seen along ``turned + k t``,
-    at the angle ``atan2(k sin, 1 + k cos)`` from ``turned`` towards ``t``.
+    at the angle ``atan2(k sin, 1 + k cos)`` from ``turned`` towards ``t``. Where the motion changes
+    by ``dtheta`` the ray moves along that line by ``dtheta . (turned x t) (1 + k cos) / (l sin)``,
+    and by ``-dbeta . (turned @ basis) k (cos + k) / (l sin)`` where it changes by ``dbeta``, with l
+    the length of ``turned + k t``.
 
     Attributes
     ----------
@@ -48,8 +52,8 @@ class Parallax:
         Ascending.
     turned : ndarray, shape (N, 3)
         Rays of camera 0 in the axes of camera 1, ``R_cam1_from_cam0 @ ray0``.
-    direction, basis : ndarray, shapes (3,), (3, 2)
-        ``t`` and its tangent basis.
+    by_turn, by_tilt : ndarray, shapes (N, 3), (N, 2)
+        ``turned x t`` and ``turned @ basis``, with the tangent basis of ``t``, over ``sin ** 2``.
     cos, sin : ndarray, shape (N,)
         Of the angle between ``turned`` and ``t``.
     angle, variance : ndarray, shape (N,)
@@ -58,8 +62,8 @@ class Parallax:
 
     ids: np.ndarray
     turned: np.ndarray
-    direction: np.ndarray
-    basis: np.ndarray
+    by_turn: np.ndarray
+    by_tilt: np.ndarray
     cos: np.ndarray
     sin: np.ndarray
     angle: np.ndarray
@@ -70,13 +74,7 @@ class Parallax:
 
     def select(self, which: np.ndarray) -> Parallax:
         """Those of a mask or of indices."""
-        return replace(
-            self,
-            **{
-                name: getattr(self, name)[which]
-                for name in ("ids", "turned", "cos", "sin", "angle", "variance")
-            },
-        )
+        return Parallax(**{field.name: getattr(self, field.name)[which] for field in fields(self)})
 
     def measured(self) -> np.ndarray:
         """Inverse distances (N,) that make the angles what they are."""
@@ -89,19 +87,16 @@ class Parallax:
         The noise of the angle is even, that of the inverse distance is not: taken around what was
         measured, points seen too near would weigh more, and the scale would grow with every motion.
         """
-        square = 1.0 + 2.0 * expected * self.cos + expected**2
-        slope = self.sin / square
-        angle = np.arctan2(expected * self.sin, 1.0 + expected * self.cos)
-        length = np.sqrt(square)[:, None]
-        rays = (self.turned + expected[:, None] * self.direction) / length
-        along = self.direction - (rays @ self.direction)[:, None] * rays
-        along /= np.maximum(_lengths(along), _NEAR_EPIPOLE)[:, None]
-        # Along the line, the ray moves with dtheta x turned + expected * basis @ dbeta.
-        moved = np.hstack([_cross(self.turned, along), expected[:, None] * (along @ self.basis)])
+        along = 1.0 + expected * self.cos
+        slope = self.sin / (along**2 + (expected * self.sin) ** 2)
+        angle = np.arctan2(expected * self.sin, along)
+        by_motion = np.empty((len(self), 5))
+        by_motion[:, :3] = along[:, None] * self.by_turn
+        by_motion[:, 3:] = (expected * (self.cos + expected))[:, None] * -self.by_tilt
         return InverseDistances(
             inverse=expected + (self.angle - angle) / slope,
             variance=self.variance / slope**2,
-            by_motion=moved / (length * slope[:, None]),
+            by_motion=by_motion,
         )
 
 
@@ -149,8 +144,8 @@ def measure_parallax(camera: Camera, tracks: Tracks, motion: RelativePose) -> Pa
     return Parallax(
         ids=tracks.ids,
         turned=turned,
-        direction=t,
-        basis=basis,
+        by_turn=cross(turned, t) / sin[:, None] ** 2,
+        by_tilt=turned @ basis / sin[:, None] ** 2,
         cos=cos,
         sin=sin,
         angle=np.arctan2(np.sum(rays1 * towards, axis=1), np.sum(rays1 * turned, axis=1)),
@@ -166,13 +161,3 @@ def _noise_px2(tracks: Tracks, motion: RelativePose) -> np.ndarray:
     # The estimate knows them up to a factor; each image has half of the displacement's.
     typical = 0.25 * float(np.median(np.trace(covariance, axis1=1, axis2=2)))
     return covariance * (motion.noise_px**2 / typical)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross products (N, 3); NumPy's takes five times as long over arrays as small as these."""
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
-
-
-def _lengths(a: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.einsum("ni,ni->n", a, a))

@@ -10,6 +10,7 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.tracks import Tracks
 from farpoint.trajectory.prediction import inverse_depths
+from farpoint.trajectory.vectors import products, solutions
 
 __all__ = ["without_perspective"]
 
@@ -113,17 +114,17 @@ def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> tuple[np.ndarray
     nearness = np.maximum(inverse_depths(rays1, rays0, R.T, -R.T @ direction), 0.0)
     tangents = camera.unproject_jacobian(rays0)
     ahead = camera.model.project_jacobian(motion.moved(rays0, nearness))
-    along = ahead @ direction
-    rest = tracks.windows.warps - np.einsum("nai,nib->nab", ahead @ R, tangents)
+    along = (ahead.reshape(-1, 3) @ direction).reshape(-1, 2)
+    rest = tracks.windows.warps - products((ahead.reshape(-1, 3) @ R).reshape(-1, 2, 3), tangents)
     excess = np.einsum("na,nab->nb", along, rest)
     across = np.einsum("na,nab->nb", along[:, ::-1] * [-1.0, 1.0], rest)
     length = np.linalg.norm(along, axis=1)
     contradiction = np.linalg.norm(across, axis=1) / np.where(length > 0.0, length, np.inf)
     # A pixel whose ray does not move tells no slope, and must not end the run.
-    metric = np.einsum("nia,nib->nab", tangents, tangents) + _LEAST_METRIC * np.eye(2)
+    metric = products(tangents.transpose(0, 2, 1), tangents) + _LEAST_METRIC * np.eye(2)
     prior = (_SLOPE * nearness) ** 2 * 0.5 * np.trace(metric, axis1=1, axis2=2)
     gain = prior / (prior * np.sum(along**2, axis=1) + _WARP_SIGMA**2)
-    slopes = np.linalg.solve(metric, (gain[:, None] * excess)[:, :, None])
-    planes = nearness[:, None] * rays0 + np.einsum("nib,nb->ni", tangents, slopes[:, :, 0])
+    slopes = solutions(metric, gain[:, None] * excess)
+    planes = nearness[:, None] * rays0 + np.einsum("nib,nb->ni", tangents, slopes)
     # What cannot be told (a lens without derivatives there) is as bad as it gets.
     return planes, np.fmin(contradiction, _LARGEST_CONTRADICTION)

@@ -9,6 +9,7 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.pose import RelativePose
 from farpoint.tracks import Tracks
+from farpoint.trajectory.vectors import cross
 
 __all__ = ["inverse_depths", "point_predictor"]
 
@@ -21,8 +22,8 @@ def inverse_depths(
     From ``l1 b = l0 R a + t`` and its cross product with ``R a``; negative behind the camera.
     """
     turned = rays0 @ R_cam1_from_cam0.T
-    plane_of_motion = np.cross(direction, turned)
-    plane_of_match = np.cross(rays1, turned)
+    plane_of_motion = cross(direction, turned)
+    plane_of_match = cross(rays1, turned)
     square = np.maximum(np.sum(plane_of_motion**2, axis=1), 1e-12)
     return np.sum(plane_of_match * plane_of_motion, axis=1) / square
 

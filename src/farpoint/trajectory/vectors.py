@@ -1,0 +1,28 @@
+"""Arithmetic of many small vectors and matrices, which NumPy takes one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["cross", "products", "solutions"]
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross products (N, 3)."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Matrix products (N, I, K) of (N, I, J) and (N, J, K), with J of two or three."""
+    total = a[:, :, 0, None] * b[:, 0, None, :]
+    for j in range(1, a.shape[2]):
+        total += a[:, :, j, None] * b[:, j, None, :]
+    return total
+
+
+def solutions(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Solutions x (N, 2) of ``M x = v`` with the matrices (N, 2, 2) and vectors (N, 2)."""
+    (a, b), (c, d) = matrices[:, 0].T, matrices[:, 1].T
+    x, y = vectors.T
+    return np.stack([d * x - b * y, a * y - c * x], axis=1) / (a * d - b * c)[:, None]
