@@ -79,7 +79,7 @@ def is_translating(matches: Matches, fit: MovingFit, turning: TurningFit, rate: 
     """Whether the flow shows translation beside the rotation."""
     agree = np.abs(fit.residual) <= BAND_SIGMA * fit.noise.mean_sigma
     return _bulk_exceeds_noise(matches, fit, turning, agree, rate) or _near_points_agree(
-        matches, fit, turning, agree, rate
+        fit, turning, agree, rate
     )
 
 
@@ -117,20 +117,21 @@ def _bulk_exceeds_noise(
     return ratio > matches.doubt and bool(DIRECTIONS * scipy.special.fdtrc(n, n - 3, ratio) < rate)
 
 
-def _near_points_agree(
-    matches: Matches, fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float
-) -> bool:
+def _near_points_agree(fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float) -> bool:
     """Whether more matches flow towards the direction than wrong matches would by chance.
 
     Among those that the rotation does not explain.
     """
     unexplained = turning.probability < 0.5
-    near = unexplained & agree & (fit.parallax > 0.0)
-    wrong = unexplained & ~agree
-    width = math.sqrt(3.0 * np.mean(fit.residual[wrong] ** 2)) if wrong.any() else matches.spread
-    # Half of the matches within the band flow the other way.
-    chance = 0.5 * min(BAND_SIGMA * fit.noise.mean_sigma / max(width, 1e-12), 1.0)
     candidates = int(np.count_nonzero(unexplained))
+    if not candidates:
+        return False
+    near = unexplained & agree & (fit.parallax > 0.0)
+    # A wrong match lies anywhere around where the rotation has it, at its own distance: this is the
+    # arc of that circle, on the side of the direction, that the band takes up.
+    distance = np.sqrt(turning.distance2[unexplained])
+    band = BAND_SIGMA * fit.noise.mean_sigma
+    chance = float(np.mean(np.arcsin(np.minimum(band / distance, 1.0)))) / math.pi
     return is_consensus(int(np.count_nonzero(near)), candidates, 2, chance, rate)
 
 
