@@ -11,7 +11,7 @@ from path_kit import drawn_path
 from farpoint.geometry import so3
 from farpoint.metrics import PathConsistency, PathSamples, evaluate_path
 
-FIGURES = ("orientation", "position", "pose", "position_any_scale")
+FIGURES = ("orientation", "position", "pose", "position_any_scale", "scale")
 
 
 def found_of(samples: PathSamples) -> PathConsistency:

@@ -14,7 +14,16 @@ from farpoint.errors import InputError
 __all__ = ["TABLES", "BenchOptions", "CoverageGrid", "Progress", "TableName"]
 
 TableName = Literal[
-    "paper", "accuracy", "time", "coverage", "pairs", "pipeline", "drawing", "live", "lenses"
+    "paper",
+    "accuracy",
+    "time",
+    "coverage",
+    "pairs",
+    "pipeline",
+    "drawing",
+    "live",
+    "lenses",
+    "path",
 ]
 TABLES: tuple[TableName, ...] = get_args(TableName)
 
@@ -81,7 +90,8 @@ class BenchOptions:
     pairs : int or None
         Pairs of views in each cell of ``paper``, ``accuracy`` and ``pairs``, scenes for each time
         in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of frames of
-        ``lenses``. None takes 2000, 300, 60, 30, 60, 60, 60 and 40.
+        ``lenses``, motions of each drive of ``path``. None takes 2000, 300, 60, 30, 60, 60, 60, 40
+        and 100.
     seed : int
         Of scenes and estimators: the same seed gives the same figures, times aside.
     data : tuple of Path

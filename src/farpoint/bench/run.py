@@ -20,6 +20,7 @@ from farpoint.bench.tables.lenses import unprojection_table, wide_table
 from farpoint.bench.tables.live import live_tables
 from farpoint.bench.tables.pairs import pairs_table
 from farpoint.bench.tables.paper import paper_table
+from farpoint.bench.tables.path import path_table
 from farpoint.bench.tables.pipeline import pipeline_table
 from farpoint.bench.tables.start import start_table
 from farpoint.bench.tables.timing import timing_table
@@ -36,6 +37,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "pairs": (pairs_table,),
     "pipeline": (pipeline_table,),
     "lenses": (unprojection_table, wide_table),
+    "path": (path_table,),
     "drawing": (drawing_table,),
     "live": (live_tables,),
 }

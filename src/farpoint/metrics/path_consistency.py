@@ -6,6 +6,7 @@ than one of them: figures are means over segments, and chance is allowed a sampl
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -97,9 +98,11 @@ class PathConsistency:
     position_any_scale : PathFigure
         Of 2: with the scale that suits each position best, so that neither the unit nor the scale
         is judged.
+    scale : PathFigure
+        Of 1: the logarithms of the lengths of motions, the unit aside, against their 1-sigmas.
+        Lengths of a segment share the error of its scale.
     lengths : Consistency
-        Logarithms of the lengths of motions, the unit aside, against their 1-sigmas. Lengths of a
-        segment share errors, so chance is allowed less here than it is due.
+        The same, each length as if it were alone: chance is allowed less here than it is due.
     """
 
     unit_is_given: bool
@@ -107,6 +110,7 @@ class PathConsistency:
     position: PathFigure
     pose: PathFigure
     position_any_scale: PathFigure
+    scale: PathFigure
     lengths: Consistency
 
 
@@ -130,6 +134,7 @@ def evaluate_path(samples: PathSamples) -> PathConsistency | None:
         position_any_scale=_figure(
             2, [_nees_any_scale(s.ways, s.true_ways, s.covariances) for s in found]
         ),
+        scale=_figure(1, [s.length_errors**2 / s.length_variances for s in found]),
         lengths=consistency(
             np.concatenate([segment.length_errors for segment in found])[:, None],
             np.concatenate([segment.length_variances for segment in found])[:, None, None],
@@ -239,6 +244,12 @@ def _nees_any_scale(ways: np.ndarray, true_ways: np.ndarray, covariances: np.nda
 
 
 def _figure(dof: int, nees: list[np.ndarray]) -> PathFigure:
+    nees = [values for values in nees if len(values)]
+    if not nees:
+        nan = math.nan
+        return PathFigure(
+            dof=dof, poses=0, segments=0, mean_nees=nan, end_nees=nan, nees_low=nan, nees_high=nan
+        )
     total = dof * len(nees)
     return PathFigure(
         dof=dof,

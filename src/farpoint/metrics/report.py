@@ -12,7 +12,7 @@ import numpy as np
 from farpoint.metrics.evaluation import Evaluation, MotionEvaluation, TrajectoryEvaluation
 from farpoint.metrics.halves import HalvesEvaluation
 from farpoint.metrics.pairs import PairErrors
-from farpoint.metrics.path_consistency import PathConsistency
+from farpoint.metrics.path_consistency import PathConsistency, PathFigure
 from farpoint.metrics.statistics import Consistency, Coverage, Summary
 
 __all__ = ["PAIR_COLUMNS", "pair_rows", "to_json", "to_text"]
@@ -165,6 +165,7 @@ def _path_lines(path: PathConsistency) -> list[str]:
         ("position", path.position),
         ("pose", path.pose),
         ("position, any scale", path.position_any_scale),
+        ("scale", path.scale),
     )
     head = ("covariance of the path", "dof", "segments", "poses", "NEES mean", "at the end")
     head += ("95 % bounds", "")
@@ -177,7 +178,7 @@ def _path_lines(path: PathConsistency) -> list[str]:
             _number(f.mean_nees),
             _number(f.end_nees),
             f"[{_number(f.nees_low)}, {_number(f.nees_high)}]",
-            "" if f.kept else ("too sure" if f.mean_nees > f.nees_high else "not sure enough"),
+            _verdict(f),
         )
         for name, f in rows
     ]
@@ -185,12 +186,18 @@ def _path_lines(path: PathConsistency) -> list[str]:
     taken = "pose" if path.unit_is_given else "pose and the length of its first motion"
     return [
         *_table(head, cells),
-        f"lengths within 1.96 sigma: {_coverage_cell(lengths.coverage95)} of {lengths.count}, "
+        f"lengths within 1.96 sigma: {lengths.coverage95.share:.3f} of {lengths.count}, "
         f"sigma/error {_number(lengths.sigma_over_error)}, "
         f"median sigma {_number(100.0 * lengths.median_sigma)} %",
         f"Taken as true of each segment: its first {taken}; nothing is fitted.",
         "Bounds: of one sample for each segment, since errors add up from pose to pose.",
     ]
+
+
+def _verdict(figure: PathFigure) -> str:
+    if figure.kept or not figure.segments:
+        return ""
+    return "too sure" if figure.mean_nees > figure.nees_high else "not sure enough"
 
 
 _SUMMARY_HEAD = ("count", "median", "mean", "rmse", "p95", "max")
