@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from farpoint.camera import Camera
-from farpoint.errors import InputError
 from farpoint.pose import PoseStatus, RelativePose
 from farpoint.tracks import Tracks
 from farpoint.trajectory.chain import chain
 from farpoint.trajectory.depths import Depths
 from farpoint.trajectory.links import Keyframe, Link, Moved, good_tracks, is_firm, join_tracks
+from farpoint.trajectory.options import PathOptions
 from farpoint.trajectory.parallax import Parallax, measure_parallax
+from farpoint.trajectory.point import PathPoint
 from farpoint.trajectory.scale import ScaleFit, can_fit, fit_scale
 from farpoint.trajectory.uncertainty import (
     SharedErrors,
@@ -24,97 +24,9 @@ from farpoint.trajectory.uncertainty import (
     covariance_at_rest,
 )
 
-__all__ = ["PathBuilder", "PathOptions", "PathPoint"]
+__all__ = ["PathBuilder"]
 
 Estimate = Callable[[np.ndarray, np.ndarray, np.ndarray], RelativePose]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PathOptions:
-    """When a frame becomes the keyframe that later ones are compared with.
-
-    Attributes
-    ----------
-    keyframe_direction_deg : float
-        1-sigma, deg, to which the direction of travel since the last keyframe must be known.
-    keyframe_share : float
-        Share, 0 to 1, of the keyframe's tracks: with fewer left, it is replaced in any case.
-    persistent_motion_share : float
-        Share, 0 to 1, of the variances of rotation and direction that all motions have in common:
-        trackers err in the same sense again and again.
-    persistent_length_share : float
-        The same of the logarithms of lengths.
-    fading_motion_share : float
-        Share, 0 to 1, of the variances of rotation and direction that motions have in common while
-        the same things are in view; with the persistent share, 1 at most.
-    fading_motions : float
-        Number of motions after which that has gone down to 1 / e.
-    speed_ratio_sigma : float
-        1-sigma of the logarithm of the ratio of two speeds, before and after a turn on the spot
-        from which no known point is left in view: that ratio is taken to be 1, and the error of
-        the scale grows by this.
-    """
-
-    keyframe_direction_deg: float = 1.0
-    keyframe_share: float = 0.5
-    persistent_motion_share: float = 0.12
-    persistent_length_share: float = 0.008
-    fading_motion_share: float = 0.3
-    fading_motions: float = 12.0
-    speed_ratio_sigma: float = 0.5
-
-    def __post_init__(self) -> None:
-        degrees = self.keyframe_direction_deg
-        if not (math.isfinite(degrees) and degrees > 0.0):
-            raise InputError(
-                f"expected a positive angle, deg, got {degrees}", field="keyframe_direction_deg"
-            )
-        for name in (
-            "keyframe_share",
-            "persistent_motion_share",
-            "persistent_length_share",
-            "fading_motion_share",
-        ):
-            share = getattr(self, name)
-            if not 0.0 <= share <= 1.0:
-                raise InputError(f"expected a share, 0 to 1, got {share}", field=name)
-        both = self.persistent_motion_share + self.fading_motion_share
-        if both > 1.0:
-            raise InputError(
-                f"expected 1 at most with persistent_motion_share, got {both} of both",
-                field="fading_motion_share",
-            )
-        for name in ("fading_motions", "speed_ratio_sigma"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"expected a positive number, got {value}", field=name)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PathPoint:
-    """Where the camera is.
-
-    Attributes
-    ----------
-    world_from_cam : ndarray, shape (4, 4)
-        Camera axes to world; the first frame is the world.
-    covariance : ndarray, shape (7, 7)
-        Of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the segment.
-    segment : int
-        Counts the parts of the path between which the scale, or everything, was lost.
-    scale, scale_sigma : float or None
-        Length of the last motion, frame to frame, and its 1-sigma; None where it has none.
-    scale_is_guessed : bool
-        Whether that length is what the last speed suggests, for want of any known point: later
-        lengths are measured by it.
-    """
-
-    world_from_cam: np.ndarray
-    covariance: np.ndarray
-    segment: int
-    scale: float | None = None
-    scale_sigma: float | None = None
-    scale_is_guessed: bool = False
 
 
 class PathBuilder:

@@ -1,10 +1,10 @@
-"""Images in, motions out: no files, no printing."""
+"""From frame to frame: what is compared with what, and what a bad frame costs."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,6 +12,8 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.frames import Frame
 from farpoint.metrics import SplitHalf, image_cells, split_half
+from farpoint.odometry.options import OdometryOptions
+from farpoint.odometry.result import OdometryResult
 from farpoint.pose import (
     PoseStatus,
     RelativePose,
@@ -20,102 +22,16 @@ from farpoint.pose import (
     estimate_relative_pose,
     failed_pose,
 )
-from farpoint.pose.card import card, pose_rows
 from farpoint.pose.lens_doubt import with_lens_doubt
-from farpoint.tracks import Tracker, TrackerOptions, Tracks, grey_size, trackable_region
-from farpoint.trajectory.path import PathBuilder, PathOptions, PathPoint
+from farpoint.tracks import Tracker, Tracks, grey_size, trackable_region
+from farpoint.trajectory.path import PathBuilder
 from farpoint.trajectory.perspective import without_perspective
+from farpoint.trajectory.point import PathPoint
 from farpoint.trajectory.prediction import point_predictor
 
-__all__ = ["Odometry", "OdometryOptions", "OdometryResult"]
+__all__ = ["Odometry"]
 
 _ENOUGH_TRACKS = 200  # for a first estimate of a motion
-
-
-@dataclass(frozen=True, kw_only=True)
-class OdometryOptions:
-    """Options of `Odometry`, one record for each stage.
-
-    Attributes
-    ----------
-    tracker : TrackerOptions
-        How points are found and followed.
-    pose : RelativePoseOptions
-        How the motion is estimated from them. By default `shared_error_px` is 0.002: what the
-        tracker's windows were seen to have in common on rendered streets.
-    path : PathOptions
-        How motions are strung together.
-    seed : int
-        Of the random samples.
-    """
-
-    tracker: TrackerOptions = field(default_factory=TrackerOptions)
-    pose: RelativePoseOptions = field(
-        default_factory=lambda: RelativePoseOptions(shared_error_px=0.002)
-    )
-    path: PathOptions = field(default_factory=PathOptions)
-    seed: int = 0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class OdometryResult:
-    """What one frame added.
-
-    Attributes
-    ----------
-    frame0, frame1 : int
-        Indices of the earlier frame this one was compared with, and of this one. On the first
-        frame both are its own.
-    timestamp0, timestamp : float
-        Their times, s.
-    pose : RelativePose or None
-        Motion from ``frame0`` to ``frame1``; None on the first frame, which has nothing to be
-        compared with.
-    tracks : Tracks
-        The matches behind the pose, aligned with ``pose.labels``.
-    world_from_cam : ndarray, shape (4, 4)
-        Camera axes to world; the first frame is the world.
-    scale, scale_sigma : float or None
-        Length of the translation of this pair in the unit of the trajectory, which is the first
-        motion of the segment, and its 1-sigma; None where there is none.
-    world_covariance : ndarray, shape (7, 7), or None
-        Of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the segment:
-        ``R_true = Exp(dtheta) @ R`` and ``p_true = p + dposition`` of ``world_from_cam``, world
-        axes, rad and units of the trajectory, and the error of the scale that all later motions
-        share.
-    segment : int
-        0, and one more from each frame at which the scale was lost, or everything, as at a cut:
-        lengths within a segment have one scale.
-    scale_is_guessed : bool
-        Whether ``scale`` is what the last speed suggests, since after a turn on the spot no point
-        of known distance was in view: ``scale_sigma`` and the covariance from here on say so too.
-    """
-
-    frame0: int
-    frame1: int
-    timestamp0: float
-    timestamp: float
-    pose: RelativePose | None
-    tracks: Tracks
-    world_from_cam: np.ndarray
-    scale: float | None
-    scale_sigma: float | None
-    world_covariance: np.ndarray | None = None
-    segment: int = 0
-    scale_is_guessed: bool = False
-
-    def _repr_html_(self) -> str:
-        """What a notebook shows: which frames, where the camera is, and the motion."""
-        x, y, z = self.world_from_cam[:3, 3]
-        rows = [
-            ("frames", f"{self.frame0} to {self.frame1}"),
-            ("times", f"{self.timestamp0:.3f} s to {self.timestamp:.3f} s"),
-            ("position x, y, z", f"{x:+.3f}, {y:+.3f}, {z:+.3f}"),
-        ]
-        status = "first frame" if self.pose is None else self.pose.status.value
-        return card(
-            f"OdometryResult: {status}", rows + ([] if self.pose is None else pose_rows(self.pose))
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
