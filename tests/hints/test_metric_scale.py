@@ -55,6 +55,22 @@ def test_a_speed_that_is_wrong_for_a_tenth_is_named_and_bends_nothing(begin):
     assert str(found).startswith("speed: from")
 
 
+@pytest.mark.parametrize("factor", [1.3, 0.7])
+def test_at_the_end_of_a_long_drive_a_wrong_speed_bends_nothing_either(factor):
+    # There the scale may have drifted most, and nothing after the wrong speeds holds it.
+    drive = winding(count=1000, drift=0.03)
+    drive.drift_sigma = 0.07
+    wrong = np.ones(len(drive.speeds))
+    wrong[-100:] = factor
+    plain, _ = tell(drive, speeds_of(drive, seed=1))
+    scale, now = tell(drive, speeds_of(drive, wrong, seed=1))
+    assert np.abs(errors_of(drive, scale)).max() < 0.03
+    assert abs(scale.fit().log_metres - plain.fit().log_metres).max() < 0.02
+    assert now.metres_per_unit == pytest.approx(np.exp(drive.log_unit[-1]), rel=0.03)
+    (found,) = scale.fit().contradictions
+    assert found.ratio == pytest.approx(factor, abs=0.06)
+
+
 def test_the_scale_follows_a_drift_and_no_faster_than_it_may():
     drive = winding(drift=0.1)
     drive.drift_sigma = 0.1

@@ -16,6 +16,8 @@ _DOF = 3.0  # of the t distribution of readings: heavy tails
 _ROUNDS = 40
 _TOLERANCE = 1e-7
 _CONTRADICTS = 3.0  # sigma
+_LEFT_OUT = 1e6  # times its variance: as good as not there, and the equations stay regular
+_EXCLUSIONS = 4  # rounds until the same readings contradict as before
 _LEAST_DRIFT = 1e-8  # variance between readings: a scale that could not drift at all has no inverse
 
 
@@ -63,7 +65,7 @@ class MetricFit:
     sigma : ndarray, shape (N,)
         1-sigma of it.
     contradictions : tuple of Contradiction
-        Readings that were hardly counted.
+        Readings that were left out.
     """
 
     times_s: np.ndarray
@@ -94,7 +96,8 @@ def fit_readings(readings: list[Reading]) -> MetricFit:
     scale of the trajectory may have drifted. A reading deviates from it by an error of its own,
     t-distributed with 3 degrees of freedom so that wrong ones count little, and by one that all of
     its kind share, normal. Begun from the weighted median, so that a wrong minority has no say in
-    where.
+    where. Readings that then contradict are left out: a little pull of each, all one way, would
+    bend the end of a long drive.
 
     Parameters
     ----------
@@ -111,15 +114,14 @@ def fit_readings(readings: list[Reading]) -> MetricFit:
     )
     walk = _walk_precision(readings)
     x, common = _medians(z, variance, readings), np.zeros(len(kinds))
-    spread = np.zeros(len(z))
-    for _ in range(_ROUNDS):
+    off, spread, wrong = z, z, np.zeros(len(z), bool)
+    for _ in range(_EXCLUSIONS):
+        counted = np.where(wrong, _LEFT_OUT, 1.0) * variance
+        x, common, spread = _settled(z, counted, kind, shared, walk, x, common)
         off = z - x - common[kind]
-        weight = (_DOF + 1.0) / (_DOF + off**2 / variance) / variance
-        before, (x, common, spread) = x, _solve(z, weight, kind, shared, walk)
-        if np.abs(x - before).max() < _TOLERANCE:
+        before, wrong = wrong, off**2 > _CONTRADICTS**2 * (variance + spread)
+        if (wrong == before).all():
             break
-    off = z - x - common[kind]
-    wrong = off**2 > _CONTRADICTS**2 * (variance + spread)
     return MetricFit(
         times_s=np.array([0.5 * (reading.start_s + reading.end_s) for reading in readings]),
         segments=np.array([reading.segment for reading in readings], np.int64),
@@ -127,6 +129,26 @@ def fit_readings(readings: list[Reading]) -> MetricFit:
         sigma=np.sqrt(spread),
         contradictions=_contradictions(readings, off, wrong),
     )
+
+
+def _settled(
+    z: np.ndarray,
+    variance: np.ndarray,
+    kind: np.ndarray,
+    shared: np.ndarray,
+    walk: np.ndarray,
+    x: np.ndarray,
+    common: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `_solve`, with weights that follow the deviations until nothing moves, from a start."""
+    spread = np.zeros(len(z))
+    for _ in range(_ROUNDS):
+        off = z - x - common[kind]
+        weight = (_DOF + 1.0) / (_DOF + off**2 / variance) / variance
+        before, (x, common, spread) = x, _solve(z, weight, kind, shared, walk)
+        if np.abs(x - before).max() < _TOLERANCE:
+            break
+    return x, common, spread
 
 
 def _walk_precision(readings: list[Reading]) -> np.ndarray:
