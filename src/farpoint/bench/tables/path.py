@@ -21,7 +21,7 @@ _FPS = 10.0
 _CAMERAS: tuple[tuple[str, Camera], ...] = (
     ("pinhole, 72 deg", Camera.pinhole(320, 240, 220.0, 220.0, 159.5, 119.5)),
     (
-        "fisheye, 190 deg",
+        "fisheye, 180 deg",
         Camera(
             model=KannalaBrandt(fx=120.0, fy=120.0, cx=191.5, cy=127.5, k1=3e-3, k2=5e-4),
             size=(384, 256),
