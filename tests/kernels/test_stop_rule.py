@@ -32,8 +32,8 @@ def drawn(monkeypatch):
         shares = iter(wrong)
         mocks = {
             "_draw_distinct": lambda *_: samples.append(len(samples) + 1),
-            "_challenge": lambda *_: bool(samples) and samples[-1] in rivals,
-            "_unexplained": lambda *_: next(shares),
+            "challenge": lambda *_: bool(samples) and samples[-1] in rivals,
+            "unexplained": lambda *_: next(shares),
             "_typical_flow": lambda *_: FLOW,
             "iterations_needed": interpreted(five_rays.iterations_needed),
             "intersect_circles": lambda *_: True,
@@ -42,7 +42,7 @@ def drawn(monkeypatch):
             "planar_twin": lambda *_: False,
             "layer_twin": lambda *_: False,
         }
-        nothing = "_refine", "_noise_of", "_start_noise", "_step_away", "_longest_flow_first"
+        nothing = "refine", "noise_of", "start_noise", "_step_away", "_longest_flow_first"
         mocks |= {name: lambda *_: None for name in (*nothing, "search_direction", "copy")}
         mocks |= {"draw_direction": lambda *_: None}
         for name, mock in mocks.items():

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.contest import (
+    GATE_SIGMA,
+    REFINEMENTS,
+    Matches,
+    Pose,
+    challenge,
+    noise_of,
+    refine,
+    start_noise,
+    unexplained,
+)
 from farpoint._kernels.direction import intersect_circles
-from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.five_rays import LONG_FLOW, iterations_needed, score_pose, solve_five
-from farpoint._kernels.formulas import formula, greater, lesser
-from farpoint._kernels.likelihood import clutter_density, linearize, mixture_cost, refine_pose
+from farpoint._kernels.formulas import formula, lesser
 from farpoint._kernels.linear import (
     apply_rotation_step,
     copy,
@@ -23,64 +31,15 @@ from farpoint._kernels.linear import (
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
 from farpoint._kernels.scratch import index_scratch, scratch
-from farpoint._kernels.squares import determinant_beside_one, promise, solve_five_spd
 from farpoint._kernels.twins import layer_twin, planar_twin
-from farpoint._kernels.vectors import combine, dot, matrix, rotate, tangent_columns, vector
+from farpoint._kernels.vectors import combine, dot, matrix, rotate
 
 __all__ = ["search_direction", "search_pose"]
 
-# A residual beyond three sigma supports no hypothesis.
-GATE_SIGMA = 3.0
-# Log likelihood to which hypotheses are refined, and up to which a worse one is a rival.
-COARSE = 0.1
-RIVAL = 30.0
-# Gain of a refinement over what its first step promises, at the most.
-PROMISES = 4.0
-# Steps of a refinement. Of a type of its own: for a plain number numba would compile it anew.
-REFINEMENTS = np.int64(10)
-# Those after which most hypotheses that lead to the best pose are seen to do so.
-GLANCE = np.int64(3)
 # Truncated squares over the least so far with which a hypothesis is still worth refining.
 PROMISING = 2.0
-# Log likelihood within which two hypotheses are taken for one.
-SAME = 2.0
 # Pairs of matches whose directions the search starts from.
 DIRECTIONS = np.int64(16)
-# Matches that agree with a pose by chance: the five of a sample, and one more.
-BY_CHANCE = 6.5
-# Shares of wrong and of poor matches that EM starts from.
-START_WRONG = 0.2
-START_POOR = 0.1
-
-
-class Matches(NamedTuple):
-    """What a hypothesis is judged by."""
-
-    pairs: np.ndarray
-    """Panels of matches."""
-    prior: np.ndarray
-    """1 for each match, 0 for those that fill up the panels."""
-    total: int
-    """Matches."""
-    spread: float
-    """Half the width that wrong matches fill, in units of the noise."""
-    min_variance: float
-    """Smaller noise is rounding."""
-
-
-class Pose(NamedTuple):
-    """A hypothesis with the noise that it needs."""
-
-    R: np.ndarray
-    """(3, 3) rotation cam1_from_cam0."""
-    t: np.ndarray
-    """(3,) direction cam1_from_cam0."""
-    mixture: np.ndarray
-    """(3,) variance, share of wrong and share of poor matches."""
-    normal: np.ndarray
-    """(6, 6) normal equations."""
-    cost: np.ndarray
-    """(1,) negative log likelihood, of all poses nearby together."""
 
 
 @kernel
@@ -158,154 +117,6 @@ def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
     return math.sqrt(largest(squares, count // 2 + 1))
 
 
-@inner_kernel
-def _narrowness(normal: np.ndarray) -> float:
-    """What the likelihood loses when it is averaged over the poses around its maximum.
-
-    The five matches of a sample fit without any noise, and a sixth joins them by chance: the less
-    noise, the likelier they are, but the fewer poses do it (Laplace's method). Nothing is wider
-    than a radian.
-    """
-    determinant, positive = determinant_beside_one(normal)
-    return 0.5 * math.log(determinant) if positive else math.inf
-
-
-@inner_kernel
-def _refine(matches: Matches, steps: int, pose: Pose) -> None:
-    """Improve a pose and judge it by the likelihood of the matches with the noise that it needs."""
-    pose.cost[0] = refine_pose(
-        matches.pairs,
-        matches.prior,
-        matches.total,
-        matches.spread,
-        matches.min_variance,
-        COARSE,
-        steps,
-        pose.R,
-        pose.t,
-        pose.mixture,
-        pose.normal,
-    )
-    pose.cost[0] += _narrowness(pose.normal)
-
-
-@inner_kernel
-def _start_noise(tolerance: float, mixture: np.ndarray) -> None:
-    """What EM starts from, knowing nothing."""
-    mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
-    mixture[1] = START_WRONG
-    mixture[2] = START_POOR
-
-
-@inner_kernel
-def _noise_of(matches: Matches, best: Pose, tolerance: float, mixture: np.ndarray) -> None:
-    """What EM starts from: the noise of the best pose, if it explains more than a sample."""
-    if (1.0 - best.mixture[1]) * matches.total > BY_CHANCE:
-        copy(best.mixture, mixture)
-    else:
-        _start_noise(tolerance, mixture)
-
-
-@inner_kernel
-def _unexplained(matches: Matches, best: Pose, tolerance: float) -> float:
-    """Share of matches that the best pose leaves unexplained: by its mixture, or by the tolerance.
-
-    A wrong minimum calls all matches right and noisy: only the tolerance gives it away.
-    """
-    turn, towards = matrix(best.R), vector(best.t)
-    within = 0
-    for i in range(matches.total):
-        within += 1 if abs(sampson(matches.pairs, address(i), turn, towards)) < tolerance else 0
-    return greater(best.mixture[1], 1.0 - within / matches.total)
-
-
-@inner_kernel
-def _is_same(pose: Pose, best: Pose) -> bool:
-    """Whether a pose is within the uncertainty of the best: the same minimum, on its way."""
-    if pose.t[0] * best.t[0] + pose.t[1] * best.t[1] + pose.t[2] * best.t[2] < 0.5:
-        return False
-    trace, distance2 = _apart(pose.R, pose.t, best.R, best.t, best.normal)
-    return trace > 2.0 and distance2 < 2.0 * SAME
-
-
-@formula
-def _apart(
-    R: np.ndarray, t: np.ndarray, other_R: np.ndarray, other_t: np.ndarray, normal: np.ndarray
-) -> tuple[float, float]:
-    """Trace of the rotation between two poses, and their squared distance by normal equations."""
-    A, B = matrix(R), matrix(other_R)
-    trace = dot(A[0], B[0]) + dot(A[1], B[1]) + dot(A[2], B[2])
-    # The rotation between the two is small: half the difference of its off-diagonal elements.
-    x = [0.5 * (dot(A[j], B[i]) - dot(A[i], B[j])) for i, j in ((1, 2), (2, 0), (0, 1))]
-    x += [dot(e, vector(t)) for e in tangent_columns(vector(other_t))]
-    distance2 = 0.0
-    for k in range(5):
-        for j in range(5):
-            distance2 = distance2 + x[k] * normal[k, j] * x[j]
-    return trace, distance2
-
-
-@inner_kernel
-def _is_twisted(matches: Matches, pose: Pose) -> bool:
-    """Whether most matches lie on the other side of the direction: a half turn about it too much.
-
-    The epipolar constraint cannot tell the two.
-    """
-    turn, towards = matrix(pose.R), vector(pose.t)
-    twisted = 0
-    for i in range(matches.total):
-        at = address(i)
-        m, b = rotate(turn, ray0(matches.pairs, at)), ray1(matches.pairs, at)
-        twisted += 1 if dot(m, b) < dot(m, towards) * dot(b, towards) else 0
-    return 2 * twisted > matches.total
-
-
-@inner_kernel
-def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
-    """Whether one step promises to bring a hypothesis about as far as the best.
-
-    The first promise is a modest one: with each step more matches come within reach.
-    """
-    variance, wrong = challenger.mixture[0], challenger.mixture[1]
-    clutter = clutter_density(variance, wrong, matches.spread)
-    normal, x, shares = challenger.normal, scratch(5), scratch(2)
-    cost = linearize(
-        matches.pairs,
-        matches.prior,
-        challenger.R,
-        challenger.t,
-        challenger.mixture,
-        clutter,
-        normal,
-        shares,
-    )
-    cost += matches.total * mixture_cost(variance, wrong) + _narrowness(normal)
-    if not solve_five_spd(normal, 0.0, x):
-        return False
-    gain, _ = promise(normal, x)
-    return cost - PROMISES * gain < best.cost[0] + RIVAL
-
-
-@inner_kernel
-def _challenge(matches: Matches, challenger: Pose, best: Pose) -> bool:
-    """Refine a hypothesis that may compete, and keep it if it is better; whether it was a rival."""
-    if not _may_compete(matches, challenger, best):
-        return False
-    _refine(matches, GLANCE, challenger)
-    if _is_same(challenger, best):
-        return False
-    _refine(matches, REFINEMENTS, challenger)
-    if not challenger.cost[0] < best.cost[0] + RIVAL or _is_same(challenger, best):
-        return False
-    if challenger.cost[0] < best.cost[0] and not _is_twisted(matches, challenger):
-        copy(challenger.R, best.R)
-        copy(challenger.t, best.t)
-        copy(challenger.mixture, best.mixture)
-        copy(challenger.normal, best.normal)
-        copy(challenger.cost, best.cost)
-    return True
-
-
 @kernel
 def search_pose(
     pairs: np.ndarray,
@@ -341,14 +152,14 @@ def search_pose(
     sample, start = index_scratch(5), scratch(3, 3)
     copy(R, start)
     flow = _typical_flow(pairs, count, start)
-    _start_noise(tolerance, mixture)
+    start_noise(tolerance, mixture)
     search_direction(pairs, prior, candidates, tolerance, DIRECTIONS, state, R, t)
-    _refine(matches, REFINEMENTS, best)
-    _noise_of(matches, best, tolerance, other.mixture)
+    refine(matches, REFINEMENTS, best)
+    noise_of(matches, best, tolerance, other.mixture)
     limit = GATE_SIGMA * GATE_SIGMA * other.mixture[0]
     copy(t, other.t)
     lowest = score_pose(pairs, prior, R, other.t, limit, math.inf)
-    wrong = _unexplained(matches, best, tolerance)
+    wrong = unexplained(matches, best, tolerance)
     rivals = 0
     iteration = 0
     while iteration < iterations_needed(
@@ -371,10 +182,10 @@ def search_pose(
         if raw >= PROMISING * lowest:
             continue
         lowest = lesser(raw, lowest)
-        _noise_of(matches, best, tolerance, other.mixture)
-        if _challenge(matches, other, best):
+        noise_of(matches, best, tolerance, other.mixture)
+        if challenge(matches, other, best):
             rivals += 1
-            wrong = _unexplained(matches, best, tolerance)
+            wrong = unexplained(matches, best, tolerance)
     for twin in range(2):
         twins[twin] = False
         gate = GATE_SIGMA * math.sqrt(mixture[0])
@@ -384,7 +195,7 @@ def search_pose(
             found = layer_twin(pairs, count, gate, R, t, other.R, other.t)
         if found:
             copy(mixture, other.mixture)
-            twins[twin] = _challenge(matches, other, best)
+            twins[twin] = challenge(matches, other, best)
     return iteration
 
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
 from farpoint._kernels.likelihood import POOR, clutter_density, explain
 from farpoint._kernels.motion import find_motion, settle_motion
 from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
-from farpoint._kernels.search import GATE_SIGMA, START_POOR, START_WRONG
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.information import symmetric_inverse
 from farpoint.pose.matches import Matches
