@@ -95,6 +95,22 @@ def test_halves_of_the_tracks_of_a_pair_agree_about_its_motion():
     assert not np.array_equal(by_cells.difference, again.difference)
 
 
+def test_what_all_tracks_have_in_common_is_in_the_pose_and_not_between_its_halves():
+    plain, shared = (
+        Odometry(CAMERA, OdometryOptions(pose=RelativePoseOptions(shared_error_px=error_px)))
+        for error_px in (0.0, 0.5)
+    )
+    images = drive(2)
+    first, second = (
+        [odometry.process(image, float(k)) for k, image in enumerate(images)][1]
+        for odometry in (plain, shared)
+    )
+    grown = second.pose.covariance - first.pose.covariance
+    assert np.linalg.eigvalsh(grown[:3, :3])[0] > 0.0
+    halves = plain.split_half(first), shared.split_half(second)
+    np.testing.assert_array_equal(halves[0].covariance, halves[1].covariance)
+
+
 @pytest.mark.parametrize("seed", range(70, 90))
 def test_the_motion_is_found_in_every_scene(seed):
     (_, result) = run(drive(2, seed=seed))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from farpoint import (
 from farpoint.camera import Pinhole
 from farpoint.geometry import so3
 from farpoint.pose import failed_pose
-from farpoint.pose.verdict import is_static
+from farpoint.pose.verdict import is_static, is_translating
 from farpoint.synthetic import PointScene, paper_camera
 
 STILL = (0.0, 0.0, 0.0)
@@ -101,6 +102,36 @@ def test_ten_right_matches_outvote_ten_wrong_ones():
             right += np.linalg.norm(direction_error(pose, drawn.direction_cam1_from_cam0)) < 0.5
     assert found >= 40
     assert right >= 0.95 * found
+
+
+def test_a_rotation_that_is_taken_for_lack_of_matches_says_that_it_may_be_wrong():
+    held = []
+    for seed in range(80):
+        drawn = point_scene(
+            seed, matches=20, outliers=10, far_share=0.0, translation_m=(0.05, 0.0, 0.0)
+        )
+        pose = estimate(drawn)
+        if pose.reason.startswith("The camera only turned"):
+            error = rotation_error(pose, drawn.rotation_cam1_from_cam0)
+            held.append(error @ np.linalg.solve(pose.rotation_covariance, error) < 7.81)
+    assert len(held) >= 5
+    assert np.mean(held) > 0.7
+
+
+@pytest.mark.parametrize(
+    ("count", "sigmas", "translates"),
+    [(4, 6.0, False), (4, 12.0, False), (3, 60.0, False), (12, 60.0, True)],
+)
+def test_how_far_tracks_are_off_says_how_likely_they_point_to_one_direction(
+    count, sigmas, translates
+):
+    # Of a circle of six sigma, the band of three takes up a sixth on the side of the direction.
+    each = np.ones(count)
+    fit = SimpleNamespace(
+        residual=0.5 * each, parallax=sigmas * each, noise=SimpleNamespace(mean_sigma=1.0)
+    )
+    turning = SimpleNamespace(probability=0.0 * each, distance2=sigmas**2 * each)
+    assert is_translating(SimpleNamespace(doubt=4.0), fit, turning, 1e-3) is translates
 
 
 def test_wrong_matches_alone_are_no_consensus():

@@ -140,7 +140,7 @@ def test_prediction_finds_what_large_motion_hides():
 
 def test_a_prediction_tells_how_windows_change_their_shapes():
     """As in a wide lens, where what moves outwards is squeezed."""
-    motion = {"shift": (2.0, -1.0), "scale": 0.7}
+    motion = {"shift": (2.0, -1.0), "scale": 0.65}
     moved = photo(SCENE.grey(**motion))
     told = started().match(moved, lambda points: SCENE.moved(points, **motion))
     untold = started().match(moved)
@@ -148,9 +148,9 @@ def test_a_prediction_tells_how_windows_change_their_shapes():
         np.median(np.linalg.norm(tracks.points1 - SCENE.moved(tracks.points0, **motion), axis=1))
         for tracks in (told, untold)
     )
-    assert len(told) > 1.3 * len(untold)
+    assert len(told) > 1.8 * len(untold)
     assert told_px < 0.02
-    assert untold_px > told_px
+    assert untold_px > 1.5 * told_px
 
 
 def test_a_wrong_prediction_costs_no_tracks():

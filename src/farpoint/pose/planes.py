@@ -15,19 +15,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.likelihood import clutter_density, explain, linearize, refine_pose
+from farpoint._kernels.contest import GATE_SIGMA
+from farpoint._kernels.likelihood import clutter_density, explain, refine_pose
 from farpoint._kernels.twins import planar_twin
 from farpoint.geometry.sphere import tangent_basis
-from farpoint.pose.fits import MIN_VARIANCE, MovingFit, refit_moving
+from farpoint.pose.fits import MAX_REFINEMENTS, MIN_VARIANCE, MovingFit, refit_moving
 from farpoint.pose.matches import Matches
 
 __all__ = ["OtherMotion", "likelier_motion"]
 
-GATE_SIGMA = 3.0
 # Log likelihood that the other motion may lack: more than the chance of 160 matches makes.
 RIVAL = 40.0
 FINE = 0.1
-MAX_REFINEMENTS = np.int64(20)
 # Two directions as close as this, rad, are one minimum.
 SAME_RAD = math.radians(10.0)
 # Distance from the plane, in sigma, at which a match is off it.
@@ -77,7 +76,7 @@ def _other_motion(matches: Matches, fit: MovingFit) -> OtherMotion | None:
     gate = GATE_SIGMA * fit.noise.sigma
     if not planar_twin(seen.pairs, len(seen), gate, first.R, first.t, other.R, other.t):
         return None
-    cost = _cost(seen, first)
+    cost = _refined(seen, _Motion(*(array.copy() for array in first)))
     if not _refined(seen, other) < cost + RIVAL:
         return None
     if first.t @ other.t > math.cos(SAME_RAD):
@@ -86,17 +85,11 @@ def _other_motion(matches: Matches, fit: MovingFit) -> OtherMotion | None:
 
 
 class _Motion(NamedTuple):
+    """As the kernels take it; refined in place."""
+
     R: np.ndarray
     t: np.ndarray
     mixture: np.ndarray
-
-
-def _cost(matches: Matches, motion: _Motion) -> float:
-    variance, wrong, _ = motion.mixture
-    clutter = clutter_density(variance, wrong, matches.spread)
-    normal, shares = np.empty((6, 6)), np.empty(2)
-    cost = linearize(matches.pairs, matches.weights(), *motion, clutter, normal, shares)
-    return cost + len(matches) * (0.5 * math.log(variance) - math.log(1.0 - wrong))
 
 
 def _refined(matches: Matches, motion: _Motion) -> float:
@@ -121,9 +114,8 @@ def _evidence(matches: Matches, fit: MovingFit, first: _Motion, other: _Motion) 
     on which line it left the plane along has the weight ``z^2 / (1 + z^2)``: nothing on the plane,
     all off it. Near it, the weight is that of a typical match, less what chance makes of that.
     """
-    noise = fit.noise.array
-    of_first, right = _log_likelihood(matches, first._replace(mixture=noise))
-    of_other, _ = _log_likelihood(matches, other._replace(mixture=noise))
+    of_first, right = _log_likelihood(matches, first)
+    of_other, _ = _log_likelihood(matches, other._replace(mixture=first.mixture))
     gain = of_first - of_other
     square = _squares_from_plane(matches, first, right > 0.5, fit.noise.variance)
     off = square > OFF_SIGMA**2
