@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from numba import types
 from numba.core.caching import NullCache
+from numba.core.runtime import _nrt_python, rtsys
 
-from farpoint._kernels import compile as room
+from farpoint._kernels import compile as compiling
+from farpoint._kernels import scratch
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, sum_kernel
 
 pytestmark = pytest.mark.skipif(
@@ -38,8 +40,8 @@ def mean_square(values):
 
 
 def uncached(inner):
-    assert room.with_door is not None
-    door = room.with_door(inner)
+    assert compiling.with_door is not None
+    door = compiling.with_door(inner)
     door._cache = NullCache()
     return door
 
@@ -109,10 +111,16 @@ def test_collection_of_garbage_is_left_as_it_was(wanted):
 
 
 def test_a_numba_with_other_inner_parts_compiles_in_its_own_way(monkeypatch):
-    monkeypatch.setattr(room, "with_door", None)
-    plain = kernel(root_mean_square_of)
+    monkeypatch.setattr(compiling, "with_door", None)
+    first_square = compiling.njit(lambda values: values[0] * values[0])
+
+    def first_square_plus_one(values):
+        return first_square(values) + 1.0
+
+    plain = kernel(first_square_plus_one)
+    plain._cache = NullCache()
     assert not hasattr(plain, "inner")
-    assert plain(VALUES) == ROOT
+    assert plain(VALUES) == 10.0
 
 
 def ir_of(inner):
@@ -135,6 +143,48 @@ def test_references_are_counted_only_where_an_array_is_made():
     assert uncached(makes)(VALUES) == 4.0
     assert "NRT_incref" not in ir_of(reads)
     assert "NRT_" in ir_of(makes)
+
+
+def test_memory_that_a_kernel_makes_is_given_back():
+    @inner_kernel
+    def total(size):
+        made, places = scratch.room(size), scratch.index_room(size)
+        for i in range(size):
+            made[i], places[i] = 0.5 * i, i
+        sum_of_both = 0.0
+        for i in range(size):
+            sum_of_both += made[i] + places[i]
+        return sum_of_both
+
+    door = uncached(total)
+    assert door(4) == 9.0
+    _nrt_python.memsys_enable_stats()
+    before = rtsys.get_allocation_stats()
+    assert door(1000) == 1.5 * 499500.0
+    after = rtsys.get_allocation_stats()
+    _nrt_python.memsys_disable_stats()
+    assert after.alloc - before.alloc == after.free - before.free == 2
+
+
+def test_numbers_on_the_stack_are_not_counted():
+    @inner_kernel
+    def first(values):
+        small, place = scratch.scratch(2), scratch.index_scratch(1)
+        place[0] = 1
+        small[place[0]] = values[0]
+        return small[1]
+
+    assert uncached(first)(VALUES) == 3.0
+    assert "NRT_" not in ir_of(first)
+
+
+def test_elements_of_tuples_keep_their_types():
+    @inner_kernel
+    def mixed(values):
+        several = (values, 2, 0.5)
+        return several[0][1] * several[1] * several[2] + values.shape[0]
+
+    assert uncached(mixed)(VALUES) == 8.0
 
 
 def test_numba_is_asked_once_what_a_sum_of_two_numbers_is(monkeypatch):

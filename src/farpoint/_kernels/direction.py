@@ -13,7 +13,7 @@ import numpy as np
 
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.formulas import formula
-from farpoint._kernels.linear import clear
+from farpoint._kernels.linear import clear, put
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.vectors import (
     Matrix,
@@ -51,7 +51,7 @@ def intersect_circles(pairs: np.ndarray, R: np.ndarray, i: int, j: int, t: np.nd
     if not length > 1e-30:
         return False
     sign = math.copysign(1.0 / length, dot(meeting, flow0) + dot(meeting, flow1))
-    t[0], t[1], t[2] = sign * meeting[0], sign * meeting[1], sign * meeting[2]
+    put(sign, meeting, t)
     return True
 
 
@@ -69,7 +69,7 @@ def pairwise_direction(
     both matches flow towards the intersection. Each pair stands in two rows, so
     the sum over all rows is twice the sum over pairs; leaving a match out takes off its row once.
     """
-    n = weight.shape[0]
+    n = weight.size
     turn = matrix(R)
     normals = np.empty((n, 3))
     flows = np.empty((n, 3))

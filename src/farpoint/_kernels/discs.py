@@ -18,7 +18,7 @@ def draw_discs(pixels, centres, radius, colour):
     """
     height, width = pixels.shape[0], pixels.shape[1]
     reach = radius + 0.5
-    for index in range(centres.shape[0]):
+    for index in range(len(centres)):
         x, y = centres[index, 0], centres[index, 1]
         top, bottom = max(math.ceil(y - reach), 0), min(math.floor(y + reach), height - 1)
         left, right = max(math.ceil(x - reach), 0), min(math.floor(x + reach), width - 1)

@@ -10,7 +10,7 @@ from farpoint._kernels.compile import kernel
 from farpoint._kernels.formulas import lesser
 from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.rotation import rotation_distance2, rotation_linearize
-from farpoint._kernels.scratch import scratch
+from farpoint._kernels.scratch import room, scratch
 from farpoint._kernels.squares import solve_three_spd
 
 __all__ = ["count_beyond_rotation", "weigh"]
@@ -36,7 +36,7 @@ def weigh(
     """
     agreeing = 0
     odds = 0.0
-    for i in range(labels.shape[0]):
+    for i in range(labels.size):
         p = parallax[i] / sigma
         agrees = right[i] > 0.5 and p > -near_sigma
         agreeing += 1 if agrees else 0
@@ -59,22 +59,22 @@ def count_beyond_rotation(
     least squares, by one step from the first, about which the prediction is linear: it undoes what
     a motion took from the rotation, but a few wrong matches drag it away.
     """
-    step, distance2 = scratch(3), np.empty(right.shape[0])
+    step, distance2 = scratch(3), room(right.size)
     H, g, sums, only_good = scratch(3, 3), scratch(3), scratch(3), scratch(3)
     only_good[0], only_good[1], only_good[2] = 1.0, 0.0, 0.0
-    R, last = rotations[0], rotations[rotations.shape[0] - 1]
+    R, last = rotations[0], rotations[len(rotations) - 1]
     rotation_linearize(pairs, right, R, only_good, 1e-300, H, g, sums)
     if not solve_three_spd(H, g, 0.0, step):
         return 0, 0
     apply_rotation_step(R, -step[0], -step[1], -step[2], last)
     total = 0
-    for i in range(right.shape[0]):
+    for i in range(right.size):
         total += 1 if right[i] > 0.5 else 0
     fewest = total
-    for k in range(rotations.shape[0]):
+    for k in range(len(rotations)):
         rotation_distance2(pairs, rotations[k], distance2)
         beyond = 0
-        for i in range(right.shape[0]):
+        for i in range(right.size):
             beyond += 1 if right[i] > 0.5 and distance2[i] > distance * distance else 0
         fewest = lesser(fewest, beyond)
     return fewest, total

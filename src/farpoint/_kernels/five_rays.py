@@ -8,7 +8,7 @@ import numpy as np
 
 from farpoint._kernels.compile import kernel, sum_kernel
 from farpoint._kernels.epipolar import flow_along, sampson
-from farpoint._kernels.formulas import choose, formula, greater, lesser
+from farpoint._kernels.formulas import choose, formula, greater, lesser, whole
 from farpoint._kernels.likelihood import apply_step
 from farpoint._kernels.linear import clear
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
@@ -74,12 +74,12 @@ def score_pose(
     """
     turn, towards = matrix(R), vector(t)
     forward = backward = 0.0
-    for panel in range(prior.shape[0] // LANES):
+    for panel in range(prior.size // LANES):
         for lane in range(LANES):
-            cost = _cost_each_way(pairs, panel * PANEL + lane, turn, towards, limit)
+            ahead, back = _cost_each_way(pairs, panel * PANEL + lane, turn, towards, limit)
             weight = 1.0 if prior[panel * LANES + lane] > 0.0 else 0.0
-            forward += weight * cost[0]
-            backward += weight * cost[1]
+            forward += weight * ahead
+            backward += weight * back
         if lesser(forward, backward) >= best:
             return best
     if backward < forward:
@@ -172,4 +172,4 @@ def iterations_needed(
     if hit <= 0.0:
         return max_iterations
     needed = math.log(lesser((1.0 - confidence) / doubt, 1.0)) / math.log(1.0 - hit)
-    return int(lesser(greater(needed + 1.0, float(min_iterations)), float(max_iterations)))
+    return whole(lesser(greater(needed + 1.0, float(min_iterations)), float(max_iterations)))

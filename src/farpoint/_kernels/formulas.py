@@ -34,6 +34,7 @@ from farpoint._kernels.symbols import (
     greater,
     lesser,
     root,
+    whole,
     with_sign_of,
 )
 
@@ -54,6 +55,7 @@ __all__ = [
     "lesser",
     "root",
     "sum_formula",
+    "whole",
     "with_sign_of",
 ]
 
@@ -211,5 +213,5 @@ formula = partial(_formula, ())
 # One that adds terms of a sum, in any order.
 sum_formula = partial(_formula, ("reassoc", "contract", "nsz"))
 
-for _primitive in (root, with_sign_of, choose, lesser, greater, exponent_and_mantissa):
+for _primitive in (root, with_sign_of, choose, lesser, greater, whole, exponent_and_mantissa):
     formula(_primitive)

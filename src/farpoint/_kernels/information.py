@@ -9,6 +9,7 @@ from farpoint._kernels.epipolar import sampson_jacobian, variances
 from farpoint._kernels.formulas import choose, formula, lesser
 from farpoint._kernels.likelihood import densities
 from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0
+from farpoint._kernels.scratch import room
 from farpoint._kernels.squares import FIVE, add_square, inverse_square, size2, write_square
 from farpoint._kernels.vectors import (
     Matrix,
@@ -65,7 +66,7 @@ def information(
     or wrong: what is missing is the variance of the score over these (Louis, J. R. Stat. Soc. B 44,
     1982, DOI 10.1111/j.2517-6161.1982.tb01203.x).
     """
-    told = np.empty(prior.shape[0] // LANES * TOLD)
+    told = room(prior.size // LANES * TOLD)
     _tell(pairs, prior, R, t, mixture, clutter, told)
     _gram(told, JACOBIAN, WEIGHT, whole)
     _gram(told, CHANGE, SHARE, noise)
@@ -89,7 +90,7 @@ def _tell(
     turn, towards = matrix(R), vector(t)
     basis = tangent_columns(towards)
     precision, poor = 1.0 / mixture[0], mixture[2]
-    for panel in range(prior.shape[0] // LANES):
+    for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, to = panel * PANEL + lane, panel * TOLD + lane
             share = prior[panel * LANES + lane]
@@ -135,7 +136,7 @@ def _without_leverage(told: np.ndarray, whole: np.ndarray) -> None:
     inverse, positive = inverse_square(whole)
     if not positive:
         return
-    for panel in range(told.shape[0] // TOLD):
+    for panel in range(told.size // TOLD):
         for lane in range(LANES):
             at = panel * TOLD + lane
             drawn = told[at + WEIGHT * LANES] * size2(inverse, _five(told, at))
@@ -146,7 +147,7 @@ def _without_leverage(told: np.ndarray, whole: np.ndarray) -> None:
 def _gram(told: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
     """``A diag(w) A^T`` (5, 5) of five rows A and the row w of what is told."""
     sums = FIVE
-    for panel in range(told.shape[0] // TOLD):
+    for panel in range(told.size // TOLD):
         for lane in range(LANES):
             at = panel * TOLD + lane
             sums = add_square(sums, told[at + weight * LANES], _five(told, at + row * LANES))
@@ -162,7 +163,7 @@ def _five(told: np.ndarray, at: int) -> tuple[float, float, float, float, float]
 @inner_kernel
 def _total(told: np.ndarray, row: int) -> float:
     total = 0.0
-    for panel in range(told.shape[0] // TOLD):
+    for panel in range(told.size // TOLD):
         for lane in range(LANES):
             total += told[panel * TOLD + row * LANES + lane]
     return total

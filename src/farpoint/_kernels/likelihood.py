@@ -134,11 +134,12 @@ def linearize(
     precision, poor = 1.0 / mixture[0], mixture[2]
     cost = used = right = doubtful = 0.0
     sums = SIX
-    for panel in range(prior.shape[0] // LANES):
+    for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
             row = sampson_jacobian(pairs, at, turn, towards, basis)
-            good, fair = densities(pairs, at, turn, towards, row[5], precision, poor, share)
+            _, _, _, _, _, residual = row
+            good, fair = densities(pairs, at, turn, towards, residual, precision, poor, share)
             total = good + fair + clutter
             over = 1.0 / total
             cost -= lane_log(total)
@@ -148,7 +149,7 @@ def linearize(
             sums = add_square(sums, precision * (good + fair * 0.125) * over, row)
     write_square(sums, normal)
     shares[0], shares[1] = right, doubtful
-    return cost + (prior.shape[0] - used) * lane_log(clutter)
+    return cost + (prior.size - used) * lane_log(clutter)
 
 
 @formula
@@ -257,7 +258,7 @@ def explain(
     """
     turn, towards = matrix(R), vector(t)
     precision, poor = 1.0 / mixture[0], mixture[2]
-    for panel in range(prior.shape[0] // LANES):
+    for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, i = panel * PANEL + lane, panel * LANES + lane
             residual[i], parallax[i], good, fair = _seen(

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import formula
+from farpoint._kernels.formulas import formula, whole
 from farpoint._kernels.squares import sandwich_five
 from farpoint._kernels.vectors import (
     Vector,
@@ -34,6 +34,7 @@ __all__ = [
     "draw_index",
     "draw_unit",
     "kabsch",
+    "put",
     "sandwich",
     "tangent_basis",
 ]
@@ -67,7 +68,7 @@ def draw_unit(state: np.ndarray) -> float:
 @kernel
 def draw_index(state: np.ndarray, n: int) -> int:
     """Uniform integer in [0, n); its bias over n < 2^32 is beyond notice."""
-    return int(draw_unit(state) * n)
+    return whole(draw_unit(state) * n)
 
 
 @kernel
@@ -185,6 +186,13 @@ def add_outer(b: Vector, a: Vector, weight: float, M: np.ndarray) -> None:
     for j in range(3):
         for k in range(3):
             M[j, k] += weight * b[j] * a[k]
+
+
+@formula
+def put(s: float, a: Vector, v: np.ndarray) -> None:
+    """``v = s a``."""
+    for k in range(3):
+        v[k] = s * a[k]
 
 
 @formula

@@ -17,26 +17,28 @@ from typing import Any, Literal
 import llvmlite.binding as llvm
 from numba import types
 from numba._dynfunc import make_function  # pyright: ignore[reportMissingModuleSource]
-from numba.core import compiler, ir, typed_passes
+from numba.core import compiler, errors, ir, typed_passes, untyped_passes
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.datamodel.models import OpaqueModel
+from numba.core.ir_utils import check_and_legalize_ir
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
 from numba.core.typing.context import Context
 from numba.extending import register_model
 
+from farpoint._kernels.scratch import index_scratch, scratch
+
 __all__ = ["InnerCompiler", "inner_library", "with_door"]
 
+_errors: Any = errors  # of which the type hints lack a part
 # Where a numba has no such inner parts, it fails here and not in the middle of an estimate.
 _RELIED_ON = (
     JITCodeLibrary._finalize_dynamic_globals,
     JITCodeLibrary._get_module_for_linking,
     JITCodeLibrary._optimize_final_module,
+    _errors._termcolor_inst,
 )
-# Passes for what no kernel has (closures, array expressions, arguments that are None), and which
-# take their time to find that out.
-_NOT_NEEDED = {"InlineClosureLikes", "InlineOverloads", "NopythonRewrites", "DeadBranchPrune"}
 
 
 class _InnerLibrary(JITCodeLibrary):
@@ -123,6 +125,29 @@ def _taken_in(library: JITCodeLibrary) -> Iterable[JITCodeLibrary]:
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
+class _InnerInference(typed_passes.NopythonTypeInference):
+    """Inference of types, of elements at a constant place as such: a tuple gives these at once."""
+
+    _name = "farpoint_inner_inference"
+
+    def run_pass(self, state: Any) -> Literal[True]:
+        """Tell these elements from others, and infer."""
+        constants = (ir.Const, ir.Global, ir.FreeVar)
+        for block in state.func_ir.blocks.values():
+            for assign in block.find_insts(ir.Assign):
+                item = assign.value
+                if not (isinstance(item, ir.Expr) and item.op == "getitem"):
+                    continue
+                definitions = state.func_ir._definitions[item.index.name]
+                place = definitions[0] if len(definitions) == 1 else None
+                if isinstance(place, constants) and isinstance(place.value, int):
+                    assign.value = ir.Expr.static_getitem(
+                        item.value, place.value, item.index, item.loc
+                    )
+        return super().run_pass(state)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
 class _InnerLowering(typed_passes.NativeLowering):
     """Lowering into a library of the inner kind."""
 
@@ -134,8 +159,10 @@ class _InnerLowering(typed_passes.NativeLowering):
         library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library = library
         state.flags.no_compile = True
-        # References to arrays are counted only where an array is made.
-        state.flags.nrt = state.targetctx.enable_nrt = _makes_array(state.calltypes)
+        # References to arrays are counted, and dropped, only where an array is made.
+        state.flags.nrt = state.targetctx.enable_nrt = _makes_array(state.calltypes, state.typemap)
+        if state.flags.nrt:
+            check_and_legalize_ir(state.func_ir, state.flags)
         # numba writes and reads a program whenever it looks for the size of a type.
         state.targetctx.get_abi_sizeof = partial(_size_of, state.targetctx.target_data)
         super().run_pass(state)
@@ -160,12 +187,13 @@ def _size_of(target_data: Any, kind: Any) -> int:
     return _SIZES[name]
 
 
-def _makes_array(signatures: dict[Any, Any]) -> bool:
-    """Whether a call, of these in a kernel, returns an array."""
+def _makes_array(signatures: dict[Any, Any], kinds: dict[str, Any]) -> bool:
+    """Whether a call, of these in a kernel, returns an array that is not on the stack."""
     return any(
         isinstance(called, ir.Expr)
         and called.op == "call"
         and isinstance(signature.return_type, types.Array)
+        and getattr(kinds[called.func.name], "typing_key", None) not in (scratch, index_scratch)
         for called, signature in signatures.items()
     )
 
@@ -223,6 +251,19 @@ class _Remembering(Context):
         return _KNOWN[key]
 
 
+# What kernels need of numba's passes. Others look for what no kernel has (closures, exceptions,
+# loops over tuples of several types, arguments that are None, variables that change their type),
+# and take their time to find that out.
+_PASSES = (
+    untyped_passes.TranslateByteCode,
+    untyped_passes.FixupArgs,
+    untyped_passes.IRProcessing,
+    _InnerInference,
+    _InnerLowering,
+    typed_passes.NoPythonBackend,
+)
+
+
 class InnerCompiler(compiler.CompilerBase):
     """Compiles what only kernels call, as far as they need it."""
 
@@ -230,16 +271,14 @@ class InnerCompiler(compiler.CompilerBase):
         super().__init__(typingctx, *arguments)
         table = _Remembering(typingctx, bool(self.state.flags.fastmath))
         self.state.typingctx = self.state.targetctx.typing_context = table
+        # As for types: it looks for new registries whenever one has no answer.
+        self.state.targetctx.refresh = table.refresh
 
     def define_pipelines(self) -> list[Any]:
-        """The passes of numba that kernels need."""
+        """The passes that kernels need."""
         pipeline = PassManager("kernel")
-        own = {typed_passes.NativeLowering: _InnerLowering}
-        for stage, description in compiler.DefaultPassBuilder.define_nopython_pipeline(
-            self.state
-        ).passes:
-            if stage.__name__ not in _NOT_NEEDED:
-                pipeline.add_pass(own.get(stage, stage), description)
+        for each in _PASSES:
+            pipeline.add_pass(each, each.__name__)
         pipeline.finalize()
         return [pipeline]
 
@@ -253,7 +292,7 @@ class _DoorCompiler(compiler.CompilerBase):
 
     def compile_extra(self, func: Callable[..., object]) -> Any:
         """The kernel ``func`` with its arguments unpacked, and all that it calls."""
-        with _no_collection(), ConfigStack().enter(self.state.flags.copy()):
+        with _no_collection(), _plain_messages(), ConfigStack().enter(self.state.flags.copy()):
             arguments, context = tuple(self.state.args), self.state.targetctx
             self._inner.compile(arguments)
             kernel = self._inner.overloads[arguments]
@@ -283,6 +322,24 @@ def _no_collection() -> Iterator[None]:
     finally:
         if wanted:
             gc.enable()
+
+
+class _Plain:
+    """Messages without colours."""
+
+    def __getattr__(self, _role: str) -> Callable[[str], str]:
+        return str
+
+
+@contextmanager
+def _plain_messages() -> Iterator[None]:
+    """Paint no messages: numba does so at every step, with what it would say if that failed."""
+    painter = _errors._termcolor_inst
+    _errors._termcolor_inst = _Plain()
+    try:
+        yield
+    finally:
+        _errors._termcolor_inst = painter
 
 
 class _Door(CPUDispatcher):

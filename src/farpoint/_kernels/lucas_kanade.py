@@ -31,7 +31,8 @@ from farpoint._kernels.windows import (
 
 __all__ = ["border_px", "follow_windows"]
 
-_SLACK = 1  # px to each side that a window may move before the image is read anew
+# px to each side that a window may move before the image is read anew
+_SLACK = np.int64(1)  # as a variable's value: a plain number would be a type of its own
 
 
 def border_px(half: int) -> int:

@@ -11,7 +11,7 @@ from farpoint._kernels.likelihood import clutter_density, explain, refine_pose
 from farpoint._kernels.linear import copy
 from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.rotation import enlarge_rotation, search_rotation
-from farpoint._kernels.scratch import scratch
+from farpoint._kernels.scratch import index_room, room, scratch
 from farpoint._kernels.search import search_pose
 
 __all__ = ["find_motion", "settle_motion"]
@@ -50,14 +50,14 @@ def find_motion(
     As `search.search_pose`. ``far_R`` (3, 3), the identity at first, receives that rotation. The
     other matches may carry translation, and where few are left, all may.
     """
-    consistent = np.empty(count, np.bool_)
+    consistent = room(count)
     search_rotation(pairs, count, tolerance, START_SAMPLES, state, far_R)
     enlarge_rotation(pairs, count, tolerance, far_R, consistent)
     flowing = 0
     for i in range(count):
         flowing += 0 if consistent[i] else 1
     few = flowing < MIN_FLOWING
-    candidates = np.empty(count if few else flowing, np.int64)
+    candidates = index_room(count if few else flowing)
     taken = 0
     for i in range(count):
         if few or not consistent[i]:

@@ -172,7 +172,7 @@ def pack_pairs(
     n = 0
     square = precision = 0.0
     mean = 0.0, 0.0, 0.0
-    for i in range(rays0.shape[0]):
+    for i in range(len(rays0)):
         if not _squares(factors0, i) > least_variance:  # or NaN
             continue
         if not _squares(factors1, i) > least_variance:
@@ -183,9 +183,9 @@ def pack_pairs(
         square += dot(ray, ray)
         mean = combine(1.0, mean, 1.0, ray)
         trace = _put_covariance(
-            pairs, at, COVARIANCE0, factors0, i, covariance0, i if covariance0.shape[0] > 1 else 0
+            pairs, at, COVARIANCE0, factors0, i, covariance0, i if len(covariance0) > 1 else 0
         ) + _put_covariance(
-            pairs, at, COVARIANCE1, factors1, i, covariance1, i if covariance1.shape[0] > 1 else 0
+            pairs, at, COVARIANCE1, factors1, i, covariance1, i if len(covariance1) > 1 else 0
         )
         variance = greater(0.5 * trace, MIN_VARIANCE_RAD2)
         pairs[at + FLOW * LANES] = variance
@@ -216,8 +216,8 @@ def _put_harmless(pairs: np.ndarray, at: int) -> None:
 @kernel
 def take_pairs(pairs: np.ndarray, rows: np.ndarray, taken: np.ndarray) -> None:
     """Copy the matches ``rows`` (M,) into other panels, ``taken``."""
-    for j in range(rows.shape[0]):
+    for j in range(rows.size):
         source, target = address(rows[j]), address(j)
         for row in range(19):
             taken[target + row * LANES] = pairs[source + row * LANES]
-    _fill_up(taken, rows.shape[0])
+    _fill_up(taken, rows.size)

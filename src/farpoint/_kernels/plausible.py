@@ -8,6 +8,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import greater, lesser
+from farpoint._kernels.scratch import room
 
 __all__ = ["largest", "plausible_parallax"]
 
@@ -19,13 +20,13 @@ BAND_SIGMA = 3.0
 def largest(values: np.ndarray, k: int) -> float:
     """The ``k``-th largest of non-negative values, to a millionth of the largest."""
     low, high = 0.0, 0.0
-    for i in range(values.shape[0]):
+    for i in range(values.size):
         high = greater(high, values[i])
     least = 1e-6 * high
     while high - low > least:
         middle = 0.5 * (low + high)
         above = 0
-        for i in range(values.shape[0]):
+        for i in range(values.size):
             above += 1 if values[i] > middle else 0
         if above >= k:
             low = middle
@@ -53,7 +54,7 @@ def plausible_parallax(
     the band by chance, and two more that the direction could have chosen to pass through, may not
     vouch for one another.
     """
-    sizes = np.empty(count)
+    sizes = room(count)
     bulk = 0
     for i in range(count):
         p = parallax[i] / sigma

@@ -8,7 +8,7 @@ import numpy as np
 
 from farpoint._kernels.compile import kernel, sum_kernel
 from farpoint._kernels.exponential import exp_and_eighth, lane_log
-from farpoint._kernels.formulas import formula, greater, lesser, root, sum_formula
+from farpoint._kernels.formulas import formula, greater, lesser, root, sum_formula, whole
 from farpoint._kernels.likelihood import POOR, update_mixture
 from farpoint._kernels.linear import (
     add_outer,
@@ -67,7 +67,7 @@ def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float) -> float:
     """Sum of the squared distances from a rotation, each at most ``limit``."""
     turn = matrix(R)
     cost = 0.0
-    for panel in range(pairs.shape[0] // PANEL):
+    for panel in range(pairs.size // PANEL):
         for lane in range(LANES):
             cost += lesser(_distance2(pairs, panel * PANEL + lane, turn), limit)
     return cost
@@ -108,7 +108,7 @@ def search_rotation(
             share = 1.0 - best / (limit * count)
             miss = 1.0 - share * share * share
             if 1e-3 < miss < 1.0:
-                needed = lesser(max_iterations, int(math.log(1e-3) / math.log(miss)) + 1)
+                needed = lesser(max_iterations, whole(math.log(1e-3) / math.log(miss)) + 1)
             elif miss <= 1e-3:
                 break
     return iteration
@@ -123,7 +123,7 @@ def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) ->
     turn = matrix(R)
     inside = 0.0
     sums = (0.0,) * 9
-    for panel in range(pairs.shape[0] // PANEL):
+    for panel in range(pairs.size // PANEL):
         for lane in range(LANES):
             at = panel * PANEL + lane
             agrees = 1.0 if _distance2(pairs, at, turn) <= limit else 0.0
@@ -159,14 +159,14 @@ def enlarge_rotation(
     whether a match belongs to it; ``R`` is improved in place.
     """
     M = scratch(3, 3)
-    filled_up = pairs.shape[0] // PANEL * LANES - count
+    filled_up = pairs.size // PANEL * LANES - count
     limit = tolerance * tolerance
     size = 0
     for step in range(12):
         previous = size
         part = lesser(1.0, 0.5 + 0.125 * step)
         within = limit * part * part
-        size = int(_correlate(pairs, R, within, M)) - filled_up
+        size = whole(_correlate(pairs, R, within, M)) - filled_up
         if step > 4 and size == previous:
             break
         if size < 2 or not kabsch(M, R):
@@ -228,7 +228,7 @@ def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> Non
     Two degrees of freedom each where translation is absent.
     """
     turn = matrix(R)
-    for panel in range(out.shape[0] // LANES):
+    for panel in range(out.size // LANES):
         for lane in range(LANES):
             out[panel * LANES + lane] = _square(pairs, panel * PANEL + lane, turn)
 
@@ -261,7 +261,7 @@ def rotation_linearize(
     precision, poor = 1.0 / mixture[0], mixture[2]
     cost = used = right = doubtful = 0.0
     normal = FOUR
-    for panel in range(prior.shape[0] // LANES):
+    for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
             square, row0, row1 = _whitened(pairs, at, turn)
@@ -274,15 +274,16 @@ def rotation_linearize(
             doubtful += fair * over
             weight = precision * (good + fair * 0.125) * over
             normal = add_square(add_square(normal, weight, row0), weight, row1)
-    _write_normal(normal, H, g)
-    sums[0], sums[1], sums[2] = right, doubtful, normal[9] / precision
-    return cost + (prior.shape[0] - used) * lane_log(clutter)
+    sums[0], sums[1], sums[2] = right, doubtful, _write_normal(normal, H, g) / precision
+    return cost + (prior.size - used) * lane_log(clutter)
 
 
 @formula
-def _write_normal(sums: tuple, H: np.ndarray, g: np.ndarray) -> None:
+def _write_normal(sums: tuple, H: np.ndarray, g: np.ndarray) -> float:
+    """Write Gauss-Newton matrix and gradient; the sum of the squares."""
     write_square(sums[:6], H)
     g[0], g[1], g[2] = sums[6:9]
+    return sums[9]
 
 
 @kernel
@@ -347,7 +348,7 @@ def explain_rotation(
     clutter = _clutter(mixture[0], mixture[1], spread)
     precision = 1.0 / mixture[0]
     known = missing = 0.0
-    for i in range(prior.shape[0]):
+    for i in range(prior.size):
         good, fair = _densities(distance2[i], precision, mixture[2], prior[i])
         over = 1.0 / (good + fair + clutter)
         right[i] = (good + fair) * over

@@ -1,4 +1,4 @@
-"""Small arrays of a known shape, within a kernel: on the stack, where they cost nothing."""
+"""Arrays within a kernel: those of a known shape on the stack, where they cost nothing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numba.core import cgutils
 from numba.extending import lower_builtin, type_callable
 from numba.np.arrayobj import populate_array
 
-__all__ = ["index_scratch", "scratch"]
+__all__ = ["index_room", "index_scratch", "room", "scratch"]
 
 
 def scratch(rows: int, columns: int | None = None) -> np.ndarray:
@@ -22,6 +22,19 @@ def scratch(rows: int, columns: int | None = None) -> np.ndarray:
 
 def index_scratch(size: int) -> np.ndarray:
     """As `scratch`, of indices."""
+    return np.empty(size, np.int64)
+
+
+def room(size: int) -> np.ndarray:
+    """Array of as many numbers, not yet written, which a kernel may return.
+
+    What `numpy.empty` is in Python. In a kernel numba would compile three functions for that.
+    """
+    return np.empty(size)
+
+
+def index_room(size: int) -> np.ndarray:
+    """As `room`, of indices."""
     return np.empty(size, np.int64)
 
 
@@ -45,21 +58,52 @@ def _type_of_index_scratch(_context: Any) -> Any:
     return lambda size: _array(types.int64, size)
 
 
+@type_callable(room)
+def _type_of_room(_context: Any) -> Any:
+    return lambda size: types.Array(types.float64, 1, "C") if size in types.integer_domain else None
+
+
+@type_callable(index_room)
+def _type_of_index_room(_context: Any) -> Any:
+    return lambda size: types.Array(types.int64, 1, "C") if size in types.integer_domain else None
+
+
 @lower_builtin(scratch, types.IntegerLiteral)
 @lower_builtin(scratch, types.IntegerLiteral, types.IntegerLiteral)
 @lower_builtin(index_scratch, types.IntegerLiteral)
 def _lower(context: Any, builder: Any, signature: Any, _shape: Any) -> Any:
-    kind = signature.return_type
-    sizes = [size.literal_value for size in signature.args]
-    element, index = context.get_data_type(kind.dtype), context.get_value_type(types.intp)
-    room = cgutils.alloca_once(builder, llvm.ArrayType(element, math.prod(sizes)))
+    kind, index = signature.return_type, context.get_value_type(types.intp)
+    sizes = [index(size.literal_value) for size in signature.args]
+    element = context.get_data_type(kind.dtype)
+    data = cgutils.alloca_once(
+        builder, llvm.ArrayType(element, math.prod(x.constant for x in sizes))
+    )
+    return _filled(context, builder, kind, data, sizes, None)
+
+
+@lower_builtin(room, types.Integer)
+@lower_builtin(index_room, types.Integer)
+def _lower_room(context: Any, builder: Any, signature: Any, sizes: Any) -> Any:
+    bytes_needed = builder.mul(sizes[0], sizes[0].type(8))
+    info = context.nrt.meminfo_alloc_aligned(builder, bytes_needed, 64)
+    data = context.nrt.meminfo_data(builder, info)
+    return _filled(context, builder, signature.return_type, data, sizes, info)
+
+
+def _filled(context: Any, builder: Any, kind: Any, data: Any, sizes: Any, info: Any) -> Any:
+    """An array of numba's, in C order."""
+    index = context.get_value_type(types.intp)
+    strides = [index(8)]
+    for size in sizes[:0:-1]:
+        strides.insert(0, builder.mul(strides[0], size))
     array = context.make_array(kind)(context, builder)
+    element = context.get_data_type(kind.dtype)
     populate_array(
         array,
-        data=builder.bitcast(room, element.as_pointer()),
-        shape=[index(size) for size in sizes],
-        strides=[index(8 * math.prod(sizes[axis + 1 :])) for axis in range(len(sizes))],
+        data=builder.bitcast(data, element.as_pointer()),
+        shape=sizes,
+        strides=strides,
         itemsize=index(8),
-        meminfo=None,
+        meminfo=info,
     )
     return array._getvalue()

@@ -30,7 +30,7 @@ from farpoint._kernels.linear import (
 )
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
-from farpoint._kernels.scratch import index_scratch, scratch
+from farpoint._kernels.scratch import index_scratch, room, scratch
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import combine, dot, matrix, rotate
 
@@ -59,11 +59,11 @@ def search_direction(
     """
     limit = tolerance * tolerance
     hypothesis = scratch(3)
-    best = limit * prior.shape[0]
+    best = limit * prior.size
     t[0], t[1], t[2] = 0.0, 0.0, 1.0
     for _ in range(iterations):
-        i = candidates[draw_index(state, candidates.shape[0])]
-        j = candidates[draw_index(state, candidates.shape[0])]
+        i = candidates[draw_index(state, candidates.size)]
+        j = candidates[draw_index(state, candidates.size)]
         if i == j or not intersect_circles(pairs, R, i, j, hypothesis):
             continue
         cost = score_pose(pairs, prior, R, hypothesis, limit, best)
@@ -76,7 +76,7 @@ def search_direction(
 @inner_kernel
 def _draw_distinct(sample: np.ndarray, n: int, state: np.ndarray) -> None:
     """Fill ``sample`` with distinct indices below ``n``."""
-    for s in range(sample.shape[0]):
+    for s in range(sample.size):
         fresh = False
         while not fresh:
             sample[s] = draw_index(state, n)
@@ -100,7 +100,7 @@ def _longest_flow_first(pairs: np.ndarray, R: np.ndarray, sample: np.ndarray) ->
     for s in range(2):
         longest = -1.0
         first = s
-        for q in range(s, sample.shape[0]):
+        for q in range(s, sample.size):
             flow = _flow2(pairs, R, sample[q])
             if flow > longest:
                 longest = flow
@@ -111,7 +111,7 @@ def _longest_flow_first(pairs: np.ndarray, R: np.ndarray, sample: np.ndarray) ->
 @inner_kernel
 def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
     """Median angle, rad, that the rotation ``R`` leaves between matched rays."""
-    squares = np.empty(count)
+    squares = room(count)
     for i in range(count):
         squares[i] = _flow2(pairs, R, i)
     return math.sqrt(largest(squares, count // 2 + 1))

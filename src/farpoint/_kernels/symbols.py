@@ -24,6 +24,7 @@ __all__ = [
     "lesser",
     "root",
     "symbol_among",
+    "whole",
     "with_sign_of",
 ]
 
@@ -212,6 +213,13 @@ def lesser(a: Any, b: Any) -> Any:
 def greater(a: Any, b: Any) -> Any:
     """``max(a, b)``."""
     return choose(b > a, b, a)
+
+
+def whole(x: Any) -> Any:
+    """The number without its fraction, as an index."""
+    if not isinstance(x, Symbol):
+        return int(x)
+    return Symbol(x.code, x.code.builder.fptosi(x.value, INTEGER))
 
 
 def exponent_and_mantissa(x: Any) -> tuple[Any, Any]:

@@ -15,10 +15,11 @@ from farpoint._kernels.linear import (
     apply_rotation_step,
     clear,
     kabsch,
+    put,
 )
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
-from farpoint._kernels.scratch import scratch
+from farpoint._kernels.scratch import room, scratch
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.vectors import (
     Vector,
@@ -79,11 +80,9 @@ def planar_twin(
     if not norm(plane) > 1e-9:
         return False
     # R Exp(turn) = Exp(R turn) R.
-    step = rotate(turn, cross(plane, tau))
-    apply_rotation_step(R, step[0], step[1], step[2], twin_R)
-    normal = rotate(matrix(twin_R), plane)
-    for k in range(3):
-        twin_t[k] = math.copysign(1.0, ahead) * normal[k] / norm(plane)
+    x, y, z = rotate(turn, cross(plane, tau))
+    apply_rotation_step(R, x, y, z, twin_R)
+    put(math.copysign(1.0, ahead) / norm(plane), rotate(matrix(twin_R), plane), twin_t)
     return True
 
 
@@ -112,7 +111,7 @@ def layer_twin(
     of the near points which the rotation takes up, the far ones flow backwards. Near are those
     nearer than most; matches with a residual beyond ``gate`` are left out.
     """
-    M, nearness = scratch(3, 3), np.empty(count)
+    M, nearness = scratch(3, 3), room(count)
     clear(M)
     turn, towards = matrix(R), vector(t)
     agreeing = 0

@@ -11,6 +11,7 @@ from farpoint._kernels.windows import line_px, read, room_px
 __all__ = ["pixels_for", "residual_of"]
 
 _STEP = 16  # pixels of a line that are read at once
+_WIDE = np.int64(_STEP)  # as a variable's value: a plain number would be a type of its own
 _MOST = 2.0  # a window that is stretched more than that is none
 
 
@@ -55,7 +56,7 @@ def _warp(pixels, pixel_line, x, y, half, theta, line, out):
     `_STEP` are written each time, and what is wrong of these is overwritten by the next step.
     """
     xu, xv, yu, yv = theta[2], theta[3], theta[4], theta[5]
-    step = _STEP
+    step = _WIDE
     while (step - 1) * max(abs(xu), abs(yu)) > 1.0:
         step //= 2
     drift_x, drift_y = (step - 1) * min(xu, 0.0), (step - 1) * min(yu, 0.0)
