@@ -21,7 +21,7 @@ def largest(values: np.ndarray, k: int) -> float:
 
 def weigh(parallax: list[float], right: list[float], sigma: float = 1.0):
     labels = np.full(len(parallax), 9, np.uint8)
-    agreeing, odds = evidence.weigh(np.array(parallax), np.array(right), sigma, 3.0, labels)
+    agreeing, odds = evidence.weigh(np.array(parallax), np.array(right), sigma, labels)
     return labels.tolist(), agreeing, odds
 
 
@@ -51,8 +51,7 @@ def test_no_match_alone_is_beyond_doubt():
 
 
 def beyond(view: View, right: np.ndarray, distance: float) -> tuple[int, int]:
-    rotations = np.stack([view.R, np.full((3, 3), np.nan)])
-    return evidence.count_beyond_rotation(view.pairs, packed(right), rotations, distance)
+    return evidence.count_beyond_rotation(view.pairs, packed(right), view.R, view.R, distance)
 
 
 def test_no_match_is_beyond_the_rotation_of_a_camera_that_only_turns():

@@ -11,9 +11,8 @@ from farpoint._kernels.compile import inner_kernel
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.formulas import formula, greater
 from farpoint._kernels.likelihood import clutter_density, linearize, mixture_cost, refine_pose
-from farpoint._kernels.linear import copy
 from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.scratch import scratch
+from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.squares import determinant_beside_one, promise, solve_five_spd
 from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.formulas import formula
-from farpoint._kernels.linear import clear, put
+from farpoint._kernels.linear import put
 from farpoint._kernels.pairs import address, ray0, ray1
+from farpoint._kernels.scratch import clear
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,

@@ -7,13 +7,16 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.formulas import lesser
+from farpoint._kernels.formulas import lesser, whole
 from farpoint._kernels.linear import apply_rotation_step
-from farpoint._kernels.rotation import rotation_distance2, rotation_linearize
-from farpoint._kernels.scratch import room, scratch
+from farpoint._kernels.rotation import count_beyond, rotation_linearize
+from farpoint._kernels.scratch import scratch
 from farpoint._kernels.squares import solve_three_spd
 
-__all__ = ["count_beyond_rotation", "weigh"]
+__all__ = ["NEAR_SIGMA", "count_beyond_rotation", "weigh"]
+
+# Parallax below this is a far point's, in sigma.
+NEAR_SIGMA = 3.0
 
 # No match is right beyond doubt.
 MOST_TRUST = 0.99
@@ -24,13 +27,12 @@ def weigh(
     parallax: np.ndarray,
     right: np.ndarray,
     sigma: float,
-    near_sigma: float,
     labels: np.ndarray,
 ) -> tuple[int, float]:
     """Label the matches; returns how many agree, and the log odds of the sign of the direction.
 
     ``labels`` (N,) receives 0 for a match that disagrees, 2 for one whose parallax is above
-    ``near_sigma``, else 1. A far point, with parallax within the noise, votes on no sign. A near
+    `NEAR_SIGMA`, else 1. A far point, with parallax within the noise, votes on no sign. A near
     point votes by the odds ``Phi(p) / Phi(-p)`` that noise has not turned its flow around, bounded
     by the chance that it is a wrong match.
     """
@@ -38,9 +40,9 @@ def weigh(
     odds = 0.0
     for i in range(labels.size):
         p = parallax[i] / sigma
-        agrees = right[i] > 0.5 and p > -near_sigma
+        agrees = right[i] > 0.5 and p > -NEAR_SIGMA
         agreeing += 1 if agrees else 0
-        labels[i] = 0 if not agrees else 2 if p > near_sigma else 1
+        labels[i] = 0 if not agrees else 2 if p > NEAR_SIGMA else 1
         trust = lesser(right[i], MOST_TRUST)
         doubt = 0.5 * (1.0 - trust)
         backward = 0.5 * math.erfc(p / math.sqrt(2.0)) if abs(p) < 8.0 else 0.0 if p > 0.0 else 1.0
@@ -50,31 +52,27 @@ def weigh(
 
 @kernel
 def count_beyond_rotation(
-    pairs: np.ndarray, right: np.ndarray, rotations: np.ndarray, distance: float
+    pairs: np.ndarray, right: np.ndarray, R: np.ndarray, other_R: np.ndarray, distance: float
 ) -> tuple[int, int]:
     """How many of the right matches no rotation brings within ``distance``, and of how many.
 
     ``right`` (N,) is 1 for these and 0 for the others; ``distance`` is in units of the noise. Of
-    the ``rotations`` (M, 3, 3) the one that brings in most counts. The last is overwritten with the
-    least squares, by one step from the first, about which the prediction is linear: it undoes what
-    a motion took from the rotation, but a few wrong matches drag it away.
+    ``R``, ``other_R`` and the least squares the one that brings in most counts. The least squares,
+    by one step from ``R``, about which the prediction is linear, undo what a motion took from the
+    rotation, but a few wrong matches drag them away.
     """
-    step, distance2 = scratch(3), room(right.size)
+    step, nearest = scratch(3), scratch(3, 3)
     H, g, sums, only_good = scratch(3, 3), scratch(3), scratch(3), scratch(3)
     only_good[0], only_good[1], only_good[2] = 1.0, 0.0, 0.0
-    R, last = rotations[0], rotations[len(rotations) - 1]
     rotation_linearize(pairs, right, R, only_good, 1e-300, H, g, sums)
     if not solve_three_spd(H, g, 0.0, step):
         return 0, 0
-    apply_rotation_step(R, -step[0], -step[1], -step[2], last)
+    apply_rotation_step(R, -step[0], -step[1], -step[2], nearest)
     total = 0
     for i in range(right.size):
         total += 1 if right[i] > 0.5 else 0
-    fewest = total
-    for k in range(len(rotations)):
-        rotation_distance2(pairs, rotations[k], distance2)
-        beyond = 0
-        for i in range(right.size):
-            beyond += 1 if right[i] > 0.5 and distance2[i] > distance * distance else 0
-        fewest = lesser(fewest, beyond)
-    return fewest, total
+    limit = distance * distance
+    fewest = lesser(
+        count_beyond(pairs, right, R, limit), count_beyond(pairs, right, other_R, limit)
+    )
+    return whole(lesser(fewest, count_beyond(pairs, right, nearest, limit))), total

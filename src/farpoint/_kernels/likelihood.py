@@ -25,9 +25,9 @@ from farpoint._kernels.epipolar import (
 )
 from farpoint._kernels.exponential import exp_and_eighth, lane_log
 from farpoint._kernels.formulas import choose, formula, greater, lesser, root
-from farpoint._kernels.linear import apply_rotation_step, copy
+from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.pairs import LANES, PANEL, ray0, ray1
-from farpoint._kernels.scratch import scratch
+from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.squares import SIX, add_square, promise, solve_five_spd, write_square
 from farpoint._kernels.vectors import (
     Matrix,
@@ -48,6 +48,7 @@ __all__ = [
     "densities",
     "explain",
     "linearize",
+    "mean_variance",
     "mixture_cost",
     "refine_pose",
 ]
@@ -81,6 +82,12 @@ def _apply_direction_step(t: np.ndarray, x: float, y: float) -> None:
 def clutter_density(variance: float, wrong: float, spread: float) -> float:
     """Density of wrong matches over that of inliers at r = 0."""
     return wrong / (1.0 - wrong) * root(2.0 * math.pi * variance) / (2.0 * spread)
+
+
+@formula
+def mean_variance(variance: float, poor: float) -> float:
+    """Of right matches, good and poor."""
+    return variance * (1.0 + poor * (POOR * POOR - 1.0))
 
 
 @inner_kernel

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.compile import kernel
 from farpoint._kernels.formulas import formula, whole
 from farpoint._kernels.squares import sandwich_five
 from farpoint._kernels.vectors import (
@@ -28,8 +28,6 @@ __all__ = [
     "add",
     "add_outer",
     "apply_rotation_step",
-    "clear",
-    "copy",
     "draw_direction",
     "draw_index",
     "draw_unit",
@@ -38,20 +36,6 @@ __all__ = [
     "sandwich",
     "tangent_basis",
 ]
-
-
-@inner_kernel
-def copy(source: np.ndarray, target: np.ndarray) -> None:
-    """``target[...] = source`` without numba's checks of shapes, which take seconds to compile."""
-    for i in range(source.size):
-        target.flat[i] = source.flat[i]
-
-
-@inner_kernel
-def clear(target: np.ndarray) -> None:
-    """``target[...] = 0``."""
-    for i in range(target.size):
-        target.flat[i] = 0.0
 
 
 @kernel

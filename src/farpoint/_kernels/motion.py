@@ -1,4 +1,4 @@
-"""The fit of a motion from end to end, so that Python calls twice and not fourteen times."""
+"""The fit of a motion from end to end, so that Python calls once and not fourteen times."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
-from farpoint._kernels.likelihood import clutter_density, explain, refine_pose
-from farpoint._kernels.linear import copy
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
+from farpoint._kernels.likelihood import clutter_density, explain, mean_variance, refine_pose
 from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.rotation import enlarge_rotation, search_rotation
-from farpoint._kernels.scratch import index_room, room, scratch
+from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.search import search_pose
 
-__all__ = ["find_motion", "settle_motion"]
+__all__ = ["Settled", "fit_motion", "settle_motion"]
 
 # Samples for the rotation that the search begins with.
 START_SAMPLES = np.int64(50)
@@ -26,11 +26,16 @@ PARALLAX_ROUNDS = 2
 FINE = 1e-3
 MAX_REFINEMENTS = np.int64(20)
 
+# Cost, matches that agree, log odds of the sign of the direction; of the right matches searched,
+# those that no rotation explains, and all.
+Settled = tuple[float, int, float, int, int]
+
 
 @kernel
-def find_motion(
+def fit_motion(
+    searched: np.ndarray,
+    searched_count: int,
     pairs: np.ndarray,
-    prior: np.ndarray,
     count: int,
     tolerance: float,
     spread: float,
@@ -44,30 +49,29 @@ def find_motion(
     t: np.ndarray,
     mixture: np.ndarray,
     twins: np.ndarray,
-) -> int:
-    """Search for the pose from the rotation of the far matches; returns the hypotheses tried.
+    searched_prior: np.ndarray,
+    prior: np.ndarray,
+    residual: np.ndarray,
+    parallax: np.ndarray,
+    right: np.ndarray,
+    labels: np.ndarray,
+) -> tuple[int, Settled]:
+    """Search for a pose by some of the matches, and settle it by all.
 
-    As `search.search_pose`. ``far_R`` (3, 3), the identity at first, receives that rotation. The
-    other matches may carry translation, and where few are left, all may.
+    Returns the hypotheses tried, and what `settle_motion` does. ``searched`` are ``searched_count``
+    of all ``count`` matches in ``pairs``, every so manieth.
+
+    The search, as of `search.search_pose`, starts at the rotation of the far matches, which
+    ``far_R`` (3, 3), the identity at first, receives. The other matches may carry translation, and
+    where few are left, all may.
     """
-    consistent = room(count)
-    search_rotation(pairs, count, tolerance, START_SAMPLES, state, far_R)
-    enlarge_rotation(pairs, count, tolerance, far_R, consistent)
-    flowing = 0
-    for i in range(count):
-        flowing += 0 if consistent[i] else 1
-    few = flowing < MIN_FLOWING
-    candidates = index_room(count if few else flowing)
-    taken = 0
-    for i in range(count):
-        if few or not consistent[i]:
-            candidates[taken] = i
-            taken += 1
+    _leave_out_none(searched_prior, searched_count)
+    candidates = _candidates(searched, searched_count, tolerance, state, far_R)
     copy(far_R, R)
-    return search_pose(
-        pairs,
-        prior,
-        count,
+    iterations = search_pose(
+        searched,
+        searched_prior,
+        searched_count,
         candidates,
         tolerance,
         spread,
@@ -81,29 +85,84 @@ def find_motion(
         mixture,
         twins,
     )
+    return iterations, settle_motion(
+        searched,
+        searched_count,
+        pairs,
+        count,
+        spread,
+        min_variance,
+        far_R,
+        R,
+        t,
+        mixture,
+        searched_prior,
+        prior,
+        residual,
+        parallax,
+        right,
+        labels,
+    )
+
+
+@inner_kernel
+def _leave_out_none(prior: np.ndarray, count: int) -> None:
+    """Prior 1 for each match, 0 for those that fill up the panels."""
+    for i in range(prior.size):
+        prior[i] = 1.0 if i < count else 0.0
+
+
+@inner_kernel
+def _candidates(
+    pairs: np.ndarray, count: int, tolerance: float, state: np.ndarray, far_R: np.ndarray
+) -> np.ndarray:
+    """Find the rotation of the far matches; which others may carry translation."""
+    consistent = room(count)
+    search_rotation(pairs, count, tolerance, START_SAMPLES, state, far_R)
+    enlarge_rotation(pairs, count, tolerance, far_R, consistent)
+    flowing = 0
+    for i in range(count):
+        flowing += 0 if consistent[i] else 1
+    few = flowing < MIN_FLOWING
+    candidates = index_room(count if few else flowing)
+    taken = 0
+    for i in range(count):
+        if few or not consistent[i]:
+            candidates[taken] = i
+            taken += 1
+    return candidates
 
 
 @kernel
 def settle_motion(
+    searched: np.ndarray,
+    searched_count: int,
     pairs: np.ndarray,
-    prior: np.ndarray,
     count: int,
     spread: float,
     min_variance: float,
+    far_R: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
+    searched_right: np.ndarray,
+    prior: np.ndarray,
     residual: np.ndarray,
     parallax: np.ndarray,
     right: np.ndarray,
-) -> float:
-    """Refine a pose by all matches, with what parallax they make plausible; returns its cost.
+    labels: np.ndarray,
+) -> Settled:
+    """Refine a pose by all matches, with what parallax they make plausible, and hear them on it.
 
-    As `likelihood.refine_pose`; ``prior`` receives what is plausible, the last three what
-    `likelihood.explain` says of each match.
+    As `likelihood.refine_pose`; ``prior`` receives what is plausible, ``residual``, ``parallax``
+    and ``right`` what `likelihood.explain` says of each match, ``labels`` (count,) what
+    `evidence.weigh` does. Returns the cost, what `evidence.weigh` does, and what
+    `evidence.count_beyond_rotation` does of the matches searched, with ``far_R`` for another
+    rotation; ``searched_right`` receives which of these are right.
     """
     normal = scratch(6, 6)
     cost = math.inf
+    _leave_out_none(prior, count)
     for step in range(PARALLAX_ROUNDS + 1):
         clutter = clutter_density(mixture[0], mixture[1], spread)
         explain(pairs, prior, R, t, mixture, clutter, residual, parallax, right)
@@ -122,4 +181,11 @@ def settle_motion(
                 mixture,
                 normal,
             )
-    return cost
+    agreeing, odds = weigh(parallax, right, math.sqrt(mixture[0]), labels)
+    for j in range(searched_right.size):
+        is_right = j < searched_count and right[j * count // searched_count] > 0.5
+        searched_right[j] = 1.0 if is_right else 0.0
+    # A pose may take some of the flow: a match is off a rotation by twice what its noise would do.
+    distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
+    beyond, supporting = count_beyond_rotation(searched, searched_right, R, far_R, distance)
+    return cost, agreeing, odds, beyond, supporting

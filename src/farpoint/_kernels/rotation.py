@@ -10,14 +10,7 @@ from farpoint._kernels.compile import kernel, sum_kernel
 from farpoint._kernels.exponential import exp_and_eighth, lane_log
 from farpoint._kernels.formulas import formula, greater, lesser, root, sum_formula, whole
 from farpoint._kernels.likelihood import POOR, update_mixture
-from farpoint._kernels.linear import (
-    add_outer,
-    apply_rotation_step,
-    clear,
-    copy,
-    draw_index,
-    kabsch,
-)
+from farpoint._kernels.linear import add_outer, apply_rotation_step, draw_index, kabsch
 from farpoint._kernels.pairs import (
     LANES,
     PANEL,
@@ -28,7 +21,7 @@ from farpoint._kernels.pairs import (
     ray0,
     ray1,
 )
-from farpoint._kernels.scratch import scratch
+from farpoint._kernels.scratch import clear, copy, scratch
 from farpoint._kernels.squares import FOUR, add_square, solve_three_spd, write_square
 from farpoint._kernels.vectors import (
     Matrix,
@@ -43,6 +36,7 @@ from farpoint._kernels.vectors import (
 )
 
 __all__ = [
+    "count_beyond",
     "enlarge_rotation",
     "explain_rotation",
     "refine_rotation",
@@ -231,6 +225,18 @@ def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> Non
     for panel in range(out.size // LANES):
         for lane in range(LANES):
             out[panel * LANES + lane] = _square(pairs, panel * PANEL + lane, turn)
+
+
+@sum_kernel
+def count_beyond(pairs: np.ndarray, right: np.ndarray, R: np.ndarray, limit: float) -> float:
+    """How many of the right matches (those of 1) have a squared distance beyond ``limit``."""
+    turn = matrix(R)
+    beyond = 0.0
+    for panel in range(right.size // LANES):
+        for lane in range(LANES):
+            square = _square(pairs, panel * PANEL + lane, turn)
+            beyond += right[panel * LANES + lane] if square > limit else 0.0
+    return beyond
 
 
 @formula

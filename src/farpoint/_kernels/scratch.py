@@ -12,7 +12,7 @@ from numba.core import cgutils
 from numba.extending import lower_builtin, type_callable
 from numba.np.arrayobj import populate_array
 
-__all__ = ["index_room", "index_scratch", "room", "scratch"]
+__all__ = ["clear", "copy", "index_room", "index_scratch", "room", "scratch"]
 
 
 def scratch(rows: int, columns: int | None = None) -> np.ndarray:
@@ -36,6 +36,16 @@ def room(size: int) -> np.ndarray:
 def index_room(size: int) -> np.ndarray:
     """As `room`, of indices."""
     return np.empty(size, np.int64)
+
+
+def copy(source: np.ndarray, target: np.ndarray) -> None:
+    """``target[...] = source``, both in C order and of one size, which no kernel checks."""
+    target[...] = source
+
+
+def clear(target: np.ndarray) -> None:
+    """``target[...] = 0``."""
+    target[...] = 0.0
 
 
 def _array(dtype: Any, *shape: Any) -> Any:
@@ -88,6 +98,34 @@ def _lower_room(context: Any, builder: Any, signature: Any, sizes: Any) -> Any:
     info = context.nrt.meminfo_alloc_aligned(builder, bytes_needed, 64)
     data = context.nrt.meminfo_data(builder, info)
     return _filled(context, builder, signature.return_type, data, sizes, info)
+
+
+@type_callable(copy)
+def _type_of_copy(_context: Any) -> Any:
+    return lambda source, target: types.none if source.layout == target.layout == "C" else None
+
+
+@type_callable(clear)
+def _type_of_clear(_context: Any) -> Any:
+    return lambda target: types.none if target.layout == "C" else None
+
+
+@lower_builtin(copy, types.Array, types.Array)
+def _lower_copy(context: Any, builder: Any, signature: Any, arrays: Any) -> Any:
+    source, target = (
+        context.make_array(kind)(context, builder, array)
+        for kind, array in zip(signature.args, arrays, strict=True)
+    )
+    cgutils.raw_memmove(builder, target.data, source.data, source.nitems, itemsize=8)
+    return context.get_dummy_value()
+
+
+@lower_builtin(clear, types.Array)
+def _lower_clear(context: Any, builder: Any, signature: Any, arrays: Any) -> Any:
+    target = context.make_array(signature.args[0])(context, builder, arrays[0])
+    size = builder.mul(target.nitems, target.nitems.type(8))
+    cgutils.memset(builder, target.data, size, 0)
+    return context.get_dummy_value()
 
 
 def _filled(context: Any, builder: Any, kind: Any, data: Any, sizes: Any, info: Any) -> Any:

@@ -21,16 +21,10 @@ from farpoint._kernels.contest import (
 from farpoint._kernels.direction import intersect_circles
 from farpoint._kernels.five_rays import LONG_FLOW, iterations_needed, score_pose, solve_five
 from farpoint._kernels.formulas import formula, lesser
-from farpoint._kernels.linear import (
-    apply_rotation_step,
-    copy,
-    draw_direction,
-    draw_index,
-    draw_unit,
-)
+from farpoint._kernels.linear import apply_rotation_step, draw_direction, draw_index, draw_unit
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
-from farpoint._kernels.scratch import index_scratch, room, scratch
+from farpoint._kernels.scratch import copy, index_scratch, room, scratch
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import combine, dot, matrix, rotate
 

@@ -9,17 +9,10 @@ import numpy as np
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.epipolar import flow_along, sampson
 from farpoint._kernels.formulas import formula, greater
-from farpoint._kernels.linear import (
-    add,
-    add_outer,
-    apply_rotation_step,
-    clear,
-    kabsch,
-    put,
-)
+from farpoint._kernels.linear import add, add_outer, apply_rotation_step, kabsch, put
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
-from farpoint._kernels.scratch import room, scratch
+from farpoint._kernels.scratch import clear, room, scratch
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.vectors import (
     Vector,

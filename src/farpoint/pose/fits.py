@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
-from farpoint._kernels.likelihood import POOR, clutter_density, explain
-from farpoint._kernels.motion import find_motion, settle_motion
+from farpoint._kernels.likelihood import clutter_density, explain, mean_variance
+from farpoint._kernels.motion import Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
 from farpoint.pose.far_rotation import IDENTITY
@@ -66,7 +66,7 @@ class Noise:
     @property
     def mean_sigma(self) -> float:
         """Root mean square over good and poor matches."""
-        return math.sqrt(self.variance * (1.0 + self.poor * (POOR**2 - 1.0)))
+        return math.sqrt(mean_variance(self.variance, self.poor))
 
     @property
     def array(self) -> np.ndarray:
@@ -128,8 +128,14 @@ class MovingFit:
         Rotation that the search began with: that of the far points.
     searched : Matches
         Those, at most `MAX_SEARCHED`, that the search looked at.
-    rows : ndarray of int, shape (M,)
-        Which of the matches these are.
+    labels : ndarray of uint8, shape (N,)
+        0 for a match that disagrees, 2 for one with parallax beyond the noise, else 1.
+    agreeing : int
+        Matches that do not disagree.
+    sign_log_odds : float
+        Of the direction against its opposite.
+    beyond_rotation, supporting : int
+        Of the right matches searched, those that contradict every rotation that may fit; and all.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -144,7 +150,19 @@ class MovingFit:
     prior: np.ndarray
     far_rotation_cam1_from_cam0: np.ndarray
     searched: Matches
-    rows: np.ndarray
+    labels: np.ndarray
+    agreeing: int
+    sign_log_odds: float
+    beyond_rotation: int
+    supporting: int
+
+
+def _searched(matches: Matches) -> Matches:
+    """Those that the search looks at, every so manieth."""
+    total = len(matches)
+    if total <= MAX_SEARCHED:
+        return matches
+    return matches.select(np.arange(MAX_SEARCHED) * total // MAX_SEARCHED)
 
 
 def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> TurningFit:
@@ -187,16 +205,15 @@ def fit_moving(
     the first answer is a local minimum.
     """
     n = len(matches)
-    searched, rows = matches, np.arange(n)
-    if n > MAX_SEARCHED:
-        rows = np.arange(MAX_SEARCHED) * n // MAX_SEARCHED
-        searched = matches.select(rows)
+    searched = _searched(matches)
     far_R, R, t, mixture = IDENTITY.copy(), np.empty((3, 3)), np.empty(3), np.empty(3)
     twins = np.empty(2, bool)
-    iterations = find_motion(
+    told = _room(searched, matches)
+    iterations, settled = fit_motion(
         searched.pairs,
-        searched.weights(),
         len(searched),
+        matches.pairs,
+        n,
         tolerance,
         matches.spread,
         MIN_VARIANCE,
@@ -213,24 +230,32 @@ def fit_moving(
         t,
         mixture,
         twins,
+        *told,
     )
-    is_planar = bool(twins[0])
-    return _settle(matches, searched, rows, far_R, iterations, is_planar, R, t, mixture)
+    return _moving_fit(searched, iterations, bool(twins[0]), far_R, R, t, mixture, told, settled)
 
 
 def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
     """The fit to the same matches with another noise told, from where the first one ended."""
-    return _settle(
-        matches,
-        matches.select(fit.rows),
-        fit.rows,
-        fit.far_rotation_cam1_from_cam0,
-        fit.iterations,
-        fit.is_planar,
-        fit.R_cam1_from_cam0.copy(),
-        fit.direction_cam1_from_cam0.copy(),
-        fit.noise.array,
+    searched = _searched(matches)
+    far_R = fit.far_rotation_cam1_from_cam0
+    R, t = fit.R_cam1_from_cam0.copy(), fit.direction_cam1_from_cam0.copy()
+    mixture = fit.noise.array
+    told = _room(searched, matches)
+    settled = settle_motion(
+        searched.pairs,
+        len(searched),
+        matches.pairs,
+        len(matches),
+        matches.spread,
+        MIN_VARIANCE,
+        far_R,
+        R,
+        t,
+        mixture,
+        *told,
     )
+    return _moving_fit(searched, fit.iterations, fit.is_planar, far_R, R, t, mixture, told, settled)
 
 
 def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
@@ -250,34 +275,28 @@ def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
     return found[: len(matches)]
 
 
-def _settle(
-    matches: Matches,
+def _room(searched: Matches, matches: Matches) -> tuple[np.ndarray, ...]:
+    """Room for what is learnt of each match: as the kernels take them, and the labels."""
+    size, n = packed_length(len(matches)), len(matches)
+    prior, residual, parallax, right = (np.empty(size) for _ in range(4))
+    searched_right = np.empty(packed_length(len(searched)))
+    return searched_right, prior, residual, parallax, right, np.empty(n, np.uint8)
+
+
+def _moving_fit(
     searched: Matches,
-    rows: np.ndarray,
-    far_rotation_cam1_from_cam0: np.ndarray,
     iterations: int,
     is_planar: bool,
+    far_R: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
+    told: tuple[np.ndarray, ...],
+    settled: Settled,
 ) -> MovingFit:
-    """Refine a pose by all matches, with what parallax they make plausible."""
-    n = len(matches)
-    prior = matches.weights()
-    residual, parallax, right = np.empty((3, len(prior)))
-    cost = settle_motion(
-        matches.pairs,
-        prior,
-        n,
-        matches.spread,
-        MIN_VARIANCE,
-        R,
-        t,
-        mixture,
-        residual,
-        parallax,
-        right,
-    )
+    _, prior, residual, parallax, right, labels = told
+    n = len(labels)
+    cost, agreeing, odds, beyond, supporting = settled
     return MovingFit(
         prior=prior,
         R_cam1_from_cam0=R,
@@ -289,9 +308,13 @@ def _settle(
         iterations=iterations,
         is_planar=is_planar,
         cost=cost / n,
-        far_rotation_cam1_from_cam0=far_rotation_cam1_from_cam0,
+        far_rotation_cam1_from_cam0=far_R,
         searched=searched,
-        rows=rows,
+        labels=labels,
+        agreeing=agreeing,
+        sign_log_odds=odds,
+        beyond_rotation=beyond,
+        supporting=supporting,
     )
 
 

@@ -57,7 +57,7 @@ def likelier_motion(matches: Matches, fit: MovingFit) -> tuple[MovingFit, OtherM
 
     Usually there is none: no plane explains the matches nearly as well.
     """
-    other = _other_motion(matches, fit) if fit.is_planar else None
+    other = _other_motion(fit) if fit.is_planar else None
     if other is None or other.against >= 0.0:
         return fit, other
     R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
@@ -69,8 +69,8 @@ def likelier_motion(matches: Matches, fit: MovingFit) -> tuple[MovingFit, OtherM
     return refit_moving(matches, start), OtherMotion(R, t, -other.against)
 
 
-def _other_motion(matches: Matches, fit: MovingFit) -> OtherMotion | None:
-    seen = matches.select(fit.rows) if len(fit.rows) < len(matches) else matches
+def _other_motion(fit: MovingFit) -> OtherMotion | None:
+    seen = fit.searched
     first = _Motion(fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0, fit.noise.array)
     other = _Motion(np.empty((3, 3)), np.empty(3), fit.noise.array)
     gate = GATE_SIGMA * fit.noise.sigma

@@ -9,8 +9,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import announced_compilation
-from farpoint._kernels.evidence import weigh
-from farpoint._kernels.motion import find_motion
+from farpoint._kernels.motion import fit_motion
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
@@ -33,7 +32,6 @@ from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.planes import likelier_motion
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.verdict import (
-    NEAR_SIGMA,
     is_consensus,
     is_plainly_translating,
     is_static,
@@ -139,7 +137,7 @@ def _estimate(
             matches.total,
             course,
         )
-    with announced_compilation(find_motion):
+    with announced_compilation(fit_motion):
         return _find(matches, tolerance, options, _random_state(seed), course)
 
 
@@ -179,8 +177,7 @@ def _conclude_moving(
     fit, other = likelier_motion(matches, fit)
     course.lap("refinement_s")
     sigma = fit.noise.sigma
-    labels = np.empty(len(matches), np.uint8)
-    agreeing, odds = weigh(fit.parallax, fit.probability, sigma, NEAR_SIGMA, labels)
+    agreeing, odds = fit.agreeing, fit.sign_log_odds
     chance = 3.0 * sigma / matches.spread
     if not is_consensus(agreeing, len(matches), 5, chance, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
@@ -189,7 +186,7 @@ def _conclude_moving(
     course.lap("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.unfixed_rotation(matches, course)
-    labels = given_labels(matches, labels)
+    labels = given_labels(matches, fit.labels)
     (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
     direction_sigma = largest_sigma2(xx, xy, yy)
     sign = 1.0 / (1.0 + math.exp(-min(max(odds, -700.0), 700.0)))

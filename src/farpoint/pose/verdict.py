@@ -16,20 +16,17 @@ import math
 import numpy as np
 import scipy  # its parts load on first use
 
-from farpoint._kernels.evidence import count_beyond_rotation
+from farpoint._kernels.evidence import NEAR_SIGMA
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit
 from farpoint.pose.matches import Matches
 
 __all__ = [
-    "NEAR_SIGMA",
     "is_consensus",
     "is_plainly_translating",
     "is_static",
     "is_translating",
 ]
 
-# Parallax below this is a far point's, in sigma.
-NEAR_SIGMA = 3.0
 # Half-width of the band in which a match counts as agreeing, in sigma.
 BAND_SIGMA = 3.0
 # The search takes the direction and rotation in which noise looks most like translation: by so much
@@ -65,14 +62,9 @@ def is_plainly_translating(fit: MovingFit) -> bool:
     The common case, settled without fitting the other model. A tenth of them, and twice as many as
     chance may have put on their epipolar lines: no handful of wrong ones makes it look like this.
     """
-    right = fit.searched.weights(fit.probability[fit.rows] > 0.5)
-    distance = 2.0 * NEAR_SIGMA * fit.noise.mean_sigma
-    rotations = np.empty((3, 3, 3))
-    rotations[0], rotations[1] = fit.R_cam1_from_cam0, fit.far_rotation_cam1_from_cam0
-    beyond, total = count_beyond_rotation(fit.searched.pairs, right, rotations, distance)
-    wrong = len(fit.searched) - total
+    wrong = len(fit.searched) - fit.supporting
     chance = min(NEAR_SIGMA * fit.noise.sigma / fit.searched.spread, 1.0)
-    return beyond > max(8.0 + 4.0 * wrong * chance, 0.1 * total)
+    return fit.beyond_rotation > max(8.0 + 4.0 * wrong * chance, 0.1 * fit.supporting)
 
 
 def is_translating(matches: Matches, fit: MovingFit, turning: TurningFit, rate: float) -> bool:
