@@ -6,9 +6,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.formulas import choose, formula, root
 
 __all__ = ["distort", "invert_projection", "pinhole_ray_jacobian", "pinhole_rays", "undistort"]
 
@@ -22,13 +25,17 @@ def pinhole_rays(
 ) -> None:
     """Unit rays (N, 3) of pixels (N, 2) of a pinhole; rows of NaN where they have no direction."""
     for i in range(len(pixels)):
-        x = (pixels[i, 0] - cx) / fx
-        y = (pixels[i, 1] - cy) / fy
-        square = x * x + y * y + 1.0
-        scale = 1.0 / np.sqrt(square) if square < np.inf else np.nan
-        rays[i, 0] = x * scale
-        rays[i, 1] = y * scale
-        rays[i, 2] = scale
+        _pinhole_ray(pixels, i, fx, fy, cx, cy, rays)
+
+
+@formula
+def _pinhole_ray(
+    pixels: np.ndarray, i: int, fx: float, fy: float, cx: float, cy: float, rays: np.ndarray
+) -> None:
+    x, y = (pixels[i, 0] - cx) / fx, (pixels[i, 1] - cy) / fy
+    square = x * x + y * y + 1.0
+    scale = choose(square < math.inf, 1.0 / root(square), math.nan)
+    rays[i, 0], rays[i, 1], rays[i, 2] = x * scale, y * scale, scale
 
 
 @kernel
@@ -54,7 +61,7 @@ def invert_projection(rays: np.ndarray, forward: np.ndarray, jacobian: np.ndarra
         jacobian[i, 2, 1] = (rx * uy - ry * ux) * inverse
 
 
-@inner_kernel
+@formula
 def _distort_point(k, x, y):
     """Distorted point (a, b) and its derivatives, a_x, a_y, b_x, b_y."""
     p1, p2 = k[2], k[3]
@@ -151,17 +158,31 @@ def pinhole_ray_jacobian(
     ``dr = (dv - r (r . dv)) / |v|``.
     """
     for i in range(len(rays)):
-        x, y, z = rays[i, 0], rays[i, 1], rays[i, 2]
-        length = np.sqrt(x * x + y * y + z * z)
-        rx, ry, rz = x / length, y / length, z / length
-        x, y = x / z, y / z
-        if rz > 0.0 and x * x + y * y < fold * fold:
-            _, _, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
-            scale = rz / (a_x * b_y - a_y * b_x)
-        else:
-            a_x = a_y = b_x = b_y = scale = np.nan
-        for column, by_x, by_y in ((0, b_y / fx, -b_x / fx), (1, -a_y / fy, a_x / fy)):
-            along = rx * by_x + ry * by_y
-            jacobian[i, 0, column] = (by_x - rx * along) * scale
-            jacobian[i, 1, column] = (by_y - ry * along) * scale
-            jacobian[i, 2, column] = -rz * along * scale
+        _pinhole_ray_jacobian(k, fold, fx, fy, rays, i, jacobian)
+
+
+@formula
+def _pinhole_ray_jacobian(
+    k: np.ndarray,
+    fold: float,
+    fx: float,
+    fy: float,
+    rays: np.ndarray,
+    i: int,
+    jacobian: np.ndarray,
+) -> None:
+    x, y, z = rays[i, 0], rays[i, 1], rays[i, 2]
+    over = 1.0 / root(x * x + y * y + z * z)
+    rx, ry, rz = x * over, y * over, z * over
+    inverse = 1.0 / z
+    x, y = x * inverse, y * inverse
+    _, _, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
+    seen = (rz > 0.0) & (x * x + y * y < fold * fold)
+    scale = choose(seen, rz / (a_x * b_y - a_y * b_x), math.nan)
+    over_x, over_y = 1.0 / fx, 1.0 / fy
+    columns = (b_y * over_x, -b_x * over_x), (-a_y * over_y, a_x * over_y)
+    for column, (by_x, by_y) in enumerate(columns):
+        along = rx * by_x + ry * by_y
+        jacobian[i, 0, column] = (by_x - rx * along) * scale
+        jacobian[i, 1, column] = (by_y - ry * along) * scale
+        jacobian[i, 2, column] = -rz * along * scale

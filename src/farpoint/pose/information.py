@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from farpoint.pose.small import inverse_three
+
 __all__ = ["inverse_root", "positive", "symmetric_inverse"]
 
 _SURER = np.ones((5, 5)) + 1e-12 * np.eye(5)
@@ -11,6 +13,9 @@ _SURER = np.ones((5, 5)) + 1e-12 * np.eye(5)
 
 def symmetric_inverse(information: np.ndarray) -> np.ndarray:
     """Inverse of a symmetric matrix; what it knows nothing of gets a variance beyond all bounds."""
+    inverse = inverse_three(information) if len(information) == 3 else None
+    if inverse is not None:
+        return positive(inverse)
     if not np.isfinite(information).all():
         return np.full(information.shape, np.inf)
     root = inverse_root(information)

@@ -134,8 +134,15 @@ def matches_from_points(
     points0 = _checked("points0", points0, (2,))
     points1 = _checked("points1", points1, (2,), rows=len(points0))
     covariances = _covariances(len(points0), covariance0_px2, covariance1_px2)
-    rays0, rays1 = camera0.unproject(points0), camera1.unproject(points1)
-    factors0, factors1 = camera0.unproject_jacobian(rays0), camera1.unproject_jacobian(rays1)
+    if camera0 is camera1:
+        rays, factors = _rays_of(camera0, np.concatenate((points0, points1)))
+        n = len(points0)
+        (rays0, rays1), (factors0, factors1) = (rays[:n], rays[n:]), (factors[:n], factors[n:])
+    else:
+        (rays0, factors0), (rays1, factors1) = (
+            _rays_of(camera0, points0),
+            _rays_of(camera1, points1),
+        )
 
     first, second = covariances
 
@@ -151,6 +158,12 @@ def matches_from_points(
         return matches
     alike = partial(packed, ISOTROPIC, ISOTROPIC)
     return replace(matches, told=Told(alike=alike, with_floor=with_floor))
+
+
+def _rays_of(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rays of pixels, and their derivatives."""
+    rays = camera.unproject(points)
+    return rays, camera.unproject_jacobian(rays)
 
 
 def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) -> Matches:
@@ -194,7 +207,7 @@ def _pack(
         total=total,
         unit=unit,
         spread=spread,
-        doubt=1.0 if all(C is ISOTROPIC for C in covariances) else TOLD_DOUBT,
+        doubt=1.0 if covariances[0] is covariances[1] is ISOTROPIC else TOLD_DOUBT,
     )
 
 

@@ -12,7 +12,6 @@ from farpoint._kernels.compile import announced_compilation
 from farpoint._kernels.motion import fit_motion
 from farpoint.camera import Camera
 from farpoint.errors import InputError
-from farpoint.geometry import so3
 from farpoint.geometry.sphere import angle_between
 from farpoint.pose import conclusion
 from farpoint.pose.closed_form import estimate_closed_form
@@ -31,6 +30,7 @@ from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.planes import likelier_motion
 from farpoint.pose.result import PoseStatus, RelativePose
+from farpoint.pose.small import angle2
 from farpoint.pose.verdict import (
     is_consensus,
     is_plainly_translating,
@@ -182,7 +182,8 @@ def _conclude_moving(
     if not is_consensus(agreeing, len(matches), 5, chance, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
     covariance, shows_direction = moving_covariance(matches, fit)
-    covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
+    if options.shared_error_px > 0.0:
+        covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.unfixed_rotation(matches, course)
@@ -245,8 +246,7 @@ def _doubt_between(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
 
     About which axis the two differ depends on a direction that is not known.
     """
-    apart = so3.log(R @ other_R.T)
-    return 0.5 * float(apart @ apart) * np.eye(3)
+    return 0.5 * angle2(R @ other_R.T) * np.eye(3)
 
 
 def _conclude_turning(
@@ -290,6 +290,6 @@ def _conclude_turning(
 
 
 def _random_state(seed: int) -> np.ndarray:
-    if not isinstance(seed, int | np.integer):
+    if not isinstance(seed, (int, np.integer)):
         raise InputError(f"expected a whole number, got {seed!r}", field="seed")
     return np.array([int(seed) % 2**64], np.uint64)

@@ -19,6 +19,7 @@ import scipy  # its parts load on first use
 from farpoint._kernels.evidence import NEAR_SIGMA
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit
 from farpoint.pose.matches import Matches
+from farpoint.pose.small import inverse_three
 
 __all__ = [
     "is_consensus",
@@ -84,8 +85,12 @@ def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float)
     sine_axis = 0.5 * np.array([zy - yz, xz - zx, yx - xy])
     sine = float(np.sqrt(sine_axis @ sine_axis))
     dtheta = sine_axis * (math.atan2(sine, cosine) / sine if sine > 1e-8 else 1.0)
-    values, vectors = np.linalg.eigh(covariance)
-    distance2 = np.sum((vectors.T @ dtheta) ** 2 / np.maximum(values, 1e-300))
+    inverse = inverse_three(covariance)
+    if inverse is not None:
+        distance2 = dtheta @ inverse @ dtheta
+    else:
+        values, vectors = np.linalg.eigh(covariance)
+        distance2 = np.sum((vectors.T @ dtheta) ** 2 / np.maximum(values, 1e-300))
     return bool(scipy.special.chdtrc(3, distance2) > rate)
 
 

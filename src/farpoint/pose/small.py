@@ -1,0 +1,37 @@
+"""Single matrices of three rows and columns in plain numbers: NumPy takes ten times as long."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+__all__ = ["angle2", "inverse_three"]
+
+# Determinant over that of a matrix with the same diagonal, below which rounding is felt.
+LEAST_DETERMINANT = 1e-6
+
+
+def angle2(R: np.ndarray) -> float:
+    """Square of the angle, rad^2, of a rotation (3, 3)."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
+    sine = 0.5 * math.hypot(zy - yz, xz - zx, yx - xy)
+    return math.atan2(sine, 0.5 * (xx + yy + zz - 1.0)) ** 2
+
+
+def inverse_three(A: np.ndarray) -> np.ndarray | None:
+    """Inverse of a symmetric matrix (3, 3), by cofactors.
+
+    None where it is not finite, not positive definite, or nearly so.
+    """
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = A.tolist()
+    first = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    determinant = xx * first[0] + xy * first[1] + xz * first[2]
+    plane = xx * yy - xy * xy
+    sure = xx > 0.0 and plane > LEAST_DETERMINANT * xx * yy
+    if not (sure and LEAST_DETERMINANT * plane * zz < determinant < math.inf):
+        return None
+    over = 1.0 / determinant
+    a, b, c = first[0] * over, first[1] * over, first[2] * over
+    d, e, f = (xx * zz - xz * xz) * over, (xy * xz - xx * yz) * over, plane * over
+    return np.array([[a, b, c], [b, d, e], [c, e, f]])

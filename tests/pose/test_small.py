@@ -1,0 +1,36 @@
+"""Single matrices in plain numbers, beside what NumPy and the geometry make of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from farpoint.geometry import so3
+from farpoint.pose.small import angle2, inverse_three
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-9, 1e-3, 1.0, 3.0, 3.14159])
+def test_the_angle_of_a_rotation(size):
+    vector = size * np.array([0.6, -0.48, 0.64])
+    assert angle2(so3.exp(vector)) == pytest.approx(size * size, rel=1e-6, abs=1e-30)
+
+
+def test_the_inverse_of_a_covariance():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        A = rng.normal(size=(3, 3))
+        covariance = A @ A.T + 0.1 * np.eye(3)
+        inverse = inverse_three(covariance)
+        assert inverse is not None
+        np.testing.assert_allclose(inverse, np.linalg.inv(covariance), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "diagonal", [(1.0, 1.0, 0.0), (1.0, -1.0, -1.0), (np.inf, 1.0, 1.0), (np.nan, 1.0, 1.0)]
+)
+def test_what_has_no_inverse_has_none(diagonal):
+    assert inverse_three(np.diag(diagonal)) is None
+
+
+def test_a_matrix_that_is_nearly_flat_has_none():
+    assert inverse_three(np.ones((3, 3)) + 1e-9 * np.eye(3)) is None
