@@ -10,7 +10,13 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.formulas import formula, greater
-from farpoint._kernels.likelihood import clutter_density, linearize, mixture_cost, refine_pose
+from farpoint._kernels.likelihood import (
+    clutter_density,
+    linearize,
+    mixture_cost,
+    refine_pose,
+    take_step,
+)
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.squares import determinant_beside_one, promise, solve_five_spd
@@ -142,11 +148,11 @@ def unexplained(matches: Matches, best: Pose, tolerance: float) -> float:
 
 
 @inner_kernel
-def _is_same(pose: Pose, best: Pose) -> bool:
+def _is_same(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
     """Whether a pose is within the uncertainty of the best: the same minimum, on its way."""
-    if pose.t[0] * best.t[0] + pose.t[1] * best.t[1] + pose.t[2] * best.t[2] < 0.5:
+    if dot(vector(t), vector(best.t)) < 0.5:
         return False
-    trace, distance2 = _apart(pose.R, pose.t, best.R, best.t, best.normal)
+    trace, distance2 = _apart(R, t, best.R, best.t, best.normal)
     return trace > 2.0 and distance2 < 2.0 * SAME
 
 
@@ -184,7 +190,7 @@ def _is_twisted(matches: Matches, pose: Pose) -> bool:
 
 @inner_kernel
 def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
-    """Whether one step promises to bring a hypothesis about as far as the best.
+    """Whether one step promises to bring a hypothesis about as far as the best, and elsewhere.
 
     The first promise is a modest one: with each step more matches come within reach.
     """
@@ -204,8 +210,14 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
     cost += matches.total * mixture_cost(variance, wrong) + _narrowness(normal)
     if not solve_five_spd(normal, 0.0, x):
         return False
-    gain, _ = promise(normal, x)
-    return cost - PROMISES * gain < best.cost[0] + RIVAL
+    gain, length2 = promise(normal, x)
+    if not cost - PROMISES * gain < best.cost[0] + RIVAL:
+        return False
+    R, t = scratch(3, 3), scratch(3)
+    copy(challenger.R, R)
+    copy(challenger.t, t)
+    take_step(R, t, x, length2)
+    return not _is_same(R, t, best)
 
 
 @inner_kernel
@@ -214,10 +226,12 @@ def challenge(matches: Matches, challenger: Pose, best: Pose) -> bool:
     if not _may_compete(matches, challenger, best):
         return False
     refine(matches, GLANCE, challenger)
-    if _is_same(challenger, best):
+    if _is_same(challenger.R, challenger.t, best):
         return False
     refine(matches, REFINEMENTS, challenger)
-    if not challenger.cost[0] < best.cost[0] + RIVAL or _is_same(challenger, best):
+    if not challenger.cost[0] < best.cost[0] + RIVAL:
+        return False
+    if _is_same(challenger.R, challenger.t, best):
         return False
     if challenger.cost[0] < best.cost[0] and not _is_twisted(matches, challenger):
         copy(challenger.R, best.R)

@@ -51,6 +51,7 @@ __all__ = [
     "mean_variance",
     "mixture_cost",
     "refine_pose",
+    "take_step",
 ]
 
 # Sigma of a poor match over that of a good one.
@@ -68,6 +69,15 @@ def apply_step(R: np.ndarray, t: np.ndarray, x: np.ndarray) -> None:
     """Move the pose by ``x = [dtheta (3), dbeta (2)]`` in place."""
     apply_rotation_step(R, x[0], x[1], x[2], R)
     _apply_direction_step(t, x[3], x[4])
+
+
+@inner_kernel
+def take_step(R: np.ndarray, t: np.ndarray, x: np.ndarray, size2: float) -> None:
+    """Move the pose against ``x``, of this squared length, by 0.3 at the most."""
+    scale = -1.0 if size2 < 0.09 else -0.3 / math.sqrt(size2)
+    for k in range(5):
+        x[k] *= scale
+    apply_step(R, t, x)
 
 
 @formula
@@ -221,10 +231,7 @@ def refine_pose(
         settled = abs(mixture[0] - variance) < greater(0.01, precision) * variance
         if settled and decrease < precision:
             break
-        scale = -1.0 if size2 < 0.09 else -0.3 / math.sqrt(size2)
-        for k in range(5):
-            x[k] *= scale
-        apply_step(R, t, x)
+        take_step(R, t, x, size2)
     # The last step was not judged: the pose before it was.
     copy(kept_R, R)
     copy(kept_t, t)

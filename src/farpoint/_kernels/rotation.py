@@ -57,13 +57,18 @@ def _distance2(pairs: np.ndarray, at: int, R: Matrix) -> float:
 
 
 @sum_kernel
-def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float) -> float:
-    """Sum of the squared distances from a rotation, each at most ``limit``."""
+def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float, best: float) -> float:
+    """Sum of the squared distances from a rotation, each at most ``limit``.
+
+    Returns early, with at least ``best``, what is no better.
+    """
     turn = matrix(R)
     cost = 0.0
     for panel in range(pairs.size // PANEL):
         for lane in range(LANES):
             cost += lesser(_distance2(pairs, panel * PANEL + lane, turn), limit)
+        if cost >= best:
+            return cost
     return cost
 
 
@@ -95,7 +100,7 @@ def search_rotation(
             add_outer(ray1(pairs, at), ray0(pairs, at), 1.0, M)
         if not kabsch(M, hypothesis):
             continue
-        cost = _truncated_squares(pairs, hypothesis, limit)
+        cost = _truncated_squares(pairs, hypothesis, limit, best)
         if cost < best:
             best = cost
             copy(hypothesis, R)
