@@ -59,7 +59,6 @@ class _InnerLibrary(JITCodeLibrary):
         passes, settings = llvm.create_new_function_pass_manager(), self._codegen._pass_builder()
         passes.add_sroa_pass()
         passes.add_simplify_cfg_pass()
-        passes.add_instruction_combine_pass()
         for function in ll_module.functions:
             if not function.is_declaration:
                 passes.run(function, settings)
