@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
 from farpoint._kernels.information import information
-from farpoint._kernels.likelihood import clutter_density
-from farpoint._kernels.linear import sandwich
+from farpoint._kernels.likelihood import apply_step, clutter_density
+from farpoint._kernels.linear import sandwich, tangent_basis
 from farpoint.pose.fits import MovingFit
 from farpoint.pose.information import inverse_root, positive
 from farpoint.pose.matches import Matches
@@ -21,6 +24,10 @@ LEAST_SIGNAL = 0.05
 # Matches whose residuals weigh as much as the noise that was found, in saying how the gradient
 # varies: few residuals tell little of it.
 STATED = 60.0
+# Up to this sigma of the direction, rad, all poses that the covariance allows tell about the same.
+STRAIGHT_SIGMA = math.radians(1.0)
+# How much larger than the covariance of one pose the mean over all may be.
+MOST_GROWTH = 8.0
 # Information of one radian on the direction, none on the rotation: the sphere is bounded.
 DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 
@@ -34,16 +41,35 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, boo
     its gradient. Since the depths are estimated along, the Gauss-Newton matrix counts the noise in
     the flow as if it were flow; H does not. V is that matrix if the noise is what was found, and
     the scatter of the gradient over the matches whatever it is: both are heard, the scatter the
-    more, the more matches there are. H lacks the information that is lost for not knowing which
-    matches are good. The noise is estimated too, from few matches roughly: on average its inverse
-    is too large by ``f / (f - 2)`` with f degrees of freedom, and the covariance is made larger by
-    as much. The scatter along one axis is that of some matches only: as far as it is heard, by
-    ``f / (f - 5)``.
+    more, the more matches there are.
 
-    Where nearly all of the Gauss-Newton matrix is noise, it alone tells the scale, by the least
-    share of it that is taken to be signal.
+    Where the direction is far from certain, what the matches tell depends on which pose is the
+    right one: a rotation that is a little off lengthens all flow, and makes believe that it tells
+    more. Then the covariance is that of all the poses that it allows, on average.
     """
-    whole, noise, scatter = np.empty((3, 5, 5))
+    heard = _heard(fit)
+    whole, noise, scatter = _told(matches, fit)
+    covariance, shows_direction = _sandwich(whole, noise, heard * scatter + (1.0 - heard) * whole)
+    if shows_direction and np.trace(covariance[3:, 3:]) > STRAIGHT_SIGMA**2:
+        covariance = _averaged(matches, fit, covariance)
+    return covariance, shows_direction
+
+
+def _heard(fit: MovingFit) -> float:
+    """How much the scatter of the residuals counts, of 1."""
+    right = float(fit.probability.sum())
+    return right / (right + STATED)
+
+
+def _told(matches: Matches, fit: MovingFit) -> np.ndarray:
+    """Gauss-Newton matrix, the share of it that is noise, and scatter of the gradient (3, 5, 5).
+
+    The first two lack the information that is lost for not knowing which matches are good. The
+    noise is estimated too, from few matches roughly: on average its inverse is too large by
+    ``f / (f - 2)`` with f degrees of freedom, and the covariance is made larger by as much. The
+    scatter along one axis is that of some matches only: as far as it is heard, by ``f / (f - 5)``.
+    """
+    told = np.empty((3, 5, 5))
     known = information(
         matches.pairs,
         fit.prior,
@@ -51,20 +77,25 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, boo
         fit.direction_cam1_from_cam0,
         fit.noise.array,
         clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
-        whole,
-        noise,
-        scatter,
+        *told,
     )
-    right = float(fit.probability.sum())
-    heard = right / (right + STATED)
-    freedom = max(right - 5.0, 4.0)
-    sure = (freedom - 2.0 - 3.0 * heard) / freedom
-    whole *= known * sure
-    noise *= known * sure
-    variance = (heard * sure) * scatter + (1.0 - heard) * whole + DIRECTION_PRIOR
-    whole += DIRECTION_PRIOR
+    freedom = max(float(fit.probability.sum()) - 5.0, 4.0)
+    told *= (freedom - 2.0 - 3.0 * _heard(fit)) / freedom
+    told[:2] *= known
+    return told
+
+
+def _sandwich(
+    whole: np.ndarray, noise: np.ndarray, variance: np.ndarray
+) -> tuple[np.ndarray, bool]:
+    """``H^-1 V H^-1`` with ``H = whole - noise``, and whether H has signal enough along every axis.
+
+    Where nearly all of the Gauss-Newton matrix is noise, it alone tells the scale, by the least
+    share of it that is taken to be signal.
+    """
+    whole = whole + DIRECTION_PRIOR
     covariance = np.empty((5, 5))
-    if sandwich(whole, noise, variance, SIGNAL, covariance):
+    if sandwich(whole, noise, variance + DIRECTION_PRIOR, SIGNAL, covariance):
         return positive(covariance), True
     if not (np.isfinite(whole).all() and np.isfinite(noise).all()):
         return np.full((5, 5), np.inf), False
@@ -73,6 +104,42 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, boo
     share, vectors = np.linalg.eigh(whiten.T @ noise @ whiten)
     root = whiten @ vectors / np.clip(1.0 - share, LEAST_SIGNAL, 1.0)
     return positive(root @ root.T), False
+
+
+def _averaged(matches: Matches, fit: MovingFit, covariance: np.ndarray) -> np.ndarray:
+    """A covariance, and how much larger it is on average at the poses that it allows.
+
+    To second order: half of what it changes by, at a sigma to either side along its two widest
+    axes. The residuals there are not those of a fit, and are not heard.
+    """
+    values, axes = np.linalg.eigh(covariance)
+    per_sigma, sigmas = axes / np.sqrt(values), axes * np.sqrt(values)
+    growth = np.zeros((5, 5))
+    for moved in (fit, *(_moved(fit, step) for step in (*sigmas.T[3:], *-sigmas.T[3:]))):
+        whole, noise, _ = _told(matches, moved)
+        turn = np.eye(5)
+        turn[3:, 3:] = _turn_between(moved, fit)
+        unit = turn @ per_sigma
+        there = unit.T @ _sandwich(whole, noise, whole)[0] @ unit
+        growth += -2.0 * there if moved is fit else 0.5 * there
+    more, along = np.linalg.eigh(growth)
+    root = sigmas @ along * np.sqrt(1.0 + np.clip(more, 0.0, MOST_GROWTH))
+    return positive(root @ root.T)
+
+
+def _moved(fit: MovingFit, step: np.ndarray) -> MovingFit:
+    """The fit with its pose moved by ``[dtheta, dbeta]``."""
+    R, t = fit.R_cam1_from_cam0.copy(), fit.direction_cam1_from_cam0.copy()
+    apply_step(R, t, step)
+    return replace(fit, R_cam1_from_cam0=R, direction_cam1_from_cam0=t)
+
+
+def _turn_between(fit: MovingFit, moved: MovingFit) -> np.ndarray:
+    """Coordinates (2, 2) in the tangent basis of one direction of the basis of another nearby."""
+    basis, other = np.empty((2, 3, 2))
+    tangent_basis(fit.direction_cam1_from_cam0, basis)
+    tangent_basis(moved.direction_cam1_from_cam0, other)
+    return basis.T @ other
 
 
 def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
