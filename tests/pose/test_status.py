@@ -20,7 +20,7 @@ from farpoint import (
 from farpoint.camera import Pinhole
 from farpoint.geometry import so3
 from farpoint.pose import failed_pose
-from farpoint.pose.verdict import is_static, is_translating
+from farpoint.pose.verdict import is_static, shown_translation
 from farpoint.synthetic import PointScene, paper_camera
 
 STILL = (0.0, 0.0, 0.0)
@@ -131,7 +131,42 @@ def test_how_far_tracks_are_off_says_how_likely_they_point_to_one_direction(
         residual=0.5 * each, parallax=sigmas * each, noise=SimpleNamespace(mean_sigma=1.0)
     )
     turning = SimpleNamespace(probability=0.0 * each, distance2=sigmas**2 * each)
-    assert is_translating(SimpleNamespace(doubt=4.0), fit, turning, 1e-3) is translates
+    assert (shown_translation(SimpleNamespace(doubt=4.0), fit, turning, 1e-3) == 1.0) is translates
+
+
+@pytest.mark.parametrize(
+    ("doubt", "ratio", "shown"),
+    [
+        *((4.0, *pair) for pair in [(1.1, 0.0), (1.9, 0.0), (3.0, 0.25), (3.9, 0.9), (4.1, 1.0)]),
+        *((1.0, *pair) for pair in [(1.1, 0.0), (1.9, 1.0)]),
+    ],
+)
+def test_flow_that_misstated_noise_may_have_made_shows_less_of_a_translation(doubt, ratio, shown):
+    # Of 400 matches, `ratio` is the variance towards the direction over that across it.
+    each = np.ones(400)
+    fit = SimpleNamespace(
+        residual=each, parallax=0.0 * each, noise=SimpleNamespace(mean_sigma=1.0, sigma=1.0)
+    )
+    turning = SimpleNamespace(probability=each, distance2=(1.0 + ratio) * each)
+    found = shown_translation(SimpleNamespace(doubt=doubt), fit, turning, 1e-3)
+    assert found == pytest.approx(shown, abs=0.04)
+
+
+def test_a_rotation_with_a_hint_of_translation_covers_both_motions():
+    # As long a flow as noise told a little too small might have made.
+    squares = []
+    for seed in range(30):
+        drawn = point_scene(
+            seed, matches=400, translation_m=(0.002, 0.0, 0.0), near_range_m=(1.0, 2.0)
+        )
+        told = np.broadcast_to(drawn.noise_px**2 * np.eye(2), (400, 2, 2))
+        pose = estimate(drawn, covariance1_px2=told)
+        if pose.status is PoseStatus.ROTATION_ONLY:
+            error = rotation_error(pose, drawn.rotation_cam1_from_cam0)
+            squares.append(error @ np.linalg.solve(pose.rotation_covariance, error))
+    assert len(squares) >= 15
+    # Of three degrees of freedom; without the other motion it is 200.
+    assert np.median(squares) < 12.0
 
 
 def test_wrong_matches_alone_are_no_consensus():

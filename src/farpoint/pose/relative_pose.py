@@ -35,7 +35,7 @@ from farpoint.pose.verdict import (
     is_consensus,
     is_plainly_translating,
     is_static,
-    is_translating,
+    shown_translation,
 )
 
 __all__ = ["estimate_relative_pose", "estimate_relative_pose_from_rays"]
@@ -162,9 +162,10 @@ def _find(
     if is_plainly_translating(moving):
         return _conclude_moving(matches, moving, tolerance, options, course)
     turning = fit_turning(matches, moving.far_rotation_cam1_from_cam0, tolerance)
-    if is_translating(matches, moving, turning, options.false_alarm_rate):
+    shown = shown_translation(matches, moving, turning, options.false_alarm_rate)
+    if shown >= 1.0:
         return _conclude_moving(matches, moving, tolerance, options, course)
-    return _conclude_turning(matches, turning, moving, options, course)
+    return _conclude_turning(matches, turning, moving, shown, options, course)
 
 
 def _conclude_moving(
@@ -253,9 +254,11 @@ def _conclude_turning(
     matches: Matches,
     fit: TurningFit,
     moving: MovingFit,
+    shown: float,
     options: RelativePoseOptions,
     course: Course,
 ) -> RelativePose:
+    """As a rotation. Its covariance holds that of the motion as far as one is ``shown``."""
     sigma = fit.noise.sigma
     right = fit.probability > 0.5
     agreeing = int(np.count_nonzero(right))
@@ -266,7 +269,8 @@ def _conclude_turning(
     covariance = fit.covariance + shared_covariance(matches, options.shared_error_px)
     stands_still = is_static(fit.R_cam1_from_cam0, covariance, options.false_alarm_rate)
     if moving.noise.mean_sigma < FAR_LESS_NOISE * fit.noise.mean_sigma:
-        covariance += _doubt_between(fit.R_cam1_from_cam0, moving.R_cam1_from_cam0)
+        shown = 1.0
+    covariance += shown * _doubt_between(fit.R_cam1_from_cam0, moving.R_cam1_from_cam0)
     if not fixes_rotation(covariance):
         return conclusion.unfixed_rotation(matches, course)
     if stands_still:

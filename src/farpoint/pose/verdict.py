@@ -25,7 +25,7 @@ __all__ = [
     "is_consensus",
     "is_plainly_translating",
     "is_static",
-    "is_translating",
+    "shown_translation",
 ]
 
 # Half-width of the band in which a match counts as agreeing, in sigma.
@@ -68,12 +68,15 @@ def is_plainly_translating(fit: MovingFit) -> bool:
     return fit.beyond_rotation > max(8.0 + 4.0 * wrong * chance, 0.1 * fit.supporting)
 
 
-def is_translating(matches: Matches, fit: MovingFit, turning: TurningFit, rate: float) -> bool:
-    """Whether the flow shows translation beside the rotation."""
+def shown_translation(matches: Matches, fit: MovingFit, turning: TurningFit, rate: float) -> float:
+    """How much of a translation beside the rotation the flow shows: 1 if one, 0 if none.
+
+    Between the two where it shows one only if the noise is what was told of it.
+    """
     agree = np.abs(fit.residual) <= BAND_SIGMA * fit.noise.mean_sigma
-    return _bulk_exceeds_noise(matches, fit, turning, agree, rate) or _near_points_agree(
-        fit, turning, agree, rate
-    )
+    if _near_points_agree(fit, turning, agree, rate):
+        return 1.0
+    return _bulk_beyond_noise(matches, fit, turning, agree, rate)
 
 
 def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float) -> bool:
@@ -94,24 +97,26 @@ def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float)
     return bool(scipy.special.chdtrc(3, distance2) > rate)
 
 
-def _bulk_exceeds_noise(
+def _bulk_beyond_noise(
     matches: Matches, fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float
-) -> bool:
+) -> float:
     """F test of the distance from the rotation's prediction against noise across epipolar lines.
 
     Over the matches that both models explain: one wrong match along an epipolar line would decide
-    the test. With many matches the test would find any error in the stated noise: what may be one
-    is no translation.
+    the test. With many matches the test would find any error in the stated noise: the less such an
+    error explains it, the more of a translation there is, and all of one beyond the largest.
     """
     bulk = agree & (turning.probability > 0.5)
     n = int(np.count_nonzero(bulk))
     if n < MIN_BULK:
-        return False
+        return 0.0
     # Matches without any noise still have that of rounding.
     across = max(float(np.sum(fit.residual[bulk] ** 2)), n * MIN_VARIANCE)
     along = float(np.sum(turning.distance2[bulk])) - across
     ratio = max(along, 0.0) / n / (across / (n - 3))
-    return ratio > matches.doubt and bool(DIRECTIONS * scipy.special.fdtrc(n, n - 3, ratio) < rate)
+    if DIRECTIONS * scipy.special.fdtrc(n, n - 3, ratio) >= rate:
+        return 0.0
+    return min(max(2.0 * ratio / matches.doubt - 1.0, 0.0), 1.0) ** 2
 
 
 def _near_points_agree(fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float) -> bool:
