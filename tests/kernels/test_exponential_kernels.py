@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.exponential import exp_and_eighth, lane_log
+from farpoint._kernels.exponential import exp_and_roots, lane_log
 
 
 @kernel
-def exponentials(x: np.ndarray, whole: np.ndarray, eighth: np.ndarray) -> None:
+def exponentials(x: np.ndarray, whole: np.ndarray, eighth: np.ndarray, last: np.ndarray) -> None:
     for i in range(len(x)):
-        whole[i], eighth[i] = exp_and_eighth(x[i])
+        whole[i], eighth[i], last[i] = exp_and_roots(x[i])
 
 
 @kernel
@@ -21,26 +20,24 @@ def logarithms(x: np.ndarray, out: np.ndarray) -> None:
         out[i] = lane_log(x[i])
 
 
-def exponentials_of(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    whole, eighth = np.full((2, len(x)), np.nan)
-    exponentials(x, whole, eighth)
-    return whole, eighth
+def exponentials_of(x: np.ndarray) -> np.ndarray:
+    out = np.full((3, len(x)), np.nan)
+    exponentials(x, *out)
+    return out
 
 
-def test_the_exponential_and_its_eighth_root():
-    x = np.r_[0.0, np.geomspace(1e-12, 20.0, 400)]
-    whole, eighth = exponentials_of(x)
-    np.testing.assert_allclose(whole, np.exp(-x), rtol=1e-9)
-    np.testing.assert_allclose(eighth, np.exp(-x / 8), rtol=1e-10)
+def test_the_exponential_and_its_roots():
+    x = np.r_[0.0, np.geomspace(1e-12, 150.0, 400)]
+    for found, power in zip(exponentials_of(x), (1.0, 8.0, 64.0), strict=True):
+        np.testing.assert_allclose(found[x < 50], np.exp(-x[x < 50] / power), rtol=1e-9)
+        np.testing.assert_allclose(found, np.exp(-x / power), rtol=1e-6)
 
 
 def test_what_is_next_to_nothing_stays_there():
-    whole, eighth = exponentials_of(np.array([20.0, 60.0, 240.0, 1e6, np.inf]))
-    assert (np.diff(whole) <= 0.0).all()
-    assert (whole > 0.0).all()
-    assert whole[2] < 1e-90
-    assert whole[2] == whole[3] == whole[4]
-    assert eighth[4] == pytest.approx(np.exp(-30.0), rel=1e-6)
+    found = exponentials_of(np.array([20.0, 300.0, 1920.0, 1e6, np.inf]))
+    assert (np.diff(found) <= 0.0).all()
+    np.testing.assert_array_equal(found[:, 2:], found[:, 2:3].repeat(3, axis=1))
+    assert (found[:, 4] < [1e-300, 1e-100, 1e-12]).all()
 
 
 def test_the_logarithm_of_any_normal_number():

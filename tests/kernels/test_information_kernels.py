@@ -43,12 +43,17 @@ def informed(view: View, prior: np.ndarray) -> Informed:
 
 
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Residuals over sigma; weights of good and of poor matches, whose variance is eightfold."""
+    """Residuals over sigma; weight and its square, mean over what a match may be.
+
+    Good, or poor with eight times the variance, or poorer with 64 times.
+    """
     r = np.array([told_of(view.pairs, i, view.R, view.t)[0][5] for i in range(view.size)])
     z = r / np.sqrt(VARIANCE)
-    good = prior * (1.0 - POOR) * np.exp(-0.5 * z * z)
-    poor = prior * POOR / np.sqrt(8.0) * np.exp(-0.5 * z * z / 8.0)
-    return z, good / (good + poor + CLUTTER), poor / (good + poor + CLUTTER)
+    variance = 8.0 ** np.arange(3.0)[:, None]
+    shares = np.array([[1.0 - POOR], [POOR * (1.0 - POOR)], [POOR**2]])
+    density = prior * shares * np.exp(-0.5 * z * z / variance) / np.sqrt(variance)
+    chance = density / (density.sum(axis=0) + CLUTTER)
+    return z, np.sum(chance / variance, axis=0), np.sum(chance / variance**2, axis=0)
 
 
 def test_the_whole_is_the_gauss_newton_matrix_of_the_likelihood():
@@ -56,7 +61,7 @@ def test_the_whole_is_the_gauss_newton_matrix_of_the_likelihood():
     prior = np.random.default_rng(3).uniform(0.5, 2.0, 40)
     normal = np.empty((6, 6))
     likelihood.linearize(
-        view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, normal, np.empty(2)
+        view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, normal, np.empty(3)
     )
     np.testing.assert_allclose(informed(view, prior).whole, normal[:5, :5], rtol=1e-7)
 
@@ -64,8 +69,7 @@ def test_the_whole_is_the_gauss_newton_matrix_of_the_likelihood():
 def test_not_to_know_which_match_is_good_costs_the_variance_of_the_score():
     view = two_views(4, 40, error_rad=2e-3)
     prior = np.random.default_rng(4).uniform(0.5, 2.0, 40)
-    z, good, poor = parts(view, prior)
-    weight, square = good + poor / 8.0, good + poor / 64.0
+    z, weight, square = parts(view, prior)
     expected = 1.0 - np.sum(z * z * (square - weight * weight)) / np.sum(weight)
     assert expected < 0.9  # else nothing is tested
     assert informed(view, prior).known == pytest.approx(expected, rel=1e-6)
@@ -75,9 +79,9 @@ def test_not_to_know_which_match_is_good_costs_the_variance_of_the_score():
 def test_the_scatter_is_that_of_a_fit_which_each_match_has_drawn_to_itself(matches):
     view = two_views(5, matches, error_rad=2e-3)
     prior = np.random.default_rng(5).uniform(0.5, 2.0, matches)
-    z, good, poor = parts(view, prior)
+    z, weight, _ = parts(view, prior)
     J = np.array([told_of(view.pairs, i, view.R, view.t)[0][:5] for i in range(matches)])
-    weight = (good + poor / 8.0) / VARIANCE
+    weight = weight / VARIANCE
     inverse = np.linalg.inv((weight[:, None] * J).T @ J)
     leverage = weight * np.einsum("ni,ij,nj->n", J, inverse, J)
     assert leverage.max() > 2.0 / matches  # else nothing is tested
@@ -90,9 +94,9 @@ def test_the_scatter_is_that_of_a_fit_which_each_match_has_drawn_to_itself(match
 def test_a_single_match_scatters_as_it_is_off():
     # It fixes no pose, and so has drawn none.
     view = two_views(6, 1, error_rad=2e-3)
-    z, good, poor = parts(view, np.ones(1))
+    z, weight, _ = parts(view, np.ones(1))
     *J, _ = told_of(view.pairs, 0, view.R, view.t)[0]
-    score = (good + poor / 8.0) * z / np.sqrt(VARIANCE)
+    score = weight * z / np.sqrt(VARIANCE)
     expected = score**2 * np.outer(J, J)
     np.testing.assert_allclose(informed(view, np.ones(1)).scatter, expected, rtol=1e-6)
 
@@ -114,9 +118,9 @@ def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
         return np.sqrt(g) * np.array(J)
 
     change = (jacobian(1e-5) - jacobian(-1e-5)) / 2e-5
-    _, good, poor = parts(view, np.ones(1))
+    _, weight, _ = parts(view, np.ones(1))
     _, (g, flow) = told_of(view.pairs, 0, view.R, view.t)
     variance = flow / np.sum(np.cross(m, view.t) ** 2)  # of the angle, for unit noise
-    expected = (good + poor / 8.0) * variance / g * np.outer(change, change)
+    expected = weight * variance / g * np.outer(change, change)
     noise = informed(view, np.ones(1)).noise
     np.testing.assert_allclose(noise, expected, rtol=0.0, atol=3e-3 * np.abs(expected).max())

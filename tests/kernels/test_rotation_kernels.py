@@ -19,6 +19,7 @@ quick = settings(max_examples=20, deadline=None)
 seeds = st.integers(0, 2**32)
 # Variance of good matches, share of wrong ones (which makes the clutter), share of poor ones.
 MIXTURE = np.array([1.3, 0.1, 0.2])
+SHARES = 1.0 - MIXTURE[2], MIXTURE[2] * (1.0 - MIXTURE[2]), MIXTURE[2] ** 2
 CLUTTER, SPREAD = 0.05, 500.0
 
 
@@ -27,11 +28,11 @@ class Linearized:
 
     def __init__(self, view: View, prior: np.ndarray, R: np.ndarray) -> None:
         weights = packed(prior)
-        self.H, self.g, sums = np.full((3, 3), np.nan), np.full(3, np.nan), np.full(3, np.nan)
+        self.H, self.g, sums = np.full((3, 3), np.nan), np.full(3, np.nan), np.full(4, np.nan)
         self.cost = rotation.rotation_linearize(
             view.pairs, weights, R, MIXTURE, CLUTTER, self.H, self.g, sums
         )
-        self.right, self.poor, self.squares = sums
+        self.right, self.poor, self.poorest, self.squares = sums
 
 
 def distance2(view: View, R: np.ndarray) -> np.ndarray:
@@ -82,6 +83,13 @@ def turning(seed: int, matches: int, *, noise: float, wrong: int = 0) -> View:
     return View(*noisy, *factors, R, np.array([0.0, 0.0, 1.0]))
 
 
+def density(distance2: np.ndarray) -> np.ndarray:
+    """Of a right match, over that of a good one at its peak."""
+    # In two dimensions a density falls with the square of its sigma.
+    parts = (np.exp(-0.5 * distance2 / MIXTURE[0] / s**2) / s**2 for s in (1.0, POOR, POOR**2))
+    return sum(share * part for share, part in zip(SHARES, parts, strict=True))
+
+
 def plain_distance2(view: View, R: np.ndarray) -> np.ndarray:
     """Mahalanobis distance of ``b - R a`` on the tangent plane of b, matrix by matrix."""
     out = []
@@ -121,10 +129,7 @@ def test_the_gradient_of_the_robust_cost_with_the_noise_held(seed):
     def cost(dtheta: np.ndarray) -> float:
         z = np.einsum("nij,ni->nj", E, b - a @ (so3.exp(dtheta) @ view.R).T)
         d2 = np.einsum("ni,nij,nj->n", z, np.linalg.inv(S), z)
-        variance, _, share = MIXTURE
-        # In two dimensions a density falls with the square of its sigma.
-        good, fair = (np.exp(-0.5 * d2 / variance / s**2) / s**2 for s in (1.0, POOR))
-        return -np.log(prior * ((1.0 - share) * good + share * fair) + CLUTTER).sum()
+        return -np.log(prior * density(d2) + CLUTTER).sum()
 
     at = Linearized(view, prior, view.R)
     numeric = gradient(cost, 3, 1e-6)
@@ -157,10 +162,11 @@ def test_the_normal_matrix_is_the_information_of_the_matches(seed):
         return Linearized(view, np.ones(12), so3.exp(step) @ view.R).g
 
     # In two dimensions a density falls with the square of its sigma.
-    right = 1.0 - MIXTURE[2] + MIXTURE[2] / POOR**2
-    assert at.right == pytest.approx(12 * right / (right + CLUTTER), rel=1e-6)
-    poor = 12 * MIXTURE[2] / POOR**2 / (right + CLUTTER)
-    assert at.poor == pytest.approx(poor, rel=1e-6)
+    good, fair, bad = (share / POOR ** (2 * k) for k, share in enumerate(SHARES))
+    each = 12 / (good + fair + bad + CLUTTER)
+    assert at.right == pytest.approx(each * (good + fair + bad), rel=1e-6)
+    assert at.poor == pytest.approx(each * (fair + bad), rel=1e-6)
+    assert at.poorest == pytest.approx(each * bad, rel=1e-6)
     h = 1e-6
     numeric = np.array([(gradient_at(h * e) - gradient_at(-h * e)) / (2 * h) for e in np.eye(3)])
     np.testing.assert_allclose(at.H, numeric, rtol=1e-3, atol=1e-3 * at.H.max())
@@ -171,15 +177,15 @@ def test_what_a_rotation_makes_of_each_match():
     distance, right = np.full((2, packed_length(40)), np.nan)
     given = (view.pairs, packed(np.ones(40)), SPREAD, view.R, MIXTURE)
     rotation.explain_rotation(*given, distance, right)
-    variance, wrong, share = MIXTURE
+    variance, wrong, _ = MIXTURE
     expected = plain_distance2(view, view.R)
     np.testing.assert_allclose(distance[:40], expected, rtol=1e-8)
-    near = np.minimum(expected, 480.0 * variance)  # the exponential is constant beyond
-    good, fair = (np.exp(-0.5 * near / variance / s**2) / s**2 for s in (1.0, POOR))
-    density = (1.0 - share) * good + share * fair
+    near = np.minimum(expected, 3840.0 * variance)  # the exponential is constant beyond
     # Wrong ones fill a disc of this radius, good ones a normal distribution.
     clutter = wrong / (1.0 - wrong) * 2.0 * variance / SPREAD**2
-    np.testing.assert_allclose(right[:40], density / (density + clutter), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        right[:40], density(near) / (density(near) + clutter), rtol=1e-6, atol=1e-9
+    )
     assert not right[40:].any()
 
 

@@ -196,7 +196,7 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
     """
     variance, wrong = challenger.mixture[0], challenger.mixture[1]
     clutter = clutter_density(variance, wrong, matches.spread)
-    normal, x, shares = challenger.normal, scratch(5), scratch(2)
+    normal, x, shares = challenger.normal, scratch(5), scratch(3)
     cost = linearize(
         matches.pairs,
         matches.prior,

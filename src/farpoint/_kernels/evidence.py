@@ -20,6 +20,8 @@ NEAR_SIGMA = 3.0
 
 # No match is right beyond doubt.
 MOST_TRUST = 0.99
+# Variance, in units of the noise, beside which no match is off: all weigh alike.
+BEYOND_ANY = 1e20
 
 
 @kernel
@@ -62,9 +64,9 @@ def count_beyond_rotation(
     rotation, but a few wrong matches drag them away.
     """
     step, nearest = scratch(3), scratch(3, 3)
-    H, g, sums, only_good = scratch(3, 3), scratch(3), scratch(3), scratch(3)
-    only_good[0], only_good[1], only_good[2] = 1.0, 0.0, 0.0
-    rotation_linearize(pairs, right, R, only_good, 1e-300, H, g, sums)
+    H, g, sums, alike = scratch(3, 3), scratch(3), scratch(4), scratch(3)
+    alike[0], alike[1], alike[2] = BEYOND_ANY, 0.0, 0.0
+    rotation_linearize(pairs, right, R, alike, 1e-300, H, g, sums)
     if not solve_three_spd(H, g, 0.0, step):
         return 0, 0
     apply_rotation_step(R, -step[0], -step[1], -step[2], nearest)

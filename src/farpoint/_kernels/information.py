@@ -7,7 +7,7 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
 from farpoint._kernels.epipolar import sampson_jacobian, variances
 from farpoint._kernels.formulas import choose, formula, lesser
-from farpoint._kernels.likelihood import densities
+from farpoint._kernels.likelihood import densities, weight_of
 from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0
 from farpoint._kernels.scratch import room
 from farpoint._kernels.squares import FIVE, add_square, inverse_square, size2, write_square
@@ -116,11 +116,11 @@ def _tell_of(
     reach = dot(m, t)
     along = combine(reach, t, -reach * reach, m)
     across = cross(m, t)
-    good, fair = densities(pairs, at, R, t, r, precision, poor, prior)
+    good, fair, bad = densities(pairs, at, R, t, r, precision, poor, prior)
     square = 1.0 - reach * reach
     elsewhere = square > EPIPOLE_SIGMA**2 / precision * flow_variance(pairs, at)
-    over = choose(elsewhere, 1.0 / (good + fair + clutter), 0.0)
-    w, w2 = (good + fair * 0.125) * over, (good + fair * 0.125 * 0.125) * over
+    over = choose(elsewhere, 1.0 / (good + fair + bad + clutter), 0.0)
+    w, w2 = weight_of(good, fair, bad) * over, weight_of(good, fair * 0.125, bad * 0.015625) * over
     g, v = variances(pairs, at, R, t)
     change = *along, dot(basis[0], across), dot(basis[1], across)
     weight, share = w * precision, w * v / (g * square * square + 1e-300)

@@ -2,8 +2,10 @@
 
 A match is good, with a normal residual of variance ``variance``; or poor, with `POOR` times its
 sigma; or wrong, and anywhere in a strip of half-width ``spread`` about the epipolar line (all in
-units of the noise). The shares of poor matches among the right ones and of wrong ones among all are
-estimated along, so that normal noise is treated as such and heavy tails lose only what they must.
+units of the noise). Of the poor ones, as large a share is poorer still, with `POOR` times their
+sigma: the tails of real matches go on like this. The shares of poor matches among the right ones
+and of wrong ones among all are estimated along, so that normal noise is treated as such and heavy
+tails lose only what they must.
 
 A right match flows towards the direction. Noise can make a far one retreat; beyond `FAR_SIGMA` the
 density of right matches falls off as that noise does. Up to there it is flat, for rotation can
@@ -23,7 +25,7 @@ from farpoint._kernels.epipolar import (
     sampson,
     sampson_jacobian,
 )
-from farpoint._kernels.exponential import exp_and_eighth, lane_log
+from farpoint._kernels.exponential import exp_and_roots, lane_log
 from farpoint._kernels.formulas import choose, formula, greater, lesser, root
 from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.pairs import LANES, PANEL, ray0, ray1
@@ -52,6 +54,8 @@ __all__ = [
     "mixture_cost",
     "refine_pose",
     "take_step",
+    "update_mixture",
+    "weight_of",
 ]
 
 # Sigma of a poor match over that of a good one.
@@ -60,6 +64,9 @@ POOR = math.sqrt(8.0)
 # makes some look poor, and the others better than they are.
 FEW_POOR = 0.01
 USUAL = 20.0
+# How much farther than EM a step of the mixture goes, by the share of poor matches, and at most.
+FARTHER = 3.0
+MOST_FARTHER = 0.7
 # Retreat along its epipolar line that noise can cause of a far point, in sigma.
 FAR_SIGMA = 3.0
 
@@ -97,7 +104,8 @@ def clutter_density(variance: float, wrong: float, spread: float) -> float:
 @formula
 def mean_variance(variance: float, poor: float) -> float:
     """Of right matches, good and poor."""
-    return variance * (1.0 + poor * (POOR * POOR - 1.0))
+    good, eightfold = 1.0 - poor, poor * POOR * POOR
+    return variance * (good + eightfold * (good + eightfold))
 
 
 @inner_kernel
@@ -116,14 +124,25 @@ def densities(
     precision: float,
     poor: float,
     prior: float,
-) -> tuple[float, float]:
-    """Density of the match at this address, if good and if poor, over that of a good one at 0."""
+) -> tuple[float, float, float]:
+    """Density of the match at this address, if good, poor or poorer, over a good one's at 0."""
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
     shift2 = flow * flow * precision / (parallax_variance(pairs, at, R, m, t) + 1e-300)
     retreat = choose(flow < 0.0, greater(shift2 - FAR_SIGMA * FAR_SIGMA, 0.0), 0.0)
-    whole, eighth = exp_and_eighth(0.5 * (residual * residual * precision + retreat))
-    return prior * (1.0 - poor) * whole, prior * poor / POOR * eighth
+    whole, eighth, last = exp_and_roots(0.5 * (residual * residual * precision + retreat))
+    once, again = 1.0 - poor, poor / POOR
+    return (
+        prior * (once * whole),
+        prior * (once * again * eighth),
+        prior * (again * again * last),
+    )
+
+
+@formula
+def weight_of(good: float, fair: float, bad: float) -> float:
+    """Sum of what may be a match's densities, each over its variance in units of a good one's."""
+    return good + fair * 0.125 + bad * 0.015625
 
 
 @sum_kernel
@@ -143,40 +162,49 @@ def linearize(
     right matches one by one (0 leaves a match out) and ``clutter``, positive, is the density of
     wrong matches over that of right ones. With J the Jacobian (N, 5) of the residuals r, ``normal``
     (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the gradient in its last column,
-    the squares in its corner. ``shares`` (2,) receives the expected number of right matches, and of
-    poor ones among them.
+    the squares in its corner. ``shares`` (3,) receives the expected number of right matches, of
+    poor ones among them, and of those that are poorer still.
     """
     turn, towards = matrix(R), vector(t)
     basis = tangent_columns(towards)
     precision, poor = 1.0 / mixture[0], mixture[2]
-    cost = used = right = doubtful = 0.0
+    cost = used = right = doubtful = poorest = 0.0
     sums = SIX
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
             row = sampson_jacobian(pairs, at, turn, towards, basis)
             _, _, _, _, _, residual = row
-            good, fair = densities(pairs, at, turn, towards, residual, precision, poor, share)
-            total = good + fair + clutter
+            good, fair, bad = densities(pairs, at, turn, towards, residual, precision, poor, share)
+            total = good + fair + bad + clutter
             over = 1.0 / total
             cost -= lane_log(total)
             used += 1.0 if share > 0.0 else 0.0
-            right += (good + fair) * over
-            doubtful += fair * over
-            sums = add_square(sums, precision * (good + fair * 0.125) * over, row)
+            right += (good + fair + bad) * over
+            doubtful += (fair + bad) * over
+            poorest += bad * over
+            sums = add_square(sums, precision * weight_of(good, fair, bad) * over, row)
     write_square(sums, normal)
-    shares[0], shares[1] = right, doubtful
+    shares[0], shares[1], shares[2] = right, doubtful, poorest
     return cost + (prior.size - used) * lane_log(clutter)
 
 
 @formula
 def update_mixture(
-    square: float, total: float, poor: float, count: float, minimum: float, mixture: np.ndarray
+    square: float, shares: np.ndarray, count: float, minimum: float, mixture: np.ndarray
 ) -> None:
-    """EM step of variance, share of wrong and share of poor matches, from weighted sums."""
-    mixture[0] = greater(square, minimum)
+    """Step of EM of variance, share of wrong and share of poor matches, from weighted sums.
+
+    Of the right matches some are poor, and of these as large a share poorer still.
+    """
+    total, poor, poorest = shares[0], shares[1], shares[2]
+    share = (poor + poorest + FEW_POOR * USUAL) / (total + poor + USUAL)
+    # EM goes the right way, and the more slowly the heavier the tails: farther that way helps.
+    farther = lesser(FARTHER * mixture[2], MOST_FARTHER)
+    change = lesser(greater(farther * (square / mixture[0] - 1.0), -0.5), 1.0)
+    mixture[0] = greater((1.0 + change) * square, minimum)
     mixture[1] = lesser(greater(1.0 - total / count, 0.005), 0.95)
-    mixture[2] = lesser((poor + FEW_POOR * USUAL) / (total + USUAL), 0.5)
+    mixture[2] = lesser(greater(share + farther * (share - mixture[2]), 0.5 * share), 0.5)
 
 
 @kernel
@@ -200,7 +228,7 @@ def refine_pose(
     ends at a pose from which a step promises less than ``precision``, in the unit of the log
     likelihood; ``normal`` (6, 6) receives the normal equations there.
     """
-    x, shares = scratch(5), scratch(2)
+    x, shares = scratch(5), scratch(3)
     kept_R, kept_t, kept = scratch(3, 3), scratch(3), scratch(6, 6)
     lowest = math.inf
     damping = 0.0
@@ -222,7 +250,7 @@ def refine_pose(
             copy(normal, kept)
             damping *= 0.1
             square = normal[5, 5] * variance / greater(shares[0] - 5.0, 1.0)
-            update_mixture(square, shares[0], shares[1], float(count), min_variance, mixture)
+            update_mixture(square, shares, float(count), min_variance, mixture)
         while not solve_five_spd(normal, damping, x) and damping < 1e6:
             damping = greater(10.0 * damping, 1e-9)
         if not damping < 1e6:
@@ -242,14 +270,14 @@ def refine_pose(
 @formula
 def _seen(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, precision: float, poor: float, prior: float
-) -> tuple[float, float, float, float]:
-    """Residual and parallax of a match, both for unit noise, and its `densities`."""
+) -> tuple[float, float, float]:
+    """Residual and parallax of a match, both for unit noise, and the sum of its `densities`."""
     residual = sampson(pairs, at, R, t)
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
     variance = parallax_variance(pairs, at, R, m, t)
-    good, fair = densities(pairs, at, R, t, residual, precision, poor, prior)
-    return residual, flow / root(variance + 1e-300), good, fair
+    good, fair, bad = densities(pairs, at, R, t, residual, precision, poor, prior)
+    return residual, flow / root(variance + 1e-300), good + fair + bad
 
 
 @kernel
@@ -275,7 +303,7 @@ def explain(
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, i = panel * PANEL + lane, panel * LANES + lane
-            residual[i], parallax[i], good, fair = _seen(
+            residual[i], parallax[i], density = _seen(
                 pairs, at, turn, towards, precision, poor, prior[i]
             )
-            right[i] = (good + fair) / (good + fair + clutter)
+            right[i] = density / (density + clutter)

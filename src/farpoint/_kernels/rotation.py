@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import kernel, sum_kernel
-from farpoint._kernels.exponential import exp_and_eighth, lane_log
+from farpoint._kernels.exponential import exp_and_roots, lane_log
 from farpoint._kernels.formulas import formula, greater, lesser, root, sum_formula, whole
-from farpoint._kernels.likelihood import POOR, update_mixture
+from farpoint._kernels.likelihood import POOR, update_mixture, weight_of
 from farpoint._kernels.linear import add_outer, apply_rotation_step, draw_index, kabsch
 from farpoint._kernels.pairs import (
     LANES,
@@ -245,10 +245,17 @@ def count_beyond(pairs: np.ndarray, right: np.ndarray, R: np.ndarray, limit: flo
 
 
 @formula
-def _densities(square: float, precision: float, poor: float, prior: float) -> tuple[float, float]:
-    """Density of a match, if good and if poor, over that of a good one at 0, in two dimensions."""
-    whole, eighth = exp_and_eighth(0.5 * square * precision)
-    return prior * (1.0 - poor) * whole, prior * poor / (POOR * POOR) * eighth
+def _densities(
+    square: float, precision: float, poor: float, prior: float
+) -> tuple[float, float, float]:
+    """Density of a match, if good, poor or poorer, over a good one's at 0, in two dimensions."""
+    whole, eighth, last = exp_and_roots(0.5 * square * precision)
+    once, again = 1.0 - poor, poor / (POOR * POOR)
+    return (
+        prior * (once * whole),
+        prior * (once * again * eighth),
+        prior * (again * again * last),
+    )
 
 
 @sum_kernel
@@ -265,27 +272,33 @@ def rotation_linearize(
     """Robust cost, gradient ``g`` (3,) and Gauss-Newton matrix ``H`` (3, 3) without translation.
 
     As `likelihood.linearize` with the residual of two dimensions ``E^T (b - R a)`` on the tangent
-    plane of ``b`` and its covariance ``E^T (S_b + R S_a R^T) E``. ``sums`` (3,) receives the
-    expected number of right matches, of poor ones, and the squares of good ones.
+    plane of ``b`` and its covariance ``E^T (S_b + R S_a R^T) E``. ``sums`` (4,) receives the
+    expected number of right matches, of poor ones, of poorer ones, and the squares of good ones.
     """
     turn = matrix(R)
     precision, poor = 1.0 / mixture[0], mixture[2]
-    cost = used = right = doubtful = 0.0
+    cost = used = right = doubtful = poorest = 0.0
     normal = FOUR
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
             square, row0, row1 = _whitened(pairs, at, turn)
-            good, fair = _densities(square, precision, poor, share)
-            total = good + fair + clutter
+            good, fair, bad = _densities(square, precision, poor, share)
+            total = good + fair + bad + clutter
             over = 1.0 / total
             cost -= lane_log(total)
             used += 1.0 if share > 0.0 else 0.0
-            right += (good + fair) * over
-            doubtful += fair * over
-            weight = precision * (good + fair * 0.125) * over
+            right += (good + fair + bad) * over
+            doubtful += (fair + bad) * over
+            poorest += bad * over
+            weight = precision * weight_of(good, fair, bad) * over
             normal = add_square(add_square(normal, weight, row0), weight, row1)
-    sums[0], sums[1], sums[2] = right, doubtful, _write_normal(normal, H, g) / precision
+    sums[0], sums[1], sums[2], sums[3] = (
+        right,
+        doubtful,
+        poorest,
+        _write_normal(normal, H, g) / precision,
+    )
     return cost + (prior.size - used) * lane_log(clutter)
 
 
@@ -315,14 +328,14 @@ def refine_rotation(
     and that of poor ones, in and out (EM); wrong matches fill a disc of radius ``spread`` (in units
     of the noise).
     """
-    g, step, sums = scratch(3), scratch(3), scratch(3)
+    g, step, sums = scratch(3), scratch(3), scratch(4)
     cost = math.inf
     for _ in range(max_iterations):
         variance, wrong = mixture[0], mixture[1]
         clutter = _clutter(variance, wrong, spread)
         cost = rotation_linearize(pairs, prior, R, mixture, clutter, H, g, sums)
-        square = sums[2] / greater(2.0 * sums[0] - 3.0, 1.0)
-        update_mixture(square, sums[0], sums[1], float(count), min_variance, mixture)
+        square = sums[3] / greater(2.0 * sums[0] - 3.0, 1.0)
+        update_mixture(square, sums, float(count), min_variance, mixture)
         if not solve_three_spd(H, g, 0.0, step):
             break
         apply_rotation_step(R, -step[0], -step[1], -step[2], R)
@@ -360,10 +373,11 @@ def explain_rotation(
     precision = 1.0 / mixture[0]
     known = missing = 0.0
     for i in range(prior.size):
-        good, fair = _densities(distance2[i], precision, mixture[2], prior[i])
-        over = 1.0 / (good + fair + clutter)
-        right[i] = (good + fair) * over
-        weight, weight2 = (good + fair * 0.125) * over, (good + fair * 0.125 * 0.125) * over
+        good, fair, bad = _densities(distance2[i], precision, mixture[2], prior[i])
+        over = 1.0 / (good + fair + bad + clutter)
+        right[i] = (good + fair + bad) * over
+        weight = weight_of(good, fair, bad) * over
+        weight2 = weight_of(good, fair * 0.125, bad * 0.015625) * over
         known += weight
         missing += 0.5 * distance2[i] * precision * (weight2 - weight * weight)
     return 1.0 - missing / known if known > 0.0 else 1.0

@@ -51,7 +51,8 @@ class Noise:
     wrong : float
         Share of wrong matches.
     poor : float
-        Share of poor ones, with `POOR` times the sigma, among the right matches.
+        Share of poor ones, with `POOR` times the sigma, among the right matches; and among these,
+        of those with as much again.
     """
 
     variance: float
