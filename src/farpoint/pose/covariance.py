@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
-from farpoint._kernels.information import information
-from farpoint._kernels.likelihood import apply_step, clutter_density
-from farpoint._kernels.linear import sandwich, tangent_basis
+from farpoint._kernels.information import covariance_beside, information
+from farpoint._kernels.likelihood import clutter_density
+from farpoint._kernels.linear import sandwich
 from farpoint.pose.fits import MovingFit
 from farpoint.pose.information import inverse_root, positive
 from farpoint.pose.matches import Matches
@@ -30,6 +29,7 @@ STRAIGHT_SIGMA = math.radians(1.0)
 MOST_GROWTH = 8.0
 # Information of one radian on the direction, none on the rotation: the sphere is bounded.
 DIRECTION_PRIOR = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
+NO_STEP = np.zeros(5)
 
 
 def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, bool]:
@@ -79,10 +79,15 @@ def _told(matches: Matches, fit: MovingFit) -> np.ndarray:
         clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
         *told,
     )
-    freedom = max(float(fit.probability.sum()) - 5.0, 4.0)
-    told *= (freedom - 2.0 - 3.0 * _heard(fit)) / freedom
+    told *= _sure(fit)
     told[:2] *= known
     return told
+
+
+def _sure(fit: MovingFit) -> float:
+    """What is left of the information for having estimated the noise and the scatter, too."""
+    freedom = max(float(fit.probability.sum()) - 5.0, 4.0)
+    return (freedom - 2.0 - 3.0 * _heard(fit)) / freedom
 
 
 def _sandwich(
@@ -113,33 +118,39 @@ def _averaged(matches: Matches, fit: MovingFit, covariance: np.ndarray) -> np.nd
     axes. The residuals there are not those of a fit, and are not heard.
     """
     values, axes = np.linalg.eigh(covariance)
-    per_sigma, sigmas = axes / np.sqrt(values), axes * np.sqrt(values)
-    growth = np.zeros((5, 5))
-    for moved in (fit, *(_moved(fit, step) for step in (*sigmas.T[3:], *-sigmas.T[3:]))):
-        whole, noise, _ = _told(matches, moved)
-        turn = np.eye(5)
-        turn[3:, 3:] = _turn_between(moved, fit)
-        unit = turn @ per_sigma
-        there = unit.T @ _sandwich(whole, noise, whole)[0] @ unit
-        growth += -2.0 * there if moved is fit else 0.5 * there
-    more, along = np.linalg.eigh(growth)
+    sigmas = axes * np.sqrt(values)
+    widest, second = sigmas.T[:2:-1]
+    growth = -2.0 * _beside(matches, fit, covariance, NO_STEP)
+    for step in (widest, -widest, second, -second):
+        growth += 0.5 * _beside(matches, fit, covariance, step)
+    per_sigma = axes / np.sqrt(values)
+    more, along = np.linalg.eigh(per_sigma.T @ growth @ per_sigma)
     root = sigmas @ along * np.sqrt(1.0 + np.clip(more, 0.0, MOST_GROWTH))
     return positive(root @ root.T)
 
 
-def _moved(fit: MovingFit, step: np.ndarray) -> MovingFit:
-    """The fit with its pose moved by ``[dtheta, dbeta]``."""
-    R, t = fit.R_cam1_from_cam0.copy(), fit.direction_cam1_from_cam0.copy()
-    apply_step(R, t, step)
-    return replace(fit, R_cam1_from_cam0=R, direction_cam1_from_cam0=t)
+def _beside(
+    matches: Matches, fit: MovingFit, covariance: np.ndarray, step: np.ndarray
+) -> np.ndarray:
+    """Covariance (5, 5) if the right pose is ``step`` (5,) beside that of the fit.
 
-
-def _turn_between(fit: MovingFit, moved: MovingFit) -> np.ndarray:
-    """Coordinates (2, 2) in the tangent basis of one direction of the basis of another nearby."""
-    basis, other = np.empty((2, 3, 2))
-    tangent_basis(fit.direction_cam1_from_cam0, basis)
-    tangent_basis(moved.direction_cam1_from_cam0, other)
-    return basis.T @ other
+    Very large where hardly anything is signal then.
+    """
+    there = np.empty((5, 5))
+    if covariance_beside(
+        matches.pairs,
+        fit.prior,
+        fit.R_cam1_from_cam0,
+        fit.direction_cam1_from_cam0,
+        fit.noise.array,
+        clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
+        _sure(fit),
+        SIGNAL,
+        step,
+        there,
+    ):
+        return there
+    return (1.0 + MOST_GROWTH) * covariance
 
 
 def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
