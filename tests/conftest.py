@@ -12,6 +12,17 @@ from hypothesis import settings
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.load_profile("same")
 
+# Compiled, unsigned words wrap around, 1 / 0 is infinite and infinity minus infinity is NaN; where
+# kernels are interpreted, NumPy's scalars do the same with a warning.
+OF_KERNELS = r"ignore:(overflow|divide by zero|invalid value) encountered:RuntimeWarning"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let kernels compute without warnings when they are not compiled."""
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        for item in items:
+            item.add_marker(pytest.mark.filterwarnings(OF_KERNELS))
+
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:

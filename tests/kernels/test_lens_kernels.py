@@ -6,7 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
-from farpoint._kernels.lens import distort, invert_projection, pinhole_ray_jacobian, undistort
+from farpoint._kernels.lens import (
+    distort,
+    invert_projection,
+    pinhole_ray_jacobian,
+    pinhole_rays,
+    undistort,
+)
 
 K = np.array([0.9, 0.2, 1e-3, -5e-4, 0.02, 1.2, 0.4, 0.05, 1e-3, -2e-3, 5e-4, 1e-3])
 
@@ -57,6 +63,15 @@ def test_distorts_as_opencv_does_and_back() -> None:
     assert 100 < seen.sum() < 200
     np.testing.assert_allclose(back[:, seen], np.stack([x, y])[:, seen], rtol=0, atol=1e-10)
     assert np.isnan(back[:, ~seen]).all()
+
+
+def test_rays_of_a_pinhole() -> None:
+    pixels = np.array([[320.0, 240.0], [820.0, -160.0], [np.nan, 0.0], [0.0, np.inf]])
+    rays = np.empty((4, 3))
+    pinhole_rays(pixels, 500.0, 400.0, 320.0, 240.0, rays)
+    expected = [[0.0, 0.0, 1.0], np.array([1.0, -1.0, 1.0]) / np.sqrt(3.0)]
+    np.testing.assert_allclose(rays[:2], expected, rtol=0, atol=1e-15)
+    assert np.isnan(rays[2:]).all()
 
 
 @pytest.mark.parametrize(("point", "seen"), [((0.5, 0.2, 1), True), ((2, 0, 1), False)])

@@ -243,6 +243,7 @@ def test_few_steps_come_near_the_maximum_where_tails_are_heavy():
     assert np.mean(short) < 1.6
 
 
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="takes half a minute")
 def test_the_share_of_noise_in_the_information():
     """The Jacobian grows with the flow, and noise along the line is taken for flow."""
     clean = two_views(3, 40, noise_rad=1e-3, baseline_m=0.02)

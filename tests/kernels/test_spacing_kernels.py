@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.spacing import take_places
+from farpoint._kernels.spacing import cover, take_places
 
 REACH = 3
 
@@ -37,3 +37,15 @@ def test_what_is_taken_stays_taken_up_to_the_border() -> None:
     expected[:3, 5:] = True
     np.testing.assert_array_equal(taken, expected)
     assert take_places(np.array([[5, 2]]), taken, 2, 5, kept) == 0
+
+
+def test_every_place_that_is_covered_takes_its_surroundings() -> None:
+    rng = np.random.default_rng(1)
+    places, taken = rng.integers(0, [40, 30], (12, 2)), np.zeros((30, 40), bool)
+    taken[0, 0] = True
+    cover(places, taken, REACH)
+    rows, columns = np.indices(taken.shape)
+    apart = np.abs(np.stack([columns, rows], axis=-1)[:, :, None] - places).max(axis=-1)
+    expected = apart.min(axis=-1) <= REACH
+    expected[0, 0] = True
+    np.testing.assert_array_equal(taken, expected)

@@ -186,10 +186,11 @@ def test_the_kernel_computes_what_plain_numpy_computes(warp):
     image0 = photo(scene.grey(), 1, rng)
     image1 = photo(scene.grey(shift=(1.2, 0.3), scale=1.04, gain=1.1), 1, rng)
     points0, _, start = starts(scene, image0, rng, shift=(1.2, 0.3), scale=1.04)
+    points0, start = points0[:12], start[:12]  # few enough to be refined without the compiler
     options = RefinementOptions(max_iterations=60, tolerance_px=1e-6, noise_floor=1e-3)
     warps = np.tile(warp, (len(points0), 1, 1))
     points1, covariance_px2, _, windows = refine(image0, image1, points0, start, options, warps)
-    for k in range(12):
+    for k in range(len(points0)):
         point, covariance, shape, bending = oracle(
             image0 / 1.0, image1 / 1.0, points0[k], start[k], options, warp
         )
