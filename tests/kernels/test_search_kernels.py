@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from kernels_kit import View, moved, packed, rays_only, two_views
 
 from farpoint._kernels import five_rays, search, twins
+from farpoint._kernels.contest import EQUAL, NO_RIVAL, RIVAL
 from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=30, deadline=None)
@@ -47,9 +48,9 @@ def iterations_needed(
     most: int = 10**6,
     *,
     flow_rad: float = 0.0,
-    contested: bool = True,
+    contest: np.int64 = RIVAL,
 ) -> int:
-    return five_rays.iterations_needed(wrong, flow_rad, contested, confidence, least, most)
+    return five_rays.iterations_needed(wrong, flow_rad, contest, confidence, least, most)
 
 
 def constraints(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -165,18 +166,22 @@ def test_the_direction_is_found_among_wrong_matches(wrong):
 
 
 @quick
-@given(wrong=st.floats(0.0, 0.85), confidence=st.sampled_from([0.9, 0.99, 0.9999]))
-def test_the_stop_rule_keeps_its_confidence(wrong, confidence):
-    # A sample of five hits when none is wrong and, not often, when it converges.
-    hit = five_rays.CONTESTED_HIT * (1.0 - wrong) ** 5
-    needed = iterations_needed(wrong, confidence)
+@given(
+    wrong=st.floats(0.0, 0.85),
+    confidence=st.sampled_from([0.9, 0.99, 0.9999]),
+    contest=st.sampled_from([(RIVAL, 1 / 4), (EQUAL, 1 / 16)]),
+)
+def test_the_stop_rule_keeps_its_confidence(wrong, confidence, contest):
+    # A sample of five hits when none is wrong and, not every time, when it converges.
+    hit = contest[1] * (1.0 - wrong) ** 5
+    needed = iterations_needed(wrong, confidence, contest=contest[0])
     assert 1.0 - (1.0 - hit) ** needed >= confidence - 1e-9
     # One round fewer misses the confidence, up to the rounding up.
     assert 1.0 - (1.0 - hit) ** (needed - 2) <= confidence + 1e-9
 
 
 def test_the_stop_rule_keeps_to_its_bounds():
-    assert iterations_needed(0.0, 0.99, 90, 2000) == 90
+    assert iterations_needed(0.0, 0.99, 24, 2000) == 24
     assert iterations_needed(0.7, 0.99, 24, 2000) > 1000
     assert iterations_needed(0.9, 0.99, 24, 2000) == 2000
     assert iterations_needed(1.0, 0.99, 24, 2000) == 2000
@@ -196,7 +201,7 @@ def test_a_start_without_a_rival_needs_fewer_samples():
     for wrong in (0.2, 0.5):
         doubt = five_rays.START_DOUBT / (1.0 - wrong) ** 2
         hit = 0.5 / (1.0 + doubt) * (1.0 - wrong) ** 5
-        needed = iterations_needed(wrong, 0.999, contested=False)
+        needed = iterations_needed(wrong, 0.999, contest=NO_RIVAL)
         # Together, the start and the samples miss the pose with the probability that was asked for.
         assert doubt * (1.0 - hit) ** needed <= 0.001
         assert doubt * (1.0 - hit) ** (needed - 2) >= 0.001

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from farpoint._kernels import five_rays, search
+from farpoint._kernels.contest import EQUAL, NEAR, NO_RIVAL, RIVAL
 
 FLOW, CONFIDENCE, MATCHES = 0.01, 0.99, 60
 
@@ -17,22 +18,33 @@ def interpreted(kernel: Callable) -> Callable:
     return getattr(kernel, "py_func", kernel)
 
 
-def needed(wrong: float, contested: bool, least: int = 0, most: int = 10**6) -> int:
-    return interpreted(five_rays.iterations_needed)(wrong, FLOW, contested, CONFIDENCE, least, most)
+def needed(wrong: float, contest: np.int64) -> int:
+    return interpreted(five_rays.iterations_needed)(wrong, FLOW, contest, CONFIDENCE, 0, 10**6)
 
 
 @pytest.fixture
 def drawn(monkeypatch):
-    """Samples that a search draws whose ``rivals`` (number of the sample) win, and show this share
-    of ``wrong`` matches from then on.
+    """Samples that a search draws if some (by their number) are a rival of the best or its equal,
+    better by so much, and show this share of ``wrong`` matches from then on.
     """
 
-    def run(wrong: list[float], rivals: tuple[int, ...] = (), least: int = 0, most: int = 10**6):
+    def run(
+        wrong: list[float],
+        contests: dict[int, tuple[np.int64, float]] | None = None,
+        least: int = 0,
+        most: int = 10**6,
+    ) -> int:
         samples: list[int] = []
         shares = iter(wrong)
+
+        def challenge(_matches, _challenger, best):
+            contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
+            best.cost[0] -= gain
+            return contest
+
         mocks = {
             "_draw_distinct": lambda *_: samples.append(len(samples) + 1),
-            "challenge": lambda *_: bool(samples) and samples[-1] in rivals,
+            "challenge": challenge,
             "unexplained": lambda *_: next(shares),
             "_typical_flow": lambda *_: FLOW,
             "iterations_needed": interpreted(five_rays.iterations_needed),
@@ -60,27 +72,39 @@ def drawn(monkeypatch):
 
 @pytest.mark.parametrize("wrong", [0.0, 0.3, 0.6])
 def test_without_a_rival_the_first_share_of_wrong_matches_decides(drawn, wrong):
-    assert drawn([wrong]) == needed(wrong, contested=False)
+    assert drawn([wrong]) == needed(wrong, contest=NO_RIVAL)
 
 
 def test_a_rival_asks_for_the_samples_of_a_search_that_knows_nothing(drawn):
-    assert needed(0.4, contested=True) > 2 * needed(0.4, contested=False) > 4
-    assert drawn([0.4, 0.4], rivals=(2,)) == needed(0.4, contested=True)
+    assert needed(0.4, contest=RIVAL) > 2 * needed(0.4, contest=NO_RIVAL) > 4
+    assert drawn([0.4, 0.4], {2: (RIVAL, 0.0)}) == needed(0.4, contest=RIVAL)
+
+
+def test_an_equal_asks_for_four_times_as_many(drawn):
+    assert needed(0.4, contest=EQUAL) == pytest.approx(4 * needed(0.4, contest=RIVAL), rel=0.1)
+    assert drawn([0.4, 0.4], {2: (EQUAL, 5.0)}) == needed(0.4, contest=EQUAL)
+    # A rival since does not make it any less.
+    assert drawn([0.4, 0.4, 0.4], {2: (EQUAL, 5.0), 3: (RIVAL, 1.0)}) == needed(0.4, EQUAL)
+
+
+def test_what_came_near_a_poor_pose_is_no_equal_of_a_much_better_one(drawn):
+    contests = {2: (EQUAL, 5.0), 3: (RIVAL, NEAR + 1.0)}
+    assert drawn([0.4, 0.4, 0.4], contests) == needed(0.4, contest=RIVAL)
 
 
 def test_a_better_pose_changes_what_is_needed(drawn):
-    assert needed(0.2, contested=True) > 3
-    assert drawn([0.5, 0.2], rivals=(3,)) == needed(0.2, contested=True)
-    assert drawn([0.2, 0.5], rivals=(1,)) == needed(0.5, contested=True)
+    assert needed(0.2, contest=RIVAL) > 3
+    assert drawn([0.5, 0.2], {3: (RIVAL, 0.0)}) == needed(0.2, contest=RIVAL)
+    assert drawn([0.2, 0.5], {1: (RIVAL, 0.0)}) == needed(0.5, contest=RIVAL)
 
 
 def test_a_search_that_has_drawn_enough_already_stops_at_once(drawn):
-    late = needed(0.1, contested=True) + 2
-    assert needed(0.6, contested=False) > late
-    assert drawn([0.6, 0.1], rivals=(late,)) == late
+    late = needed(0.1, contest=RIVAL) + 2
+    assert needed(0.6, contest=NO_RIVAL) > late
+    assert drawn([0.6, 0.1], {late: (RIVAL, 0.0)}) == late
 
 
 def test_the_bounds_hold_whatever_is_wrong(drawn):
     assert drawn([0.0], least=16) == 16
     assert drawn([1.0], most=40) == 40
-    assert drawn([0.9, 0.9], rivals=(1,), most=25) == 25
+    assert drawn([0.9, 0.9], {1: (RIVAL, 0.0)}, most=25) == 25

@@ -23,8 +23,12 @@ from farpoint._kernels.squares import determinant_beside_one, promise, solve_fiv
 from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
 
 __all__ = [
+    "EQUAL",
     "GATE_SIGMA",
+    "NEAR",
+    "NO_RIVAL",
     "REFINEMENTS",
+    "RIVAL",
     "START_POOR",
     "START_WRONG",
     "Matches",
@@ -38,9 +42,13 @@ __all__ = [
 
 # A residual beyond three sigma supports no hypothesis.
 GATE_SIGMA = 3.0
-# Log likelihood to which hypotheses are refined, and up to which a worse one is a rival.
+# Log likelihood to which hypotheses are refined, and up to which two come near each other.
 COARSE = 0.1
-RIVAL = 30.0
+NEAR = 30.0
+# What a hypothesis was to the best pose: nothing, a rival, or one as good and of another direction.
+NO_RIVAL, RIVAL, EQUAL = (np.int64(contest) for contest in range(3))
+# Cosine of the angle from which on two directions are two motions.
+ELSEWHERE = 0.94
 # Gain of a refinement over what its first step promises, at the most.
 PROMISES = 4.0
 # Steps of a refinement. Of a type of its own: for a plain number numba would compile it anew.
@@ -211,7 +219,7 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
     if not solve_five_spd(normal, 0.0, x):
         return False
     gain, length2 = promise(normal, x)
-    if not cost - PROMISES * gain < best.cost[0] + RIVAL:
+    if not cost - PROMISES * gain < best.cost[0] + NEAR:
         return False
     R, t = scratch(3, 3), scratch(3)
     copy(challenger.R, R)
@@ -221,22 +229,28 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
 
 
 @inner_kernel
-def challenge(matches: Matches, challenger: Pose, best: Pose) -> bool:
-    """Refine a hypothesis that may compete, and keep it if it is better; whether it was a rival."""
+def challenge(matches: Matches, challenger: Pose, best: Pose) -> np.int64:
+    """Refine a hypothesis that may compete, and keep it if it is better.
+
+    Returns `NO_RIVAL`; or `RIVAL` if it comes near the best, or is better; or `EQUAL` if the two
+    come near each other and their directions do not.
+    """
     if not _may_compete(matches, challenger, best):
-        return False
+        return NO_RIVAL
     refine(matches, GLANCE, challenger)
     if _is_same(challenger.R, challenger.t, best):
-        return False
+        return NO_RIVAL
     refine(matches, REFINEMENTS, challenger)
-    if not challenger.cost[0] < best.cost[0] + RIVAL:
-        return False
+    if not challenger.cost[0] < best.cost[0] + NEAR:
+        return NO_RIVAL
     if _is_same(challenger.R, challenger.t, best):
-        return False
+        return NO_RIVAL
+    cosine = challenger.t[0] * best.t[0] + challenger.t[1] * best.t[1] + challenger.t[2] * best.t[2]
+    contest = EQUAL if cosine < ELSEWHERE and best.cost[0] < challenger.cost[0] + NEAR else RIVAL
     if challenger.cost[0] < best.cost[0] and not _is_twisted(matches, challenger):
         copy(challenger.R, best.R)
         copy(challenger.t, best.t)
         copy(challenger.mixture, best.mixture)
         copy(challenger.normal, best.normal)
         copy(challenger.cost, best.cost)
-    return True
+    return contest

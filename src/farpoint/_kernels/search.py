@@ -9,7 +9,10 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import (
     GATE_SIGMA,
+    NEAR,
+    NO_RIVAL,
     REFINEMENTS,
+    RIVAL,
     Matches,
     Pose,
     challenge,
@@ -20,7 +23,7 @@ from farpoint._kernels.contest import (
 )
 from farpoint._kernels.direction import intersect_circles
 from farpoint._kernels.five_rays import LONG_FLOW, iterations_needed, score_pose, solve_five
-from farpoint._kernels.formulas import formula, lesser
+from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.linear import apply_rotation_step, draw_direction, draw_index, draw_unit
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
@@ -154,10 +157,10 @@ def search_pose(
     copy(t, other.t)
     lowest = score_pose(pairs, prior, R, other.t, limit, math.inf)
     wrong = unexplained(matches, best, tolerance)
-    rivals = 0
+    contest = NO_RIVAL
     iteration = 0
     while iteration < iterations_needed(
-        wrong, flow, rivals > 0, confidence, min_iterations, max_iterations
+        wrong, flow, contest, confidence, min_iterations, max_iterations
     ):
         iteration += 1
         _draw_distinct(sample, count, state)
@@ -177,8 +180,12 @@ def search_pose(
             continue
         lowest = lesser(raw, lowest)
         noise_of(matches, best, tolerance, other.mixture)
-        if challenge(matches, other, best):
-            rivals += 1
+        before = best.cost[0]
+        outcome = challenge(matches, other, best)
+        if outcome != NO_RIVAL:
+            # What came near the best so far was no rival of a much better one.
+            far_better = best.cost[0] < before - NEAR
+            contest = RIVAL if far_better else greater(contest, outcome)
             wrong = unexplained(matches, best, tolerance)
     for twin in range(2):
         twins[twin] = False
@@ -189,7 +196,7 @@ def search_pose(
             found = layer_twin(pairs, count, gate, R, t, other.R, other.t)
         if found:
             copy(mixture, other.mixture)
-            twins[twin] = challenge(matches, other, best)
+            twins[twin] = challenge(matches, other, best) != NO_RIVAL
     return iteration
 
 
