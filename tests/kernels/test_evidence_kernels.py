@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from farpoint._kernels import evidence, plausible
 from farpoint._kernels.compile import kernel
-from farpoint.geometry import so3
+from farpoint.geometry import so3, sphere
 
 
 @kernel
@@ -63,6 +63,14 @@ def test_matches_are_counted_from_the_rotation_that_fits_them_best():
     view = shaken(two_views(1, 60, baseline_m=0.0), 1)
     off = view._replace(R=so3.exp(np.array([0.02, -0.01, 0.02])) @ view.R)  # 30 sigma
     assert beyond(off, np.ones(60), 6.0) == (0, 60)
+
+
+def test_the_other_rotation_counts_where_wrong_matches_drag_the_least_squares_away():
+    view = shaken(two_views(1, 60, baseline_m=0.0), 1)
+    view.rays1[:12] = sphere.normalize(view.rays1[:12] + np.array([0.0, 0.3, 0.0]))
+    off, right = so3.exp(np.array([0.02, -0.01, 0.02])) @ view.R, packed(np.ones(60))
+    assert evidence.count_beyond_rotation(view.pairs, right, off, view.R, 6.0) == (12, 60)
+    assert evidence.count_beyond_rotation(view.pairs, right, off, off, 6.0)[0] > 40
 
 
 def test_where_no_match_is_right_none_is_counted():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernels_kit import packed, two_views
+from kernels_kit import moved, packed, two_views
 
 from farpoint._kernels.motion import fit_motion, settle_motion
 from farpoint._kernels.pairs import take_pairs
@@ -64,16 +64,17 @@ def test_wrong_matches_are_told_apart():
     assert settled[4] == np.count_nonzero(right > 0.5)
 
 
-def test_a_motion_that_is_settled_again_stays():
+def test_a_motion_that_is_a_little_off_is_settled_where_it_was_found():
     view = two_views(4, 200, noise_rad=1e-3, error_rad=1e-3)
     R, t, mixture, _, before, told = found(view)
-    R2, t2, told2 = R.copy(), t.copy(), told_of(view)
+    off_R, off_t = moved(R, t, np.array([1e-3, -1e-3, 1e-3, 0.02, -0.02]))
+    told2 = told_of(view)
     after = settle_motion(
         view.pairs, view.size, view.pairs, view.size, SPREAD, 1e-6,
-        np.eye(3), R2, t2, mixture.copy(), *told2,
+        np.eye(3), off_R, off_t, mixture.copy(), *told2,
     )  # fmt: skip
-    assert so3.angle_between(R, R2) < 1e-5
-    np.testing.assert_allclose(t2, t, atol=1e-4)
+    assert so3.angle_between(R, off_R) < 1e-4
+    np.testing.assert_allclose(off_t, t, atol=1e-3)
     assert after[0] == pytest.approx(before[0], abs=0.1)
     assert (told2[5] == told[5]).mean() > 0.98
 
@@ -81,6 +82,8 @@ def test_a_motion_that_is_settled_again_stays():
 def test_of_many_matches_every_so_manieth_is_searched():
     view = two_views(5, 96, noise_rad=1e-3)
     rows = np.arange(48) * 96 // 48
+    # Wrong are some of those that are not searched.
+    view.rays1[1:24:2] = np.roll(view.rays1[1:24:2], 1, axis=0)
     some = np.empty_like(view.pairs[: len(view.pairs) // 2])
     take_pairs(view.pairs, rows, some)
     told = [np.full(48, np.nan), *told_of(view)[1:]]
@@ -90,7 +93,7 @@ def test_of_many_matches_every_so_manieth_is_searched():
         np.array([0], np.uint64), far_R, R, t, mixture, np.zeros(2, np.bool_), *told,
     )  # fmt: skip
     assert t @ view.t > 0.999
-    assert settled[1] == 96
+    assert 84 <= settled[1] < 90
     assert settled[4] == 48
 
 

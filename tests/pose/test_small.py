@@ -26,7 +26,15 @@ def test_the_inverse_of_a_covariance():
 
 
 @pytest.mark.parametrize(
-    "diagonal", [(1.0, 1.0, 0.0), (1.0, -1.0, -1.0), (np.inf, 1.0, 1.0), (np.nan, 1.0, 1.0)]
+    "diagonal",
+    [
+        (1.0, 1.0, 0.0),
+        (1.0, -1.0, -1.0),
+        (-1.0, -1.0, 1.0),
+        (np.inf, 1.0, 1.0),
+        (np.nan, 1.0, 1.0),
+        (1e103, 1e103, 1e103),
+    ],
 )
 def test_what_has_no_inverse_has_none(diagonal):
     assert inverse_three(np.diag(diagonal)) is None
