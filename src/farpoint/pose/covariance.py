@@ -23,8 +23,9 @@ LEAST_SIGNAL = 0.05
 # Matches whose residuals weigh as much as the noise that was found, in saying how the gradient
 # varies: few residuals tell little of it.
 STATED = 60.0
-# Up to this sigma of the direction, rad, all poses that the covariance allows tell about the same.
-STRAIGHT_SIGMA = math.radians(1.0)
+# Up to this sigma of the direction over both axes, rad, all poses that the covariance allows tell
+# about the same.
+STRAIGHT_SIGMA = math.radians(1.5)
 # How much larger than the covariance of one pose the mean over all may be.
 MOST_GROWTH = 8.0
 # Information of one radian on the direction, none on the rotation: the sphere is bounded.
