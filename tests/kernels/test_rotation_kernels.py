@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernels_kit import View, gradient, packed, two_views
 
-from farpoint._kernels import rotation
+from farpoint._kernels import rotation, rotation_residual, rotation_search
 from farpoint._kernels.likelihood import POOR
 from farpoint._kernels.pairs import packed_length
 from farpoint.geometry import so3, sphere
@@ -37,19 +37,19 @@ class Linearized:
 
 def distance2(view: View, R: np.ndarray) -> np.ndarray:
     out = packed(np.full(view.size, np.nan))
-    rotation.rotation_distance2(view.pairs, R, out)
+    rotation_residual.rotation_distance2(view.pairs, R, out)
     return out[: view.size]
 
 
 def search(view: View, tolerance: float, seed: int = 0, limit: int = 300) -> np.ndarray:
     R, state = np.full((3, 3), np.nan), np.array([seed], np.uint64)
-    rotation.search_rotation(view.pairs, view.size, tolerance, limit, state, R)
+    rotation_search.search_rotation(view.pairs, view.size, tolerance, limit, state, R)
     return R
 
 
 def enlarge(view: View, tolerance: float, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     R, consistent = R.copy(), np.empty(view.size, bool)
-    count = rotation.enlarge_rotation(view.pairs, view.size, tolerance, R, consistent)
+    count = rotation_search.enlarge_rotation(view.pairs, view.size, tolerance, R, consistent)
     assert count == np.count_nonzero(consistent)
     return R, consistent
 

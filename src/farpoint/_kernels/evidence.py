@@ -9,7 +9,8 @@ import numpy as np
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.formulas import lesser, whole
 from farpoint._kernels.linear import apply_rotation_step
-from farpoint._kernels.rotation import count_beyond, rotation_linearize
+from farpoint._kernels.rotation import rotation_linearize
+from farpoint._kernels.rotation_residual import count_beyond
 from farpoint._kernels.scratch import scratch
 from farpoint._kernels.squares import solve_three_spd
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.rotation import enlarge_rotation, search_rotation
+from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint.pose.matches import Matches
 
 __all__ = ["FarRotation", "far_rotation"]

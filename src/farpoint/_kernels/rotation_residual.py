@@ -1,0 +1,91 @@
+"""How far a ray is from where a rotation turns the other, in units of the noise of both."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint._kernels.compile import kernel, sum_kernel
+from farpoint._kernels.formulas import formula, root
+from farpoint._kernels.pairs import LANES, PANEL, noise0, noise1, ray0, ray1
+from farpoint._kernels.vectors import (
+    Matrix,
+    combine,
+    cross,
+    dot,
+    matrix,
+    rotate,
+    rotate_back,
+    tangent_columns,
+)
+
+__all__ = ["count_beyond", "rotation_distance2", "whitened_turn"]
+
+Row = tuple[float, float, float, float]
+
+
+@formula
+def _tangent_residual(
+    pairs: np.ndarray, at: int, R: Matrix
+) -> tuple[tuple, tuple, float, float, float, float, float]:
+    """Basis ``E`` of the plane at ``b``, ``E^T (b - R a)``, its covariance for unit noise."""
+    m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
+    d = combine(1.0, b, -1.0, m)
+    first, second = tangent_columns(b)
+    x, y = (
+        combine(1.0, noise1(pairs, at, e), 1.0, rotate(R, noise0(pairs, at, rotate_back(R, e))))
+        for e in (first, second)
+    )
+    return (
+        first,
+        second,
+        dot(first, d),
+        dot(second, d),
+        dot(first, x),
+        dot(second, x),
+        dot(second, y),
+    )
+
+
+@formula
+def _square(pairs: np.ndarray, at: int, R: Matrix) -> float:
+    """Squared Mahalanobis distance of ``b`` from ``R a``."""
+    _, _, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
+    return (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / (s00 * s11 - s01 * s01)
+
+
+@formula
+def whitened_turn(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row, Row]:
+    """Squared distance, and Jacobian and residual in axes in which their noise is 1 and round."""
+    first, second, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
+    m = rotate(R, ray0(pairs, at))
+    # d(b - R a) = m x dtheta, so the rows of J = E^T [m]x are e x m.
+    j, k = cross(first, m), cross(second, m)
+    scale0, slope = 1.0 / root(s00), s01 / s00
+    scale1 = 1.0 / root(s11 - slope * s01)
+    u, v = scale0 * z0, scale1 * (z1 - slope * z0)
+    rest = combine(scale1, k, -scale1 * slope, j)
+    return u * u + v * v, (scale0 * j[0], scale0 * j[1], scale0 * j[2], u), (*rest, v)
+
+
+@kernel
+def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
+    """Squared Mahalanobis distances ``out`` of ``b`` from ``R a``, in units of the noise.
+
+    Two degrees of freedom each where translation is absent.
+    """
+    turn = matrix(R)
+    for panel in range(out.size // LANES):
+        for lane in range(LANES):
+            out[panel * LANES + lane] = _square(pairs, panel * PANEL + lane, turn)
+
+
+@sum_kernel
+def count_beyond(pairs: np.ndarray, right: np.ndarray, R: np.ndarray, limit: float) -> float:
+    """How many of the right matches (those of 1) have a squared distance beyond ``limit``."""
+    turn = matrix(R)
+    beyond = 0.0
+    for panel in range(right.size // LANES):
+        for lane in range(LANES):
+            square = _square(pairs, panel * PANEL + lane, turn)
+            beyond += right[panel * LANES + lane] if square > limit else 0.0
+    return beyond

@@ -1,0 +1,143 @@
+"""Rotation of the far matches: consensus over samples of three rays, and what agrees with it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import kernel, sum_kernel
+from farpoint._kernels.formulas import formula, lesser, sum_formula, whole
+from farpoint._kernels.linear import add_outer, draw_index, kabsch
+from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
+from farpoint._kernels.scratch import clear, copy, scratch
+from farpoint._kernels.vectors import Matrix, Vector, combine, dot, matrix, rotate
+
+__all__ = ["enlarge_rotation", "search_rotation"]
+
+
+@formula
+def _distance2(pairs: np.ndarray, at: int, R: Matrix) -> float:
+    """``|b - R a|^2`` in units of the noise of one coordinate (isotropic)."""
+    d = combine(1.0, ray1(pairs, at), -1.0, rotate(R, ray0(pairs, at)))
+    return dot(d, d) / flow_variance(pairs, at)
+
+
+@sum_kernel
+def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float, best: float) -> float:
+    """Sum of the squared distances from a rotation, each at most ``limit``.
+
+    Returns early, with at least ``best``, what is no better.
+    """
+    turn = matrix(R)
+    cost = 0.0
+    for panel in range(pairs.size // PANEL):
+        for lane in range(LANES):
+            cost += lesser(_distance2(pairs, panel * PANEL + lane, turn), limit)
+        if cost >= best:
+            return cost
+    return cost
+
+
+@kernel
+def search_rotation(
+    pairs: np.ndarray,
+    count: int,
+    tolerance: float,
+    max_iterations: int,
+    state: np.ndarray,
+    R: np.ndarray,
+) -> int:
+    """Consensus over rotations from three rays each (eqs. 7-13 of the paper); returns iterations.
+
+    Minimises the truncated squares ``sum min(|b - R a|^2 / variance, tolerance^2)`` of the
+    ``count`` matches. Stops when with 99.9 % one sample of consistent rays has been drawn. ``R``
+    receives the best rotation.
+    """
+    limit = tolerance * tolerance
+    hypothesis, M = scratch(3, 3), scratch(3, 3)
+    best = math.inf
+    needed = max_iterations
+    iteration = 0
+    while iteration < needed:
+        iteration += 1
+        clear(M)
+        for _ in range(3):
+            at = address(draw_index(state, count))
+            add_outer(ray1(pairs, at), ray0(pairs, at), 1.0, M)
+        if not kabsch(M, hypothesis):
+            continue
+        cost = _truncated_squares(pairs, hypothesis, limit, best)
+        if cost < best:
+            best = cost
+            copy(hypothesis, R)
+            share = 1.0 - best / (limit * count)
+            miss = 1.0 - share * share * share
+            if 1e-3 < miss < 1.0:
+                needed = lesser(max_iterations, whole(math.log(1e-3) / math.log(miss)) + 1)
+            elif miss <= 1e-3:
+                break
+    return iteration
+
+
+@sum_kernel
+def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) -> float:
+    """``M = sum b a^T / variance`` over the matches within ``limit`` of a rotation; their number.
+
+    Those that fill up the panels agree with any rotation and weigh nothing.
+    """
+    turn = matrix(R)
+    inside = 0.0
+    sums = (0.0,) * 9
+    for panel in range(pairs.size // PANEL):
+        for lane in range(LANES):
+            at = panel * PANEL + lane
+            agrees = 1.0 if _distance2(pairs, at, turn) <= limit else 0.0
+            inside += agrees
+            weight = agrees / flow_variance(pairs, at)
+            sums = _add_product(sums, weight, ray1(pairs, at), ray0(pairs, at))
+    _write_rows(sums, M)
+    return inside
+
+
+@sum_formula
+def _add_product(sums: tuple, weight: float, b: Vector, a: Vector) -> tuple:
+    """``sums + weight b a^T``, by rows."""
+    terms = [weight * y * x for y in b for x in a]
+    return tuple(so_far + term for so_far, term in zip(sums, terms, strict=True))
+
+
+@formula
+def _write_rows(elements: tuple, M: np.ndarray) -> None:
+    """Write a matrix (3, 3)."""
+    for i, element in enumerate(elements):
+        M[i // 3, i % 3] = element
+
+
+@kernel
+def enlarge_rotation(
+    pairs: np.ndarray, count: int, tolerance: float, R: np.ndarray, consistent: np.ndarray
+) -> int:
+    """Enlarge the consistent set step by step, re-fitting after each; returns its size.
+
+    The set grows from half the tolerance to all of it: a rotation from three noisy rays is off by
+    about as much as the far points that it should recognise. ``consistent`` (count,) receives
+    whether a match belongs to it; ``R`` is improved in place.
+    """
+    M = scratch(3, 3)
+    filled_up = pairs.size // PANEL * LANES - count
+    limit = tolerance * tolerance
+    size = 0
+    for step in range(12):
+        previous = size
+        part = lesser(1.0, 0.5 + 0.125 * step)
+        within = limit * part * part
+        size = whole(_correlate(pairs, R, within, M)) - filled_up
+        if step > 4 and size == previous:
+            break
+        if size < 2 or not kabsch(M, R):
+            break
+    turn = matrix(R)
+    for i in range(count):
+        consistent[i] = _distance2(pairs, address(i), turn) <= limit
+    return size
