@@ -20,6 +20,11 @@ __all__ = ["Settled", "fit_motion", "settle_motion"]
 START_SAMPLES = np.int64(50)
 # With fewer matches that the rotation does not explain, all may carry translation.
 MIN_FLOWING = 8
+# Matches that a rotation from three of them explains by itself.
+OWN = 3
+# How much farther off matches may be where no others agree, each time, and how often.
+WIDER = 4.0
+WIDENINGS = 8
 # What parallax is plausible is learnt from the fit, and the fit from what is plausible.
 PARALLAX_ROUNDS = 2
 # Log likelihood to which the result is refined: a thirtieth of a sigma.
@@ -62,8 +67,9 @@ def fit_motion(
     of all ``count`` matches in ``pairs``, every so manieth.
 
     The search, as of `search.search_pose`, starts at the rotation of the far matches, which
-    ``far_R`` (3, 3), the identity at first, receives. The other matches may carry translation, and
-    where few are left, all may.
+    ``far_R`` (3, 3), the identity at first, receives; where there are none, at the rotation that
+    most matches roughly agree on. The other matches may carry translation, and where few are left,
+    all may.
     """
     _leave_out_none(searched_prior, searched_count)
     candidates = _candidates(searched, searched_count, tolerance, state, far_R)
@@ -123,7 +129,10 @@ def _candidates(
     flowing = 0
     for i in range(count):
         flowing += 0 if consistent[i] else 1
-    few = flowing < MIN_FLOWING
+    lost = count - flowing <= OWN
+    if lost:
+        _widen(pairs, count, tolerance, state, far_R, consistent)
+    few = lost or flowing < MIN_FLOWING
     candidates = index_room(count if few else flowing)
     taken = 0
     for i in range(count):
@@ -131,6 +140,27 @@ def _candidates(
             candidates[taken] = i
             taken += 1
     return candidates
+
+
+@inner_kernel
+def _widen(
+    pairs: np.ndarray,
+    count: int,
+    tolerance: float,
+    state: np.ndarray,
+    far_R: np.ndarray,
+    consistent: np.ndarray,
+) -> None:
+    """Rotation that most matches roughly agree on: the start where none are far.
+
+    Hardly any agree within the noise then, and the best rotation of three rays may be any.
+    """
+    within = tolerance
+    for _ in range(WIDENINGS):
+        within *= WIDER
+        search_rotation(pairs, count, within, START_SAMPLES, state, far_R)
+        if 2 * enlarge_rotation(pairs, count, within, far_R, consistent) > count:
+            break
 
 
 @kernel

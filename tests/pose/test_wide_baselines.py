@@ -1,0 +1,69 @@
+"""Large turns and wide baselines without any far point: the start is no rotation of any point.
+
+The rotation that most rays agree with is then any, up to half a turn off, and a search that starts
+there may find nothing: 6 of the first 40 scenes failed, and 1 of the second.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from pose_kit import direction_error, estimate, point_scene, rotation_error
+
+from farpoint import Camera, PoseStatus, RelativePoseOptions
+from farpoint.geometry import so3, sphere
+from farpoint.pose.fits import fit_moving
+from farpoint.pose.matches import matches_from_points
+from farpoint.synthetic import PointScene, paper_camera
+
+WIDE = Camera.pinhole(1280, 960, 500.0, 500.0, 639.5, 479.5)
+
+
+def near_scenes(
+    camera: Camera, baseline_m: float, turn_deg: float, matches: int, outliers: int, count: int = 40
+) -> list[PointScene]:
+    """Scenes of near points alone; the camera turns and moves by as much, about any axis."""
+    rng = np.random.default_rng(3)
+    scenes = []
+    for seed in range(count):
+        turn, move = sphere.normalize(rng.normal(size=(2, 3)))
+        scenes.append(
+            point_scene(
+                seed,
+                camera=camera,
+                matches=matches,
+                outliers=outliers,
+                far_share=0.0,
+                near_range_m=(1.5, 4.0),
+                rotation_vector_rad=tuple(math.radians(turn_deg) * turn),
+                translation_m=tuple(baseline_m * move),
+                noise_px=0.3,
+            )
+        )
+    return scenes
+
+
+@pytest.mark.parametrize(
+    ("camera", "baseline_m", "turn_deg", "matches", "outliers"),
+    [(WIDE, 0.5, 30.0, 160, 96), (paper_camera(), 1.0, 10.0, 90, 30)],
+    ids=["60 % wrong", "baseline of a third of the distance"],
+)
+def test_no_near_scene_is_failed(camera, baseline_m, turn_deg, matches, outliers):
+    for scene in near_scenes(camera, baseline_m, turn_deg, matches, outliers):
+        pose = estimate(scene)
+        assert pose.status is PoseStatus.OK
+        turned = rotation_error(pose, scene.rotation_cam1_from_cam0)
+        assert np.linalg.norm(turned) < math.radians(1.0)
+        direction = scene.direction_cam1_from_cam0
+        assert direction is not None
+        assert np.linalg.norm(direction_error(pose, direction)) < 0.1
+
+
+def test_the_search_starts_within_reach_where_nothing_is_far():
+    for scene in near_scenes(WIDE, 0.5, 30.0, 160, 96):
+        matches = matches_from_points(scene.points0, scene.points1, WIDE, WIDE)
+        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        start = fit.far_rotation_cam1_from_cam0
+        assert so3.angle_between(start, scene.rotation_cam1_from_cam0) < math.radians(30.0)
