@@ -10,7 +10,7 @@ from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance, refine_pose
 from farpoint._kernels.plausible import plausible_parallax
-from farpoint._kernels.rotation import enlarge_rotation, search_rotation
+from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.search import search_pose
 

@@ -13,17 +13,14 @@ from farpoint._kernels.likelihood import POOR, update_mixture, weight_of
 from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.pairs import LANES, PANEL
 from farpoint._kernels.rotation_residual import rotation_distance2, whitened_turn
-from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import scratch
 from farpoint._kernels.squares import FOUR, add_square, solve_three_spd, write_square
 from farpoint._kernels.vectors import matrix
 
 __all__ = [
-    "enlarge_rotation",
     "explain_rotation",
     "refine_rotation",
     "rotation_linearize",
-    "search_rotation",
 ]
 
 
