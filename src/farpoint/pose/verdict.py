@@ -116,7 +116,7 @@ def _bulk_beyond_noise(
     ratio = max(along, 0.0) / n / (across / (n - 3))
     if DIRECTIONS * scipy.special.fdtrc(n, n - 3, ratio) >= rate:
         return 0.0
-    return min(max(2.0 * ratio / matches.doubt - 1.0, 0.0), 1.0) ** 2
+    return min(max(2.0 * ratio / matches.doubt - 1.0, 0.0), 1.0) ** 4
 
 
 def _near_points_agree(fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float) -> bool:
