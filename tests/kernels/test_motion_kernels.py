@@ -20,10 +20,10 @@ def told_of(view):
 
 def found(view, seed: int = 0):
     far_R, R, t, mixture = np.eye(3), np.empty((3, 3)), np.empty(3), np.empty(3)
-    twins, told = np.zeros(2, np.bool_), told_of(view)
-    iterations, settled = fit_motion(
+    told = told_of(view)
+    iterations, _, settled = fit_motion(
         view.pairs, view.size, view.pairs, view.size, 3.0, SPREAD, 1e-6, 0.99, 16, 500,
-        np.array([seed], np.uint64), far_R, R, t, mixture, twins, *told,
+        np.array([seed], np.uint64), far_R, R, t, mixture, *told,
     )  # fmt: skip
     assert np.isfinite(settled).all()
     return R, t, mixture, iterations, settled, told
@@ -88,9 +88,9 @@ def test_of_many_matches_every_so_manieth_is_searched():
     take_pairs(view.pairs, rows, some)
     told = [np.full(48, np.nan), *told_of(view)[1:]]
     R, t, mixture, far_R = np.empty((3, 3)), np.empty(3), np.empty(3), np.eye(3)
-    _, settled = fit_motion(
+    *_, settled = fit_motion(
         some, 48, view.pairs, 96, 3.0, SPREAD, 1e-6, 0.99, 16, 500,
-        np.array([0], np.uint64), far_R, R, t, mixture, np.zeros(2, np.bool_), *told,
+        np.array([0], np.uint64), far_R, R, t, mixture, *told,
     )  # fmt: skip
     assert t @ view.t > 0.999
     assert 84 <= settled[1] < 90

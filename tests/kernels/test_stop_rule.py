@@ -48,21 +48,19 @@ def drawn(monkeypatch):
             "unexplained": lambda *_: next(shares),
             "_typical_flow": lambda *_: FLOW,
             "iterations_needed": interpreted(five_rays.iterations_needed),
-            "intersect_circles": lambda *_: True,
-            "solve_five": lambda *_: True,
+            "_solve_sample": lambda *_: True,
             "score_pose": lambda *_: 1.0,
             "planar_twin": lambda *_: False,
             "layer_twin": lambda *_: False,
         }
-        nothing = "refine", "noise_of", "start_noise", "_step_away", "_longest_flow_first"
-        mocks |= {name: lambda *_: None for name in (*nothing, "search_direction", "copy")}
-        mocks |= {"draw_direction": lambda *_: None}
+        nothing = "refine", "noise_of", "start_noise", "search_direction", "copy"
+        mocks |= {name: lambda *_: None for name in nothing}
         for name, mock in mocks.items():
             monkeypatch.setattr(search, name, mock)
         empty = np.ones(9)
-        told = interpreted(search.search_pose)(
+        told, _ = interpreted(search.search_pose)(
             empty, empty, MATCHES, empty, 3.0, 100.0, 1e-6, CONFIDENCE, least, most,
-            *(empty for _ in range(5)),
+            *(empty for _ in range(4)),
         )  # fmt: skip
         assert told == len(samples)
         return len(samples)

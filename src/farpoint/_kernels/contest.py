@@ -245,8 +245,8 @@ def challenge(matches: Matches, challenger: Pose, best: Pose) -> np.int64:
         return NO_RIVAL
     if _is_same(challenger.R, challenger.t, best):
         return NO_RIVAL
-    cosine = challenger.t[0] * best.t[0] + challenger.t[1] * best.t[1] + challenger.t[2] * best.t[2]
-    contest = EQUAL if cosine < ELSEWHERE and best.cost[0] < challenger.cost[0] + NEAR else RIVAL
+    elsewhere = dot(vector(challenger.t), vector(best.t)) < ELSEWHERE
+    contest = EQUAL if elsewhere and best.cost[0] < challenger.cost[0] + NEAR else RIVAL
     if challenger.cost[0] < best.cost[0] and not _is_twisted(matches, challenger):
         copy(challenger.R, best.R)
         copy(challenger.t, best.t)

@@ -53,18 +53,18 @@ def fit_motion(
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
-    twins: np.ndarray,
     searched_prior: np.ndarray,
     prior: np.ndarray,
     residual: np.ndarray,
     parallax: np.ndarray,
     right: np.ndarray,
     labels: np.ndarray,
-) -> tuple[int, Settled]:
+) -> tuple[int, bool, Settled]:
     """Search for a pose by some of the matches, and settle it by all.
 
-    Returns the hypotheses tried, and what `settle_motion` does. ``searched`` are ``searched_count``
-    of all ``count`` matches in ``pairs``, every so manieth.
+    Returns the hypotheses tried, whether the other motion of a plane was a rival, and what
+    `settle_motion` does. ``searched`` are ``searched_count`` of all ``count`` matches in ``pairs``,
+    every so manieth.
 
     The search, as of `search.search_pose`, starts at the rotation of the far matches, which
     ``far_R`` (3, 3), the identity at first, receives; where there are none, at the rotation that
@@ -74,7 +74,7 @@ def fit_motion(
     _leave_out_none(searched_prior, searched_count)
     candidates = _candidates(searched, searched_count, tolerance, state, far_R)
     copy(far_R, R)
-    iterations = search_pose(
+    iterations, is_planar = search_pose(
         searched,
         searched_prior,
         searched_count,
@@ -89,9 +89,8 @@ def fit_motion(
         R,
         t,
         mixture,
-        twins,
     )
-    return iterations, settle_motion(
+    settled = settle_motion(
         searched,
         searched_count,
         pairs,
@@ -109,6 +108,7 @@ def fit_motion(
         right,
         labels,
     )
+    return iterations, is_planar, settled
 
 
 @inner_kernel

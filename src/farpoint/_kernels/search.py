@@ -130,9 +130,8 @@ def search_pose(
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
-    twins: np.ndarray,
-) -> int:
-    """Most likely pose near the rotation ``R`` and among joint hypotheses; returns iterations.
+) -> tuple[int, bool]:
+    """Most likely pose near the rotation ``R`` and among joint hypotheses.
 
     The start is the direction that the flow of the ``candidates`` suggests at ``R``. Samples are
     solved in turn from the best pose, for a better one nearby, and from about the rotation of the
@@ -140,8 +139,8 @@ def search_pose(
     with the matches about as well as the first pose, and as any since, is refined, and judged by
     its likelihood with the noise that it needs: a wrong minimum looks good only with more noise
     than there is. Once there has been a rival, many more are tried. At last come the motions that
-    look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best, ``twins`` (2,) which
-    of the motions that look alike, by a plane and by two layers, were rivals.
+    look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best. Returns the number
+    of samples, and whether the other motion of a plane was a rival.
     """
     matches = Matches(pairs, prior, count, spread, min_variance)
     best = Pose(R, t, mixture, scratch(6, 6), scratch(1))
@@ -164,16 +163,7 @@ def search_pose(
     ):
         iteration += 1
         _draw_distinct(sample, count, state)
-        _step_away(start, flow, state, other.R)
-        _longest_flow_first(pairs, other.R, sample)
-        if iteration % 3 == 0:
-            copy(R, other.R)
-            copy(t, other.t)
-        elif iteration % 3 == 1:
-            draw_direction(state, other.t)
-        elif not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
-            continue
-        if not solve_five(pairs, sample, other.R, other.t):
+        if not _solve_sample(pairs, sample, iteration % 3, start, flow, state, best, other):
             continue
         raw = score_pose(pairs, prior, other.R, other.t, limit, PROMISING * lowest)
         if raw >= PROMISING * lowest:
@@ -187,17 +177,44 @@ def search_pose(
             far_better = best.cost[0] < before - NEAR
             contest = RIVAL if far_better else greater(contest, outcome)
             wrong = unexplained(matches, best, tolerance)
-    for twin in range(2):
-        twins[twin] = False
+    gate = GATE_SIGMA * math.sqrt(mixture[0])
+    is_planar = planar_twin(pairs, count, gate, R, t, other.R, other.t)
+    if is_planar:
+        copy(mixture, other.mixture)
+        is_planar = challenge(matches, other, best) != NO_RIVAL
         gate = GATE_SIGMA * math.sqrt(mixture[0])
-        if twin == 0:
-            found = planar_twin(pairs, count, gate, R, t, other.R, other.t)
-        else:
-            found = layer_twin(pairs, count, gate, R, t, other.R, other.t)
-        if found:
-            copy(mixture, other.mixture)
-            twins[twin] = challenge(matches, other, best) != NO_RIVAL
-    return iteration
+    if layer_twin(pairs, count, gate, R, t, other.R, other.t):
+        copy(mixture, other.mixture)
+        challenge(matches, other, best)
+    return iteration, is_planar
+
+
+@inner_kernel
+def _solve_sample(
+    pairs: np.ndarray,
+    sample: np.ndarray,
+    turn: int,
+    start: np.ndarray,
+    flow: float,
+    state: np.ndarray,
+    best: Pose,
+    other: Pose,
+) -> bool:
+    """Solve a sample from where it is the ``turn`` to, of three, for the pose ``other``.
+
+    From the best pose; or from about the rotation of the start with a direction from anywhere, or
+    from the two rays that flow most. False where there is no such place, or no solution near it.
+    """
+    _step_away(start, flow, state, other.R)
+    _longest_flow_first(pairs, other.R, sample)
+    if turn == 0:
+        copy(best.R, other.R)
+        copy(best.t, other.t)
+    elif turn == 1:
+        draw_direction(state, other.t)
+    elif not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
+        return False
+    return solve_five(pairs, sample, other.R, other.t)
 
 
 @inner_kernel

@@ -71,18 +71,17 @@ def _told(matches: Matches, fit: MovingFit) -> np.ndarray:
     scatter along one axis is that of some matches only: as far as it is heard, by ``f / (f - 5)``.
     """
     told = np.empty((3, 5, 5))
-    known = information(
-        matches.pairs,
-        fit.prior,
-        fit.R_cam1_from_cam0,
-        fit.direction_cam1_from_cam0,
-        fit.noise.array,
-        clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
-        *told,
-    )
+    known = information(*_seen(matches, fit), *told)
     told *= _sure(fit)
     told[:2] *= known
     return told
+
+
+def _seen(matches: Matches, fit: MovingFit) -> tuple:
+    """Matches, what is plausible of them, pose and noise, as `information` takes them."""
+    clutter = clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread)
+    pose = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    return matches.pairs, fit.prior, *pose, fit.noise.array, clutter
 
 
 def _sure(fit: MovingFit) -> float:
@@ -138,18 +137,7 @@ def _beside(
     Very large where hardly anything is signal then.
     """
     there = np.empty((5, 5))
-    if covariance_beside(
-        matches.pairs,
-        fit.prior,
-        fit.R_cam1_from_cam0,
-        fit.direction_cam1_from_cam0,
-        fit.noise.array,
-        clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
-        _sure(fit),
-        SIGNAL,
-        step,
-        there,
-    ):
+    if covariance_beside(*_seen(matches, fit), _sure(fit), SIGNAL, step, there):
         return there
     return (1.0 + MOST_GROWTH) * covariance
 

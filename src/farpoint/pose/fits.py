@@ -208,9 +208,8 @@ def fit_moving(
     n = len(matches)
     searched = _searched(matches)
     far_R, R, t, mixture = IDENTITY.copy(), np.empty((3, 3)), np.empty(3), np.empty(3)
-    twins = np.empty(2, bool)
     told = _room(searched, matches)
-    iterations, settled = fit_motion(
+    iterations, is_planar, settled = fit_motion(
         searched.pairs,
         len(searched),
         matches.pairs,
@@ -230,10 +229,9 @@ def fit_moving(
         R,
         t,
         mixture,
-        twins,
         *told,
     )
-    return _moving_fit(searched, iterations, bool(twins[0]), far_R, R, t, mixture, told, settled)
+    return _moving_fit(searched, iterations, bool(is_planar), far_R, R, t, mixture, told, settled)
 
 
 def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
