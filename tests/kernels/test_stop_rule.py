@@ -25,7 +25,8 @@ def needed(wrong: float, contest: np.int64) -> int:
 @pytest.fixture
 def drawn(monkeypatch):
     """Samples that a search draws if some (by their number) are a rival of the best or its equal,
-    better by so much, and show this share of ``wrong`` matches from then on.
+    better by so much, and show this share of ``wrong`` matches from then on. The truncated squares
+    of the start, and of every sample, are the ``scores``, each of the matches up to 9.
     """
 
     def run(
@@ -33,6 +34,7 @@ def drawn(monkeypatch):
         contests: dict[int, tuple[np.int64, float]] | None = None,
         least: int = 0,
         most: int = 10**6,
+        scores: tuple[float, float] = (1.0, 1.0),
     ) -> int:
         samples: list[int] = []
         shares = iter(wrong)
@@ -49,11 +51,12 @@ def drawn(monkeypatch):
             "_typical_flow": lambda *_: FLOW,
             "iterations_needed": interpreted(five_rays.iterations_needed),
             "_solve_sample": lambda *_: True,
-            "score_pose": lambda *_: 1.0,
+            "score_pose": lambda *_: scores[1] if samples else scores[0],
+            "noise_of": lambda *given: given[-1].fill(1.0),
             "planar_twin": lambda *_: False,
             "layer_twin": lambda *_: False,
         }
-        nothing = "refine", "noise_of", "start_noise", "search_direction", "copy"
+        nothing = "refine", "start_noise", "search_direction", "copy"
         mocks |= {name: lambda *_: None for name in nothing}
         for name, mock in mocks.items():
             monkeypatch.setattr(search, name, mock)
@@ -88,6 +91,17 @@ def test_an_equal_asks_for_four_times_as_many(drawn):
 def test_what_came_near_a_poor_pose_is_no_equal_of_a_much_better_one(drawn):
     contests = {2: (EQUAL, 5.0), 3: (RIVAL, NEAR + 1.0)}
     assert drawn([0.4, 0.4, 0.4], contests) == needed(0.4, contest=RIVAL)
+
+
+@pytest.mark.parametrize(
+    ("scores", "is_tried"),
+    # Up to twice the squares; and at least half the support, of 540 less the squares.
+    [((50.0, 99.0), True), ((50.0, 101.0), False), ((340.0, 439.0), True), ((340.0, 441.0), False)],
+)
+def test_only_a_sample_that_comes_near_the_best_may_be_its_rival(drawn, scores, is_tried):
+    contest = RIVAL if is_tried else NO_RIVAL
+    tried = drawn([0.4, 0.4], {2: (RIVAL, 0.0)}, scores=scores)
+    assert tried == needed(0.4, contest=contest)
 
 
 def test_a_better_pose_changes_what_is_needed(drawn):

@@ -33,8 +33,10 @@ from farpoint._kernels.vectors import combine, dot, matrix, rotate
 
 __all__ = ["search_direction", "search_pose"]
 
-# Truncated squares over the least so far with which a hypothesis is still worth refining.
+# A hypothesis is still worth refining with so many times the least truncated squares so far, if at
+# least this share of the most matches so far support it.
 PROMISING = 2.0
+SUPPORTED = 0.5
 # Pairs of matches whose directions the search starts from.
 DIRECTIONS = np.int64(16)
 
@@ -165,8 +167,9 @@ def search_pose(
         _draw_distinct(sample, count, state)
         if not _solve_sample(pairs, sample, iteration % 3, start, flow, state, best, other):
             continue
-        raw = score_pose(pairs, prior, other.R, other.t, limit, PROMISING * lowest)
-        if raw >= PROMISING * lowest:
+        most = lesser(PROMISING * lowest, SUPPORTED * lowest + (1.0 - SUPPORTED) * limit * count)
+        raw = score_pose(pairs, prior, other.R, other.t, limit, most)
+        if raw >= most:
             continue
         lowest = lesser(raw, lowest)
         noise_of(matches, best, tolerance, other.mixture)
