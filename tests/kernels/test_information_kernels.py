@@ -10,7 +10,7 @@ from kernels_kit import View, packed, two_views
 
 from farpoint._kernels import epipolar, likelihood
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.information import covariance_beside, information
+from farpoint._kernels.information import information
 from farpoint._kernels.pairs import address
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
@@ -124,31 +124,3 @@ def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
     expected = weight * variance / g * np.outer(change, change)
     noise = informed(view, np.ones(1)).noise
     np.testing.assert_allclose(noise, expected, rtol=0.0, atol=3e-3 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize("axis", [None, 0, 2, 3, 4])
-def test_the_covariance_beside_a_pose_is_that_of_the_pose_there_in_the_axes_of_this_one(axis):
-    view = two_views(5, 60, error_rad=2e-3)
-    prior, step, out = np.ones(60), np.zeros(5), np.empty((5, 5))
-    if axis is not None:
-        step[axis] = 1e-3 if axis < 3 else 0.02
-    R, t = so3.exp(step[:3]) @ view.R, sphere.normalize(view.t + basis_of(view.t) @ step[3:])
-    arguments = view.R, view.t, MIXTURE, CLUTTER, 0.9, 0.01, step, out
-    assert covariance_beside(view.pairs, packed(prior), *arguments)
-    there = informed(view._replace(R=R, t=t), prior)
-    whole = 0.9 * there.known * there.whole + np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
-    H = whole - 0.9 * there.known * there.noise
-    turn = np.eye(5)
-    turn[3:, 3:] = basis_of(view.t).T @ basis_of(t)
-    expected = turn @ np.linalg.solve(H, np.linalg.solve(H, whole).T) @ turn.T
-    np.testing.assert_allclose(out, expected, rtol=1e-8, atol=1e-10 * np.trace(expected))
-
-
-def test_where_all_flow_is_noise_there_is_no_covariance_beside_a_pose():
-    view = two_views(5, 60, error_rad=2e-3)
-    arguments = view.R, view.t, MIXTURE, CLUTTER, 1.0, 1.01, np.zeros(5), np.empty((5, 5))
-    assert not covariance_beside(view.pairs, packed(np.ones(60)), *arguments)
-
-
-def basis_of(t: np.ndarray) -> np.ndarray:
-    return np.stack(tangent_columns(t), axis=1)

@@ -7,10 +7,9 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
 from farpoint._kernels.epipolar import sampson_jacobian, variances
 from farpoint._kernels.formulas import choose, formula, lesser
-from farpoint._kernels.likelihood import apply_step, densities, weight_of
-from farpoint._kernels.linear import sandwich, tangent_basis
+from farpoint._kernels.likelihood import densities, weight_of
 from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0
-from farpoint._kernels.scratch import copy, room, scratch
+from farpoint._kernels.scratch import room
 from farpoint._kernels.squares import FIVE, add_square, inverse_square, size2, write_square
 from farpoint._kernels.vectors import (
     Matrix,
@@ -24,7 +23,7 @@ from farpoint._kernels.vectors import (
     vector,
 )
 
-__all__ = ["covariance_beside", "information"]
+__all__ = ["information"]
 
 # A match nearer to the epipole than this, in sigma of its flow, tells nothing of where it is.
 EPIPOLE_SIGMA = 8.0
@@ -75,71 +74,6 @@ def information(
     _gram(told, JACOBIAN, SCATTER, scatter)
     known, missing = _total(told, KNOWN), _total(told, MISSING)
     return 1.0 - missing / known if known > 0.0 else 1.0
-
-
-@kernel
-def covariance_beside(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
-    sure: float,
-    least: float,
-    step: np.ndarray,
-    out: np.ndarray,
-) -> bool:
-    """Covariance ``out`` (5, 5) if the right pose is ``step`` (5,) beside this one.
-
-    That of `information`, all noise as stated and ``sure`` times as much of it, and of one radian
-    on the direction, in the axes of this pose. False, and ``out`` without a meaning, where less
-    than the share ``least`` of it is signal.
-    """
-    moved_R, moved_t, there = scratch(3, 3), scratch(3), scratch(5, 5)
-    whole, noise, scatter = scratch(5, 5), scratch(5, 5), scratch(5, 5)
-    copy(R, moved_R)
-    copy(t, moved_t)
-    apply_step(moved_R, moved_t, step)
-    known = sure * information(
-        pairs, prior, moved_R, moved_t, mixture, clutter, whole, noise, scatter
-    )
-    for i in range(5):
-        for j in range(5):
-            whole[i, j] *= known
-            noise[i, j] *= known
-        whole[i, i] += 1.0 if i > 2 else 0.0
-    if not sandwich(whole, noise, whole, least, there):
-        return False
-    _turn_axes(t, moved_t, there, out)
-    return True
-
-
-@inner_kernel
-def _turn_axes(t: np.ndarray, moved_t: np.ndarray, there: np.ndarray, out: np.ndarray) -> None:
-    """Bring a covariance (5, 5) from the tangent basis of one direction to that of another."""
-    basis, moved_basis, turn, half = scratch(3, 2), scratch(3, 2), scratch(5, 5), scratch(5, 5)
-    tangent_basis(t, basis)
-    tangent_basis(moved_t, moved_basis)
-    for i in range(5):
-        for j in range(5):
-            turn[i, j] = 1.0 if i == j else 0.0
-            if i > 2 and j > 2:
-                turn[i, j] = 0.0
-                for k in range(3):
-                    turn[i, j] += basis[k, i - 3] * moved_basis[k, j - 3]
-    _product(turn, there, half)
-    _product(half, turn, out)
-
-
-@inner_kernel
-def _product(A: np.ndarray, B: np.ndarray, out: np.ndarray) -> None:
-    """``A @ B.T`` (5, 5)."""
-    for i in range(5):
-        for j in range(5):
-            out[i, j] = 0.0
-            for k in range(5):
-                out[i, j] += A[i, k] * B[j, k]
 
 
 @kernel

@@ -1,0 +1,174 @@
+"""How sure a pose is: the covariance at it, and what that is at the poses around."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.formulas import formula, greater
+from farpoint._kernels.information import information
+from farpoint._kernels.likelihood import apply_step
+from farpoint._kernels.linear import sandwich, tangent_basis
+from farpoint._kernels.scratch import clear, copy, scratch
+
+__all__ = ["MOST_GROWTH", "covariance_beside", "covariance_here", "growth_around"]
+
+# Where more than three quarters of what the flow tells, along any axis, are noise, the covariance
+# no longer holds: points that are all far have such flow, and half of their directions are wrong.
+SIGNAL = 0.25
+# Matches whose residuals weigh as much as the noise that was found, in saying how the gradient
+# varies: few residuals tell little of it.
+STATED = 60.0
+# How much larger than the covariance of one pose the mean over all may be.
+MOST_GROWTH = 8.0
+
+
+@kernel
+def covariance_here(
+    pairs: np.ndarray,
+    prior: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    clutter: float,
+    right: float,
+    whole: np.ndarray,
+    noise: np.ndarray,
+    out: np.ndarray,
+) -> bool:
+    """Covariance ``out`` (5, 5) of the pose that ``right`` matches, of all, were found to share.
+
+    The sandwich ``H^-1 V H^-1``. H is ``whole`` less ``noise`` (5, 5), as of `information`, and V
+    the variance of the gradient: ``whole``, and its scatter over the matches, the more, the more
+    there are. False, and ``out`` without a meaning, where too little of ``whole`` is signal.
+    """
+    scatter, variance = scratch(5, 5), scratch(5, 5)
+    heard, sure = _heard(right), _sure(right)
+    known = sure * information(pairs, prior, R, t, mixture, clutter, whole, noise, scatter)
+    for i in range(5):
+        for j in range(5):
+            whole[i, j] *= known
+            noise[i, j] *= known
+            variance[i, j] = heard * sure * scatter[i, j] + (1.0 - heard) * whole[i, j]
+    _bound(variance)
+    _bound(whole)
+    return sandwich(whole, noise, variance, SIGNAL, out)
+
+
+@formula
+def _heard(right: float) -> float:
+    """How much the scatter of the residuals counts, of 1."""
+    return right / (right + STATED)
+
+
+@formula
+def _sure(right: float) -> float:
+    """What is left of the information for having estimated the noise and the scatter, too.
+
+    From few matches both are known roughly: on average the inverse of the noise is too large by
+    ``f / (f - 2)`` with f degrees of freedom. The scatter along one axis is that of some matches
+    only: as far as it is heard, by ``f / (f - 5)``.
+    """
+    freedom = greater(right - 5.0, 4.0)
+    return (freedom - 2.0 - 3.0 * _heard(right)) / freedom
+
+
+@formula
+def _bound(information: np.ndarray) -> None:
+    """Add that of one radian on the direction, none on the rotation: the sphere is bounded."""
+    for i in (3, 4):
+        information[i, i] += 1.0
+
+
+@kernel
+def growth_around(
+    pairs: np.ndarray,
+    prior: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    clutter: float,
+    right: float,
+    covariance: np.ndarray,
+    axes: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """How much larger (5, 5) a ``covariance`` is on average around the pose, to second order.
+
+    Half of what it changes by at a sigma to either side, along two ``axes`` (2, 5). It is
+    `MOST_GROWTH` times as large again where hardly anything would be signal.
+    """
+    step, there = scratch(5), scratch(5, 5)
+    clear(out)
+    for k in range(5):
+        side, weight = (0.0, -2.0) if k == 0 else (1.0 if k < 3 else -1.0, 0.5)
+        for i in range(5):
+            step[i] = side * axes[k % 2, i]
+        seen = covariance_beside(pairs, prior, R, t, mixture, clutter, right, step, there)
+        for i in range(5):
+            for j in range(5):
+                value = there[i, j] if seen else (1.0 + MOST_GROWTH) * covariance[i, j]
+                out[i, j] += weight * value
+
+
+@kernel
+def covariance_beside(
+    pairs: np.ndarray,
+    prior: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    clutter: float,
+    right: float,
+    step: np.ndarray,
+    out: np.ndarray,
+) -> bool:
+    """Covariance ``out`` (5, 5) if the right pose is ``step`` (5,) beside this one.
+
+    As `covariance_here`, in the axes of this pose; the residuals there are not those of a fit, and
+    are not heard.
+    """
+    moved_R, moved_t, there = scratch(3, 3), scratch(3), scratch(5, 5)
+    whole, noise, scatter = scratch(5, 5), scratch(5, 5), scratch(5, 5)
+    copy(R, moved_R)
+    copy(t, moved_t)
+    apply_step(moved_R, moved_t, step)
+    known = _sure(right) * information(
+        pairs, prior, moved_R, moved_t, mixture, clutter, whole, noise, scatter
+    )
+    for i in range(5):
+        for j in range(5):
+            whole[i, j] *= known
+            noise[i, j] *= known
+    _bound(whole)
+    if not sandwich(whole, noise, whole, SIGNAL, there):
+        return False
+    _turn_axes(t, moved_t, there, out)
+    return True
+
+
+@inner_kernel
+def _turn_axes(t: np.ndarray, moved_t: np.ndarray, there: np.ndarray, out: np.ndarray) -> None:
+    """Bring a covariance (5, 5) from the tangent basis of one direction to that of another."""
+    basis, moved_basis, turn, half = scratch(3, 2), scratch(3, 2), scratch(5, 5), scratch(5, 5)
+    tangent_basis(t, basis)
+    tangent_basis(moved_t, moved_basis)
+    for i in range(5):
+        for j in range(5):
+            turn[i, j] = 1.0 if i == j else 0.0
+            if i > 2 and j > 2:
+                turn[i, j] = 0.0
+                for k in range(3):
+                    turn[i, j] += basis[k, i - 3] * moved_basis[k, j - 3]
+    _product(turn, there, half)
+    _product(half, turn, out)
+
+
+@inner_kernel
+def _product(A: np.ndarray, B: np.ndarray, out: np.ndarray) -> None:
+    """``A @ B.T`` (5, 5)."""
+    for i in range(5):
+        for j in range(5):
+            out[i, j] = 0.0
+            for k in range(5):
+                out[i, j] += A[i, k] * B[j, k]
