@@ -7,15 +7,19 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.covariance import covariance_here
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance, refine_pose
+from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.search import search_pose
 
-__all__ = ["Settled", "fit_motion", "settle_motion"]
+__all__ = ["MAX_SEARCHED", "Settled", "fit_motion", "settle_motion"]
 
+# The search looks at this many matches: more make it slower, not surer.
+MAX_SEARCHED = 160
 # Samples for the rotation that the search begins with.
 START_SAMPLES = np.int64(50)
 # With fewer matches that the rotation does not explain, all may carry translation.
@@ -32,14 +36,12 @@ FINE = 1e-3
 MAX_REFINEMENTS = np.int64(20)
 
 # Cost, matches that agree, log odds of the sign of the direction; of the right matches searched,
-# those that no rotation explains, and all.
-Settled = tuple[float, int, float, int, int]
+# those that no rotation explains, and all; whether the flow shows a direction.
+Settled = tuple[float, int, float, int, int, bool]
 
 
 @kernel
 def fit_motion(
-    searched: np.ndarray,
-    searched_count: int,
     pairs: np.ndarray,
     count: int,
     tolerance: float,
@@ -53,31 +55,29 @@ def fit_motion(
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
-    searched_prior: np.ndarray,
-    prior: np.ndarray,
-    residual: np.ndarray,
-    parallax: np.ndarray,
-    right: np.ndarray,
+    said: np.ndarray,
     labels: np.ndarray,
+    sure: np.ndarray,
 ) -> tuple[int, bool, Settled]:
-    """Search for a pose by some of the matches, and settle it by all.
+    """Search for a pose by some of the ``count`` matches in ``pairs``, and settle it by all.
 
     Returns the hypotheses tried, whether the other motion of a plane was a rival, and what
-    `settle_motion` does. ``searched`` are ``searched_count`` of all ``count`` matches in ``pairs``,
-    every so manieth.
+    `settle_motion` does.
 
     The search, as of `search.search_pose`, starts at the rotation of the far matches, which
     ``far_R`` (3, 3), the identity at first, receives; where there are none, at the rotation that
     most matches roughly agree on. The other matches may carry translation, and where few are left,
     all may.
     """
-    _leave_out_none(searched_prior, searched_count)
-    candidates = _candidates(searched, searched_count, tolerance, state, far_R)
+    searched, some = _searched(pairs, count)
+    prior = room(searched.size // PANEL * LANES)
+    _leave_out_none(prior, some)
+    candidates = _candidates(searched, some, tolerance, state, far_R)
     copy(far_R, R)
     iterations, is_planar = search_pose(
         searched,
-        searched_prior,
-        searched_count,
+        prior,
+        some,
         candidates,
         tolerance,
         spread,
@@ -91,24 +91,22 @@ def fit_motion(
         mixture,
     )
     settled = settle_motion(
-        searched,
-        searched_count,
-        pairs,
-        count,
-        spread,
-        min_variance,
-        far_R,
-        R,
-        t,
-        mixture,
-        searched_prior,
-        prior,
-        residual,
-        parallax,
-        right,
-        labels,
+        pairs, count, spread, min_variance, far_R, R, t, mixture, said, labels, sure
     )
     return iterations, is_planar, settled
+
+
+@inner_kernel
+def _searched(pairs: np.ndarray, count: int) -> tuple[np.ndarray, int]:
+    """The matches that the search looks at, every so manieth, and how many they are."""
+    some = count if count < MAX_SEARCHED else MAX_SEARCHED
+    if some == count:
+        return pairs, count
+    rows, taken = index_room(some), room(some // LANES * PANEL)
+    for j in range(some):
+        rows[j] = j * count // some
+    take_pairs(pairs, rows, taken)
+    return taken, some
 
 
 @inner_kernel
@@ -165,8 +163,6 @@ def _widen(
 
 @kernel
 def settle_motion(
-    searched: np.ndarray,
-    searched_count: int,
     pairs: np.ndarray,
     count: int,
     spread: float,
@@ -175,23 +171,23 @@ def settle_motion(
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
-    searched_right: np.ndarray,
-    prior: np.ndarray,
-    residual: np.ndarray,
-    parallax: np.ndarray,
-    right: np.ndarray,
+    said: np.ndarray,
     labels: np.ndarray,
+    sure: np.ndarray,
 ) -> Settled:
     """Refine a pose by all matches, with what parallax they make plausible, and hear them on it.
 
-    As `likelihood.refine_pose`; ``prior`` receives what is plausible, ``residual``, ``parallax``
-    and ``right`` what `likelihood.explain` says of each match, ``labels`` (count,) what
-    `evidence.weigh` does. Returns the cost, what `evidence.weigh` does, and what
-    `evidence.count_beyond_rotation` does of the matches searched, with ``far_R`` for another
-    rotation; ``searched_right`` receives which of these are right.
+    As `likelihood.refine_pose`. The rows of ``said`` (4, N) receive what is plausible and, as of
+    `likelihood.explain`, residual, parallax and chance to be right of each match; ``labels``
+    (count,) what `evidence.weigh` does, and ``sure`` (3, 5, 5) the information, the part of it that
+    is noise and the covariance of `covariance.covariance_here`. Returns the cost, what
+    `evidence.weigh` and, of the matches searched, `evidence.count_beyond_rotation` do, with
+    ``far_R`` for another rotation, and what `covariance.covariance_here` does.
     """
+    prior, residual, parallax, right = said[0], said[1], said[2], said[3]
     normal = scratch(6, 6)
     cost = math.inf
+    clutter = 0.0
     _leave_out_none(prior, count)
     for step in range(PARALLAX_ROUNDS + 1):
         clutter = clutter_density(mixture[0], mixture[1], spread)
@@ -212,10 +208,29 @@ def settle_motion(
                 normal,
             )
     agreeing, odds = weigh(parallax, right, math.sqrt(mixture[0]), labels)
+    beyond, supporting = _beyond_rotation(pairs, right, count, far_R, R, mixture)
+    total = 0.0
+    for i in range(count):
+        total += right[i]
+    shows = covariance_here(pairs, prior, R, t, mixture, clutter, total, sure[0], sure[1], sure[2])
+    return cost, agreeing, odds, beyond, supporting, shows
+
+
+@inner_kernel
+def _beyond_rotation(
+    pairs: np.ndarray,
+    right: np.ndarray,
+    count: int,
+    far_R: np.ndarray,
+    R: np.ndarray,
+    mixture: np.ndarray,
+) -> tuple[int, int]:
+    """Of the right matches that are searched, how many no rotation explains, and of how many."""
+    searched, some = _searched(pairs, count)
+    searched_right = room(searched.size // PANEL * LANES)
     for j in range(searched_right.size):
-        is_right = j < searched_count and right[j * count // searched_count] > 0.5
+        is_right = j < some and right[j * count // some] > 0.5
         searched_right[j] = 1.0 if is_right else 0.0
     # A pose may take some of the flow: a match is off a rotation by twice what its noise would do.
     distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
-    beyond, supporting = count_beyond_rotation(searched, searched_right, R, far_R, distance)
-    return cost, agreeing, odds, beyond, supporting
+    return count_beyond_rotation(searched, searched_right, R, far_R, distance)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.covariance import MOST_GROWTH, covariance_here, growth_around
+from farpoint._kernels.covariance import MOST_GROWTH, growth_around
 from farpoint._kernels.likelihood import clutter_density
 from farpoint.pose.fits import MovingFit
 from farpoint.pose.information import inverse_root, positive
@@ -21,10 +21,8 @@ LEAST_SIGNAL = 0.05
 STRAIGHT_SIGMA = math.radians(1.5)
 
 
-def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, bool]:
+def moving_covariance(fit: MovingFit) -> np.ndarray:
     """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
-
-    And whether the flow holds signal enough to tell a direction.
 
     The sandwich ``H^-1 V H^-1`` of the curvature H of the expected likelihood and the variance V of
     its gradient. Since the depths are estimated along, the Gauss-Newton matrix counts the noise in
@@ -36,20 +34,12 @@ def moving_covariance(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, boo
     right one: a rotation that is a little off lengthens all flow, and makes believe that it tells
     more. Then the covariance is that of all the poses that it allows, on average.
     """
-    whole, noise, covariance = np.empty((3, 5, 5))
-    if not covariance_here(*_seen(matches, fit), whole, noise, covariance):
-        return _by_scale(whole, noise), False
-    if np.trace(covariance[3:, 3:]) > STRAIGHT_SIGMA**2:
-        covariance = _averaged(matches, fit, covariance)
-    return positive(covariance), True
-
-
-def _seen(matches: Matches, fit: MovingFit) -> tuple:
-    """Matches, what is plausible of them, pose and noise, and how many are right."""
-    clutter = clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread)
-    pose = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
-    right = float(fit.probability.sum())
-    return matches.pairs, fit.prior, *pose, fit.noise.array, clutter, right
+    whole, noise, covariance = fit.sure
+    if not fit.shows_direction:
+        return _by_scale(whole, noise)
+    if covariance[3, 3] + covariance[4, 4] > STRAIGHT_SIGMA**2:
+        covariance = _averaged(fit, covariance)
+    return positive(covariance)
 
 
 def _by_scale(whole: np.ndarray, noise: np.ndarray) -> np.ndarray:
@@ -66,7 +56,7 @@ def _by_scale(whole: np.ndarray, noise: np.ndarray) -> np.ndarray:
     return positive(root @ root.T)
 
 
-def _averaged(matches: Matches, fit: MovingFit, covariance: np.ndarray) -> np.ndarray:
+def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:
     """A covariance, and how much larger it is on average at the poses that it allows.
 
     To second order, by its change along its two widest axes.
@@ -74,7 +64,18 @@ def _averaged(matches: Matches, fit: MovingFit, covariance: np.ndarray) -> np.nd
     values, axes = np.linalg.eigh(covariance)
     sigmas, growth = axes * np.sqrt(values), np.empty((5, 5))
     widest = np.ascontiguousarray(sigmas.T[3:])
-    growth_around(*_seen(matches, fit), covariance, widest, growth)
+    growth_around(
+        fit.matches.pairs,
+        fit.said[0],
+        fit.R_cam1_from_cam0,
+        fit.direction_cam1_from_cam0,
+        fit.noise.array,
+        clutter_density(fit.noise.variance, fit.noise.wrong, fit.matches.spread),
+        float(fit.probability.sum()),
+        covariance,
+        widest,
+        growth,
+    )
     per_sigma = axes / np.sqrt(values)
     more, along = np.linalg.eigh(per_sigma.T @ growth @ per_sigma)
     root = sigmas @ along * np.sqrt(1.0 + np.clip(more, 0.0, MOST_GROWTH))

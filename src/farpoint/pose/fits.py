@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance
-from farpoint._kernels.motion import Settled, fit_motion, settle_motion
+from farpoint._kernels.motion import MAX_SEARCHED, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
 from farpoint.pose.far_rotation import IDENTITY
@@ -34,8 +36,6 @@ __all__ = [
 # Noise below a thousandth of a pixel is rounding, not information.
 MIN_VARIANCE = 1e-6
 MAX_REFINEMENTS = 20
-# The search looks at this many matches: more make it slower, not surer.
-MAX_SEARCHED = 160
 # Matches times samples that are tried at least.
 FEW_MATCHES = 1000
 
@@ -110,27 +110,25 @@ class MovingFit:
     R_cam1_from_cam0 : ndarray, shape (3, 3)
     direction_cam1_from_cam0 : ndarray, shape (3,)
     noise : Noise
-    residual : ndarray, shape (N,)
-        Sampson residual of each match for unit noise.
-    parallax : ndarray, shape (N,)
-        Signed shift along the epipolar line, towards the direction, in units of its own noise for
-        unit noise: what is left of the distance from the rotation's prediction.
-    probability : ndarray, shape (N,)
-        Of each match to be right.
+    matches : Matches
+        Those that were fitted.
+    said : ndarray, shape (4, at least N)
+        What is plausible of each match, by where it lies along its epipolar line, as the kernels
+        take it; and the rows of `residual`, `parallax` and `probability`.
+    labels : ndarray of uint8, shape (N,)
+        0 for a match that disagrees, 2 for one with parallax beyond the noise, else 1.
+    sure : ndarray, shape (3, 5, 5)
+        Gauss-Newton matrix, the part of it that is noise, and covariance of the pose.
+    shows_direction : bool
+        Whether enough of that matrix is signal for the covariance to hold.
     iterations : int
         Joint hypotheses tried.
     is_planar : bool
         Whether the second motion that a plane allows explained the matches searched nearly as well.
     cost : float
         Mean negative log likelihood of a match.
-    prior : ndarray
-        Of each match, by where it lies along its epipolar line; packed as the kernels take it.
     far_rotation_cam1_from_cam0 : ndarray, shape (3, 3)
         Rotation that the search began with: that of the far points.
-    searched : Matches
-        Those, at most `MAX_SEARCHED`, that the search looked at.
-    labels : ndarray of uint8, shape (N,)
-        0 for a match that disagrees, 2 for one with parallax beyond the noise, else 1.
     agreeing : int
         Matches that do not disagree.
     sign_log_odds : float
@@ -142,28 +140,46 @@ class MovingFit:
     R_cam1_from_cam0: np.ndarray
     direction_cam1_from_cam0: np.ndarray
     noise: Noise
-    residual: np.ndarray
-    parallax: np.ndarray
-    probability: np.ndarray
+    matches: Matches
+    said: np.ndarray
+    labels: np.ndarray
+    sure: np.ndarray
+    shows_direction: bool
     iterations: int
     is_planar: bool
     cost: float
-    prior: np.ndarray
     far_rotation_cam1_from_cam0: np.ndarray
-    searched: Matches
-    labels: np.ndarray
     agreeing: int
     sign_log_odds: float
     beyond_rotation: int
     supporting: int
 
+    @property
+    def residual(self) -> np.ndarray:
+        """Sampson residual (N,) of each match for unit noise."""
+        return self.said[1, : len(self.matches)]
 
-def _searched(matches: Matches) -> Matches:
-    """Those that the search looks at, every so manieth."""
-    total = len(matches)
-    if total <= MAX_SEARCHED:
-        return matches
-    return matches.select(np.arange(MAX_SEARCHED) * total // MAX_SEARCHED)
+    @property
+    def parallax(self) -> np.ndarray:
+        """Signed shift (N,) along the epipolar line, towards the direction.
+
+        In units of its own noise for unit noise: what is left of the distance from the rotation's
+        prediction.
+        """
+        return self.said[2, : len(self.matches)]
+
+    @property
+    def probability(self) -> np.ndarray:
+        """Of each match (N,) to be right."""
+        return self.said[3, : len(self.matches)]
+
+    @cached_property
+    def searched(self) -> Matches:
+        """Those, every so manieth, that the search looked at."""
+        total = len(self.matches)
+        if total <= MAX_SEARCHED:
+            return self.matches
+        return self.matches.select(np.arange(MAX_SEARCHED) * total // MAX_SEARCHED)
 
 
 def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> TurningFit:
@@ -206,12 +222,8 @@ def fit_moving(
     the first answer is a local minimum.
     """
     n = len(matches)
-    searched = _searched(matches)
-    far_R, R, t, mixture = IDENTITY.copy(), np.empty((3, 3)), np.empty(3), np.empty(3)
-    told = _room(searched, matches)
+    found = _Found.room(n)
     iterations, is_planar, settled = fit_motion(
-        searched.pairs,
-        len(searched),
         matches.pairs,
         n,
         tolerance,
@@ -225,36 +237,21 @@ def fit_moving(
         ),
         options.max_iterations,
         state,
-        far_R,
-        R,
-        t,
-        mixture,
-        *told,
+        *found,
     )
-    return _moving_fit(searched, iterations, bool(is_planar), far_R, R, t, mixture, told, settled)
+    return _moving_fit(matches, iterations, bool(is_planar), found, settled)
 
 
 def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
     """The fit to the same matches with another noise told, from where the first one ended."""
-    searched = _searched(matches)
-    far_R = fit.far_rotation_cam1_from_cam0
-    R, t = fit.R_cam1_from_cam0.copy(), fit.direction_cam1_from_cam0.copy()
-    mixture = fit.noise.array
-    told = _room(searched, matches)
-    settled = settle_motion(
-        searched.pairs,
-        len(searched),
-        matches.pairs,
-        len(matches),
-        matches.spread,
-        MIN_VARIANCE,
-        far_R,
-        R,
-        t,
-        mixture,
-        *told,
+    found = _Found.room(len(matches))._replace(
+        R_far=fit.far_rotation_cam1_from_cam0,
+        R=fit.R_cam1_from_cam0.copy(),
+        t=fit.direction_cam1_from_cam0.copy(),
+        mixture=fit.noise.array,
     )
-    return _moving_fit(searched, fit.iterations, fit.is_planar, far_R, R, t, mixture, told, settled)
+    settled = settle_motion(matches.pairs, len(matches), matches.spread, MIN_VARIANCE, *found)
+    return _moving_fit(matches, fit.iterations, fit.is_planar, found, settled)
 
 
 def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
@@ -274,42 +271,48 @@ def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
     return found[: len(matches)]
 
 
-def _room(searched: Matches, matches: Matches) -> tuple[np.ndarray, ...]:
-    """Room for what is learnt of each match: as the kernels take them, and the labels."""
-    size, n = packed_length(len(matches)), len(matches)
-    prior, residual, parallax, right = (np.empty(size) for _ in range(4))
-    searched_right = np.empty(packed_length(len(searched)))
-    return searched_right, prior, residual, parallax, right, np.empty(n, np.uint8)
+class _Found(NamedTuple):
+    """What the kernels write, in the order in which they take it."""
+
+    R_far: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    mixture: np.ndarray
+    said: np.ndarray
+    labels: np.ndarray
+    sure: np.ndarray
+
+    @classmethod
+    def room(cls, n: int) -> _Found:
+        """For so many matches, nothing known."""
+        return cls(
+            R_far=IDENTITY.copy(),
+            R=np.empty((3, 3)),
+            t=np.empty(3),
+            mixture=np.empty(3),
+            said=np.empty((4, packed_length(n))),
+            labels=np.empty(n, np.uint8),
+            sure=np.empty((3, 5, 5)),
+        )
 
 
 def _moving_fit(
-    searched: Matches,
-    iterations: int,
-    is_planar: bool,
-    far_R: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    told: tuple[np.ndarray, ...],
-    settled: Settled,
+    matches: Matches, iterations: int, is_planar: bool, found: _Found, settled: Settled
 ) -> MovingFit:
-    _, prior, residual, parallax, right, labels = told
-    n = len(labels)
-    cost, agreeing, odds, beyond, supporting = settled
+    cost, agreeing, odds, beyond, supporting, shows_direction = settled
     return MovingFit(
-        prior=prior,
-        R_cam1_from_cam0=R,
-        direction_cam1_from_cam0=t,
-        noise=_noise(mixture),
-        residual=residual[:n],
-        parallax=parallax[:n],
-        probability=right[:n],
+        R_cam1_from_cam0=found.R,
+        direction_cam1_from_cam0=found.t,
+        noise=_noise(found.mixture),
+        matches=matches,
+        said=found.said,
+        labels=found.labels,
+        sure=found.sure,
+        shows_direction=bool(shows_direction),
         iterations=iterations,
         is_planar=is_planar,
-        cost=cost / n,
-        far_rotation_cam1_from_cam0=far_R,
-        searched=searched,
-        labels=labels,
+        cost=cost / len(matches),
+        far_rotation_cam1_from_cam0=found.R_far,
         agreeing=agreeing,
         sign_log_odds=odds,
         beyond_rotation=beyond,

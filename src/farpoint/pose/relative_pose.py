@@ -182,7 +182,7 @@ def _conclude_moving(
     chance = 3.0 * sigma / matches.spread
     if not is_consensus(agreeing, len(matches), 5, chance, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
-    covariance, shows_direction = moving_covariance(matches, fit)
+    covariance = moving_covariance(fit)
     if options.shared_error_px > 0.0:
         covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
@@ -203,7 +203,7 @@ def _conclude_moving(
         other_R = other.R_cam1_from_cam0
         return _rotation_alone(fit, reason, rotation_covariance, other_R, labels, course)
     is_vague = direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate
-    if is_vague or not shows_direction:
+    if is_vague or not fit.shows_direction:
         reason = (
             "The flow beyond the rotation is too short or too parallel: "
             f"its direction is uncertain by {math.degrees(direction_sigma):.0f} deg, "

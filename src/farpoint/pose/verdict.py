@@ -17,6 +17,7 @@ import numpy as np
 import scipy  # its parts load on first use
 
 from farpoint._kernels.evidence import NEAR_SIGMA
+from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit
 from farpoint.pose.matches import Matches
 from farpoint.pose.small import inverse_three
@@ -63,8 +64,8 @@ def is_plainly_translating(fit: MovingFit) -> bool:
     The common case, settled without fitting the other model. A tenth of them, and twice as many as
     chance may have put on their epipolar lines: no handful of wrong ones makes it look like this.
     """
-    wrong = len(fit.searched) - fit.supporting
-    chance = min(NEAR_SIGMA * fit.noise.sigma / fit.searched.spread, 1.0)
+    wrong = min(len(fit.matches), MAX_SEARCHED) - fit.supporting
+    chance = min(NEAR_SIGMA * fit.noise.sigma / fit.matches.spread, 1.0)
     return fit.beyond_rotation > max(8.0 + 4.0 * wrong * chance, 0.1 * fit.supporting)
 
 
