@@ -11,6 +11,7 @@ from farpoint._kernels.lens import (
     invert_projection,
     pinhole_ray_jacobian,
     pinhole_rays,
+    straight_ray_jacobian,
     undistort,
 )
 
@@ -91,3 +92,13 @@ def test_derivative_of_a_pinholes_ray(point: tuple[float, ...], seen: bool) -> N
         rows = [r / np.linalg.norm(r, axis=1, keepdims=True) for r in (ahead, behind)]
         expected = (rows[0] - rows[1]).T / (2 * step)
         np.testing.assert_allclose(jacobian[0], expected, rtol=0, atol=1e-9)
+
+
+def test_without_distortion_the_derivative_is_that_of_none() -> None:
+    rays = 3.0 * np.concatenate([unit_rows(50), [[1.0, 0.0, 0.0]]])
+    expected, jacobian = np.empty((2, 51, 3, 2))
+    with np.errstate(all="ignore"):
+        pinhole_ray_jacobian(np.zeros(12), np.inf, 500.0, 400.0, rays, expected)
+        straight_ray_jacobian(500.0, 400.0, rays, jacobian)
+    np.testing.assert_array_equal(np.isnan(jacobian[:, 0, 0]), rays[:, 2] <= 0.0)
+    np.testing.assert_allclose(jacobian, expected, rtol=1e-12, atol=1e-15)

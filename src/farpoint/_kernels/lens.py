@@ -13,7 +13,14 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import choose, formula, root
 
-__all__ = ["distort", "invert_projection", "pinhole_ray_jacobian", "pinhole_rays", "undistort"]
+__all__ = [
+    "distort",
+    "invert_projection",
+    "pinhole_ray_jacobian",
+    "pinhole_rays",
+    "straight_ray_jacobian",
+    "undistort",
+]
 
 NEWTON_TOLERANCE = 1e-10
 NEWTON_ITERATIONS = 20
@@ -179,10 +186,33 @@ def _pinhole_ray_jacobian(
     _, _, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
     seen = (rz > 0.0) & (x * x + y * y < fold * fold)
     scale = choose(seen, rz / (a_x * b_y - a_y * b_x), math.nan)
-    over_x, over_y = 1.0 / fx, 1.0 / fy
-    columns = (b_y * over_x, -b_x * over_x), (-a_y * over_y, a_x * over_y)
-    for column, (by_x, by_y) in enumerate(columns):
-        along = rx * by_x + ry * by_y
-        jacobian[i, 0, column] = (by_x - rx * along) * scale
-        jacobian[i, 1, column] = (by_y - ry * along) * scale
-        jacobian[i, 2, column] = -rz * along * scale
+    over_x, over_y = scale * (1.0 / fx), scale * (1.0 / fy)
+    by_x, by_y = (b_y * over_x, -b_x * over_x), (-a_y * over_y, a_x * over_y)
+    _write_tangents((rx, ry, rz), (by_x, by_y), jacobian, i)
+
+
+@kernel
+def straight_ray_jacobian(fx: float, fy: float, rays: np.ndarray, jacobian: np.ndarray) -> None:
+    """As `pinhole_ray_jacobian` of a pinhole without distortion."""
+    for i in range(len(rays)):
+        _straight_ray_jacobian(fx, fy, rays, i, jacobian)
+
+
+@formula
+def _straight_ray_jacobian(
+    fx: float, fy: float, rays: np.ndarray, i: int, jacobian: np.ndarray
+) -> None:
+    x, y, z = rays[i, 0], rays[i, 1], rays[i, 2]
+    over = 1.0 / root(x * x + y * y + z * z)
+    scale = choose(z > 0.0, z * over, math.nan)
+    by_x, by_y = (scale * (1.0 / fx), 0.0), (0.0, scale * (1.0 / fy))
+    _write_tangents((x * over, y * over, z * over), (by_x, by_y), jacobian, i)
+
+
+def _write_tangents(ray, steps, jacobian, i):
+    """Write what is perpendicular to the ray of its steps (x, y, 0), one a column."""
+    for column, (x, y) in enumerate(steps):
+        along = ray[0] * x + ray[1] * y
+        jacobian[i, 0, column] = x - ray[0] * along
+        jacobian[i, 1, column] = y - ray[1] * along
+        jacobian[i, 2, column] = -ray[2] * along

@@ -17,8 +17,12 @@ from farpoint._kernels.fused import fused
 from farpoint._kernels.vectors import Vector, combine, dot
 
 __all__ = [
+    "FLOW",
     "LANES",
+    "MIN_VARIANCE_RAD2",
     "PANEL",
+    "RAY0",
+    "RAY1",
     "address",
     "flow_variance",
     "noise0",

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from farpoint._kernels.lens import pinhole_ray_jacobian, pinhole_rays
+from farpoint._kernels.lens import pinhole_ray_jacobian, pinhole_rays, straight_ray_jacobian
 from farpoint.camera.focal import FocalModel, PlaneJacobian, rays_from_plane
 from farpoint.camera.radtan import COEFFICIENT_NAMES, RadialTangential
 
@@ -101,5 +101,8 @@ class Pinhole(FocalModel):
             return super().unproject_jacobian(rays)
         rays = np.ascontiguousarray(rays, dtype=np.float64)
         jacobian = np.empty((len(rays), 3, 2))
-        pinhole_ray_jacobian(lens.untilted, lens.fold, self.fx, self.fy, rays, jacobian)
+        if lens.is_identity:
+            straight_ray_jacobian(self.fx, self.fy, rays, jacobian)
+        else:
+            pinhole_ray_jacobian(lens.untilted, lens.fold, self.fx, self.fy, rays, jacobian)
         return jacobian

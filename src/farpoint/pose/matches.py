@@ -13,6 +13,8 @@ from farpoint._kernels.pairs import (
     LANES,
     MIN_VARIANCE_RAD2,
     PANEL,
+    RAY0,
+    RAY1,
     pack_pairs,
     packed_length,
     take_pairs,
@@ -55,10 +57,8 @@ class Matches:
 
     Attributes
     ----------
-    rays0, rays1 : ndarray, shape (N, 3)
-        Unit rays in camera 0 and camera 1.
     pairs : ndarray
-        The same with their covariances, packed for the kernels.
+        Unit rays in camera 0 and camera 1, with their covariances, packed for the kernels.
     index : ndarray of int, shape (N,)
         Row of each match in what the user gave; matches without a ray are left out.
     total : int
@@ -75,8 +75,6 @@ class Matches:
         What the user said of the noise of each match, where it was said.
     """
 
-    rays0: np.ndarray
-    rays1: np.ndarray
     pairs: np.ndarray
     index: np.ndarray
     total: int
@@ -94,8 +92,6 @@ class Matches:
         pairs = np.empty(packed_length(len(rows)) // LANES * PANEL)
         take_pairs(self.pairs, rows, pairs)
         return Matches(
-            rays0=self.rays0[rows],
-            rays1=self.rays1[rows],
             pairs=pairs,
             index=self.index[rows],
             total=self.total,
@@ -110,10 +106,25 @@ class Matches:
         packed[: len(self)] = values
         return packed
 
+    @property
+    def rays0(self) -> np.ndarray:
+        """Unit rays (N, 3) in camera 0."""
+        return self._rows(RAY0, RAY0 + 3)
+
+    @property
+    def rays1(self) -> np.ndarray:
+        """Unit rays (N, 3) in camera 1."""
+        return self._rows(RAY1, RAY1 + 3)
+
     @cached_property
     def precision(self) -> np.ndarray:
         """Inverse mean variance (N,), rad^-2, of ``b - R a`` along one direction."""
-        return 1.0 / self.pairs.reshape(-1, PANEL // LANES, LANES)[:, FLOW].ravel()[: len(self)]
+        return 1.0 / self._rows(FLOW, FLOW + 1)[:, 0]
+
+    def _rows(self, first: int, end: int) -> np.ndarray:
+        """What these rows of the panels hold of each match (N, end - first)."""
+        panels = self.pairs.reshape(-1, PANEL // LANES, LANES)[:, first:end]
+        return panels.transpose(0, 2, 1).reshape(-1, end - first)[: len(self)]
 
 
 def matches_from_points(
@@ -197,11 +208,8 @@ def _pack(
     )
     if count < total:
         index = index[:count]
-        rays0, rays1 = rays0[index], rays1[index]
         pairs = pairs[: packed_length(count) // LANES * PANEL]
     return Matches(
-        rays0=rays0,
-        rays1=rays1,
         pairs=pairs,
         index=index,
         total=total,
