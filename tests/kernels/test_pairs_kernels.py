@@ -14,6 +14,7 @@ from farpoint._kernels.pairs import (
     PANEL,
     address,
     flow_variance,
+    is_finite,
     noise0,
     noise1,
     pack_pairs,
@@ -131,3 +132,12 @@ def test_what_fills_a_panel_up_is_too_vague_to_contradict_a_pose():
 
 def test_no_match_at_all_fills_no_panel():
     assert pack(two_views(0, 0))[:2] == (0, 10.0)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_one_number_that_is_not_finite_is_found(bad):
+    values = np.array([1.0, -1e308, 0.0, 3.0, 5e-324])
+    assert is_finite(values)
+    assert is_finite(values[:0])
+    for i in range(values.size):
+        assert not is_finite(np.where(np.arange(values.size) == i, bad, values))

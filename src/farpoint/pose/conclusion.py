@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from farpoint._kernels.linear import tangent_basis
+from farpoint._kernels.vectors import tangent_columns
 from farpoint.pose.matches import Matches
 from farpoint.pose.result import PoseStats, PoseStatus, RelativePose, TrackLabel
 
@@ -123,8 +123,7 @@ def observed(
     """Rotation and direction, each with covariance; the worst 1-sigma of the direction, rad."""
     stats = _stats(labels, course)
     sigma_deg = math.degrees(direction_sigma)
-    basis = np.empty((3, 2))
-    tangent_basis(direction, basis)
+    first, second = tangent_columns(direction.tolist())
     return RelativePose(
         status=PoseStatus.OK,
         reason=(
@@ -134,7 +133,7 @@ def observed(
         rotation_cam1_from_cam0=R,
         rotation_covariance=covariance[:3, :3].copy(),
         direction_cam1_from_cam0=direction,
-        direction_basis=basis,
+        direction_basis=np.array([*zip(first, second, strict=True)]),
         covariance=covariance,
         labels=labels,
         noise_px=noise,

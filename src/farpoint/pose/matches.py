@@ -15,6 +15,7 @@ from farpoint._kernels.pairs import (
     PANEL,
     RAY0,
     RAY1,
+    is_finite,
     pack_pairs,
     packed_length,
     take_pairs,
@@ -234,7 +235,7 @@ def _checked(
     array = np.ascontiguousarray(given, dtype=np.float64)
     if array.ndim != 1 + len(shape) or array.shape[1:] != shape or rows not in (None, len(array)):
         raise InputError(f"expected shape {_shape(rows, shape)}, got {array.shape}", field=name)
-    if np.count_nonzero(np.isfinite(array)) < array.size:
+    if not is_finite(array.reshape(-1)):
         raise InputError("expected finite numbers, got NaN or infinite ones", field=name)
     return array
 
