@@ -120,7 +120,7 @@ def test_a_rotation_that_is_taken_for_lack_of_matches_says_that_it_may_be_wrong(
 
 @pytest.mark.parametrize(
     ("count", "sigmas", "translates"),
-    [(4, 6.0, False), (4, 12.0, False), (3, 60.0, False), (12, 60.0, True)],
+    [(4, 6.0, False), (4, 12.0, False), (8, 12.0, True), (3, 60.0, False), (12, 60.0, True)],
 )
 def test_how_far_tracks_are_off_says_how_likely_they_point_to_one_direction(
     count, sigmas, translates

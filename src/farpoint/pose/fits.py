@@ -18,7 +18,7 @@ from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance
 from farpoint._kernels.motion import MAX_SEARCHED, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import packed_length
-from farpoint._kernels.rotation import explain_rotation, refine_rotation
+from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.information import symmetric_inverse
 from farpoint.pose.matches import Matches
@@ -40,8 +40,7 @@ MAX_REFINEMENTS = 20
 FEW_MATCHES = 1000
 
 
-@dataclass(frozen=True, kw_only=True)
-class Noise:
+class Noise(NamedTuple):
     """What the matches were found to be off by.
 
     Attributes
@@ -72,7 +71,7 @@ class Noise:
     @property
     def array(self) -> np.ndarray:
         """As the kernels take it."""
-        return np.array([self.variance, self.wrong, self.poor])
+        return np.array(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,10 +184,10 @@ class MovingFit:
 def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> TurningFit:
     """Maximum-likelihood rotation of all matches from a start within its basin."""
     n = len(matches)
-    R, prior = R_start.copy(), matches.weights()
+    R, prior, information = R_start.copy(), matches.weights(), np.empty((3, 3))
     mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_WRONG, START_POOR])
-    information, distance2, right = np.empty((3, 3)), np.empty(len(prior)), np.empty(len(prior))
-    cost = refine_rotation(
+    distance2, right = np.empty(len(prior)), np.empty(len(prior))
+    cost = fit_rotation(
         matches.pairs,
         prior,
         n,
@@ -198,13 +197,12 @@ def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> Turn
         R,
         mixture,
         information,
+        distance2,
+        right,
     )
-    known = explain_rotation(matches.pairs, prior, matches.spread, R, mixture, distance2, right)
-    freedom = max(2.0 * float(right.sum()) - 3.0, 4.0)
     return TurningFit(
         R_cam1_from_cam0=R,
-        # What is not known of the matches, and of the noise, as for a motion.
-        covariance=symmetric_inverse(information * (max(known, 0.1) * (freedom - 2.0) / freedom)),
+        covariance=symmetric_inverse(information),
         noise=_noise(mixture),
         distance2=distance2[:n],
         probability=right[:n],
@@ -321,5 +319,4 @@ def _moving_fit(
 
 
 def _noise(mixture: np.ndarray) -> Noise:
-    variance, wrong, poor = mixture.tolist()
-    return Noise(variance=variance, wrong=wrong, poor=poor)
+    return Noise(*mixture.tolist())

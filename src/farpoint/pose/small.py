@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-__all__ = ["angle2", "inverse_three"]
+__all__ = ["angle2", "inverse_three", "size2"]
 
 # Determinant over that of a matrix with the same diagonal, below which rounding is felt.
 LEAST_DETERMINANT = 1e-6
@@ -24,6 +24,26 @@ def inverse_three(A: np.ndarray) -> np.ndarray | None:
 
     None where it is not finite, not positive definite, or nearly so.
     """
+    inverse = _inverse(A)
+    if inverse is None:
+        return None
+    a, b, c, d, e, f = inverse
+    return np.array((a, b, c, b, d, e, c, e, f)).reshape(3, 3)
+
+
+def size2(v: tuple[float, float, float], covariance: np.ndarray) -> float:
+    """Squared Mahalanobis distance ``v^T C^-1 v`` of three numbers by their covariance (3, 3)."""
+    inverse = _inverse(covariance)
+    if inverse is None:
+        values, vectors = np.linalg.eigh(covariance)
+        return float(np.sum((vectors.T @ v) ** 2 / np.maximum(values, 1e-300)))
+    x, y, z = v
+    a, b, c, d, e, f = inverse
+    return a * x * x + d * y * y + f * z * z + 2.0 * (b * x * y + c * x * z + e * y * z)
+
+
+def _inverse(A: np.ndarray) -> tuple[float, float, float, float, float, float] | None:
+    """The upper triangle of `inverse_three`, by rows."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = A.tolist()
     first = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     determinant = xx * first[0] + xy * first[1] + xz * first[2]
@@ -33,5 +53,4 @@ def inverse_three(A: np.ndarray) -> np.ndarray | None:
         return None
     over = 1.0 / determinant
     a, b, c = first[0] * over, first[1] * over, first[2] * over
-    d, e, f = (xx * zz - xz * xz) * over, (xy * xz - xx * yz) * over, plane * over
-    return np.array([[a, b, c], [b, d, e], [c, e, f]])
+    return a, b, c, (xx * zz - xz * xz) * over, (xy * xz - xx * yz) * over, plane * over

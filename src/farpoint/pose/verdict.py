@@ -18,9 +18,10 @@ import scipy  # its parts load on first use
 
 from farpoint._kernels.evidence import NEAR_SIGMA
 from farpoint._kernels.motion import MAX_SEARCHED
+from farpoint._kernels.turning import flow_beside_rotation
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit
 from farpoint.pose.matches import Matches
-from farpoint.pose.small import inverse_three
+from farpoint.pose.small import size2
 
 __all__ = [
     "is_consensus",
@@ -74,10 +75,14 @@ def shown_translation(matches: Matches, fit: MovingFit, turning: TurningFit, rat
 
     Between the two where it shows one only if the noise is what was told of it.
     """
-    agree = np.abs(fit.residual) <= BAND_SIGMA * fit.noise.mean_sigma
-    if _near_points_agree(fit, turning, agree, rate):
+    band = BAND_SIGMA * fit.noise.mean_sigma
+    unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(
+        fit.residual, fit.parallax, turning.distance2, turning.probability, band
+    )
+    # More matches may flow towards the direction than wrong matches would.
+    if near and is_consensus(near, unexplained, 2, by_chance / unexplained, rate):
         return 1.0
-    return _bulk_beyond_noise(matches, fit, turning, agree, rate)
+    return _bulk_beyond_noise(bulk, across, flow, matches.doubt, rate)
 
 
 def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float) -> bool:
@@ -86,56 +91,28 @@ def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float)
     cosine = 0.5 * (xx + yy + zz - 1.0)
     if cosine <= 0.0:  # a quarter turn and more: no covariance that fixes a rotation reaches so far
         return False
-    sine_axis = 0.5 * np.array([zy - yz, xz - zx, yx - xy])
-    sine = float(np.sqrt(sine_axis @ sine_axis))
-    dtheta = sine_axis * (math.atan2(sine, cosine) / sine if sine > 1e-8 else 1.0)
-    inverse = inverse_three(covariance)
-    if inverse is not None:
-        distance2 = dtheta @ inverse @ dtheta
-    else:
-        values, vectors = np.linalg.eigh(covariance)
-        distance2 = np.sum((vectors.T @ dtheta) ** 2 / np.maximum(values, 1e-300))
-    return bool(scipy.special.chdtrc(3, distance2) > rate)
+    x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
+    sine = math.hypot(x, y, z)
+    scale = math.atan2(sine, cosine) / sine if sine > 1e-8 else 1.0
+    distance2 = size2((scale * x, scale * y, scale * z), covariance)
+    return bool(scipy.special.chdtrc(3.0, distance2) > rate)
 
 
-def _bulk_beyond_noise(
-    matches: Matches, fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float
-) -> float:
+def _bulk_beyond_noise(n: int, across: float, flow: float, doubt: float, rate: float) -> float:
     """F test of the distance from the rotation's prediction against noise across epipolar lines.
 
-    Over the matches that both models explain: one wrong match along an epipolar line would decide
+    Over the n matches that both models explain: one wrong match along an epipolar line would decide
     the test. With many matches the test would find any error in the stated noise: the less such an
     error explains it, the more of a translation there is, and all of one beyond the largest.
     """
-    bulk = agree & (turning.probability > 0.5)
-    n = int(np.count_nonzero(bulk))
     if n < MIN_BULK:
         return 0.0
     # Matches without any noise still have that of rounding.
-    across = max(float(np.sum(fit.residual[bulk] ** 2)), n * MIN_VARIANCE)
-    along = float(np.sum(turning.distance2[bulk])) - across
-    ratio = max(along, 0.0) / n / (across / (n - 3))
-    if DIRECTIONS * scipy.special.fdtrc(n, n - 3, ratio) >= rate:
+    across = max(across, n * MIN_VARIANCE)
+    ratio = max(flow - across, 0.0) / n / (across / (n - 3))
+    if DIRECTIONS * scipy.special.fdtrc(float(n), n - 3.0, ratio) >= rate:
         return 0.0
-    return min(max(2.0 * ratio / matches.doubt - 1.0, 0.0), 1.0) ** 4
-
-
-def _near_points_agree(fit: MovingFit, turning: TurningFit, agree: np.ndarray, rate: float) -> bool:
-    """Whether more matches flow towards the direction than wrong matches would by chance.
-
-    Among those that the rotation does not explain.
-    """
-    unexplained = turning.probability < 0.5
-    candidates = int(np.count_nonzero(unexplained))
-    if not candidates:
-        return False
-    near = unexplained & agree & (fit.parallax > 0.0)
-    # A wrong match lies anywhere around where the rotation has it, at its own distance: this is the
-    # arc of that circle, on the side of the direction, that the band takes up.
-    distance = np.sqrt(turning.distance2[unexplained])
-    band = BAND_SIGMA * fit.noise.mean_sigma
-    chance = float(np.mean(np.arcsin(np.minimum(band / distance, 1.0)))) / math.pi
-    return is_consensus(int(np.count_nonzero(near)), candidates, 2, chance, rate)
+    return min(max(2.0 * ratio / doubt - 1.0, 0.0), 1.0) ** 4
 
 
 def _log_binomial_tail(k: int, n: int, p: float) -> float:

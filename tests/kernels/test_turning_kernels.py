@@ -1,0 +1,67 @@
+"""A rotation fitted from end to end, and what speaks for a translation beside it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from kernels_kit import packed, shaken, two_views
+
+from farpoint._kernels.rotation import explain_rotation, refine_rotation
+from farpoint._kernels.turning import fit_rotation, flow_beside_rotation
+from farpoint.geometry import so3
+
+SPREAD = 10.0
+
+
+@pytest.mark.parametrize(
+    ("matches", "wrong", "sigma", "rounds"),
+    # Many, hardly enough to tell the noise, and a rotation that none agrees with yet.
+    [(40, 8, 1.0, 20), (3, 0, 1.0, 20), (40, 0, 50.0, 1)],
+)
+def test_a_rotation_is_refined_and_knows_what_it_can_of_its_matches(matches, wrong, sigma, rounds):
+    view = shaken(two_views(3, matches, baseline_m=0.0), 3, sigma)
+    view.rays1[:wrong] = two_views(5, wrong).rays1
+    prior = packed(np.ones(matches))
+    start, begun = so3.exp(np.array([1e-3, 0.0, -1e-3])) @ view.R, np.array([0.05, 0.3, 0.05])
+    given = view.pairs, prior, matches, SPREAD, 1e-6, rounds
+    R, mixture, information = start.copy(), begun.copy(), np.full((3, 3), np.nan)
+    told = np.full((2, len(prior)), np.nan)
+    cost = fit_rotation(*given, R, mixture, information, *told)
+
+    expected_R, expected, whole = start.copy(), begun.copy(), np.empty((3, 3))
+    assert cost == pytest.approx(refine_rotation(*given, expected_R, expected, whole), rel=1e-12)
+    np.testing.assert_allclose(R, expected_R, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(mixture, expected, rtol=1e-9)
+    each = np.empty((2, len(prior)))
+    known = explain_rotation(view.pairs, prior, SPREAD, R, mixture, *each)
+    assert (known < 0.1) == (rounds == 1)  # else nothing is tested
+    np.testing.assert_allclose(told, each, rtol=1e-9)
+    freedom = max(2.0 * each[1].sum() - 3.0, 4.0)
+    share = max(known, 0.1) * (freedom - 2.0) / freedom
+    np.testing.assert_allclose(information, share * whole, rtol=1e-9)
+
+
+def test_matches_that_a_rotation_explains_and_others_are_told_apart():
+    rng, n, band = np.random.default_rng(0), 200, 3.0
+    residual, parallax = 3.0 * rng.normal(size=(2, n))
+    distance2, right = rng.uniform(0.0, 30.0, n), rng.uniform(0.0, 1.0, n)
+    distance2[:2], right[:4] = 0.0, [0.1, 0.9, 0.5, 0.5]
+    found = flow_beside_rotation(residual, parallax, distance2, right, band)
+
+    agree, lost = np.abs(residual) <= band, right < 0.5
+    arcs = np.arcsin(np.minimum(band / np.sqrt(np.maximum(distance2[lost], 1e-12)), 1.0)) / np.pi
+    bulk = agree & (right > 0.5)
+    expected = (
+        lost.sum(),
+        (lost & agree & (parallax > 0.0)).sum(),
+        arcs.sum(),
+        bulk.sum(),
+        np.sum(residual[bulk] ** 2),
+        np.sum(distance2[bulk]),
+    )
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_no_match_at_all_says_nothing():
+    none = np.empty(0)
+    assert flow_beside_rotation(none, none, none, none, 3.0) == (0, 0, 0.0, 0, 0.0, 0.0)
