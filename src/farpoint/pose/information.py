@@ -8,7 +8,7 @@ from farpoint.pose.small import inverse_three
 
 __all__ = ["inverse_root", "positive", "symmetric_inverse"]
 
-_SURER = np.ones((5, 5)) + 1e-12 * np.eye(5)
+_SURER = {n: np.ones((n, n)) + 1e-12 * np.eye(n) for n in (3, 5)}
 
 
 def symmetric_inverse(information: np.ndarray) -> np.ndarray:
@@ -30,4 +30,4 @@ def inverse_root(information: np.ndarray) -> np.ndarray:
 
 def positive(covariance: np.ndarray) -> np.ndarray:
     """The covariance with a trace more on its diagonal, lest rounding make correlation perfect."""
-    return covariance * _SURER[: len(covariance), : len(covariance)]
+    return covariance * _SURER[len(covariance)]
