@@ -23,12 +23,13 @@ def test_a_rotation_is_refined_and_knows_what_it_can_of_its_matches(matches, wro
     view.rays1[:wrong] = two_views(5, wrong).rays1
     prior = packed(np.ones(matches))
     start, begun = so3.exp(np.array([1e-3, 0.0, -1e-3])) @ view.R, np.array([0.05, 0.3, 0.05])
-    given = view.pairs, prior, matches, SPREAD, 1e-6, rounds
+    given = SPREAD, 1e-6, rounds
     R, mixture, information = start.copy(), begun.copy(), np.full((3, 3), np.nan)
     told = np.full((2, len(prior)), np.nan)
-    cost = fit_rotation(*given, R, mixture, information, *told)
+    cost = fit_rotation(view.pairs, matches, *given, R, mixture, information, *told)
 
     expected_R, expected, whole = start.copy(), begun.copy(), np.empty((3, 3))
+    given = view.pairs, prior, matches, *given
     assert cost == pytest.approx(refine_rotation(*given, expected_R, expected, whole), rel=1e-12)
     np.testing.assert_allclose(R, expected_R, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(mixture, expected, rtol=1e-9)

@@ -9,6 +9,7 @@ import numpy as np
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
+from farpoint._kernels.scratch import room
 
 __all__ = ["fit_rotation", "flow_beside_rotation"]
 
@@ -19,7 +20,6 @@ LEAST_KNOWN = 0.1
 @kernel
 def fit_rotation(
     pairs: np.ndarray,
-    prior: np.ndarray,
     count: int,
     spread: float,
     min_variance: float,
@@ -32,9 +32,13 @@ def fit_rotation(
 ) -> float:
     """Maximum-likelihood rotation and what it makes of each match; returns its cost.
 
-    As `rotation.refine_rotation` and `rotation.explain_rotation`. ``information`` (3, 3) receives
-    that of the rotation, less what is not known of the matches, and of the noise, as for a motion.
+    As `rotation.refine_rotation` and `rotation.explain_rotation`, all ``count`` matches alike.
+    ``information`` (3, 3) receives that of the rotation, less what is not known of the matches, and
+    of the noise, as for a motion.
     """
+    prior = room(right.size)
+    for i in range(right.size):
+        prior[i] = 1.0 if i < count else 0.0
     cost = refine_rotation(
         pairs, prior, count, spread, min_variance, max_iterations, R, mixture, information
     )

@@ -183,13 +183,12 @@ class MovingFit:
 
 def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> TurningFit:
     """Maximum-likelihood rotation of all matches from a start within its basin."""
-    n = len(matches)
-    R, prior, information = R_start.copy(), matches.weights(), np.empty((3, 3))
+    n, size = len(matches), packed_length(len(matches))
+    R, information = R_start.copy(), np.empty((3, 3))
+    distance2, right = np.empty(size), np.empty(size)
     mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_WRONG, START_POOR])
-    distance2, right = np.empty(len(prior)), np.empty(len(prior))
     cost = fit_rotation(
         matches.pairs,
-        prior,
         n,
         matches.spread,
         MIN_VARIANCE,
