@@ -11,9 +11,9 @@ from farpoint._kernels.covariance import (
     MOST_GROWTH,
     SIGNAL,
     STATED,
+    covariance_around,
     covariance_beside,
     covariance_here,
-    growth_around,
 )
 from farpoint._kernels.information import information
 from farpoint._kernels.vectors import tangent_columns
@@ -98,20 +98,39 @@ def test_where_less_than_a_quarter_of_the_flow_is_signal_there_is_no_covariance(
     assert covariance_beside(*arguments(view), RIGHT, np.zeros(5), out) == shows
 
 
-def test_the_growth_is_half_the_second_difference_along_both_axes():
-    view = two_views(5, 60, error_rad=2e-3)
-    axes, out = np.diag([1e-3, 0.0, 0.0, 0.02, 0.0])[[0, 3]], np.empty((5, 5))
-    growth_around(*arguments(view), RIGHT, np.full((5, 5), np.nan), axes, out)
-    around = sum(beside(view, step) for step in (*axes, *-axes))
-    assert_covariances(out, 0.5 * (around - 4.0 * beside(view, np.zeros(5))))
+def around(view: View, covariance: np.ndarray) -> np.ndarray:
+    """The mean over the poses that a covariance allows, written in NumPy."""
+    values, axes = np.linalg.eigh(covariance)
+    growth = -2.0 * beside(view, np.zeros(5))
+    for step in (axes * np.sqrt(values)).T[3:]:
+        for side in (step, -step):
+            is_seen = covariance_beside(*arguments(view), RIGHT, side, np.empty((5, 5)))
+            growth += 0.5 * (beside(view, side) if is_seen else (1.0 + MOST_GROWTH) * covariance)
+    root = axes * np.sqrt(values)
+    more, along = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, growth).T))
+    root = root @ along * np.sqrt(1.0 + np.clip(more, 0.0, MOST_GROWTH))
+    return root @ root.T
 
 
-def test_where_hardly_anything_is_signal_the_covariance_grows_as_far_as_it_may():
+@pytest.mark.parametrize(
+    ("seed", "times", "least", "most"),
+    # As it is, a little less sure along an axis; much wider; with one of four sides where hardly
+    # anything is signal; and with two.
+    [(6, 1.0, 1.0, 1.03), (5, 20.0, 1.01, 1.04), (6, 1e3, 5.51, 5.58), (5, 1e3, 9.0, 9.0)],
+)
+def test_the_covariance_grows_by_half_its_second_difference(seed, times, least, most):
+    view = two_views(seed, 60, error_rad=2e-3)
+    covariance, out = times * beside(view, np.zeros(5)), np.empty((5, 5))
+    covariance_around(*arguments(view), RIGHT, covariance, out)
+    assert_covariances(out, around(view, covariance))
+    grown = scipy.linalg.eigh(out, covariance)[0]
+    assert least - 1e-9 < grown[0] <= grown[-1] < most + 0.01
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 1), (1, 0), (4, 2), (2, 4), (3, 0), (0, 4)])
+def test_the_two_widest_axes_are_gone_along(first, second):
     view = two_views(5, 60, error_rad=2e-3)
-    covariance, axes, out = np.diag(np.arange(1.0, 6.0)), np.zeros((2, 5)), np.empty((5, 5))
-    axes[:, 0] = 0.1
-    assert not covariance_beside(*arguments(view), RIGHT, axes[0], out)
-    assert not covariance_beside(*arguments(view), RIGHT, -axes[0], out)
-    growth_around(*arguments(view), RIGHT, covariance, axes, out)
-    most = (1.0 + MOST_GROWTH) * covariance
-    assert_covariances(out, 2.0 * (most - beside(view, np.zeros(5))))
+    covariance, out = np.diag([1.0e-7, 1.1e-7, 1.2e-7, 1.3e-7, 1.4e-7]), np.empty((5, 5))
+    covariance[first, first], covariance[second, second] = 1e-5, 1e-6
+    covariance_around(*arguments(view), RIGHT, covariance, out)
+    assert_covariances(out, around(view, covariance))

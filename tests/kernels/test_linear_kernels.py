@@ -215,3 +215,24 @@ def test_drawn_indices_are_uniform_and_in_range(n):
     expected = count / n
     chi2 = np.sum((np.bincount(sample, minlength=n) - expected) ** 2) / expected
     assert chi2 < n - 1 + 4.0 * math.sqrt(2.0 * n)
+
+
+@quick
+@given(seed=seeds, decades=st.floats(0.0, 12.0))
+def test_eigenvectors_are_orthonormal_however_far_apart_the_values_are(seed, decades):
+    rng = np.random.default_rng(seed)
+    values = 10.0 ** rng.uniform(-decades, 0.0, 5) * np.where(rng.random(5) < 0.2, -1.0, 1.0)
+    turn = np.linalg.qr(rng.normal(size=(5, 5)))[0]
+    A = turn * values @ turn.T
+    A = 0.5 * (A + A.T)
+    diagonal, axes = A.copy(), np.full((5, 5), np.nan)
+    linear.eigen_five(diagonal, axes)
+    found = diagonal.diagonal()
+    np.testing.assert_allclose(axes @ axes.T, np.eye(5), rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose((axes.T * found) @ axes, A, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(np.sort(found), np.linalg.eigvalsh(A), rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("value", [0.0, math.nan, math.inf])
+def test_a_matrix_without_eigenvectors_ends(value):
+    linear.eigen_five(np.full((5, 5), value), np.empty((5, 5)))

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import formula, greater
+from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.information import information
 from farpoint._kernels.likelihood import apply_step
-from farpoint._kernels.linear import sandwich, tangent_basis
+from farpoint._kernels.linear import eigen_five, sandwich, tangent_basis
 from farpoint._kernels.scratch import clear, copy, scratch
 
-__all__ = ["MOST_GROWTH", "covariance_beside", "covariance_here", "growth_around"]
+__all__ = ["covariance_around", "covariance_beside", "covariance_here"]
 
 # Where more than three quarters of what the flow tells, along any axis, are noise, the covariance
 # no longer holds: points that are all far have such flow, and half of their directions are wrong.
@@ -81,7 +83,7 @@ def _bound(information: np.ndarray) -> None:
 
 
 @kernel
-def growth_around(
+def covariance_around(
     pairs: np.ndarray,
     prior: np.ndarray,
     R: np.ndarray,
@@ -90,20 +92,84 @@ def growth_around(
     clutter: float,
     right: float,
     covariance: np.ndarray,
-    axes: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """How much larger (5, 5) a ``covariance`` is on average around the pose, to second order.
+    """Mean ``out`` (5, 5) of the covariance over the poses that a ``covariance`` allows.
 
-    Half of what it changes by at a sigma to either side, along two ``axes`` (2, 5). It is
-    `MOST_GROWTH` times as large again where hardly anything would be signal.
+    To second order: larger by half of what it changes by, a sigma to either side, along its two
+    widest axes. Along no axis it shrinks, or grows by more than `MOST_GROWTH` times.
+    """
+    values, axes, steps = scratch(5, 5), scratch(5, 5), scratch(2, 5)
+    growth, half = scratch(5, 5), scratch(5, 5)
+    copy(covariance, values)
+    eigen_five(values, axes)
+    _widest(values, axes, steps)
+    _grow(pairs, prior, R, t, mixture, clutter, right, covariance, steps, growth)
+    # In axes in which the covariance is the identity, growth is what it is times as large.
+    for k in range(5):
+        sigma = math.sqrt(values[k, k])
+        for i in range(5):
+            axes[k, i] /= sigma
+    _product(axes, growth, half)
+    _product(half, axes, growth)
+    for k in range(5):
+        for i in range(5):
+            axes[k, i] *= values[k, k]
+    eigen_five(growth, half)
+    clear(out)
+    for k in range(5):
+        more = 1.0 + lesser(greater(growth[k, k], 0.0), MOST_GROWTH)
+        for i in range(5):
+            for j in range(5):
+                out[i, j] += more * _along(half, axes, k, i) * _along(half, axes, k, j)
+
+
+@formula
+def _along(A: np.ndarray, B: np.ndarray, i: int, j: int) -> float:
+    """An element of ``A @ B`` (5, 5)."""
+    total = 0.0
+    for k in range(5):
+        total = total + A[i, k] * B[k, j]
+    return total
+
+
+@inner_kernel
+def _widest(values: np.ndarray, axes: np.ndarray, steps: np.ndarray) -> None:
+    """A sigma along the two axes (rows) with the largest ``values``, on a diagonal (5, 5)."""
+    first = second = -1
+    for k in range(5):
+        if first < 0 or values[k, k] > values[first, first]:
+            first, second = k, first
+        elif second < 0 or values[k, k] > values[second, second]:
+            second = k
+    for i in range(5):
+        steps[0, i] = math.sqrt(values[first, first]) * axes[first, i]
+        steps[1, i] = math.sqrt(values[second, second]) * axes[second, i]
+
+
+@inner_kernel
+def _grow(
+    pairs: np.ndarray,
+    prior: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    clutter: float,
+    right: float,
+    covariance: np.ndarray,
+    steps: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """How much larger (5, 5) a ``covariance`` is on average around the pose.
+
+    It is `MOST_GROWTH` times as large again where hardly anything would be signal.
     """
     step, there = scratch(5), scratch(5, 5)
     clear(out)
     for k in range(5):
         side, weight = (0.0, -2.0) if k == 0 else (1.0 if k < 3 else -1.0, 0.5)
         for i in range(5):
-            step[i] = side * axes[k % 2, i]
+            step[i] = side * steps[k % 2, i]
         seen = covariance_beside(pairs, prior, R, t, mixture, clutter, right, step, there)
         for i in range(5):
             for j in range(5):

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
+from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import formula, whole
 from farpoint._kernels.squares import sandwich_five
 from farpoint._kernels.vectors import (
@@ -31,11 +31,16 @@ __all__ = [
     "draw_direction",
     "draw_index",
     "draw_unit",
+    "eigen_five",
     "kabsch",
     "put",
     "sandwich",
     "tangent_basis",
 ]
+
+
+# Of Jacobi's method; five are usual.
+MOST_SWEEPS = 30
 
 
 @kernel
@@ -109,6 +114,46 @@ def sandwich(
     direction.
     """
     return sandwich_five(whole, part, inner, least, out)
+
+
+@kernel
+def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
+    """Eigenvectors of a symmetric matrix (5, 5), in rows; its diagonal receives the values.
+
+    Jacobi's method: each turn makes one element zero, and the others smaller together.
+    """
+    for i in range(5):
+        for j in range(5):
+            axes[i, j] = 1.0 if i == j else 0.0
+    is_diagonal = False
+    sweeps = 0
+    while not is_diagonal and sweeps < MOST_SWEEPS:
+        sweeps += 1
+        is_diagonal = True
+        for p in range(4):
+            for q in range(p + 1, 5):
+                if abs(A[p, q]) > 1e-15 * math.sqrt(abs(A[p, p] * A[q, q])):
+                    is_diagonal = False
+                    _make_zero(A, p, q, axes)
+
+
+@inner_kernel
+def _make_zero(A: np.ndarray, p: int, q: int, axes: np.ndarray) -> None:
+    """Turn the axes ``p`` and ``q`` into those in which their element is zero."""
+    cotangent = 0.5 * (A[q, q] - A[p, p]) / A[p, q]
+    tangent = 1.0 / (abs(cotangent) + math.sqrt(cotangent * cotangent + 1.0))
+    tangent = tangent if cotangent > 0.0 else -tangent
+    cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
+    sine = tangent * cosine
+    for k in range(5):
+        a, b = A[k, p], A[k, q]
+        A[k, p], A[k, q] = cosine * a - sine * b, sine * a + cosine * b
+    for k in range(5):
+        a, b = A[p, k], A[q, k]
+        A[p, k], A[q, k] = cosine * a - sine * b, sine * a + cosine * b
+        a, b = axes[p, k], axes[q, k]
+        axes[p, k], axes[q, k] = cosine * a - sine * b, sine * a + cosine * b
+    A[p, q] = A[q, p] = 0.0
 
 
 @kernel

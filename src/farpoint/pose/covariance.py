@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.covariance import MOST_GROWTH, growth_around
+from farpoint._kernels.covariance import covariance_around
 from farpoint._kernels.likelihood import clutter_density
 from farpoint.pose.fits import MovingFit
 from farpoint.pose.information import inverse_root, positive
@@ -57,14 +57,9 @@ def _by_scale(whole: np.ndarray, noise: np.ndarray) -> np.ndarray:
 
 
 def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:
-    """A covariance, and how much larger it is on average at the poses that it allows.
-
-    To second order, by its change along its two widest axes.
-    """
-    values, axes = np.linalg.eigh(covariance)
-    sigmas, growth = axes * np.sqrt(values), np.empty((5, 5))
-    widest = np.ascontiguousarray(sigmas.T[3:])
-    growth_around(
+    """The covariance on average over the poses that it allows."""
+    averaged = np.empty((5, 5))
+    covariance_around(
         fit.matches.pairs,
         fit.said[0],
         fit.R_cam1_from_cam0,
@@ -73,13 +68,9 @@ def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:
         clutter_density(fit.noise.variance, fit.noise.wrong, fit.matches.spread),
         float(fit.probability.sum()),
         covariance,
-        widest,
-        growth,
+        averaged,
     )
-    per_sigma = axes / np.sqrt(values)
-    more, along = np.linalg.eigh(per_sigma.T @ growth @ per_sigma)
-    root = sigmas @ along * np.sqrt(1.0 + np.clip(more, 0.0, MOST_GROWTH))
-    return root @ root.T
+    return averaged
 
 
 def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
