@@ -90,8 +90,21 @@ def fit_motion(
         t,
         mixture,
     )
-    settled = settle_motion(
-        pairs, count, spread, min_variance, far_R, R, t, mixture, said, labels, sure
+    settled = _settle(
+        searched,
+        some,
+        prior,
+        pairs,
+        count,
+        spread,
+        min_variance,
+        far_R,
+        R,
+        t,
+        mixture,
+        said,
+        labels,
+        sure,
     )
     return iterations, is_planar, settled
 
@@ -184,6 +197,43 @@ def settle_motion(
     `evidence.weigh` and, of the matches searched, `evidence.count_beyond_rotation` do, with
     ``far_R`` for another rotation, and what `covariance.covariance_here` does.
     """
+    searched, some = _searched(pairs, count)
+    return _settle(
+        searched,
+        some,
+        room(searched.size // PANEL * LANES),
+        pairs,
+        count,
+        spread,
+        min_variance,
+        far_R,
+        R,
+        t,
+        mixture,
+        said,
+        labels,
+        sure,
+    )
+
+
+@inner_kernel
+def _settle(
+    searched: np.ndarray,
+    some: int,
+    searched_right: np.ndarray,
+    pairs: np.ndarray,
+    count: int,
+    spread: float,
+    min_variance: float,
+    far_R: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    said: np.ndarray,
+    labels: np.ndarray,
+    sure: np.ndarray,
+) -> Settled:
+    """As `settle_motion`; ``searched_right`` has room for which of the matches searched are."""
     prior, residual, parallax, right = said[0], said[1], said[2], said[3]
     normal = scratch(6, 6)
     cost = math.inf
@@ -208,29 +258,14 @@ def settle_motion(
                 normal,
             )
     agreeing, odds = weigh(parallax, right, math.sqrt(mixture[0]), labels)
-    beyond, supporting = _beyond_rotation(pairs, right, count, far_R, R, mixture)
-    total = 0.0
-    for i in range(count):
-        total += right[i]
-    shows = covariance_here(pairs, prior, R, t, mixture, clutter, total, sure[0], sure[1], sure[2])
-    return cost, agreeing, odds, beyond, supporting, shows
-
-
-@inner_kernel
-def _beyond_rotation(
-    pairs: np.ndarray,
-    right: np.ndarray,
-    count: int,
-    far_R: np.ndarray,
-    R: np.ndarray,
-    mixture: np.ndarray,
-) -> tuple[int, int]:
-    """Of the right matches that are searched, how many no rotation explains, and of how many."""
-    searched, some = _searched(pairs, count)
-    searched_right = room(searched.size // PANEL * LANES)
     for j in range(searched_right.size):
         is_right = j < some and right[j * count // some] > 0.5
         searched_right[j] = 1.0 if is_right else 0.0
     # A pose may take some of the flow: a match is off a rotation by twice what its noise would do.
     distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
-    return count_beyond_rotation(searched, searched_right, R, far_R, distance)
+    beyond, supporting = count_beyond_rotation(searched, searched_right, R, far_R, distance)
+    total = 0.0
+    for i in range(count):
+        total += right[i]
+    shows = covariance_here(pairs, prior, R, t, mixture, clutter, total, sure[0], sure[1], sure[2])
+    return cost, agreeing, odds, beyond, supporting, shows
