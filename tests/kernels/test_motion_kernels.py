@@ -7,7 +7,7 @@ import pytest
 from kernels_kit import moved, packed, two_views
 
 from farpoint._kernels.covariance import covariance_here
-from farpoint._kernels.likelihood import clutter_density
+from farpoint._kernels.likelihood import clutter_density, refine_pose
 from farpoint._kernels.motion import MAX_SEARCHED, fit_motion, settle_motion
 from farpoint.geometry import so3
 
@@ -33,7 +33,7 @@ def found(view, seed: int = 0):
 
 def test_the_motion_of_two_views_is_found_and_settled():
     view = two_views(1, 60, noise_rad=1e-3)
-    R, t, _, iterations, settled, told = found(view)
+    R, t, mixture, iterations, settled, told = found(view)
     (prior, *said), labels, _ = told
     assert 16 <= iterations <= 500
     assert so3.angle_between(R, view.R) < 1e-2
@@ -46,11 +46,16 @@ def test_the_motion_of_two_views_is_found_and_settled():
     assert prior[0] > 1.0
     np.testing.assert_allclose(prior[:60], prior[0])
     assert prior[60:].tolist() == [0.0] * (len(prior) - 60)
-    _, agreeing, odds, beyond, supporting, shows_direction = settled
+    _, narrowness, agreeing, odds, beyond, supporting, shows_direction = settled
     assert labels.tolist() == [2] * 60
     assert agreeing == beyond == supporting == 60
     assert odds > 100.0
     assert shows_direction
+    normal = np.empty((6, 6))
+    given = view.pairs, prior, view.size, SPREAD, 1e-6, 1e-3, 20
+    refine_pose(*given, R.copy(), t.copy(), mixture.copy(), normal)
+    around = np.linalg.slogdet(normal[:5, :5] + np.eye(5))[1]
+    assert narrowness == pytest.approx(0.5 * around, rel=0.01)
 
 
 def test_wrong_matches_are_told_apart():
@@ -63,8 +68,8 @@ def test_wrong_matches_are_told_apart():
     assert (right[12:] > 0.9).all()
     assert np.mean(right[:12] < 0.1) > 0.7
     assert 0.1 < mixture[1] < 0.3
-    assert settled[1] == np.count_nonzero(labels) < 54
-    assert settled[4] == np.count_nonzero(right > 0.5)
+    assert settled[2] == np.count_nonzero(labels) < 54
+    assert settled[5] == np.count_nonzero(right > 0.5)
 
 
 def test_a_motion_that_is_a_little_off_is_settled_where_it_was_found():
@@ -88,15 +93,15 @@ def test_of_many_matches_every_so_manieth_is_searched():
     view.rays1[1:81:2] = np.roll(view.rays1[1:81:2], 1, axis=0)
     _, t, _, _, settled, told = found(view)
     assert t @ view.t > 0.999
-    assert 2 * MAX_SEARCHED - 40 <= settled[1] < 2 * MAX_SEARCHED - 20
+    assert 2 * MAX_SEARCHED - 40 <= settled[2] < 2 * MAX_SEARCHED - 20
     assert (told[0][3, : view.size : 2] > 0.5).all()
-    assert settled[4] == MAX_SEARCHED
+    assert settled[5] == MAX_SEARCHED
 
 
 def test_how_sure_the_motion_is_goes_by_how_many_are_right():
     view = two_views(6, 60, noise_rad=1e-3, error_rad=1e-3)
     R, t, mixture, _, settled, (said, _, sure) = found(view)
-    assert settled[5]
+    assert settled[6]
     expected, right = np.empty((3, 5, 5)), said[3, : view.size].sum()
     clutter = clutter_density(mixture[0], mixture[1], SPREAD)
     assert covariance_here(view.pairs, said[0], R, t, mixture, clutter, right, *expected)

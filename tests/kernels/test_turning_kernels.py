@@ -7,7 +7,7 @@ import pytest
 from kernels_kit import packed, shaken, two_views
 
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
-from farpoint._kernels.turning import fit_rotation, flow_beside_rotation
+from farpoint._kernels.turning import fit_rotation, flow_beside_rotation, likelier_moving
 from farpoint.geometry import so3
 
 SPREAD = 10.0
@@ -26,7 +26,7 @@ def test_a_rotation_is_refined_and_knows_what_it_can_of_its_matches(matches, wro
     given = SPREAD, 1e-6, rounds
     R, mixture, information = start.copy(), begun.copy(), np.full((3, 3), np.nan)
     told = np.full((2, len(prior)), np.nan)
-    cost = fit_rotation(view.pairs, matches, *given, R, mixture, information, *told)
+    cost, narrowness = fit_rotation(view.pairs, matches, *given, R, mixture, information, *told)
 
     expected_R, expected, whole = start.copy(), begun.copy(), np.empty((3, 3))
     given = view.pairs, prior, matches, *given
@@ -40,6 +40,7 @@ def test_a_rotation_is_refined_and_knows_what_it_can_of_its_matches(matches, wro
     freedom = max(2.0 * each[1].sum() - 3.0, 4.0)
     share = max(known, 0.1) * (freedom - 2.0) / freedom
     np.testing.assert_allclose(information, share * whole, rtol=1e-9)
+    assert narrowness == pytest.approx(0.5 * np.linalg.slogdet(whole + np.eye(3))[1], rel=1e-9)
 
 
 def test_matches_that_a_rotation_explains_and_others_are_told_apart():
@@ -66,3 +67,27 @@ def test_matches_that_a_rotation_explains_and_others_are_told_apart():
 def test_no_match_at_all_says_nothing():
     none = np.empty(0)
     assert flow_beside_rotation(none, none, none, none, 3.0) == (0, 0, 0.0, 0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("bulk", [1e-6, 0.3])
+def test_what_speaks_for_a_motion_are_matches_that_only_it_explains(bulk):
+    rng, n, sigma, lift, wrong = np.random.default_rng(1), 60, 0.7, 40.0, -0.4
+    parallax, right = 3.0 * rng.normal(size=n), rng.uniform(0.01, 0.99, n)
+    turned, prior = rng.uniform(0.01, 0.99, n), rng.uniform(1.0, 5.0, n)
+    # With a small doubt of the rotation, what both explain is against the motion.
+    turned[:20] = 1.0 - bulk
+    right[:20] = 0.9
+    found = likelier_moving(prior, parallax, right, turned, sigma, lift, wrong)
+
+    near = right / (1.0 - right)  # anywhere on the line, over wrong
+    far = near * lift / prior.max() * np.exp(-0.5 * (parallax / sigma) ** 2)
+    odds = 0.5 * near + 0.5 * far
+    gain = wrong + np.log(1.0 + odds) + np.log(1.0 - turned)
+    both = (odds > 1.0) & (turned > 0.5)
+    assert (gain[both].sum() < 0.0) == (bulk < 0.1)
+    assert found == pytest.approx(gain[~both].sum() + min(gain[both].sum(), 0.0), rel=1e-12)
+
+
+def test_matches_beyond_doubt_leave_a_number():
+    ones = np.ones(5)
+    assert np.isfinite(likelier_moving(ones, 0.0 * ones, ones, ones, 1.0, 40.0, 0.0))

@@ -34,6 +34,7 @@ __all__ = [
     "Matches",
     "Pose",
     "challenge",
+    "narrowness",
     "noise_of",
     "refine",
     "start_noise",
@@ -95,7 +96,7 @@ class Pose(NamedTuple):
 
 
 @inner_kernel
-def _narrowness(normal: np.ndarray) -> float:
+def narrowness(normal: np.ndarray) -> float:
     """What the likelihood loses when it is averaged over the poses around its maximum.
 
     The five matches of a sample fit without any noise, and a sixth joins them by chance: the less
@@ -122,7 +123,7 @@ def refine(matches: Matches, steps: int, pose: Pose) -> None:
         pose.mixture,
         pose.normal,
     )
-    pose.cost[0] += _narrowness(pose.normal)
+    pose.cost[0] += narrowness(pose.normal)
 
 
 @inner_kernel
@@ -215,7 +216,7 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
         normal,
         shares,
     )
-    cost += matches.total * mixture_cost(variance, wrong) + _narrowness(normal)
+    cost += matches.total * mixture_cost(variance, wrong) + narrowness(normal)
     if not solve_five_spd(normal, 0.0, x):
         return False
     gain, length2 = promise(normal, x)

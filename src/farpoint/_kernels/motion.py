@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.contest import narrowness
 from farpoint._kernels.covariance import covariance_here
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance, refine_pose
@@ -35,9 +36,10 @@ PARALLAX_ROUNDS = 2
 FINE = 1e-3
 MAX_REFINEMENTS = np.int64(20)
 
-# Cost, matches that agree, log odds of the sign of the direction; of the right matches searched,
-# those that no rotation explains, and all; whether the flow shows a direction.
-Settled = tuple[float, int, float, int, int, bool]
+# Cost, what it grows by when averaged over poses, matches that agree, log odds of the sign of the
+# direction; of the right matches searched, those that no rotation explains, and all; whether the
+# flow shows a direction.
+Settled = tuple[float, float, int, float, int, int, bool]
 
 
 @kernel
@@ -193,9 +195,10 @@ def settle_motion(
     As `likelihood.refine_pose`. The rows of ``said`` (4, N) receive what is plausible and, as of
     `likelihood.explain`, residual, parallax and chance to be right of each match; ``labels``
     (count,) what `evidence.weigh` does, and ``sure`` (3, 5, 5) the information, the part of it that
-    is noise and the covariance of `covariance.covariance_here`. Returns the cost, what
-    `evidence.weigh` and, of the matches searched, `evidence.count_beyond_rotation` do, with
-    ``far_R`` for another rotation, and what `covariance.covariance_here` does.
+    is noise and the covariance of `covariance.covariance_here`. Returns the cost, its
+    `contest.narrowness`, what `evidence.weigh` and, of the matches searched,
+    `evidence.count_beyond_rotation` do, with ``far_R`` for another rotation, and what
+    `covariance.covariance_here` does.
     """
     searched, some = _searched(pairs, count)
     return _settle(
@@ -268,4 +271,4 @@ def _settle(
     for i in range(count):
         total += right[i]
     shows = covariance_here(pairs, prior, R, t, mixture, clutter, total, sure[0], sure[1], sure[2])
-    return cost, agreeing, odds, beyond, supporting, shows
+    return cost, narrowness(normal), agreeing, odds, beyond, supporting, shows

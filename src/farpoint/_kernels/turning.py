@@ -10,11 +10,16 @@ from farpoint._kernels.compile import kernel
 from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
 from farpoint._kernels.scratch import room
+from farpoint._kernels.vectors import matrix
 
-__all__ = ["fit_rotation", "flow_beside_rotation"]
+__all__ = ["fit_rotation", "flow_beside_rotation", "likelier_moving"]
 
 # No less of the information is there without knowing which matches are wrong.
 LEAST_KNOWN = 0.1
+# Of the right matches of a motion, as many are far as are near.
+FAR_SHARE = 0.5
+# No match is right, or wrong, beyond this doubt.
+LEAST_DOUBT = 1e-15
 
 
 @kernel
@@ -29,10 +34,11 @@ def fit_rotation(
     information: np.ndarray,
     distance2: np.ndarray,
     right: np.ndarray,
-) -> float:
-    """Maximum-likelihood rotation and what it makes of each match; returns its cost.
+) -> tuple[float, float]:
+    """Maximum-likelihood rotation and what it makes of each match.
 
     As `rotation.refine_rotation` and `rotation.explain_rotation`, all ``count`` matches alike.
+    Returns the cost, and what that grows by when averaged over rotations, as `contest.narrowness`.
     ``information`` (3, 3) receives that of the rotation, less what is not known of the matches, and
     of the noise, as for a motion.
     """
@@ -46,8 +52,18 @@ def fit_rotation(
     supporting = 0.0
     for i in range(right.size):
         supporting += right[i]
+    narrowness = 0.5 * math.log(_determinant_beside_one(information))
     _keep_known(known, supporting, information)
-    return cost
+    return cost, narrowness
+
+
+@formula
+def _determinant_beside_one(H: np.ndarray) -> float:
+    """Determinant of ``H + 1``, H symmetric (3, 3) and positive."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = matrix(H)
+    xx, yy, zz = xx + 1.0, yy + 1.0, zz + 1.0
+    first = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz)
+    return greater(first + xz * (xy * yz - yy * xz), 1.0)
 
 
 @formula
@@ -100,3 +116,49 @@ def flow_beside_rotation(
             across += residual[i] * residual[i]
             flow += distance2[i]
     return unexplained, near, chance, bulk, across, flow
+
+
+@kernel
+def likelier_moving(
+    prior: np.ndarray,
+    parallax: np.ndarray,
+    right: np.ndarray,
+    turned_right: np.ndarray,
+    sigma: float,
+    lift: float,
+    wrong: float,
+) -> float:
+    """By how much the log likelihood of the matches (N,) is larger by a motion than by a rotation.
+
+    Of matches that both explain, only if they are against the motion: how they are off the rotation
+    is for another test to say.
+
+    Parameters
+    ----------
+    prior, parallax, right
+        What the motion makes of each match: what was plausible, shift along the epipolar line for
+        unit noise, and the probability of being right. That took matches to be anywhere on their
+        lines; here a share of them is far, and there as often as the noise puts them.
+    turned_right
+        Probability of being right by the rotation.
+    sigma : float
+        Noise of the motion.
+    lift : float
+        Density of a far match at its place, over that of one anywhere on the line.
+    wrong : float
+        Log of the share of wrong matches by the motion, over that by the rotation.
+    """
+    flat = 0.0
+    for i in range(parallax.size):
+        flat = greater(flat, prior[i])
+    both = only = 0.0
+    for i in range(parallax.size):
+        p = parallax[i] / sigma
+        far = FAR_SHARE * lift / flat * math.exp(-0.5 * p * p)
+        odds = right[i] / greater(1.0 - right[i], LEAST_DOUBT) * (1.0 - FAR_SHARE + far)
+        gain = wrong + math.log1p(odds) + math.log(greater(1.0 - turned_right[i], LEAST_DOUBT))
+        if odds > 1.0 and turned_right[i] > 0.5:
+            both += gain
+        else:
+            only += gain
+    return only + lesser(both, 0.0)

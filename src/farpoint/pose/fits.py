@@ -90,6 +90,8 @@ class TurningFit:
         Of each match to be right.
     cost : float
         Mean negative log likelihood of a match.
+    narrowness : float
+        As of `MovingFit`.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -98,6 +100,7 @@ class TurningFit:
     distance2: np.ndarray
     probability: np.ndarray
     cost: float
+    narrowness: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,6 +131,8 @@ class MovingFit:
         Mean negative log likelihood of a match.
     far_rotation_cam1_from_cam0 : ndarray, shape (3, 3)
         Rotation that the search began with: that of the far points.
+    narrowness : float
+        What the log likelihood of all matches loses when it is averaged over the poses nearby.
     agreeing : int
         Matches that do not disagree.
     sign_log_odds : float
@@ -148,6 +153,7 @@ class MovingFit:
     is_planar: bool
     cost: float
     far_rotation_cam1_from_cam0: np.ndarray
+    narrowness: float
     agreeing: int
     sign_log_odds: float
     beyond_rotation: int
@@ -187,7 +193,7 @@ def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> Turn
     R, information = R_start.copy(), np.empty((3, 3))
     distance2, right = np.empty(size), np.empty(size)
     mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_WRONG, START_POOR])
-    cost = fit_rotation(
+    cost, narrowness = fit_rotation(
         matches.pairs,
         n,
         matches.spread,
@@ -206,6 +212,7 @@ def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> Turn
         distance2=distance2[:n],
         probability=right[:n],
         cost=cost / n,
+        narrowness=narrowness,
     )
 
 
@@ -296,7 +303,7 @@ class _Found(NamedTuple):
 def _moving_fit(
     matches: Matches, iterations: int, is_planar: bool, found: _Found, settled: Settled
 ) -> MovingFit:
-    cost, agreeing, odds, beyond, supporting, shows_direction = settled
+    cost, narrowness, agreeing, odds, beyond, supporting, shows_direction = settled
     return MovingFit(
         R_cam1_from_cam0=found.R,
         direction_cam1_from_cam0=found.t,
@@ -310,6 +317,7 @@ def _moving_fit(
         is_planar=is_planar,
         cost=cost / len(matches),
         far_rotation_cam1_from_cam0=found.R_far,
+        narrowness=narrowness,
         agreeing=agreeing,
         sign_log_odds=odds,
         beyond_rotation=beyond,

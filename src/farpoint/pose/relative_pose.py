@@ -28,11 +28,12 @@ from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning, r
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
-from farpoint.pose.planes import likelier_motion
 from farpoint.pose.result import PoseStatus, RelativePose
+from farpoint.pose.rivals import OtherMotion, likelier_elsewhere, likelier_of_plane
 from farpoint.pose.small import angle2
 from farpoint.pose.verdict import (
     is_consensus,
+    is_motion,
     is_plainly_translating,
     is_static,
     shown_translation,
@@ -47,6 +48,8 @@ MIN_MATCHES = 8
 FAR_LESS_NOISE = 0.5
 # A direction less certain than this (1 sigma, rad) is none: half of the sphere would be in reach.
 MAX_DIRECTION_SIGMA = math.radians(20.0)
+# One less certain than this may have a rival, which is looked for.
+DOUBTED_SIGMA = math.radians(1.5)
 
 
 def estimate_relative_pose(
@@ -175,31 +178,30 @@ def _conclude_moving(
     options: RelativePoseOptions,
     course: Course,
 ) -> RelativePose:
-    fit, other = likelier_motion(matches, fit)
+    fit, other = likelier_of_plane(fit)
     course.lap("refinement_s")
-    sigma = fit.noise.sigma
-    agreeing, odds = fit.agreeing, fit.sign_log_odds
-    chance = 3.0 * sigma / matches.spread
-    if not is_consensus(agreeing, len(matches), 5, chance, options.false_alarm_rate):
-        return conclusion.no_consensus(matches, agreeing, course)
+    if not is_motion(fit, options.false_alarm_rate):
+        return conclusion.no_consensus(matches, fit.agreeing, course)
     covariance = moving_covariance(fit)
+    why = "A plane explains the matches and allows two motions"
+    is_told = fit.shows_direction and not _is_rivalled(other, options)
+    if is_told and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
+        fit, other = likelier_elsewhere(fit, tolerance)
+        covariance = moving_covariance(fit)
+        why = "Two motions explain the matches"
     if options.shared_error_px > 0.0:
         covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.unfixed_rotation(matches, course)
     labels = given_labels(matches, fit.labels)
-    (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
-    direction_sigma = largest_sigma2(xx, xy, yy)
-    sign = 1.0 / (1.0 + math.exp(-min(max(odds, -700.0), 700.0)))
+    direction_sigma = _direction_sigma(covariance)
+    sign = 1.0 / (1.0 + math.exp(-min(max(fit.sign_log_odds, -700.0), 700.0)))
     course.cost, course.sign_probability = fit.cost, sign
     rotation_covariance = covariance[:3, :3]
-    if other is not None and other.against < -math.log(options.false_alarm_rate):
+    if other is not None and _is_rivalled(other, options):
         apart = angle_between(other.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
-        reason = (
-            "A plane explains the matches and allows two motions, whose directions are "
-            f"{math.degrees(apart):.0f} deg apart."
-        )
+        reason = f"{why}, whose directions are {math.degrees(apart):.0f} deg apart."
         other_R = other.R_cam1_from_cam0
         return _rotation_alone(fit, reason, rotation_covariance, other_R, labels, course)
     is_vague = direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate
@@ -220,6 +222,17 @@ def _conclude_moving(
         fit.noise.mean_sigma,
         course,
     )
+
+
+def _is_rivalled(other: OtherMotion | None, options: RelativePoseOptions) -> bool:
+    """Whether there is another motion, and nearly as likely."""
+    return other is not None and other.against < -math.log(options.false_alarm_rate)
+
+
+def _direction_sigma(covariance: np.ndarray) -> float:
+    """The worst 1-sigma of the direction, rad."""
+    (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
+    return largest_sigma2(xx, xy, yy)
 
 
 def _rotation_alone(

@@ -1,8 +1,9 @@
 """Which of the models the matches speak for, each by a test with a stated false-alarm rate.
 
-1. *Consensus*: could chance alone have made as many matches agree? The expected number of such
-   coincidences (an a-contrario test: Moisan and Stival, IJCV 2004,
-   DOI 10.1023/B:VISI.0000013094.38752.34).
+1. *Consensus*: could chance alone have made as many matches agree? For a motion, by how much
+   likelier they are with it than all wrong: such a ratio exceeds 1 / rate at most at that rate
+   (Markov's inequality). For a rotation, by the expected number of such coincidences (an
+   a-contrario test: Moisan and Stival, IJCV 2004, DOI 10.1023/B:VISI.0000013094.38752.34).
 2. *Translation*: does the distance of the matches from the rotation's prediction exceed what the
    noise across the epipolar lines explains? An F test over the bulk of the matches, or more matches
    with large parallax towards one direction than wrong matches would send there.
@@ -18,13 +19,14 @@ import scipy  # its parts load on first use
 
 from farpoint._kernels.evidence import NEAR_SIGMA
 from farpoint._kernels.motion import MAX_SEARCHED
-from farpoint._kernels.turning import flow_beside_rotation
+from farpoint._kernels.turning import flow_beside_rotation, likelier_moving
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit
 from farpoint.pose.matches import Matches
 from farpoint.pose.small import size2
 
 __all__ = [
     "is_consensus",
+    "is_motion",
     "is_plainly_translating",
     "is_static",
     "shown_translation",
@@ -35,6 +37,8 @@ BAND_SIGMA = 3.0
 # The search takes the direction and rotation in which noise looks most like translation: by so much
 # the tail of its distribution outweighs that of any one (simulated with 20 to 500 matches).
 DIRECTIONS = 300
+# Matches that a motion explains by itself.
+OWN = 5
 # Fewer matches make no bulk.
 MIN_BULK = 8
 
@@ -59,6 +63,17 @@ def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: f
     return _log_choose(total, minimal) + tail < math.log(rate)
 
 
+def is_motion(fit: MovingFit, rate: float) -> bool:
+    """Whether the matches are more than ``1 / rate`` times likelier with the motion than all wrong.
+
+    Averaged over all motions: one that five matches were fitted to has as much less room around it.
+    """
+    matches = fit.matches
+    wrong = len(matches) * math.log(2.0 * matches.spread / math.sqrt(2.0 * math.pi))
+    gain = wrong - fit.cost * len(matches) - fit.narrowness
+    return fit.agreeing > OWN and gain > -math.log(rate)
+
+
 def is_plainly_translating(fit: MovingFit) -> bool:
     """Whether many of the matches that agree contradict every rotation that may fit them.
 
@@ -73,7 +88,8 @@ def is_plainly_translating(fit: MovingFit) -> bool:
 def shown_translation(matches: Matches, fit: MovingFit, turning: TurningFit, rate: float) -> float:
     """How much of a translation beside the rotation the flow shows: 1 if one, 0 if none.
 
-    Between the two where it shows one only if the noise is what was told of it.
+    Between the two where it shows one only if the noise is what was told of it, or where a
+    translation is likelier, but not by as much as the best of all directions may be.
     """
     band = BAND_SIGMA * fit.noise.mean_sigma
     unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(
@@ -82,7 +98,28 @@ def shown_translation(matches: Matches, fit: MovingFit, turning: TurningFit, rat
     # More matches may flow towards the direction than wrong matches would.
     if near and is_consensus(near, unexplained, 2, by_chance / unexplained, rate):
         return 1.0
-    return _bulk_beyond_noise(bulk, across, flow, matches.doubt, rate)
+    shown = _bulk_beyond_noise(bulk, across, flow, matches.doubt, rate)
+    return max(shown, _likelier_than_turning(fit, turning) / math.log(DIRECTIONS / rate))
+
+
+def _likelier_than_turning(fit: MovingFit, turning: TurningFit) -> float:
+    """By how much the log likelihood of a motion is larger than that of a rotation, at least 0.
+
+    Averaged over the poses nearby, and of matches that both explain only what is against.
+    """
+    if fit.agreeing <= OWN:
+        return 0.0
+    sigma, spread = fit.noise.sigma, fit.matches.spread
+    gain = likelier_moving(
+        fit.said[0],
+        fit.parallax,
+        fit.probability,
+        turning.probability,
+        sigma,
+        2.0 * spread / (math.sqrt(2.0 * math.pi) * sigma),
+        math.log(fit.noise.wrong / turning.noise.wrong),
+    )
+    return max(gain - fit.narrowness + turning.narrowness, 0.0)
 
 
 def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float) -> bool:

@@ -1,0 +1,81 @@
+"""The motion in quite another direction that is nearly as likely as the one that was found.
+
+Where little is seen of a translation, a rotation can take its place and leave it the other way
+round: each such motion is sure of itself, and neither knows of the other.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.contest import REFINEMENTS, Matches, Pose, refine
+from farpoint._kernels.scratch import copy, scratch
+from farpoint._kernels.vectors import dot, vector
+
+__all__ = ["nearest_rival"]
+
+# Directions from which a rival is looked for, evenly over the sphere.
+STARTS = 24
+GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+# Cosine of the angle from which on a motion is another one.
+COS_ELSEWHERE = math.cos(math.radians(30.0))
+
+
+@kernel
+def nearest_rival(
+    pairs: np.ndarray,
+    prior: np.ndarray,
+    count: int,
+    spread: float,
+    min_variance: float,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    start_R: np.ndarray,
+    rival_R: np.ndarray,
+    rival_t: np.ndarray,
+) -> float:
+    """By how much the likeliest motion elsewhere is less likely than this one, in log likelihood.
+
+    Both averaged over the poses nearby. It is looked for from the rotation ``start_R`` (3, 3), with
+    directions all over the sphere. ``rival_R`` (3, 3) and ``rival_t`` (3,) receive it; infinite
+    where there is none. The other arguments are those of `likelihood.refine_pose`.
+    """
+    matches = Matches(pairs, prior, count, spread, min_variance)
+    own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    copy(R, own.R)
+    copy(t, own.t)
+    copy(mixture, own.mixture)
+    refine(matches, REFINEMENTS, own)
+    rival = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    least = math.inf
+    for k in range(STARTS):
+        copy(start_R, rival.R)
+        copy(mixture, rival.mixture)
+        _place(k, rival.t)
+        refine(matches, np.int64(2), rival)
+        if rival.cost[0] > own.cost[0] + 60.0:
+            continue
+        refine(matches, np.int64(3), rival)
+        if rival.cost[0] > own.cost[0] + 60.0:
+            continue
+        refine(matches, np.int64(5), rival)
+        if rival.cost[0] > own.cost[0] + 60.0:
+            continue
+        refine(matches, REFINEMENTS, rival)
+        if rival.cost[0] < least and dot(vector(rival.t), vector(t)) < COS_ELSEWHERE:
+            least = rival.cost[0]
+            copy(rival.R, rival_R)
+            copy(rival.t, rival_t)
+    return least - own.cost[0]
+
+
+@inner_kernel
+def _place(k: int, t: np.ndarray) -> None:
+    """The k-th of directions that are evenly spread (a Fibonacci lattice)."""
+    z, angle = (2.0 * k + 1.0) / STARTS - 1.0, k * GOLDEN_ANGLE
+    radius = math.sqrt(1.0 - z * z)
+    t[0], t[1], t[2] = radius * math.cos(angle), radius * math.sin(angle), z

@@ -1,0 +1,84 @@
+"""Other motions that explain the matches nearly as well, and which of two it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint._kernels.plane import other_motion
+from farpoint._kernels.rivals import nearest_rival
+from farpoint.pose.fits import MIN_VARIANCE, MovingFit, fit_turning, refit_moving
+
+__all__ = ["OtherMotion", "likelier_elsewhere", "likelier_of_plane"]
+
+# Motions elsewhere that are gone to, each likelier than the one before.
+ROUNDS = 3
+
+
+class OtherMotion(NamedTuple):
+    """A second motion that explains the matches.
+
+    Attributes
+    ----------
+    R_cam1_from_cam0 : ndarray, shape (3, 3)
+    direction_cam1_from_cam0 : ndarray, shape (3,)
+    against : float
+        By how much the log likelihood of the first motion is larger, as far as it is not chance.
+    """
+
+    R_cam1_from_cam0: np.ndarray
+    direction_cam1_from_cam0: np.ndarray
+    against: float
+
+
+def likelier_of_plane(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
+    """The fit, or one to the other motion that a plane allows if that is likelier; and the rival.
+
+    Usually there is none: no plane explains the matches nearly as well.
+    """
+    return _likelier(fit, _other_of_plane(fit) if fit.is_planar else None)
+
+
+def likelier_elsewhere(fit: MovingFit, tolerance: float) -> tuple[MovingFit, OtherMotion | None]:
+    """The fit, or one to a motion in quite another direction if that is likelier; and the rival.
+
+    Where each one found is not as likely as the next, there is no telling: the rival is as likely.
+    """
+    # Half-way between two motions that take each other's translation for a turn.
+    turned = fit_turning(fit.matches, fit.R_cam1_from_cam0, tolerance).R_cam1_from_cam0
+    other = None
+    for _ in range(ROUNDS):
+        R, t = np.empty((3, 3)), np.empty(3)
+        against = nearest_rival(*_searched(fit), turned, R, t)
+        found = OtherMotion(R, t, against) if against < np.inf else None
+        if against >= 0.0:
+            return fit, found
+        fit, other = _likelier(fit, found)
+    return fit, other and other._replace(against=0.0)
+
+
+def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, OtherMotion | None]:
+    if other is None or other.against >= 0.0:
+        return fit, other
+    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    start = replace(
+        fit,
+        R_cam1_from_cam0=other.R_cam1_from_cam0,
+        direction_cam1_from_cam0=other.direction_cam1_from_cam0,
+    )
+    return refit_moving(fit.matches, start), OtherMotion(R, t, -other.against)
+
+
+def _other_of_plane(fit: MovingFit) -> OtherMotion | None:
+    R, t = np.empty((3, 3)), np.empty(3)
+    is_rival, against = other_motion(*_searched(fit), R, t)
+    return OtherMotion(R, t, against) if is_rival else None
+
+
+def _searched(fit: MovingFit) -> tuple:
+    """The matches searched and the motion, as the kernels take them."""
+    seen = fit.searched
+    given = seen.pairs, seen.weights(), len(seen), seen.spread, MIN_VARIANCE
+    return *given, fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0, fit.noise.array

@@ -1,0 +1,52 @@
+"""The likeliest motion in quite another direction, held against refinements one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from kernels_kit import View, packed, two_views
+
+from farpoint._kernels.likelihood import refine_pose
+from farpoint._kernels.rivals import nearest_rival
+
+SPREAD = 300.0
+
+
+def cost_of(view: View, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> float:
+    """Negative log likelihood at the minimum that these lead to, averaged over what is around."""
+    normal = np.empty((6, 6))
+    given = view.pairs, packed(np.ones(view.size)), view.size, SPREAD, 1e-6
+    cost = refine_pose(*given, 0.1, 10, R, t, mixture.copy(), normal)
+    return cost + 0.5 * np.linalg.slogdet(normal[:5, :5] + np.eye(5))[1]
+
+
+def rival_of(view: View, mixture: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    R, t = np.full((3, 3), np.nan), np.full(3, np.nan)
+    given = view.pairs, packed(np.ones(view.size)), view.size, SPREAD, 1e-6
+    return nearest_rival(*given, view.R, view.t, mixture, view.R, R, t), R, t
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_short_flow_has_a_rival(seed):
+    view = two_views(
+        seed, 40, error_rad=2e-3, noise_rad=2e-3, turn_rad=0.02, baseline_m=0.03, depth_m=(2.0, 3.0)
+    )
+    mixture = np.array([1.0, 0.05, 0.05])
+    cost_of(view, view.R, view.t, mixture)  # from here on it is the motion that fits
+    against, R, t = rival_of(view, mixture)
+    assert against < 30.0
+    assert t @ view.t < np.cos(np.radians(30.0))
+    own = cost_of(view, view.R.copy(), view.t.copy(), mixture)
+    # From where it is, it goes nowhere else, and no start is better.
+    assert cost_of(view, R.copy(), t.copy(), mixture) - own == pytest.approx(against, abs=1.0)
+    for start in np.random.default_rng(seed).normal(size=(20, 3)):
+        other_R, other_t = view.R.copy(), start / np.linalg.norm(start)
+        cost = cost_of(view, other_R, other_t, mixture)
+        elsewhere = other_t @ view.t < np.cos(np.radians(30.0))
+        assert not elsewhere or cost - own > against - 2.0
+
+
+def test_a_long_flow_has_none_that_comes_near():
+    view = two_views(1, 60, error_rad=1e-3, noise_rad=1e-3, turn_rad=0.05)
+    against, _, _ = rival_of(view, np.array([1.0, 0.05, 0.05]))
+    assert against > 50.0
