@@ -18,7 +18,7 @@ from farpoint._kernels.vectors import dot, vector
 __all__ = ["nearest_rival"]
 
 # Directions from which a rival is looked for, evenly over the sphere.
-STARTS = 24
+STARTS = 12
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 # Cosine of the angle from which on a motion is another one.
 COS_ELSEWHERE = math.cos(math.radians(30.0))
