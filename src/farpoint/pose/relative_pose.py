@@ -49,7 +49,7 @@ FAR_LESS_NOISE = 0.5
 # A direction less certain than this (1 sigma, rad) is none: half of the sphere would be in reach.
 MAX_DIRECTION_SIGMA = math.radians(20.0)
 # One less certain than this may have a rival, which is looked for.
-DOUBTED_SIGMA = math.radians(1.5)
+DOUBTED_SIGMA = math.radians(2.5)
 
 
 def estimate_relative_pose(
