@@ -56,15 +56,6 @@ def nearest_rival(
         copy(start_R, rival.R)
         copy(mixture, rival.mixture)
         _place(k, rival.t)
-        refine(matches, np.int64(2), rival)
-        if rival.cost[0] > own.cost[0] + 60.0:
-            continue
-        refine(matches, np.int64(3), rival)
-        if rival.cost[0] > own.cost[0] + 60.0:
-            continue
-        refine(matches, np.int64(5), rival)
-        if rival.cost[0] > own.cost[0] + 60.0:
-            continue
         refine(matches, REFINEMENTS, rival)
         if rival.cost[0] < least and dot(vector(rival.t), vector(t)) < COS_ELSEWHERE:
             least = rival.cost[0]
