@@ -7,10 +7,12 @@ import pytest
 import scipy.linalg
 from kernels_kit import View, packed, two_views
 
+from farpoint._kernels.compile import kernel
 from farpoint._kernels.covariance import (
     MOST_GROWTH,
     SIGNAL,
     STATED,
+    Seen,
     covariance_around,
     covariance_beside,
     covariance_here,
@@ -25,15 +27,25 @@ SURE = (RIGHT - 5.0 - 2.0 - 3.0 * HEARD) / (RIGHT - 5.0)
 SPHERE = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 
 
-def arguments(view: View) -> tuple:
-    """What all three take first."""
-    return view.pairs, packed(np.ones(view.size)), view.R, view.t, MIXTURE, CLUTTER
+@kernel
+def here(seen: Seen, whole: np.ndarray, noise: np.ndarray, out: np.ndarray) -> bool:
+    return covariance_here(seen, whole, noise, out)
+
+
+@kernel
+def beside_by(seen: Seen, step: np.ndarray, out: np.ndarray) -> bool:
+    return covariance_beside(seen, step, out)
+
+
+def seen_of(view: View, right: float = RIGHT) -> Seen:
+    prior = packed(np.ones(view.size))
+    return Seen(view.pairs, prior, view.R, view.t, MIXTURE, CLUTTER, right)
 
 
 def told(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss-Newton matrix, the part of it that is noise, and the scatter of the gradient."""
     whole, noise, scatter = np.empty((3, 5, 5))
-    known = information(*arguments(view), whole, noise, scatter)
+    known = information(*seen_of(view)[:-1], whole, noise, scatter)
     return SURE * known * whole, SURE * known * noise, SURE * scatter
 
 
@@ -61,7 +73,7 @@ def assert_covariances(actual: np.ndarray, expected: np.ndarray) -> None:
 def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen():
     view = two_views(5, 60, error_rad=2e-3)
     whole, noise, out = np.empty((3, 5, 5))
-    assert covariance_here(*arguments(view), RIGHT, whole, noise, out)
+    assert here(seen_of(view), whole, noise, out)
     expected, expected_noise, scatter = told(view)
     assert_covariances(whole, expected + SPHERE)
     assert_covariances(noise, expected_noise)
@@ -72,7 +84,7 @@ def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen():
 def test_few_matches_are_hardly_sure_of_anything():
     view = two_views(5, 60, error_rad=2e-3)
     whole, noise, out = np.empty((3, 5, 5))
-    covariance_here(*arguments(view), 5.0, whole, noise, out)
+    here(seen_of(view, 5.0), whole, noise, out)
     few = (4.0 - 2.0 - 3.0 * 5.0 / (5.0 + STATED)) / 4.0
     assert_covariances(whole - SPHERE, few / SURE * told(view)[0])
 
@@ -83,7 +95,7 @@ def test_the_covariance_beside_a_pose_is_that_of_the_pose_there_in_the_axes_of_t
     step, out = np.zeros(5), np.empty((5, 5))
     if axis is not None:
         step[axis] = 1e-3 if axis < 3 else 0.02
-    assert covariance_beside(*arguments(view), RIGHT, step, out)
+    assert beside_by(seen_of(view), step, out)
     assert_covariances(out, beside(view, step))
 
 
@@ -91,11 +103,11 @@ def test_the_covariance_beside_a_pose_is_that_of_the_pose_there_in_the_axes_of_t
 def test_where_less_than_a_quarter_of_the_flow_is_signal_there_is_no_covariance(baseline_m, shows):
     view = two_views(5, 60, baseline_m=baseline_m)
     whole, noise, out = np.empty((3, 5, 5))
-    assert covariance_here(*arguments(view), RIGHT, whole, noise, out) == shows
+    assert here(seen_of(view), whole, noise, out) == shows
     share = 1.0 - scipy.linalg.eigh(noise, whole)[0][-1]
     assert SIGNAL - 0.1 < share < SIGNAL + 0.1
     assert (share > SIGNAL) == shows
-    assert covariance_beside(*arguments(view), RIGHT, np.zeros(5), out) == shows
+    assert beside_by(seen_of(view), np.zeros(5), out) == shows
 
 
 def around(view: View, covariance: np.ndarray) -> np.ndarray:
@@ -104,7 +116,7 @@ def around(view: View, covariance: np.ndarray) -> np.ndarray:
     growth = -2.0 * beside(view, np.zeros(5))
     for step in (axes * np.sqrt(values)).T[3:]:
         for side in (step, -step):
-            is_seen = covariance_beside(*arguments(view), RIGHT, side, np.empty((5, 5)))
+            is_seen = beside_by(seen_of(view), side, np.empty((5, 5)))
             growth += 0.5 * (beside(view, side) if is_seen else (1.0 + MOST_GROWTH) * covariance)
     root = axes * np.sqrt(values)
     more, along = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, growth).T))
@@ -121,7 +133,7 @@ def around(view: View, covariance: np.ndarray) -> np.ndarray:
 def test_the_covariance_grows_by_half_its_second_difference(seed, times, least, most):
     view = two_views(seed, 60, error_rad=2e-3)
     covariance, out = times * beside(view, np.zeros(5)), np.empty((5, 5))
-    covariance_around(*arguments(view), RIGHT, covariance, out)
+    covariance_around(*seen_of(view), covariance, out)
     assert_covariances(out, around(view, covariance))
     grown = scipy.linalg.eigh(out, covariance)[0]
     assert least - 1e-9 < grown[0] <= grown[-1] < most + 0.01
@@ -132,5 +144,5 @@ def test_the_two_widest_axes_are_gone_along(first, second):
     view = two_views(5, 60, error_rad=2e-3)
     covariance, out = np.diag([1.0e-7, 1.1e-7, 1.2e-7, 1.3e-7, 1.4e-7]), np.empty((5, 5))
     covariance[first, first], covariance[second, second] = 1e-5, 1e-6
-    covariance_around(*arguments(view), RIGHT, covariance, out)
+    covariance_around(*seen_of(view), covariance, out)
     assert_covariances(out, around(view, covariance))

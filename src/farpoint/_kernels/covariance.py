@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from farpoint._kernels.likelihood import apply_step
 from farpoint._kernels.linear import eigen_five, sandwich, tangent_basis
 from farpoint._kernels.scratch import clear, copy, scratch
 
-__all__ = ["covariance_around", "covariance_beside", "covariance_here"]
+__all__ = ["Seen", "covariance_around", "covariance_beside", "covariance_here"]
 
 # Where more than three quarters of what the flow tells, along any axis, are noise, the covariance
 # no longer holds: points that are all far have such flow, and half of their directions are wrong.
@@ -25,36 +26,61 @@ STATED = 60.0
 MOST_GROWTH = 8.0
 
 
-@kernel
-def covariance_here(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
-    right: float,
-    whole: np.ndarray,
-    noise: np.ndarray,
-    out: np.ndarray,
-) -> bool:
-    """Covariance ``out`` (5, 5) of the pose that ``right`` matches, of all, were found to share.
+class Seen(NamedTuple):
+    """A pose and what it was seen by."""
+
+    pairs: np.ndarray
+    """Panels of matches."""
+    prior: np.ndarray
+    """What is plausible of each match, by where it lies along its epipolar line."""
+    R: np.ndarray
+    """(3, 3) rotation cam1_from_cam0."""
+    t: np.ndarray
+    """(3,) direction cam1_from_cam0."""
+    mixture: np.ndarray
+    """(3,) variance, share of wrong and share of poor matches."""
+    clutter: float
+    """As of `likelihood.clutter_density`."""
+    right: float
+    """Matches that were found to share the pose."""
+
+
+@inner_kernel
+def covariance_here(seen: Seen, whole: np.ndarray, noise: np.ndarray, out: np.ndarray) -> bool:
+    """Covariance ``out`` (5, 5) of the pose.
 
     The sandwich ``H^-1 V H^-1``. H is ``whole`` less ``noise`` (5, 5), as of `information`, and V
     the variance of the gradient: ``whole``, and its scatter over the matches, the more, the more
     there are. False, and ``out`` without a meaning, where too little of ``whole`` is signal.
     """
     scatter, variance = scratch(5, 5), scratch(5, 5)
-    heard, sure = _heard(right), _sure(right)
-    known = sure * information(pairs, prior, R, t, mixture, clutter, whole, noise, scatter)
+    _learn(seen, seen.R, seen.t, whole, noise, scatter)
+    heard, sure = _heard(seen.right), _sure(seen.right)
     for i in range(5):
         for j in range(5):
-            whole[i, j] *= known
-            noise[i, j] *= known
             variance[i, j] = heard * sure * scatter[i, j] + (1.0 - heard) * whole[i, j]
     _bound(variance)
     _bound(whole)
     return sandwich(whole, noise, variance, SIGNAL, out)
+
+
+@inner_kernel
+def _learn(
+    seen: Seen,
+    R: np.ndarray,
+    t: np.ndarray,
+    whole: np.ndarray,
+    noise: np.ndarray,
+    scatter: np.ndarray,
+) -> None:
+    """`information` at a pose, less what is lost by having estimated the noise, too."""
+    known = _sure(seen.right) * information(
+        seen.pairs, seen.prior, R, t, seen.mixture, seen.clutter, whole, noise, scatter
+    )
+    for i in range(5):
+        for j in range(5):
+            whole[i, j] *= known
+            noise[i, j] *= known
 
 
 @formula
@@ -104,7 +130,8 @@ def covariance_around(
     copy(covariance, values)
     eigen_five(values, axes)
     _widest(values, axes, steps)
-    _grow(pairs, prior, R, t, mixture, clutter, right, covariance, steps, growth)
+    seen = Seen(pairs, prior, R, t, mixture, clutter, right)
+    _grow(seen, covariance, steps, growth)
     # In axes in which the covariance is the identity, growth is what it is times as large.
     for k in range(5):
         sigma = math.sqrt(values[k, k])
@@ -148,18 +175,7 @@ def _widest(values: np.ndarray, axes: np.ndarray, steps: np.ndarray) -> None:
 
 
 @inner_kernel
-def _grow(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
-    right: float,
-    covariance: np.ndarray,
-    steps: np.ndarray,
-    out: np.ndarray,
-) -> None:
+def _grow(seen: Seen, covariance: np.ndarray, steps: np.ndarray, out: np.ndarray) -> None:
     """How much larger (5, 5) a ``covariance`` is on average around the pose.
 
     It is `MOST_GROWTH` times as large again where hardly anything would be signal.
@@ -170,25 +186,15 @@ def _grow(
         side, weight = (0.0, -2.0) if k == 0 else (1.0 if k < 3 else -1.0, 0.5)
         for i in range(5):
             step[i] = side * steps[k % 2, i]
-        seen = covariance_beside(pairs, prior, R, t, mixture, clutter, right, step, there)
+        shows = covariance_beside(seen, step, there)
         for i in range(5):
             for j in range(5):
-                value = there[i, j] if seen else (1.0 + MOST_GROWTH) * covariance[i, j]
+                value = there[i, j] if shows else (1.0 + MOST_GROWTH) * covariance[i, j]
                 out[i, j] += weight * value
 
 
-@kernel
-def covariance_beside(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
-    right: float,
-    step: np.ndarray,
-    out: np.ndarray,
-) -> bool:
+@inner_kernel
+def covariance_beside(seen: Seen, step: np.ndarray, out: np.ndarray) -> bool:
     """Covariance ``out`` (5, 5) if the right pose is ``step`` (5,) beside this one.
 
     As `covariance_here`, in the axes of this pose; the residuals there are not those of a fit, and
@@ -196,20 +202,14 @@ def covariance_beside(
     """
     moved_R, moved_t, there = scratch(3, 3), scratch(3), scratch(5, 5)
     whole, noise, scatter = scratch(5, 5), scratch(5, 5), scratch(5, 5)
-    copy(R, moved_R)
-    copy(t, moved_t)
+    copy(seen.R, moved_R)
+    copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
-    known = _sure(right) * information(
-        pairs, prior, moved_R, moved_t, mixture, clutter, whole, noise, scatter
-    )
-    for i in range(5):
-        for j in range(5):
-            whole[i, j] *= known
-            noise[i, j] *= known
+    _learn(seen, moved_R, moved_t, whole, noise, scatter)
     _bound(whole)
     if not sandwich(whole, noise, whole, SIGNAL, there):
         return False
-    _turn_axes(t, moved_t, there, out)
+    _turn_axes(seen.t, moved_t, there, out)
     return True
 
 

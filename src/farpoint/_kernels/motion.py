@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import narrowness
-from farpoint._kernels.covariance import covariance_here
+from farpoint._kernels.covariance import Seen, covariance_here
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance, refine_pose
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
@@ -17,7 +18,7 @@ from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.search import search_pose
 
-__all__ = ["MAX_SEARCHED", "Settled", "fit_motion", "settle_motion"]
+__all__ = ["MAX_SEARCHED", "Found", "Settled", "fit_motion", "settle_motion"]
 
 # The search looks at this many matches: more make it slower, not surer.
 MAX_SEARCHED = 160
@@ -42,6 +43,38 @@ MAX_REFINEMENTS = np.int64(20)
 Settled = tuple[float, float, int, float, int, int, bool]
 
 
+class Found(NamedTuple):
+    """A motion and what its matches say of it."""
+
+    R_far: np.ndarray
+    """(3, 3) rotation of the far matches, cam1_from_cam0."""
+    R: np.ndarray
+    """(3, 3) rotation cam1_from_cam0."""
+    t: np.ndarray
+    """(3,) direction cam1_from_cam0."""
+    mixture: np.ndarray
+    """(3,) variance, share of wrong and share of poor matches."""
+    said: np.ndarray
+    """(4, at least N) of each match: what is plausible of it, and, as of `likelihood.explain`, its
+    residual, parallax and chance to be right."""
+    labels: np.ndarray
+    """(N,) as of `evidence.weigh`."""
+    sure: np.ndarray
+    """(3, 5, 5) information, the part of it that is noise, and covariance, as of
+    `covariance.covariance_here`."""
+
+
+class Searched(NamedTuple):
+    """The matches that the search looks at."""
+
+    pairs: np.ndarray
+    """Panels of matches."""
+    prior: np.ndarray
+    """1 for each match, 0 for those that fill up the panels."""
+    total: int
+    """Matches."""
+
+
 @kernel
 def fit_motion(
     pairs: np.ndarray,
@@ -53,33 +86,24 @@ def fit_motion(
     min_iterations: int,
     max_iterations: int,
     state: np.ndarray,
-    far_R: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    said: np.ndarray,
-    labels: np.ndarray,
-    sure: np.ndarray,
+    found: Found,
 ) -> tuple[int, bool, Settled]:
     """Search for a pose by some of the ``count`` matches in ``pairs``, and settle it by all.
 
     Returns the hypotheses tried, whether the other motion of a plane was a rival, and what
     `settle_motion` does.
 
-    The search, as of `search.search_pose`, starts at the rotation of the far matches, which
-    ``far_R`` (3, 3), the identity at first, receives; where there are none, at the rotation that
-    most matches roughly agree on. The other matches may carry translation, and where few are left,
-    all may.
+    The search, as of `search.search_pose`, starts at the rotation of the far matches, the identity
+    at first; where there are none, at the rotation that most matches roughly agree on. The other
+    matches may carry translation, and where few are left, all may.
     """
-    searched, some = _searched(pairs, count)
-    prior = room(searched.size // PANEL * LANES)
-    _leave_out_none(prior, some)
-    candidates = _candidates(searched, some, tolerance, state, far_R)
-    copy(far_R, R)
+    searched = _searched(pairs, count)
+    candidates = _candidates(searched, tolerance, state, found.R_far)
+    copy(found.R_far, found.R)
     iterations, is_planar = search_pose(
-        searched,
-        prior,
-        some,
+        searched.pairs,
+        searched.prior,
+        searched.total,
         candidates,
         tolerance,
         spread,
@@ -88,40 +112,27 @@ def fit_motion(
         min_iterations,
         max_iterations,
         state,
-        R,
-        t,
-        mixture,
+        found.R,
+        found.t,
+        found.mixture,
     )
-    settled = _settle(
-        searched,
-        some,
-        prior,
-        pairs,
-        count,
-        spread,
-        min_variance,
-        far_R,
-        R,
-        t,
-        mixture,
-        said,
-        labels,
-        sure,
-    )
+    settled = _settle(searched, pairs, count, spread, min_variance, found)
     return iterations, is_planar, settled
 
 
 @inner_kernel
-def _searched(pairs: np.ndarray, count: int) -> tuple[np.ndarray, int]:
-    """The matches that the search looks at, every so manieth, and how many they are."""
-    some = count if count < MAX_SEARCHED else MAX_SEARCHED
-    if some == count:
-        return pairs, count
-    rows, taken = index_room(some), room(some // LANES * PANEL)
-    for j in range(some):
-        rows[j] = j * count // some
-    take_pairs(pairs, rows, taken)
-    return taken, some
+def _searched(pairs: np.ndarray, count: int) -> Searched:
+    """The matches that the search looks at: every so manieth."""
+    total = count if count < MAX_SEARCHED else MAX_SEARCHED
+    taken = pairs
+    if total < count:
+        rows, taken = index_room(total), room(total // LANES * PANEL)
+        for j in range(total):
+            rows[j] = j * count // total
+        take_pairs(pairs, rows, taken)
+    prior = room(taken.size // PANEL * LANES)
+    _leave_out_none(prior, total)
+    return Searched(taken, prior, total)
 
 
 @inner_kernel
@@ -133,18 +144,19 @@ def _leave_out_none(prior: np.ndarray, count: int) -> None:
 
 @inner_kernel
 def _candidates(
-    pairs: np.ndarray, count: int, tolerance: float, state: np.ndarray, far_R: np.ndarray
+    searched: Searched, tolerance: float, state: np.ndarray, R_far: np.ndarray
 ) -> np.ndarray:
     """Find the rotation of the far matches; which others may carry translation."""
+    pairs, count = searched.pairs, searched.total
     consistent = room(count)
-    search_rotation(pairs, count, tolerance, START_SAMPLES, state, far_R)
-    enlarge_rotation(pairs, count, tolerance, far_R, consistent)
+    search_rotation(pairs, count, tolerance, START_SAMPLES, state, R_far)
+    enlarge_rotation(pairs, count, tolerance, R_far, consistent)
     flowing = 0
     for i in range(count):
         flowing += 0 if consistent[i] else 1
     lost = count - flowing <= OWN
     if lost:
-        _widen(pairs, count, tolerance, state, far_R, consistent)
+        _widen(pairs, count, tolerance, state, R_far, consistent)
     few = lost or flowing < MIN_FLOWING
     candidates = index_room(count if few else flowing)
     taken = 0
@@ -161,7 +173,7 @@ def _widen(
     count: int,
     tolerance: float,
     state: np.ndarray,
-    far_R: np.ndarray,
+    R_far: np.ndarray,
     consistent: np.ndarray,
 ) -> None:
     """Rotation that most matches roughly agree on: the start where none are far.
@@ -171,72 +183,35 @@ def _widen(
     within = tolerance
     for _ in range(WIDENINGS):
         within *= WIDER
-        search_rotation(pairs, count, within, START_SAMPLES, state, far_R)
-        if 2 * enlarge_rotation(pairs, count, within, far_R, consistent) > count:
+        search_rotation(pairs, count, within, START_SAMPLES, state, R_far)
+        if 2 * enlarge_rotation(pairs, count, within, R_far, consistent) > count:
             break
 
 
 @kernel
 def settle_motion(
-    pairs: np.ndarray,
-    count: int,
-    spread: float,
-    min_variance: float,
-    far_R: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    said: np.ndarray,
-    labels: np.ndarray,
-    sure: np.ndarray,
+    pairs: np.ndarray, count: int, spread: float, min_variance: float, found: Found
 ) -> Settled:
     """Refine a pose by all matches, with what parallax they make plausible, and hear them on it.
 
-    As `likelihood.refine_pose`. The rows of ``said`` (4, N) receive what is plausible and, as of
-    `likelihood.explain`, residual, parallax and chance to be right of each match; ``labels``
-    (count,) what `evidence.weigh` does, and ``sure`` (3, 5, 5) the information, the part of it that
-    is noise and the covariance of `covariance.covariance_here`. Returns the cost, its
-    `contest.narrowness`, what `evidence.weigh` and, of the matches searched,
-    `evidence.count_beyond_rotation` do, with ``far_R`` for another rotation, and what
-    `covariance.covariance_here` does.
+    As `likelihood.refine_pose`. Returns the cost, its `contest.narrowness`, what `evidence.weigh`
+    and, of the matches searched, `evidence.count_beyond_rotation` do, with the rotation of the far
+    matches for another one, and what `covariance.covariance_here` does.
     """
-    searched, some = _searched(pairs, count)
-    return _settle(
-        searched,
-        some,
-        room(searched.size // PANEL * LANES),
-        pairs,
-        count,
-        spread,
-        min_variance,
-        far_R,
-        R,
-        t,
-        mixture,
-        said,
-        labels,
-        sure,
-    )
+    return _settle(_searched(pairs, count), pairs, count, spread, min_variance, found)
 
 
 @inner_kernel
 def _settle(
-    searched: np.ndarray,
-    some: int,
-    searched_right: np.ndarray,
+    searched: Searched,
     pairs: np.ndarray,
     count: int,
     spread: float,
     min_variance: float,
-    far_R: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    said: np.ndarray,
-    labels: np.ndarray,
-    sure: np.ndarray,
+    found: Found,
 ) -> Settled:
-    """As `settle_motion`; ``searched_right`` has room for which of the matches searched are."""
+    """As `settle_motion`; the prior of the matches searched is then 1 only for the right ones."""
+    R, t, mixture, said = found.R, found.t, found.mixture, found.said
     prior, residual, parallax, right = said[0], said[1], said[2], said[3]
     normal = scratch(6, 6)
     cost = math.inf
@@ -260,15 +235,24 @@ def _settle(
                 mixture,
                 normal,
             )
-    agreeing, odds = weigh(parallax, right, math.sqrt(mixture[0]), labels)
-    for j in range(searched_right.size):
-        is_right = j < some and right[j * count // some] > 0.5
-        searched_right[j] = 1.0 if is_right else 0.0
-    # A pose may take some of the flow: a match is off a rotation by twice what its noise would do.
-    distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
-    beyond, supporting = count_beyond_rotation(searched, searched_right, R, far_R, distance)
+    agreeing, odds = weigh(parallax, right, math.sqrt(mixture[0]), found.labels)
+    beyond, supporting = _count_beyond(searched, right, count, found)
     total = 0.0
     for i in range(count):
         total += right[i]
-    shows = covariance_here(pairs, prior, R, t, mixture, clutter, total, sure[0], sure[1], sure[2])
+    seen = Seen(pairs, prior, R, t, mixture, clutter, total)
+    shows = covariance_here(seen, found.sure[0], found.sure[1], found.sure[2])
     return cost, narrowness(normal), agreeing, odds, beyond, supporting, shows
+
+
+@inner_kernel
+def _count_beyond(
+    searched: Searched, right: np.ndarray, count: int, found: Found
+) -> tuple[int, int]:
+    """Of the right matches searched, those that no rotation explains, and all."""
+    for j in range(searched.prior.size):
+        is_right = j < searched.total and right[j * count // searched.total] > 0.5
+        searched.prior[j] = 1.0 if is_right else 0.0
+    # A pose may take some of the flow: a match is off a rotation by twice what its noise would do.
+    distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(found.mixture[0], found.mixture[2]))
+    return count_beyond_rotation(searched.pairs, searched.prior, found.R, found.R_far, distance)

@@ -16,7 +16,7 @@ import numpy as np
 
 from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance
-from farpoint._kernels.motion import MAX_SEARCHED, Settled, fit_motion, settle_motion
+from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
@@ -226,7 +226,7 @@ def fit_moving(
     the first answer is a local minimum.
     """
     n = len(matches)
-    found = _Found.room(n)
+    found = _nothing_found(n)
     iterations, is_planar, settled = fit_motion(
         matches.pairs,
         n,
@@ -241,20 +241,20 @@ def fit_moving(
         ),
         options.max_iterations,
         state,
-        *found,
+        found,
     )
     return _moving_fit(matches, iterations, bool(is_planar), found, settled)
 
 
 def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
     """The fit to the same matches with another noise told, from where the first one ended."""
-    found = _Found.room(len(matches))._replace(
+    found = _nothing_found(len(matches))._replace(
         R_far=fit.far_rotation_cam1_from_cam0,
         R=fit.R_cam1_from_cam0.copy(),
         t=fit.direction_cam1_from_cam0.copy(),
         mixture=fit.noise.array,
     )
-    settled = settle_motion(matches.pairs, len(matches), matches.spread, MIN_VARIANCE, *found)
+    settled = settle_motion(matches.pairs, len(matches), matches.spread, MIN_VARIANCE, found)
     return _moving_fit(matches, fit.iterations, fit.is_planar, found, settled)
 
 
@@ -275,33 +275,21 @@ def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
     return found[: len(matches)]
 
 
-class _Found(NamedTuple):
-    """What the kernels write, in the order in which they take it."""
-
-    R_far: np.ndarray
-    R: np.ndarray
-    t: np.ndarray
-    mixture: np.ndarray
-    said: np.ndarray
-    labels: np.ndarray
-    sure: np.ndarray
-
-    @classmethod
-    def room(cls, n: int) -> _Found:
-        """For so many matches, nothing known."""
-        return cls(
-            R_far=IDENTITY.copy(),
-            R=np.empty((3, 3)),
-            t=np.empty(3),
-            mixture=np.empty(3),
-            said=np.empty((4, packed_length(n))),
-            labels=np.empty(n, np.uint8),
-            sure=np.empty((3, 5, 5)),
-        )
+def _nothing_found(n: int) -> Found:
+    """Room for a motion of so many matches."""
+    return Found(
+        R_far=IDENTITY.copy(),
+        R=np.empty((3, 3)),
+        t=np.empty(3),
+        mixture=np.empty(3),
+        said=np.empty((4, packed_length(n))),
+        labels=np.empty(n, np.uint8),
+        sure=np.empty((3, 5, 5)),
+    )
 
 
 def _moving_fit(
-    matches: Matches, iterations: int, is_planar: bool, found: _Found, settled: Settled
+    matches: Matches, iterations: int, is_planar: bool, found: Found, settled: Settled
 ) -> MovingFit:
     cost, narrowness, agreeing, odds, beyond, supporting, shows_direction = settled
     return MovingFit(
