@@ -11,6 +11,7 @@ from scipy.stats import norm
 
 from farpoint._kernels import evidence, plausible
 from farpoint._kernels.compile import kernel
+from farpoint._kernels.plausible import FADE, LEAST_TAIL
 from farpoint.geometry import so3, sphere
 
 
@@ -109,6 +110,23 @@ def test_a_match_much_farther_along_its_line_than_the_others_is_implausible():
     # The strip of wrong matches over the length of the flat part of right ones.
     assert 10.0 < prior[0] < 600.0 / 23.0 + 1.0
     assert prior[-1] < 1e-6 * prior[0]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "last", "tail"),
+    # The fifth from the end is the last that others vouch for; the tenth is a little nearer, as
+    # far off, or less than half as far.
+    [
+        (np.arange(1.0, 61.0), 56.0, (56.0**2 / 51.0**2 - 1.0) * 56.0),
+        (np.full(60, 50.0), 50.0, LEAST_TAIL * 50.0),
+        (1.3 ** np.arange(60.0), 1.3**55, 1.3**55),
+    ],
+)
+def test_how_far_on_a_match_may_lie_tells_how_the_others_thin_out(sizes, last, tail):
+    probes = last + tail * np.array([0.99, 1.0 + FADE, 1.0 + 5.0 * FADE])
+    prior = prior_of(np.r_[sizes, np.full(20, -100.0), probes], np.r_[np.ones(60), np.zeros(23)])
+    assert prior[-3] == prior[0]
+    np.testing.assert_allclose(prior[-2:], prior[0] * np.exp([-0.5, -12.5]), rtol=1e-3)
 
 
 def test_where_no_match_is_wrong_none_is_implausible():

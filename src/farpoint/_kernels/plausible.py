@@ -10,10 +10,14 @@ from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import greater, lesser
 from farpoint._kernels.scratch import room
 
-__all__ = ["largest", "plausible_parallax"]
+__all__ = ["FADE", "LEAST_TAIL", "largest", "plausible_parallax"]
 
 # Half-width of the band in which a match agrees with its epipolar line, in sigma.
 BAND_SIGMA = 3.0
+# How far beyond the last match that others vouch for one may lie at least, of the way to that one,
+# and in what share of that distance it fades out.
+LEAST_TAIL = 0.1
+FADE = 0.3
 
 
 @inner_kernel
@@ -46,13 +50,14 @@ def plausible_parallax(
 ) -> None:
     """Prior of each match from where it lies along its epipolar line.
 
-    A wrong match lies anywhere in the image; a right one no farther on than the nearest of the
-    others suggest. Up to there the prior is flat: it scales the density of right matches from the
-    strip ``2 spread`` to the length of the flat part.
+    A wrong match lies anywhere in the image; a right one not far beyond the others. Up to there the
+    prior is flat: it scales the density of right matches from the strip ``2 spread`` to the length
+    of the flat part.
 
     A wrong match far along the line outweighs all right ones. As many as can be expected to lie in
     the band by chance, and two more that the direction could have chosen to pass through, may not
-    vouch for one another.
+    vouch for one another. How far beyond the last of the others one may lie, up to twice as far,
+    tells by how much they have thinned out there, from the last but as many: they may end at once.
     """
     sizes = room(count)
     bulk = 0
@@ -68,8 +73,10 @@ def plausible_parallax(
         for i in range(count):
             prior[i] = 1.0
         return
-    reach = 2.0 * greater(largest(sizes, captured + 1), BAND_SIGMA)
-    flat = greater(2.0 * spread / ((reach + BAND_SIGMA) * sigma), 1.0)
+    last = greater(largest(sizes, captured + 1), BAND_SIGMA)
+    nearer = greater(largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
+    tail = greater(greater(1.0 / (nearer * nearer) - 1.0, LEAST_TAIL) * last, BAND_SIGMA)
+    flat = greater(2.0 * spread / ((last + tail + BAND_SIGMA) * sigma), 1.0)
     for i in range(count):
-        beyond = greater(parallax[i] / sigma - reach, 0.0) / (0.2 * reach)
-        prior[i] = flat * math.exp(-0.5 * beyond * beyond)
+        beyond = (parallax[i] / sigma - last) / tail
+        prior[i] = flat * math.exp(-0.5 * (greater(beyond - 1.0, 0.0) / FADE) ** 2)
