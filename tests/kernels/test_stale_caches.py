@@ -26,6 +26,15 @@ def test_a_change_of_a_callee_forgets_its_callers(tmp_path):
     assert not caller.exists()
 
 
+def test_a_change_in_another_folder_forgets_those_that_call_there(tmp_path):
+    caller = written(tmp_path / "__pycache__" / "test_search.here-20.py311.nbi", 1000.0)
+    written(tmp_path / "kernels" / "search.py", 2000.0)
+    forget_stale(tmp_path)
+    assert caller.exists()
+    forget_stale(tmp_path, tmp_path / "kernels")
+    assert not caller.exists()
+
+
 def test_a_folder_without_a_cache_is_left_as_it_is(tmp_path):
     written(tmp_path / "search.py", 500.0)
     forget_stale(tmp_path)

@@ -22,13 +22,14 @@ __all__ = [
 ]
 
 
-def forget_stale(folder: Path) -> None:
-    """Remove what was compiled in ``folder`` before the last change of a source there.
+def forget_stale(folder: Path, *called: Path) -> None:
+    """Remove what was compiled in ``folder`` before a source changed, there or where it ``called``.
 
     numba looks at the file of a kernel alone, not at those of the kernels that it calls: after a
     ``git pull`` old and new ones would call each other.
     """
-    changed = max((source.stat().st_mtime for source in folder.glob("*.py")), default=0.0)
+    sources = (source for each in (folder, *called) for source in each.glob("*.py"))
+    changed = max((source.stat().st_mtime for source in sources), default=0.0)
     for index in (folder / "__pycache__").glob("*.nbi"):
         with suppress(OSError):  # another process may be at it, or the folder not ours
             if index.stat().st_mtime < changed:
