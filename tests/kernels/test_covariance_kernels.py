@@ -23,7 +23,7 @@ from farpoint.geometry import so3, sphere
 
 MIXTURE, CLUTTER, RIGHT = np.array([1.3, 0.1, 0.2]), 0.05, 50.0
 HEARD = RIGHT / (RIGHT + STATED)
-SURE = (RIGHT - 5.0 - 2.0 - 3.0 * HEARD) / (RIGHT - 5.0)
+SURE = (RIGHT - 5.0 - 2.0 - 10.0 * HEARD**2) / (RIGHT - 5.0)
 SPHERE = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 
 
@@ -85,7 +85,7 @@ def test_few_matches_are_hardly_sure_of_anything():
     view = two_views(5, 60, error_rad=2e-3)
     whole, noise, out = np.empty((3, 5, 5))
     here(seen_of(view, 5.0), whole, noise, out)
-    few = (4.0 - 2.0 - 3.0 * 5.0 / (5.0 + STATED)) / 4.0
+    few = (4.0 - 2.0 - 10.0 * (5.0 / (5.0 + STATED)) ** 2) / 4.0
     assert_covariances(whole - SPHERE, few / SURE * told(view)[0])
 
 

@@ -22,6 +22,8 @@ SIGNAL = 0.25
 # Matches whose residuals weigh as much as the noise that was found, in saying how the gradient
 # varies: few residuals tell little of it.
 STATED = 60.0
+# Matches of which one tells of the pose along a given axis.
+TELLING = 5.0
 # How much larger than the covariance of one pose the mean over all may be.
 MOST_GROWTH = 8.0
 
@@ -93,12 +95,13 @@ def _heard(right: float) -> float:
 def _sure(right: float) -> float:
     """What is left of the information for having estimated the noise and the scatter, too.
 
-    From few matches both are known roughly: on average the inverse of the noise is too large by
-    ``f / (f - 2)`` with f degrees of freedom. The scatter along one axis is that of some matches
-    only: as far as it is heard, by ``f / (f - 5)``.
+    From few matches both are known roughly. The inverse of the noise is too large on average by
+    ``f / (f - 2)`` with f degrees of freedom. The scatter along one axis is that of the matches
+    that tell most of it: of one in `TELLING`, and so much larger is what its variance, 2 over their
+    number, adds to the inverse, by the square of how far it is heard.
     """
-    freedom = greater(right - 5.0, 4.0)
-    return (freedom - 2.0 - 3.0 * _heard(right)) / freedom
+    freedom, heard = greater(right - 5.0, 4.0), _heard(right)
+    return (freedom - 2.0 - 2.0 * TELLING * heard * heard) / freedom
 
 
 @formula
