@@ -27,8 +27,10 @@ from farpoint._kernels.vectors import Matrix, Vector, combine, cross, dot, matri
 
 __all__ = ["other_motion"]
 
-# Log likelihood that the other motion may lack: more than the chance of 160 matches makes.
+# Log likelihood that the other motion may lack: more than the chance of so many matches makes; that
+# grows with the root of their number.
 RIVAL = 40.0
+OF_MATCHES = 160.0
 FINE = 0.1
 # Two directions as close as this are one minimum.
 COS_SAME = math.cos(math.radians(10.0))
@@ -65,7 +67,8 @@ def other_motion(
     copy(t, first_t)
     cost = _refine(pairs, prior, count, spread, min_variance, mixture, first_R, first_t)
     other_cost = _refine(pairs, prior, count, spread, min_variance, mixture, other_R, other_t)
-    if not other_cost < cost + RIVAL or dot(vector(t), vector(other_t)) > COS_SAME:
+    chance = RIVAL * math.sqrt(greater(count / OF_MATCHES, 1.0))
+    if not other_cost < cost + chance or dot(vector(t), vector(other_t)) > COS_SAME:
         return False, 0.0
     return True, _evidence(pairs, prior, count, spread, R, t, mixture, other_R, other_t)
 

@@ -1,7 +1,8 @@
 """The motion in quite another direction that is nearly as likely as the one that was found.
 
 Where little is seen of a translation, a rotation can take its place and leave it the other way
-round: each such motion is sure of itself, and neither knows of the other.
+round: each such motion is sure of itself, and neither knows of the other. Some matches are enough
+to find such a rival, and more of them to judge it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from farpoint._kernels.contest import REFINEMENTS, Matches, Pose, refine
 from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.vectors import dot, vector
 
-__all__ = ["nearest_rival"]
+__all__ = ["judge_rival", "nearest_rival"]
 
 # Directions from which a rival is looked for, evenly over the sphere.
 STARTS = 12
@@ -46,22 +47,56 @@ def nearest_rival(
     """
     matches = Matches(pairs, prior, count, spread, min_variance)
     own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
-    copy(R, own.R)
-    copy(t, own.t)
-    copy(mixture, own.mixture)
-    refine(matches, REFINEMENTS, own)
     rival = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    _refine_from(matches, R, t, mixture, own)
     least = math.inf
+    start_t = scratch(3)
     for k in range(STARTS):
-        copy(start_R, rival.R)
-        copy(mixture, rival.mixture)
-        _place(k, rival.t)
-        refine(matches, REFINEMENTS, rival)
-        if rival.cost[0] < least and dot(vector(rival.t), vector(t)) < COS_ELSEWHERE:
+        _place(k, start_t)
+        _refine_from(matches, start_R, start_t, mixture, rival)
+        if rival.cost[0] < least and _is_elsewhere(rival, t):
             least = rival.cost[0]
             copy(rival.R, rival_R)
             copy(rival.t, rival_t)
     return least - own.cost[0]
+
+
+@kernel
+def judge_rival(
+    pairs: np.ndarray,
+    prior: np.ndarray,
+    count: int,
+    spread: float,
+    min_variance: float,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    rival_R: np.ndarray,
+    rival_t: np.ndarray,
+) -> float:
+    """What `nearest_rival` does, of a rival (3, 3) and (3,), which is refined in place."""
+    matches = Matches(pairs, prior, count, spread, min_variance)
+    own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    rival = Pose(rival_R, rival_t, scratch(3), scratch(6, 6), scratch(1))
+    _refine_from(matches, R, t, mixture, own)
+    _refine_from(matches, rival_R, rival_t, mixture, rival)
+    return rival.cost[0] - own.cost[0] if _is_elsewhere(rival, t) else math.inf
+
+
+@inner_kernel
+def _refine_from(
+    matches: Matches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose
+) -> None:
+    """The motion that this one leads to, with the noise that it needs."""
+    copy(R, pose.R)
+    copy(t, pose.t)
+    copy(mixture, pose.mixture)
+    refine(matches, REFINEMENTS, pose)
+
+
+@inner_kernel
+def _is_elsewhere(rival: Pose, t: np.ndarray) -> bool:
+    return dot(vector(rival.t), vector(t)) < COS_ELSEWHERE
 
 
 @inner_kernel

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance
-from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
+from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
@@ -177,14 +176,6 @@ class MovingFit:
     def probability(self) -> np.ndarray:
         """Of each match (N,) to be right."""
         return self.said[3, : len(self.matches)]
-
-    @cached_property
-    def searched(self) -> Matches:
-        """Those, every so manieth, that the search looked at."""
-        total = len(self.matches)
-        if total <= MAX_SEARCHED:
-            return self.matches
-        return self.matches.select(np.arange(MAX_SEARCHED) * total // MAX_SEARCHED)
 
 
 def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> TurningFit:

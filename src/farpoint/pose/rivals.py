@@ -7,14 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint._kernels.plane import other_motion
-from farpoint._kernels.rivals import nearest_rival
+from farpoint._kernels.rivals import judge_rival, nearest_rival
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, fit_turning, refit_moving
 
 __all__ = ["OtherMotion", "likelier_elsewhere", "likelier_of_plane"]
 
 # Motions elsewhere that are gone to, each likelier than the one before.
 ROUNDS = 3
+# Log likelihood by which some of the matches must be against a motion, or more of them are asked.
+DOUBT = 20.0
+MORE = 4 * MAX_SEARCHED
 
 
 class OtherMotion(NamedTuple):
@@ -50,10 +54,8 @@ def likelier_elsewhere(fit: MovingFit, tolerance: float) -> tuple[MovingFit, Oth
     turned = fit_turning(fit.matches, fit.R_cam1_from_cam0, tolerance).R_cam1_from_cam0
     other = None
     for _ in range(ROUNDS):
-        R, t = np.empty((3, 3)), np.empty(3)
-        against = nearest_rival(*_searched(fit), turned, R, t)
-        found = OtherMotion(R, t, against) if against < np.inf else None
-        if against >= 0.0:
+        found = _elsewhere(fit, turned)
+        if found is None or found.against >= 0.0:
             return fit, found
         fit, other = _likelier(fit, found)
     return fit, other and other._replace(against=0.0)
@@ -71,14 +73,26 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
     return refit_moving(fit.matches, start), OtherMotion(R, t, -other.against)
 
 
+def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
+    R, t = np.empty((3, 3)), np.empty(3)
+    against = nearest_rival(*_by_some(fit, MAX_SEARCHED), R_start, R, t)
+    if against < DOUBT and len(fit.matches) > MAX_SEARCHED:
+        against = judge_rival(*_by_some(fit, MORE), R, t)
+    return OtherMotion(R, t, against) if against < np.inf else None
+
+
 def _other_of_plane(fit: MovingFit) -> OtherMotion | None:
     R, t = np.empty((3, 3)), np.empty(3)
-    is_rival, against = other_motion(*_searched(fit), R, t)
+    is_rival, against = other_motion(*_by_some(fit, MAX_SEARCHED), R, t)
+    if is_rival and against < DOUBT and len(fit.matches) > MAX_SEARCHED:
+        is_rival, against = other_motion(*_by_some(fit, MORE), R, t)
     return OtherMotion(R, t, against) if is_rival else None
 
 
-def _searched(fit: MovingFit) -> tuple:
-    """The matches searched and the motion, as the kernels take them."""
-    seen = fit.searched
+def _by_some(fit: MovingFit, most: int) -> tuple:
+    """Every so manieth match and the motion, as the kernels take them."""
+    seen, total = fit.matches, len(fit.matches)
+    if total > most:
+        seen = seen.select(np.arange(most) * total // most)
     given = seen.pairs, seen.weights(), len(seen), seen.spread, MIN_VARIANCE
     return *given, fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0, fit.noise.array
