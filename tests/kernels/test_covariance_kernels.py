@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -10,14 +12,16 @@ from kernels_kit import View, packed, two_views
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.covariance import (
     MOST_GROWTH,
+    PLAIN,
     SIGNAL,
     STATED,
     Seen,
     covariance_around,
     covariance_beside,
     covariance_here,
+    step_by_prediction,
 )
-from farpoint._kernels.information import information
+from farpoint._kernels.information import information, predicted_information
 from farpoint._kernels.vectors import tangent_columns
 from farpoint.geometry import so3, sphere
 
@@ -28,8 +32,8 @@ SPHERE = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 
 
 @kernel
-def here(seen: Seen, whole: np.ndarray, noise: np.ndarray, out: np.ndarray) -> bool:
-    return covariance_here(seen, whole, noise, out)
+def here(seen: Seen, least: float, out: np.ndarray) -> bool:
+    return covariance_here(seen, least, out)
 
 
 @kernel
@@ -37,16 +41,35 @@ def beside_by(seen: Seen, step: np.ndarray, out: np.ndarray) -> bool:
     return covariance_beside(seen, step, out)
 
 
-def seen_of(view: View, right: float = RIGHT) -> Seen:
+@kernel
+def step_by(seen: Seen) -> None:
+    step_by_prediction(seen)
+
+
+def seen_of(view: View, predicted: bool = False, right: float = RIGHT) -> Seen:
     prior = packed(np.ones(view.size))
-    return Seen(view.pairs, prior, view.R, view.t, MIXTURE, CLUTTER, right)
+    return Seen(view.pairs, prior, view.R, view.t, MIXTURE, CLUTTER, right, predicted)
 
 
-def told(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss-Newton matrix, the part of it that is noise, and the scatter of the gradient."""
-    whole, noise, scatter = np.empty((3, 5, 5))
-    known = information(*seen_of(view)[:-1], whole, noise, scatter)
-    return SURE * known * whole, SURE * known * noise, SURE * scatter
+class Told(NamedTuple):
+    whole: np.ndarray
+    noise: np.ndarray
+    scatter: np.ndarray
+    gradient: np.ndarray
+
+
+def told(view: View, predicted: bool = False, sure: float = SURE) -> Told:
+    """Gauss-Newton matrix, the part of it that is noise, and scatter and size of the gradient."""
+    given = seen_of(view)[:6]
+    noise, scatter, normal = np.empty((5, 5)), np.empty((5, 5)), np.zeros((6, 6))
+    if predicted:
+        known = predicted_information(*given, normal, noise, scatter)
+    else:
+        whole = np.empty((5, 5))
+        known = information(*given, whole, noise, scatter)
+        normal[:5, :5] = whole
+    known *= sure
+    return Told(known * normal[:5, :5], known * noise, sure * scatter, known * normal[:5, 5])
 
 
 def sandwich(H: np.ndarray, V: np.ndarray) -> np.ndarray:
@@ -57,67 +80,100 @@ def basis_of(t: np.ndarray) -> np.ndarray:
     return np.stack(tangent_columns(t), axis=1)
 
 
-def beside(view: View, step: np.ndarray) -> np.ndarray:
+def beside(view: View, step: np.ndarray, predicted: bool = False) -> np.ndarray:
     """Covariance if the right pose is this step beside that of the view, in the axes of that."""
     R, t = so3.exp(step[:3]) @ view.R, sphere.normalize(view.t + basis_of(view.t) @ step[3:])
-    whole, noise, _ = told(view._replace(R=R, t=t))
+    whole, noise, *_ = told(view._replace(R=R, t=t), predicted)
     turn = np.eye(5)
     turn[3:, 3:] = basis_of(view.t).T @ basis_of(t)
-    return turn @ sandwich(whole + SPHERE - noise, whole + SPHERE) @ turn.T
+    H = whole + SPHERE - (0.0 if predicted else noise)
+    return turn @ sandwich(H, whole + SPHERE) @ turn.T
 
 
 def assert_covariances(actual: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(actual, expected, rtol=1e-8, atol=1e-10 * np.trace(expected))
 
 
-def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen():
-    view = two_views(5, 60, error_rad=2e-3)
-    whole, noise, out = np.empty((3, 5, 5))
-    assert here(seen_of(view), whole, noise, out)
-    expected, expected_noise, scatter = told(view)
-    assert_covariances(whole, expected + SPHERE)
-    assert_covariances(noise, expected_noise)
-    V = HEARD * scatter + (1.0 - HEARD) * expected + SPHERE
-    assert_covariances(out, sandwich(expected + SPHERE - expected_noise, V))
+@pytest.mark.parametrize("predicted", [False, True])
+def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen(predicted):
+    view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
+    assert here(seen_of(view, predicted), PLAIN, out)
+    whole, noise, scatter, _ = told(view, predicted)
+    V = HEARD * scatter + (1.0 - HEARD) * whole + SPHERE
+    # What is predicted is no noise.
+    assert_covariances(out, sandwich(whole + SPHERE - (0.0 if predicted else noise), V))
 
 
 def test_few_matches_are_hardly_sure_of_anything():
-    view = two_views(5, 60, error_rad=2e-3)
-    whole, noise, out = np.empty((3, 5, 5))
-    here(seen_of(view, 5.0), whole, noise, out)
-    few = (4.0 - 2.0 - 10.0 * (5.0 / (5.0 + STATED)) ** 2) / 4.0
-    assert_covariances(whole - SPHERE, few / SURE * told(view)[0])
+    view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
+    here(seen_of(view, right=5.0), PLAIN, out)
+    heard = 5.0 / (5.0 + STATED)
+    whole, noise, scatter, _ = told(view, sure=(4.0 - 2.0 - 10.0 * heard**2) / 4.0)
+    V = heard * scatter + (1.0 - heard) * whole + SPHERE
+    assert_covariances(out, sandwich(whole + SPHERE - noise, V))
 
 
+@pytest.mark.parametrize("predicted", [False, True])
 @pytest.mark.parametrize("axis", [None, 0, 2, 3, 4])
-def test_the_covariance_beside_a_pose_is_that_of_the_pose_there_in_the_axes_of_this_one(axis):
+def test_the_covariance_beside_a_pose_is_that_of_the_pose_there_in_the_axes_of_this_one(
+    axis, predicted
+):
     view = two_views(5, 60, error_rad=2e-3)
     step, out = np.zeros(5), np.empty((5, 5))
     if axis is not None:
         step[axis] = 1e-3 if axis < 3 else 0.02
-    assert beside_by(seen_of(view), step, out)
-    assert_covariances(out, beside(view, step))
+    assert beside_by(seen_of(view, predicted), step, out)
+    assert_covariances(out, beside(view, step, predicted))
 
 
 @pytest.mark.parametrize(("baseline_m", "shows"), [(0.029, False), (0.031, True)])
 def test_where_less_than_a_quarter_of_the_flow_is_signal_there_is_no_covariance(baseline_m, shows):
-    view = two_views(5, 60, baseline_m=baseline_m)
-    whole, noise, out = np.empty((3, 5, 5))
-    assert here(seen_of(view), whole, noise, out) == shows
-    share = 1.0 - scipy.linalg.eigh(noise, whole)[0][-1]
-    assert SIGNAL - 0.1 < share < SIGNAL + 0.1
-    assert (share > SIGNAL) == shows
+    view, out = two_views(5, 60, baseline_m=baseline_m), np.empty((5, 5))
+    assert here(seen_of(view), SIGNAL, out) == shows
     assert beside_by(seen_of(view), np.zeros(5), out) == shows
+    assert share_of(view) == pytest.approx(SIGNAL, abs=0.1)
+    assert (share_of(view) > SIGNAL) == shows
 
 
-def around(view: View, covariance: np.ndarray) -> np.ndarray:
+def share_of(view: View, predicted: bool = False) -> float:
+    """What of the flow is signal, along the axis with the least of it."""
+    whole, noise, *_ = told(view, predicted)
+    return 1.0 - scipy.linalg.eigh(noise, whole + SPHERE, eigvals_only=True)[-1]
+
+
+def test_predicted_flow_has_a_covariance_whatever_it_shows():
+    view, out = two_views(5, 60, baseline_m=0.03, error_rad=1e-3), np.empty((5, 5))
+    share = share_of(view, predicted=True)
+    assert share > share_of(view) + 0.1
+    assert here(seen_of(view, predicted=True), share - 0.01, out)
+    assert not here(seen_of(view, predicted=True), share + 0.01, out)
+    whole, _, scatter, _ = told(view, predicted=True)
+    V = HEARD * scatter + (1.0 - HEARD) * whole + SPHERE
+    assert_covariances(out, sandwich(whole + SPHERE, V))
+    assert beside_by(seen_of(view, predicted=True), np.zeros(5), out)
+
+
+def test_the_step_is_that_of_the_predicted_normal_equations():
+    view = two_views(5, 60, baseline_m=0.1, error_rad=1e-3)
+    R, t = view.R.copy(), view.t.copy()
+    whole, _, _, gradient = told(view, predicted=True, sure=1.0)
+    known = predicted_information(*seen_of(view)[:6], *np.empty((1, 6, 6)), *np.empty((2, 5, 5)))
+    x = -np.linalg.solve(whole / known + SPHERE, gradient / known)
+    assert 1e-4 < np.linalg.norm(x) < 0.3
+    step_by(seen_of(view))
+    np.testing.assert_allclose(view.R, so3.exp(x[:3]) @ R, atol=1e-10)
+    np.testing.assert_allclose(view.t, sphere.normalize(t + basis_of(t) @ x[3:]), atol=1e-10)
+
+
+def around(view: View, covariance: np.ndarray, predicted: bool = False) -> np.ndarray:
     """The mean over the poses that a covariance allows, written in NumPy."""
     values, axes = np.linalg.eigh(covariance)
-    growth = -2.0 * beside(view, np.zeros(5))
+    growth = -2.0 * beside(view, np.zeros(5), predicted)
     for step in (axes * np.sqrt(values)).T[3:]:
         for side in (step, -step):
-            is_seen = beside_by(seen_of(view), side, np.empty((5, 5)))
-            growth += 0.5 * (beside(view, side) if is_seen else (1.0 + MOST_GROWTH) * covariance)
+            shows = beside_by(seen_of(view, predicted), side, np.empty((5, 5)))
+            there = beside(view, side, predicted) if shows else (1.0 + MOST_GROWTH) * covariance
+            growth += 0.5 * there
     root = axes * np.sqrt(values)
     more, along = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, growth).T))
     root = root @ along * np.sqrt(1.0 + np.clip(more, 0.0, MOST_GROWTH))
@@ -137,6 +193,14 @@ def test_the_covariance_grows_by_half_its_second_difference(seed, times, least, 
     assert_covariances(out, around(view, covariance))
     grown = scipy.linalg.eigh(out, covariance)[0]
     assert least - 1e-9 < grown[0] <= grown[-1] < most + 0.01
+
+
+def test_that_of_predicted_flow_grows_by_its_own():
+    view = two_views(6, 60, error_rad=2e-3)
+    covariance, out = 20.0 * beside(view, np.zeros(5), predicted=True), np.empty((5, 5))
+    covariance_around(*seen_of(view, predicted=True), covariance, out)
+    assert_covariances(out, around(view, covariance, predicted=True))
+    assert scipy.linalg.eigh(out, covariance)[0][-1] > 1.005
 
 
 @pytest.mark.parametrize(("first", "second"), [(0, 1), (1, 0), (4, 2), (2, 4), (3, 0), (0, 4)])

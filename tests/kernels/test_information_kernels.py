@@ -10,7 +10,7 @@ from kernels_kit import View, packed, two_views
 
 from farpoint._kernels import epipolar, likelihood
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.information import information
+from farpoint._kernels.information import information, predicted_information
 from farpoint._kernels.pairs import address
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
@@ -124,3 +124,106 @@ def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
     expected = weight * variance / g * np.outer(change, change)
     noise = informed(view, np.ones(1)).noise
     np.testing.assert_allclose(noise, expected, rtol=0.0, atol=3e-3 * np.abs(expected).max())
+
+
+class Predicted(NamedTuple):
+    known: float
+    normal: np.ndarray
+    noise: np.ndarray
+    scatter: np.ndarray
+
+
+def predicted(view: View, prior: np.ndarray) -> Predicted:
+    told = np.full((6, 6), np.nan), *np.full((2, 5, 5), np.nan)
+    given = view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER
+    return Predicted(predicted_information(*given, *told), *told)
+
+
+class Rows(NamedTuple):
+    """Of each match (N,): inverse depth, its variance, Jacobian, its change by the former."""
+
+    depth: np.ndarray
+    doubt: np.ndarray
+    jacobian: np.ndarray
+    change: np.ndarray
+
+
+def rows(view: View) -> Rows:
+    depth, doubt, jacobian, changes = [], [], [], []
+    for i in range(view.size):
+        (*J, _), (g, flow_variance) = told_of(view.pairs, i, view.R, view.t)
+        m, b = view.R @ view.rays0[i], view.rays1[i]
+        along = view.t - (m @ view.t) * m
+        square = along @ along
+        depth.append(along @ b / square)
+        doubt.append(VARIANCE * flow_variance / square**2)
+        across = np.cross(m, view.t)
+        basis = np.stack(tangent_columns(view.t))
+        changes.append(np.r_[(m @ view.t) * along, basis @ across] / np.sqrt(g))
+        jacobian.append(J)
+    return Rows(*map(np.array, (depth, doubt, jacobian, changes)))
+
+
+def prediction(told: Rows, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Best guess of each inverse depth from all, and the share of its own in it.
+
+    Their mean and variance are where the sums say what they were put in as.
+    """
+    mean, variance = 0.0, np.sum(weight / told.doubt * told.depth**2) / np.sum(weight / told.doubt)
+    for _ in range(500):
+        w = weight / (variance + told.doubt)
+        mean = np.sum(w * told.depth) / np.sum(w)
+        w = w / (variance + told.doubt)
+        variance = max(np.sum(w * ((told.depth - mean) ** 2 - told.doubt)) / np.sum(w), 0.0)
+    own = variance / (variance + told.doubt)
+    return mean + own * (told.depth - mean), own
+
+
+@pytest.mark.parametrize("baseline_m", [0.3, 0.05, 0.02])
+def test_the_flow_is_predicted_from_that_of_all(baseline_m):
+    view = two_views(3, 60, baseline_m=baseline_m, error_rad=1e-3, noise_rad=2e-3)
+    prior = np.random.default_rng(3).uniform(0.5, 2.0, 60)
+    z, weight, _ = parts(view, prior)
+    told = rows(view)
+    expected, own = prediction(told, weight)
+    J = told.jacobian + (expected - told.depth)[:, None] * told.change
+    weight = weight / VARIANCE
+    found = predicted(view, prior)
+    scale = np.abs((weight[:, None] * J).T @ J).max()
+    np.testing.assert_allclose(
+        found.normal[:5, :5], (weight[:, None] * J).T @ J, rtol=1e-3, atol=1e-5 * scale
+    )
+    gradient = J.T @ (weight * z * np.sqrt(VARIANCE))
+    np.testing.assert_allclose(
+        found.normal[:5, 5], gradient, rtol=1e-3, atol=1e-4 * np.abs(gradient).max()
+    )
+    noise = (told.change.T * (weight * own**2 * told.doubt)) @ told.change
+    np.testing.assert_allclose(found.noise, noise, rtol=2e-2, atol=1e-3 * np.abs(noise).max())
+    assert found.known == informed(view, prior).known
+
+
+def test_of_long_flow_the_prediction_is_what_was_measured():
+    view = two_views(3, 60, baseline_m=0.5, noise_rad=1e-5)
+    measured, guessed = informed(view, np.ones(60)), predicted(view, np.ones(60))
+    np.testing.assert_allclose(guessed.normal[:5, :5], measured.whole, rtol=1e-3)
+    np.testing.assert_allclose(guessed.noise, measured.noise, rtol=1e-2, atol=1e-12)
+    np.testing.assert_allclose(guessed.scatter, measured.scatter, rtol=1e-3, atol=1e-12)
+
+
+def test_the_scatter_of_predicted_flow_is_that_of_its_jacobian():
+    view = two_views(5, 40, baseline_m=0.1, error_rad=2e-3, noise_rad=2e-3)
+    z, weight, _ = parts(view, np.ones(40))
+    told = rows(view)
+    J = told.jacobian + (prediction(told, weight)[0] - told.depth)[:, None] * told.change
+    weight = weight / VARIANCE
+    inverse = np.linalg.inv((weight[:, None] * J).T @ J)
+    leverage = weight * np.einsum("ni,ij,nj->n", J, inverse, J)
+    score = weight * z * np.sqrt(VARIANCE) / np.sqrt(1.0 - np.minimum(leverage, 0.9))
+    expected = (score[:, None] * J).T @ (score[:, None] * J)
+    scatter = predicted(view, np.ones(40)).scatter
+    np.testing.assert_allclose(scatter, expected, rtol=1e-3, atol=1e-4 * np.abs(expected).max())
+
+
+def test_nothing_is_predicted_from_no_match():
+    normal = predicted(two_views(4, 3), np.zeros(3)).normal
+    np.testing.assert_array_equal(normal, np.zeros((6, 6)))

@@ -7,17 +7,17 @@ import pytest
 from kernels_kit import View, moved, packed, two_views
 
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.covariance import Seen, covariance_here
-from farpoint._kernels.likelihood import clutter_density, refine_pose
+from farpoint._kernels.covariance import PLAIN, Seen, covariance_here
+from farpoint._kernels.likelihood import clutter_density, explain, refine_pose
 from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
 from farpoint.geometry import so3
 
-SPREAD = 500.0
+SPREAD, LEAST_SIGNAL = 500.0, 0.4
 
 
 @kernel
-def here(seen: Seen, whole: np.ndarray, noise: np.ndarray, out: np.ndarray) -> bool:
-    return covariance_here(seen, whole, noise, out)
+def here(seen: Seen, least: float, out: np.ndarray) -> bool:
+    return covariance_here(seen, least, out)
 
 
 def nothing_found(view: View) -> Found:
@@ -29,13 +29,15 @@ def nothing_found(view: View) -> Found:
         mixture=np.empty(3),
         said=said,
         labels=np.full(view.size, 9, np.uint8),
-        sure=np.full((3, 5, 5), np.nan),
+        covariance=np.full((5, 5), np.nan),
     )
 
 
-def find(view: View, seed: int = 0) -> tuple[Found, int, Settled]:
+def find(
+    view: View, seed: int = 0, least_signal: float = LEAST_SIGNAL
+) -> tuple[Found, int, Settled]:
     found, state = nothing_found(view), np.array([seed], np.uint64)
-    given = view.pairs, view.size, 3.0, SPREAD, 1e-6, 0.99, 16, 500
+    given = view.pairs, view.size, 3.0, SPREAD, 1e-6, 0.99, 16, 500, least_signal
     iterations, _, settled = fit_motion(*given, state, found)
     assert np.isfinite(settled).all()
     return found, iterations, settled
@@ -56,11 +58,12 @@ def test_the_motion_of_two_views_is_found_and_settled():
     assert prior[0] > 1.0
     np.testing.assert_allclose(prior[:60], prior[0])
     assert prior[60:].tolist() == [0.0] * (len(prior) - 60)
-    _, narrowness, agreeing, odds, beyond, supporting, shows_direction = settled
+    _, narrowness, agreeing, odds, beyond, supporting, predicted, shows_direction = settled
     assert found.labels.tolist() == [2] * 60
     assert agreeing == beyond == supporting == 60
     assert odds > 100.0
     assert shows_direction
+    assert not predicted
     normal = np.empty((6, 6))
     given = view.pairs, prior, view.size, SPREAD, 1e-6, 1e-3, 20
     refine_pose(*given, found.R.copy(), found.t.copy(), found.mixture.copy(), normal)
@@ -87,7 +90,7 @@ def test_a_motion_that_is_a_little_off_is_settled_where_it_was_found():
     found, _, before = find(view)
     off_R, off_t = moved(found.R, found.t, np.array([1e-3, -1e-3, 1e-3, 0.02, -0.02]))
     again = nothing_found(view)._replace(R=off_R, t=off_t, mixture=found.mixture.copy())
-    after = settle_motion(view.pairs, view.size, SPREAD, 1e-6, again)
+    after = settle_motion(view.pairs, view.size, SPREAD, 1e-6, LEAST_SIGNAL, again)
     assert so3.angle_between(found.R, off_R) < 1e-4
     np.testing.assert_allclose(off_t, found.t, atol=1e-3)
     assert after[0] == pytest.approx(before[0], abs=0.1)
@@ -105,16 +108,35 @@ def test_of_many_matches_every_so_manieth_is_searched():
     assert settled[5] == MAX_SEARCHED
 
 
-def test_how_sure_the_motion_is_goes_by_how_many_are_right():
-    view = two_views(6, 60, noise_rad=1e-3, error_rad=1e-3)
-    found, _, settled = find(view)
-    assert settled[6]
+def seen_by(view: View, found: Found, predicted: bool) -> Seen:
     prior, *_, right = found.said
     clutter = clutter_density(found.mixture[0], found.mixture[1], SPREAD)
     given = view.pairs, prior, found.R, found.t, found.mixture, clutter
-    expected = np.empty((3, 5, 5))
-    assert here(Seen(*given, right[: view.size].sum()), *expected)
-    np.testing.assert_allclose(found.sure, expected, rtol=1e-12)
+    return Seen(*given, right[: view.size].sum(), predicted)
+
+
+def test_how_sure_the_motion_is_goes_by_how_many_are_right():
+    view = two_views(6, 60, noise_rad=1e-3, error_rad=1e-3)
+    found, _, settled = find(view)
+    expected = np.empty((5, 5))
+    assert here(seen_by(view, found, predicted=False), PLAIN, expected)
+    assert settled[6:] == (False, True)
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("least_signal", "shows"), [(0.4, True), (0.97, False)])
+def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(least_signal, shows):
+    view = two_views(6, 60, noise_rad=1e-3, error_rad=1e-3, baseline_m=0.05)
+    found, _, settled = find(view, least_signal=least_signal)
+    assert settled[6:] == (True, shows)
+    expected = np.empty((5, 5))
+    assert here(seen_by(view, found, predicted=True), least_signal, expected) == shows
+    # The noise of those right is known from before the step, when some may have been less so.
+    np.testing.assert_allclose(found.covariance, expected, rtol=0.02)
+    # What is said of the matches is said of the motion after the step.
+    residual = np.empty(len(found.said[1]))
+    explain(*seen_by(view, found, predicted=True)[:6], residual, *np.empty((2, len(residual))))
+    np.testing.assert_allclose(found.said[1], residual, rtol=1e-12)
 
 
 def test_the_same_seed_gives_the_same_motion():

@@ -9,15 +9,25 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import formula, greater, lesser
-from farpoint._kernels.information import information
-from farpoint._kernels.likelihood import apply_step
+from farpoint._kernels.information import information, predicted_information
+from farpoint._kernels.likelihood import apply_step, take_step
 from farpoint._kernels.linear import eigen_five, sandwich, tangent_basis
 from farpoint._kernels.scratch import clear, copy, scratch
+from farpoint._kernels.squares import promise, solve_five_spd
 
-__all__ = ["Seen", "covariance_around", "covariance_beside", "covariance_here"]
+__all__ = [
+    "PLAIN",
+    "Seen",
+    "covariance_around",
+    "covariance_beside",
+    "covariance_here",
+    "step_by_prediction",
+]
 
-# Where more than three quarters of what the flow tells, along any axis, are noise, the covariance
-# no longer holds: points that are all far have such flow, and half of their directions are wrong.
+# Where less than this of what the measured flow tells, along any axis, is signal, the flow is
+# predicted.
+PLAIN = 0.85
+# Where less than this is, a pose beside the one that was found has no covariance.
 SIGNAL = 0.25
 # Matches whose residuals weigh as much as the noise that was found, in saying how the gradient
 # varies: few residuals tell little of it.
@@ -45,16 +55,20 @@ class Seen(NamedTuple):
     """As of `likelihood.clutter_density`."""
     right: float
     """Matches that were found to share the pose."""
+    predicted: bool
+    """Whether by the flow that is predicted and not by the one measured."""
 
 
 @inner_kernel
-def covariance_here(seen: Seen, whole: np.ndarray, noise: np.ndarray, out: np.ndarray) -> bool:
+def covariance_here(seen: Seen, least: float, out: np.ndarray) -> bool:
     """Covariance ``out`` (5, 5) of the pose.
 
-    The sandwich ``H^-1 V H^-1``. H is ``whole`` less ``noise`` (5, 5), as of `information`, and V
-    the variance of the gradient: ``whole``, and its scatter over the matches, the more, the more
-    there are. False, and ``out`` without a meaning, where too little of ``whole`` is signal.
+    The sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix, as of `information`, less what of it
+    is noise, if it is not predicted; V the variance of the gradient: that matrix, and its scatter
+    over the matches, the more, the more there are. False where less than ``least`` of the matrix is
+    signal; then, if it is not predicted, or if the matches fix no rotation, ``out`` has no meaning.
     """
+    whole, noise, spare = scratch(5, 5), scratch(5, 5), scratch(5, 5)
     scatter, variance = scratch(5, 5), scratch(5, 5)
     _learn(seen, seen.R, seen.t, whole, noise, scatter)
     heard, sure = _heard(seen.right), _sure(seen.right)
@@ -63,7 +77,22 @@ def covariance_here(seen: Seen, whole: np.ndarray, noise: np.ndarray, out: np.nd
             variance[i, j] = heard * sure * scatter[i, j] + (1.0 - heard) * whole[i, j]
     _bound(variance)
     _bound(whole)
-    return sandwich(whole, noise, variance, SIGNAL, out)
+    if not seen.predicted:
+        return sandwich(whole, noise, variance, least, out)
+    shows = sandwich(whole, noise, whole, least, spare)
+    clear(noise)
+    return sandwich(whole, noise, variance, 0.0, out) and shows
+
+
+@inner_kernel
+def step_by_prediction(seen: Seen) -> None:
+    """Move the pose by the step of `information.predicted_information`."""
+    normal, noise, scatter, x = scratch(6, 6), scratch(5, 5), scratch(5, 5), scratch(5)
+    given = seen.pairs, seen.prior, seen.R, seen.t, seen.mixture, seen.clutter
+    predicted_information(*given, normal, noise, scatter)
+    _bound(normal)
+    if solve_five_spd(normal, 0.0, x):
+        take_step(seen.R, seen.t, x, promise(normal, x)[1])
 
 
 @inner_kernel
@@ -76,9 +105,16 @@ def _learn(
     scatter: np.ndarray,
 ) -> None:
     """`information` at a pose, less what is lost by having estimated the noise, too."""
-    known = _sure(seen.right) * information(
-        seen.pairs, seen.prior, R, t, seen.mixture, seen.clutter, whole, noise, scatter
-    )
+    normal = scratch(6, 6)
+    given = seen.pairs, seen.prior, R, t, seen.mixture, seen.clutter
+    known = _sure(seen.right)
+    if seen.predicted:
+        known *= predicted_information(*given, normal, noise, scatter)
+        for i in range(5):
+            for j in range(5):
+                whole[i, j] = normal[i, j]
+    else:
+        known *= information(*given, whole, noise, scatter)
     for i in range(5):
         for j in range(5):
             whole[i, j] *= known
@@ -120,6 +156,7 @@ def covariance_around(
     mixture: np.ndarray,
     clutter: float,
     right: float,
+    predicted: bool,
     covariance: np.ndarray,
     out: np.ndarray,
 ) -> None:
@@ -133,7 +170,7 @@ def covariance_around(
     copy(covariance, values)
     eigen_five(values, axes)
     _widest(values, axes, steps)
-    seen = Seen(pairs, prior, R, t, mixture, clutter, right)
+    seen = Seen(pairs, prior, R, t, mixture, clutter, right, predicted)
     _grow(seen, covariance, steps, growth)
     # In axes in which the covariance is the identity, growth is what it is times as large.
     for k in range(5):
@@ -210,6 +247,8 @@ def covariance_beside(seen: Seen, step: np.ndarray, out: np.ndarray) -> bool:
     apply_step(moved_R, moved_t, step)
     _learn(seen, moved_R, moved_t, whole, noise, scatter)
     _bound(whole)
+    if seen.predicted:
+        clear(noise)
     if not sandwich(whole, noise, whole, SIGNAL, there):
         return False
     _turn_axes(seen.t, moved_t, there, out)

@@ -9,7 +9,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import narrowness
-from farpoint._kernels.covariance import Seen, covariance_here
+from farpoint._kernels.covariance import PLAIN, Seen, covariance_here, step_by_prediction
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance, refine_pose
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
@@ -39,8 +39,8 @@ MAX_REFINEMENTS = np.int64(20)
 
 # Cost, what it grows by when averaged over poses, matches that agree, log odds of the sign of the
 # direction; of the right matches searched, those that no rotation explains, and all; whether the
-# flow shows a direction.
-Settled = tuple[float, float, int, float, int, int, bool]
+# flow was predicted; whether it shows a direction.
+Settled = tuple[float, float, int, float, int, int, bool, bool]
 
 
 class Found(NamedTuple):
@@ -59,9 +59,8 @@ class Found(NamedTuple):
     residual, parallax and chance to be right."""
     labels: np.ndarray
     """(N,) as of `evidence.weigh`."""
-    sure: np.ndarray
-    """(3, 5, 5) information, the part of it that is noise, and covariance, as of
-    `covariance.covariance_here`."""
+    covariance: np.ndarray
+    """(5, 5) of rotation and direction, as of `covariance.covariance_here`."""
 
 
 class Searched(NamedTuple):
@@ -85,6 +84,7 @@ def fit_motion(
     confidence: float,
     min_iterations: int,
     max_iterations: int,
+    least_signal: float,
     state: np.ndarray,
     found: Found,
 ) -> tuple[int, bool, Settled]:
@@ -116,7 +116,7 @@ def fit_motion(
         found.t,
         found.mixture,
     )
-    settled = _settle(searched, pairs, count, spread, min_variance, found)
+    settled = _settle(searched, pairs, count, spread, min_variance, least_signal, found)
     return iterations, is_planar, settled
 
 
@@ -190,15 +190,22 @@ def _widen(
 
 @kernel
 def settle_motion(
-    pairs: np.ndarray, count: int, spread: float, min_variance: float, found: Found
+    pairs: np.ndarray,
+    count: int,
+    spread: float,
+    min_variance: float,
+    least_signal: float,
+    found: Found,
 ) -> Settled:
     """Refine a pose by all matches, with what parallax they make plausible, and hear them on it.
 
     As `likelihood.refine_pose`. Returns the cost, its `contest.narrowness`, what `evidence.weigh`
     and, of the matches searched, `evidence.count_beyond_rotation` do, with the rotation of the far
-    matches for another one, and what `covariance.covariance_here` does.
+    matches for another one, whether the flow was predicted for the covariance, and whether it shows
+    a direction.
     """
-    return _settle(_searched(pairs, count), pairs, count, spread, min_variance, found)
+    searched = _searched(pairs, count)
+    return _settle(searched, pairs, count, spread, min_variance, least_signal, found)
 
 
 @inner_kernel
@@ -208,6 +215,7 @@ def _settle(
     count: int,
     spread: float,
     min_variance: float,
+    least_signal: float,
     found: Found,
 ) -> Settled:
     """As `settle_motion`; the prior of the matches searched is then 1 only for the right ones."""
@@ -215,7 +223,6 @@ def _settle(
     prior, residual, parallax, right = said[0], said[1], said[2], said[3]
     normal = scratch(6, 6)
     cost = math.inf
-    clutter = 0.0
     _leave_out_none(prior, count)
     for step in range(PARALLAX_ROUNDS + 1):
         clutter = clutter_density(mixture[0], mixture[1], spread)
@@ -235,14 +242,34 @@ def _settle(
                 mixture,
                 normal,
             )
+    predicted, shows = _be_sure(pairs, count, spread, least_signal, found)
     agreeing, odds = weigh(parallax, right, math.sqrt(mixture[0]), found.labels)
     beyond, supporting = _count_beyond(searched, right, count, found)
+    return cost, narrowness(normal), agreeing, odds, beyond, supporting, predicted, shows
+
+
+@inner_kernel
+def _be_sure(
+    pairs: np.ndarray, count: int, spread: float, least_signal: float, found: Found
+) -> tuple[bool, bool]:
+    """Covariance of the pose; where much of the flow is noise, by predicted flow, as is the pose.
+
+    Returns whether it was predicted, and whether at least so much of it is signal.
+    """
+    R, t, mixture = found.R, found.t, found.mixture
+    prior, residual, parallax, right = found.said[0], found.said[1], found.said[2], found.said[3]
+    clutter = clutter_density(mixture[0], mixture[1], spread)
     total = 0.0
     for i in range(count):
         total += right[i]
-    seen = Seen(pairs, prior, R, t, mixture, clutter, total)
-    shows = covariance_here(seen, found.sure[0], found.sure[1], found.sure[2])
-    return cost, narrowness(normal), agreeing, odds, beyond, supporting, shows
+    found.covariance[:] = math.inf
+    seen = Seen(pairs, prior, R, t, mixture, clutter, total, False)
+    if covariance_here(seen, PLAIN, found.covariance):
+        return False, True
+    seen = Seen(pairs, prior, R, t, mixture, clutter, total, True)
+    step_by_prediction(seen)
+    explain(pairs, prior, R, t, mixture, clutter, residual, parallax, right)
+    return True, covariance_here(seen, least_signal, found.covariance)
 
 
 @inner_kernel

@@ -9,13 +9,11 @@ import numpy as np
 from farpoint._kernels.covariance import covariance_around
 from farpoint._kernels.likelihood import clutter_density
 from farpoint.pose.fits import MovingFit
-from farpoint.pose.information import inverse_root, positive
+from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 
 __all__ = ["moving_covariance", "shared_covariance"]
 
-# Where nearly all of the flow is noise, the curvature cannot tell how little of it is signal.
-LEAST_SIGNAL = 0.05
 # Up to this sigma of the direction over both axes, rad, all poses that the covariance allows tell
 # about the same.
 STRAIGHT_SIGMA = math.radians(1.5)
@@ -34,26 +32,10 @@ def moving_covariance(fit: MovingFit) -> np.ndarray:
     right one: a rotation that is a little off lengthens all flow, and makes believe that it tells
     more. Then the covariance is that of all the poses that it allows, on average.
     """
-    whole, noise, covariance = fit.sure
-    if not fit.shows_direction:
-        return _by_scale(whole, noise)
-    if covariance[3, 3] + covariance[4, 4] > STRAIGHT_SIGMA**2:
+    covariance = fit.covariance
+    if STRAIGHT_SIGMA**2 < covariance[3, 3] + covariance[4, 4] < math.inf:
         covariance = _averaged(fit, covariance)
     return positive(covariance)
-
-
-def _by_scale(whole: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Covariance (5, 5) where nearly all of the Gauss-Newton matrix is noise.
-
-    It alone tells the scale, by the least share of it that is taken to be signal.
-    """
-    if not (np.isfinite(whole).all() and np.isfinite(noise).all()):
-        return np.full((5, 5), np.inf)
-    # In the axes in which V is the identity, H is what is left of it without the share of noise.
-    whiten = inverse_root(whole)
-    share, vectors = np.linalg.eigh(whiten.T @ noise @ whiten)
-    root = whiten @ vectors / np.clip(1.0 - share, LEAST_SIGNAL, 1.0)
-    return positive(root @ root.T)
 
 
 def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:
@@ -67,6 +49,7 @@ def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:
         fit.noise.array,
         clutter_density(fit.noise.variance, fit.noise.wrong, fit.matches.spread),
         float(fit.probability.sum()),
+        fit.is_predicted,
         covariance,
         averaged,
     )

@@ -35,6 +35,9 @@ __all__ = [
 # Noise below a thousandth of a pixel is rounding, not information.
 MIN_VARIANCE = 1e-6
 MAX_REFINEMENTS = 20
+# Where more than this of the flow, as it is predicted, is noise, along any axis, it shows no
+# direction: points that are all far have such flow, and half of their directions are wrong.
+MOST_NOISE = 0.6
 # Matches times samples that are tried at least.
 FEW_MATCHES = 1000
 
@@ -118,10 +121,12 @@ class MovingFit:
         take it; and the rows of `residual`, `parallax` and `probability`.
     labels : ndarray of uint8, shape (N,)
         0 for a match that disagrees, 2 for one with parallax beyond the noise, else 1.
-    sure : ndarray, shape (3, 5, 5)
-        Gauss-Newton matrix, the part of it that is noise, and covariance of the pose.
+    covariance : ndarray, shape (5, 5)
+        Of rotation and direction, at this pose; infinite where the matches fix no rotation.
+    is_predicted : bool
+        Whether by the flow that the matches let expect of each, since much of it is noise.
     shows_direction : bool
-        Whether enough of that matrix is signal for the covariance to hold.
+        Whether enough of it is signal even so.
     iterations : int
         Joint hypotheses tried.
     is_planar : bool
@@ -146,7 +151,8 @@ class MovingFit:
     matches: Matches
     said: np.ndarray
     labels: np.ndarray
-    sure: np.ndarray
+    covariance: np.ndarray
+    is_predicted: bool
     shows_direction: bool
     iterations: int
     is_planar: bool
@@ -231,6 +237,7 @@ def fit_moving(
             options.max_iterations,
         ),
         options.max_iterations,
+        _least_signal(matches),
         state,
         found,
     )
@@ -245,7 +252,9 @@ def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
         t=fit.direction_cam1_from_cam0.copy(),
         mixture=fit.noise.array,
     )
-    settled = settle_motion(matches.pairs, len(matches), matches.spread, MIN_VARIANCE, found)
+    settled = settle_motion(
+        matches.pairs, len(matches), matches.spread, MIN_VARIANCE, _least_signal(matches), found
+    )
     return _moving_fit(matches, fit.iterations, fit.is_planar, found, settled)
 
 
@@ -266,6 +275,14 @@ def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
     return found[: len(matches)]
 
 
+def _least_signal(matches: Matches) -> float:
+    """Share of the flow that must be signal to show a direction.
+
+    The more, the more the noise is in doubt: half of that is allowed for.
+    """
+    return 1.0 - MOST_NOISE / (0.5 * (1.0 + matches.doubt))
+
+
 def _nothing_found(n: int) -> Found:
     """Room for a motion of so many matches."""
     return Found(
@@ -275,14 +292,14 @@ def _nothing_found(n: int) -> Found:
         mixture=np.empty(3),
         said=np.empty((4, packed_length(n))),
         labels=np.empty(n, np.uint8),
-        sure=np.empty((3, 5, 5)),
+        covariance=np.empty((5, 5)),
     )
 
 
 def _moving_fit(
     matches: Matches, iterations: int, is_planar: bool, found: Found, settled: Settled
 ) -> MovingFit:
-    cost, narrowness, agreeing, odds, beyond, supporting, shows_direction = settled
+    cost, narrowness, agreeing, odds, beyond, supporting, is_predicted, shows = settled
     return MovingFit(
         R_cam1_from_cam0=found.R,
         direction_cam1_from_cam0=found.t,
@@ -290,8 +307,9 @@ def _moving_fit(
         matches=matches,
         said=found.said,
         labels=found.labels,
-        sure=found.sure,
-        shows_direction=bool(shows_direction),
+        covariance=found.covariance,
+        is_predicted=bool(is_predicted),
+        shows_direction=bool(shows),
         iterations=iterations,
         is_planar=is_planar,
         cost=cost / len(matches),

@@ -184,8 +184,10 @@ def _conclude_moving(
         return conclusion.no_consensus(matches, fit.agreeing, course)
     covariance = moving_covariance(fit)
     why = "A plane explains the matches and allows two motions"
-    is_told = fit.shows_direction and not _is_rivalled(other, options)
-    if is_told and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
+    if (
+        not _is_rivalled(other, options)
+        and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA
+    ):
         fit, other = likelier_elsewhere(fit, tolerance)
         covariance = moving_covariance(fit)
         why = "Two motions explain the matches"
