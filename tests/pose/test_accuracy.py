@@ -265,3 +265,32 @@ def test_regions_of_uncertain_directions_are_those_of_all_poses_that_they_allow(
     assert len(held) >= 180
     # It is 0.92; those of the estimated pose alone hold it in 0.79.
     assert np.mean(held) > 0.86
+
+
+def test_a_camera_that_moves_ahead_by_little_is_as_sure_as_it_is_right():
+    """Two centimetres with half a pixel of noise: around the epipole, all flow is noise."""
+    told = []
+    for seed in range(120):
+        rng = np.random.default_rng([9, seed])
+        ahead = sphere.normalize(np.r_[rng.normal(0.0, 0.2, 2), rng.choice([-1.0, 1.0])])
+        options = PointSceneOptions(
+            camera=paper_camera(),
+            matches=300,
+            outliers=0,
+            far_share=0.0,
+            rotation_vector_rad=tuple(rng.normal(0.0, 0.02, 3)),
+            translation_m=tuple(0.02 * ahead),
+            noise_px=0.5,
+        )
+        scene = make_point_scene(options, seed=rng)
+        pose = estimate(scene)
+        if pose.status is not PoseStatus.OK:
+            continue
+        error, bound = pose_error(pose, scene), cramer_rao_bound(scene)
+        size2 = error @ np.linalg.solve(pose.covariance, error)
+        told.append((size2, error[3:] @ error[3:] / np.trace(bound[3:, 3:])))
+    nees, ratio2 = np.array(told).T
+    # By the flow that was measured: 79 of them, 1.6 times the bound, and 0.80.
+    assert len(told) >= 119
+    assert math.sqrt(ratio2.mean()) < 1.45
+    assert np.mean(nees < chi2.ppf(0.95, 5)) > 0.9
