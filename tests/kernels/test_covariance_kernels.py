@@ -21,7 +21,7 @@ from farpoint._kernels.covariance import (
     covariance_here,
     step_by_prediction,
 )
-from farpoint._kernels.information import information, predicted_information
+from farpoint._kernels.information import information
 from farpoint._kernels.vectors import tangent_columns
 from farpoint.geometry import so3, sphere
 
@@ -55,21 +55,14 @@ class Told(NamedTuple):
     whole: np.ndarray
     noise: np.ndarray
     scatter: np.ndarray
-    gradient: np.ndarray
 
 
 def told(view: View, predicted: bool = False, sure: float = SURE) -> Told:
-    """Gauss-Newton matrix, the part of it that is noise, and scatter and size of the gradient."""
-    given = seen_of(view)[:6]
-    noise, scatter, normal = np.empty((5, 5)), np.empty((5, 5)), np.zeros((6, 6))
-    if predicted:
-        known = predicted_information(*given, normal, noise, scatter)
-    else:
-        whole = np.empty((5, 5))
-        known = information(*given, whole, noise, scatter)
-        normal[:5, :5] = whole
+    """Gauss-Newton matrix, the part of it that is noise, and the scatter of the gradient."""
+    normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
+    known = information(*seen_of(view)[:6], predicted, normal, noise, scatter)
     known *= sure
-    return Told(known * normal[:5, :5], known * noise, sure * scatter, known * normal[:5, 5])
+    return Told(known * normal[:5, :5], known * noise, sure * scatter)
 
 
 def sandwich(H: np.ndarray, V: np.ndarray) -> np.ndarray:
@@ -98,7 +91,7 @@ def assert_covariances(actual: np.ndarray, expected: np.ndarray) -> None:
 def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen(predicted):
     view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
     assert here(seen_of(view, predicted), PLAIN, out)
-    whole, noise, scatter, _ = told(view, predicted)
+    whole, noise, scatter = told(view, predicted)
     V = HEARD * scatter + (1.0 - HEARD) * whole + SPHERE
     # What is predicted is no noise.
     assert_covariances(out, sandwich(whole + SPHERE - (0.0 if predicted else noise), V))
@@ -108,7 +101,7 @@ def test_few_matches_are_hardly_sure_of_anything():
     view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
     here(seen_of(view, right=5.0), PLAIN, out)
     heard = 5.0 / (5.0 + STATED)
-    whole, noise, scatter, _ = told(view, sure=(4.0 - 2.0 - 10.0 * heard**2) / 4.0)
+    whole, noise, scatter = told(view, sure=(4.0 - 2.0 - 10.0 * heard**2) / 4.0)
     V = heard * scatter + (1.0 - heard) * whole + SPHERE
     assert_covariances(out, sandwich(whole + SPHERE - noise, V))
 
@@ -147,7 +140,7 @@ def test_predicted_flow_has_a_covariance_whatever_it_shows():
     assert share > share_of(view) + 0.1
     assert here(seen_of(view, predicted=True), share - 0.01, out)
     assert not here(seen_of(view, predicted=True), share + 0.01, out)
-    whole, _, scatter, _ = told(view, predicted=True)
+    whole, _, scatter = told(view, predicted=True)
     V = HEARD * scatter + (1.0 - HEARD) * whole + SPHERE
     assert_covariances(out, sandwich(whole + SPHERE, V))
     assert beside_by(seen_of(view, predicted=True), np.zeros(5), out)
@@ -156,11 +149,11 @@ def test_predicted_flow_has_a_covariance_whatever_it_shows():
 def test_the_step_is_that_of_the_predicted_normal_equations():
     view = two_views(5, 60, baseline_m=0.1, error_rad=1e-3)
     R, t = view.R.copy(), view.t.copy()
-    whole, _, _, gradient = told(view, predicted=True, sure=1.0)
-    known = predicted_information(*seen_of(view)[:6], *np.empty((1, 6, 6)), *np.empty((2, 5, 5)))
-    x = -np.linalg.solve(whole / known + SPHERE, gradient / known)
+    normal, told_beside = np.empty((6, 6)), np.empty((2, 5, 5))
+    information(*seen_of(view)[:6], True, normal, *told_beside)
+    x = -np.linalg.solve(normal[:5, :5] + SPHERE, normal[:5, 5])
     assert 1e-4 < np.linalg.norm(x) < 0.3
-    step_by(seen_of(view))
+    step_by(seen_of(view, predicted=True))
     np.testing.assert_allclose(view.R, so3.exp(x[:3]) @ R, atol=1e-10)
     np.testing.assert_allclose(view.t, sphere.normalize(t + basis_of(t) @ x[3:]), atol=1e-10)
 

@@ -10,7 +10,7 @@ from kernels_kit import View, packed, two_views
 
 from farpoint._kernels import epipolar, likelihood
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.information import information, predicted_information
+from farpoint._kernels.information import information
 from farpoint._kernels.pairs import address
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
@@ -31,15 +31,19 @@ def told_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
 
 class Informed(NamedTuple):
     known: float
-    whole: np.ndarray
+    normal: np.ndarray
     noise: np.ndarray
     scatter: np.ndarray
 
+    @property
+    def whole(self) -> np.ndarray:
+        return self.normal[:5, :5]
 
-def informed(view: View, prior: np.ndarray) -> Informed:
-    told = np.full((3, 5, 5), np.nan)
-    known = information(view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, *told)
-    return Informed(known, *told)
+
+def informed(view: View, prior: np.ndarray, predicted: bool = False) -> Informed:
+    told = np.full((6, 6), np.nan), *np.full((2, 5, 5), np.nan)
+    given = view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, predicted
+    return Informed(information(*given, *told), *told)
 
 
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -63,7 +67,7 @@ def test_the_whole_is_the_gauss_newton_matrix_of_the_likelihood():
     likelihood.linearize(
         view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, normal, np.empty(3)
     )
-    np.testing.assert_allclose(informed(view, prior).whole, normal[:5, :5], rtol=1e-7)
+    np.testing.assert_allclose(informed(view, prior).normal, normal, rtol=1e-7, atol=1e-7)
 
 
 def test_not_to_know_which_match_is_good_costs_the_variance_of_the_score():
@@ -126,19 +130,6 @@ def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
     np.testing.assert_allclose(noise, expected, rtol=0.0, atol=3e-3 * np.abs(expected).max())
 
 
-class Predicted(NamedTuple):
-    known: float
-    normal: np.ndarray
-    noise: np.ndarray
-    scatter: np.ndarray
-
-
-def predicted(view: View, prior: np.ndarray) -> Predicted:
-    told = np.full((6, 6), np.nan), *np.full((2, 5, 5), np.nan)
-    given = view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER
-    return Predicted(predicted_information(*given, *told), *told)
-
-
 class Rows(NamedTuple):
     """Of each match (N,): inverse depth, its variance, Jacobian, its change by the former."""
 
@@ -188,7 +179,7 @@ def test_the_flow_is_predicted_from_that_of_all(baseline_m):
     expected, own = prediction(told, weight)
     J = told.jacobian + (expected - told.depth)[:, None] * told.change
     weight = weight / VARIANCE
-    found = predicted(view, prior)
+    found = informed(view, prior, predicted=True)
     scale = np.abs((weight[:, None] * J).T @ J).max()
     np.testing.assert_allclose(
         found.normal[:5, :5], (weight[:, None] * J).T @ J, rtol=1e-3, atol=1e-5 * scale
@@ -204,7 +195,7 @@ def test_the_flow_is_predicted_from_that_of_all(baseline_m):
 
 def test_of_long_flow_the_prediction_is_what_was_measured():
     view = two_views(3, 60, baseline_m=0.5, noise_rad=1e-5)
-    measured, guessed = informed(view, np.ones(60)), predicted(view, np.ones(60))
+    measured, guessed = informed(view, np.ones(60)), informed(view, np.ones(60), predicted=True)
     np.testing.assert_allclose(guessed.normal[:5, :5], measured.whole, rtol=1e-3)
     np.testing.assert_allclose(guessed.noise, measured.noise, rtol=1e-2, atol=1e-12)
     np.testing.assert_allclose(guessed.scatter, measured.scatter, rtol=1e-3, atol=1e-12)
@@ -220,10 +211,10 @@ def test_the_scatter_of_predicted_flow_is_that_of_its_jacobian():
     leverage = weight * np.einsum("ni,ij,nj->n", J, inverse, J)
     score = weight * z * np.sqrt(VARIANCE) / np.sqrt(1.0 - np.minimum(leverage, 0.9))
     expected = (score[:, None] * J).T @ (score[:, None] * J)
-    scatter = predicted(view, np.ones(40)).scatter
+    scatter = informed(view, np.ones(40), predicted=True).scatter
     np.testing.assert_allclose(scatter, expected, rtol=1e-3, atol=1e-4 * np.abs(expected).max())
 
 
 def test_nothing_is_predicted_from_no_match():
-    normal = predicted(two_views(4, 3), np.zeros(3)).normal
+    normal = informed(two_views(4, 3), np.zeros(3), predicted=True).normal
     np.testing.assert_array_equal(normal, np.zeros((6, 6)))

@@ -7,7 +7,7 @@ import pytest
 from kernels_kit import View, moved, packed, two_views
 
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.covariance import PLAIN, Seen, covariance_here
+from farpoint._kernels.covariance import PLAIN, Seen, covariance_here, step_by_prediction
 from farpoint._kernels.likelihood import clutter_density, explain, refine_pose
 from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
 from farpoint.geometry import so3
@@ -18,6 +18,11 @@ SPREAD, LEAST_SIGNAL = 500.0, 0.4
 @kernel
 def here(seen: Seen, least: float, out: np.ndarray) -> bool:
     return covariance_here(seen, least, out)
+
+
+@kernel
+def step_by(seen: Seen) -> None:
+    step_by_prediction(seen)
 
 
 def nothing_found(view: View) -> Found:
@@ -134,6 +139,13 @@ def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(le
     # The noise of those right is known from before the step, when some may have been less so.
     np.testing.assert_allclose(found.covariance, expected, rtol=0.02)
     # What is said of the matches is said of the motion after the step.
+    likeliest = found._replace(R=found.R.copy(), t=found.t.copy())
+    given = view.pairs, found.said[0], view.size, SPREAD, 1e-6, 1e-6, 50
+    refine_pose(*given, likeliest.R, likeliest.t, found.mixture.copy(), np.empty((6, 6)))
+    assert so3.angle_between(likeliest.R, found.R) > 2e-5
+    step_by(seen_by(view, likeliest, predicted=True))
+    assert so3.angle_between(likeliest.R, found.R) < 4e-6
+    np.testing.assert_allclose(likeliest.t, found.t, atol=1e-3)
     residual = np.empty(len(found.said[1]))
     explain(*seen_by(view, found, predicted=True)[:6], residual, *np.empty((2, len(residual))))
     np.testing.assert_allclose(found.said[1], residual, rtol=1e-12)

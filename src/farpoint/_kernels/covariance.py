@@ -9,7 +9,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import formula, greater, lesser
-from farpoint._kernels.information import information, predicted_information
+from farpoint._kernels.information import information
 from farpoint._kernels.likelihood import apply_step, take_step
 from farpoint._kernels.linear import eigen_five, sandwich, tangent_basis
 from farpoint._kernels.scratch import clear, copy, scratch
@@ -68,28 +68,30 @@ def covariance_here(seen: Seen, least: float, out: np.ndarray) -> bool:
     over the matches, the more, the more there are. False where less than ``least`` of the matrix is
     signal; then, if it is not predicted, or if the matches fix no rotation, ``out`` has no meaning.
     """
-    whole, noise, spare = scratch(5, 5), scratch(5, 5), scratch(5, 5)
+    normal, noise, spare = scratch(6, 6), scratch(5, 5), scratch(5, 5)
     scatter, variance = scratch(5, 5), scratch(5, 5)
-    _learn(seen, seen.R, seen.t, whole, noise, scatter)
+    whole = normal[:5, :5]
+    known = _sure(seen.right) * _learn(seen, seen.R, seen.t, normal, noise, scatter)
     heard, sure = _heard(seen.right), _sure(seen.right)
     for i in range(5):
         for j in range(5):
+            whole[i, j] *= known
+            noise[i, j] *= known
             variance[i, j] = heard * sure * scatter[i, j] + (1.0 - heard) * whole[i, j]
     _bound(variance)
     _bound(whole)
-    if not seen.predicted:
-        return sandwich(whole, noise, variance, least, out)
-    shows = sandwich(whole, noise, whole, least, spare)
-    clear(noise)
-    return sandwich(whole, noise, variance, 0.0, out) and shows
+    shows = True
+    if seen.predicted:
+        shows = sandwich(whole, noise, whole, least, spare)
+        clear(noise)
+    return sandwich(whole, noise, variance, least, out) and shows
 
 
 @inner_kernel
 def step_by_prediction(seen: Seen) -> None:
-    """Move the pose by the step of `information.predicted_information`."""
+    """Move the pose by the solution of the normal equations of `information`."""
     normal, noise, scatter, x = scratch(6, 6), scratch(5, 5), scratch(5, 5), scratch(5)
-    given = seen.pairs, seen.prior, seen.R, seen.t, seen.mixture, seen.clutter
-    predicted_information(*given, normal, noise, scatter)
+    _learn(seen, seen.R, seen.t, normal, noise, scatter)
     _bound(normal)
     if solve_five_spd(normal, 0.0, x):
         take_step(seen.R, seen.t, x, promise(normal, x)[1])
@@ -100,25 +102,13 @@ def _learn(
     seen: Seen,
     R: np.ndarray,
     t: np.ndarray,
-    whole: np.ndarray,
+    normal: np.ndarray,
     noise: np.ndarray,
     scatter: np.ndarray,
-) -> None:
-    """`information` at a pose, less what is lost by having estimated the noise, too."""
-    normal = scratch(6, 6)
-    given = seen.pairs, seen.prior, R, t, seen.mixture, seen.clutter
-    known = _sure(seen.right)
-    if seen.predicted:
-        known *= predicted_information(*given, normal, noise, scatter)
-        for i in range(5):
-            for j in range(5):
-                whole[i, j] = normal[i, j]
-    else:
-        known *= information(*given, whole, noise, scatter)
-    for i in range(5):
-        for j in range(5):
-            whole[i, j] *= known
-            noise[i, j] *= known
+) -> float:
+    """`information` at a pose."""
+    given = seen.pairs, seen.prior, R, t, seen.mixture, seen.clutter, seen.predicted
+    return information(*given, normal, noise, scatter)
 
 
 @formula
@@ -241,14 +231,17 @@ def covariance_beside(seen: Seen, step: np.ndarray, out: np.ndarray) -> bool:
     are not heard.
     """
     moved_R, moved_t, there = scratch(3, 3), scratch(3), scratch(5, 5)
-    whole, noise, scatter = scratch(5, 5), scratch(5, 5), scratch(5, 5)
+    normal, noise, scatter = scratch(6, 6), scratch(5, 5), scratch(5, 5)
+    whole = normal[:5, :5]
     copy(seen.R, moved_R)
     copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
-    _learn(seen, moved_R, moved_t, whole, noise, scatter)
+    known = _sure(seen.right) * _learn(seen, moved_R, moved_t, normal, noise, scatter)
+    for i in range(5):
+        for j in range(5):
+            whole[i, j] *= known
+            noise[i, j] *= 0.0 if seen.predicted else known
     _bound(whole)
-    if seen.predicted:
-        clear(noise)
     if not sandwich(whole, noise, whole, SIGNAL, there):
         return False
     _turn_axes(seen.t, moved_t, there, out)

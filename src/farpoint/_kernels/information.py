@@ -23,7 +23,7 @@ from farpoint._kernels.vectors import (
     vector,
 )
 
-__all__ = ["information", "predicted_information"]
+__all__ = ["information"]
 
 # A match nearer to the epipole than this, in sigma of its flow, tells nothing of where it is.
 EPIPOLE_SIGMA = 8.0
@@ -48,22 +48,30 @@ def information(
     t: np.ndarray,
     mixture: np.ndarray,
     clutter: float,
-    whole: np.ndarray,
+    predicted: bool,
+    normal: np.ndarray,
     noise: np.ndarray,
     scatter: np.ndarray,
 ) -> float:
-    """Gauss-Newton matrix ``whole`` (5, 5) of the cost, and the part of it that is ``noise``.
+    """Normal equations ``normal`` (6, 6) of the cost, and the part of them that is ``noise``.
 
-    The Jacobian of a match grows with its flow, and the flow is measured: noise along the epipolar
-    line is taken for flow. With ``u`` the unit vector along the line, noise of variance ``v`` there
-    (given the residual) changes the Jacobian by ``[(m . t) u, B^T (m x u)] / sqrt(g)`` times
-    itself, and so adds v times that squared. Matches at the epipole are left out: noise alone
-    decides on their epipolar line.
+    The Gauss-Newton matrix (5, 5), with the gradient in the last column. The Jacobian of a match
+    grows with its flow, and the flow is measured: noise along the epipolar line is taken for flow.
+    With ``u`` the unit vector along the line, noise of variance ``v`` there (given the residual)
+    changes the Jacobian by ``[(m . t) u, B^T (m x u)] / sqrt(g)`` times itself, and so adds v times
+    that squared. Matches at the epipole are left out: noise alone decides on their epipolar line.
 
-    ``scatter`` is the variance of the gradient as the residuals show it, which is ``whole`` where
-    their noise is the one that was stated. A match draws the pose towards itself, and so shows a
-    smaller square than it had: by ``1 - h`` with h its leverage (MacKinnon and White, J. Econom.
-    29, 1985, HC2, DOI 10.1016/0304-4076(85)90158-7).
+    A match that flows by less than its noise tells nothing of the direction, and yet draws it. So
+    its flow may be ``predicted``: the best guess of its inverse depth lies between its own and the
+    mean of all, by their variances (the best linear unbiased prediction: Robinson, Stat. Sci. 6,
+    1991, DOI 10.1214/ss/1177011926). Then all of the matrix is signal on average, and ``noise``
+    what of it varies with the noise all the same; and the solution of the normal equations is one
+    step from the likelihood's maximum to an estimate with less variance.
+
+    ``scatter`` (5, 5) is the variance of the gradient as the residuals show it, which is the matrix
+    where their noise is the one that was stated. A match draws the pose towards itself, and so
+    shows a smaller square than it had: by ``1 - h`` with h its leverage (MacKinnon and White, J.
+    Econom. 29, 1985, HC2, DOI 10.1016/0304-4076(85)90158-7).
 
     Returns the share of this information that there is without knowing which matches are good, poor
     or wrong: what is missing is the variance of the score over these (Louis, J. R. Stat. Soc. B 44,
@@ -71,49 +79,12 @@ def information(
     """
     told = room(prior.size // LANES * TOLD)
     _tell(pairs, prior, R, t, mixture, clutter, told)
-    _gram(told, JACOBIAN, WEIGHT, whole)
-    _gram(told, CHANGE, SHARE, noise)
-    _without_leverage(told, whole)
-    _gram(told, JACOBIAN, SCATTER, scatter)
-    return _known_share(told)
-
-
-@kernel
-def predicted_information(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
-    normal: np.ndarray,
-    noise: np.ndarray,
-    scatter: np.ndarray,
-) -> float:
-    """Normal equations (6, 6) of the cost with the flow that is predicted, not the one measured.
-
-    A match that flows by less than its noise tells nothing of the direction, and yet draws it: the
-    flow that was measured is that noise. The best guess of a match's inverse depth lies between its
-    own and the mean of all, by their variances (the best linear unbiased prediction: Robinson,
-    Stat. Sci. 6, 1991, DOI 10.1214/ss/1177011926). With it, what the Gauss-Newton matrix counts is
-    signal on average, and the gradient, in the last column, as little noise as can be. The solution
-    is one step from the likelihood's maximum to an estimate with less variance.
-
-    ``noise``, what of the matrix varies with the noise all the same, ``scatter`` (5, 5) and what is
-    returned are those of `information`.
-    """
-    told = room(prior.size // LANES * TOLD)
-    _tell(pairs, prior, R, t, mixture, clutter, told)
-    _predict(told)
-    _gram_beside(told, normal)
+    if predicted:
+        _predict(told)
+    _normal_equations(told, normal)
     _gram(told, CHANGE, SHARE, noise)
     _without_leverage(told, normal[:5, :5])
     _gram(told, JACOBIAN, SCATTER, scatter)
-    return _known_share(told)
-
-
-@inner_kernel
-def _known_share(told: np.ndarray) -> float:
     known, missing = _total(told, KNOWN), _total(told, MISSING)
     return 1.0 - missing / known if known > 0.0 else 1.0
 
@@ -233,8 +204,8 @@ def _gram(told: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
 
 
 @sum_kernel
-def _gram_beside(told: np.ndarray, out: np.ndarray) -> None:
-    """As `_gram` of Jacobian and residual, (6, 6)."""
+def _normal_equations(told: np.ndarray, out: np.ndarray) -> None:
+    """``A diag(w) A^T`` (6, 6) of Jacobian and residual A and their weight w."""
     sums = SIX
     for panel in range(told.size // TOLD):
         for lane in range(LANES):
