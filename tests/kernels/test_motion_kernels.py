@@ -156,3 +156,13 @@ def test_the_same_seed_gives_the_same_motion():
     (first, *_), (again, *_) = find(view, seed=5), find(view, seed=5)
     for one, other in zip(first[:4], again[:4], strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_of_matches_at_one_place_nothing_is_sure():
+    view = two_views(6, 60, noise_rad=1e-3)
+    view.rays0[:], view.rays1[:] = view.rays0[0], view.rays1[0]
+    mixture = np.array([1.0, 0.05, 0.05])
+    found = nothing_found(view)._replace(R=view.R.copy(), t=view.t.copy(), mixture=mixture)
+    settle_motion(view.pairs, view.size, SPREAD, 1e-6, LEAST_SIGNAL, found)
+    assert not np.isnan(found.covariance).any()
+    assert found.covariance[:3, :3].diagonal().max() > 1.0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernels_kit import View, packed, two_views
+from kernels_kit import View, moved, packed, two_views
 
 from farpoint._kernels.likelihood import refine_pose
-from farpoint._kernels.rivals import nearest_rival
+from farpoint._kernels.rivals import judge_rival, nearest_rival
 
 SPREAD = 300.0
 
@@ -62,3 +62,33 @@ def test_a_long_flow_has_none_that_comes_near():
     view = two_views(1, 60, error_rad=1e-3, noise_rad=1e-3, turn_rad=0.05)
     against, _ = rival_of(view, np.array([1.0, 0.05, 0.05]))
     assert against > 50.0
+
+
+def judged(view: View, mixture: np.ndarray, R: np.ndarray, t: np.ndarray) -> float:
+    given = view.pairs, packed(np.ones(view.size)), view.size, SPREAD, 1e-6
+    return judge_rival(*given, view.R, view.t, mixture, R, t)
+
+
+def test_more_matches_judge_a_rival_as_those_that_found_it_do():
+    view = two_views(
+        0, 40, error_rad=2e-3, noise_rad=2e-3, turn_rad=0.02, baseline_m=0.03, depth_m=(2.0, 3.0)
+    )
+    mixture = np.array([1.0, 0.05, 0.05])
+    cost_of(view, view.R, view.t, mixture)
+    rival = np.empty((3, 3)), np.empty(3)
+    given = view.pairs, packed(np.ones(view.size)), view.size, SPREAD, 1e-6
+    against = nearest_rival(*given, view.R, view.t, mixture, view.R, *rival)
+    ended_R, ended_t = rival[0].copy(), rival[1].copy()
+    own = cost_of(view, view.R.copy(), view.t.copy(), mixture)
+    expected = cost_of(view, rival[0].copy(), rival[1].copy(), mixture) - own
+    assert judged(view, mixture, ended_R, ended_t) == pytest.approx(expected, abs=1e-6)
+    # The noise is estimated anew, which leaves a few units of the likelihood open.
+    assert abs(expected - against) < 5.0
+    np.testing.assert_allclose(ended_t, rival[1], atol=0.05)
+
+
+def test_what_leads_back_to_the_motion_is_no_rival_of_it():
+    view = two_views(1, 60, error_rad=1e-3, noise_rad=1e-3, turn_rad=0.05)
+    off_R, off_t = moved(view.R, view.t, np.array([1e-3, -1e-3, 1e-3, 0.1, -0.1]))
+    assert judged(view, np.array([1.0, 0.05, 0.05]), off_R, off_t) == np.inf
+    assert off_t @ view.t > 0.999
