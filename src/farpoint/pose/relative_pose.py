@@ -183,14 +183,12 @@ def _conclude_moving(
     if not is_motion(fit, options.false_alarm_rate):
         return conclusion.no_consensus(matches, fit.agreeing, course)
     covariance = moving_covariance(fit)
-    why = "A plane explains the matches and allows two motions"
-    if (
-        not _is_rivalled(other, options)
-        and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA
-    ):
+    rival = _nearly_as_likely(other, options)
+    is_told = rival is None and fit.shows_direction
+    if is_told and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
         fit, other = likelier_elsewhere(fit, tolerance)
+        rival = _nearly_as_likely(other, options)
         covariance = moving_covariance(fit)
-        why = "Two motions explain the matches"
     if options.shared_error_px > 0.0:
         covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
@@ -201,10 +199,10 @@ def _conclude_moving(
     sign = 1.0 / (1.0 + math.exp(-min(max(fit.sign_log_odds, -700.0), 700.0)))
     course.cost, course.sign_probability = fit.cost, sign
     rotation_covariance = covariance[:3, :3]
-    if other is not None and _is_rivalled(other, options):
-        apart = angle_between(other.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
-        reason = f"{why}, whose directions are {math.degrees(apart):.0f} deg apart."
-        other_R = other.R_cam1_from_cam0
+    if rival is not None:
+        apart = angle_between(rival.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
+        reason = f"{rival.because}, whose directions are {math.degrees(apart):.0f} deg apart."
+        other_R = rival.R_cam1_from_cam0
         return _rotation_alone(fit, reason, rotation_covariance, other_R, labels, course)
     is_vague = direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate
     if is_vague or not fit.shows_direction:
@@ -226,9 +224,13 @@ def _conclude_moving(
     )
 
 
-def _is_rivalled(other: OtherMotion | None, options: RelativePoseOptions) -> bool:
-    """Whether there is another motion, and nearly as likely."""
-    return other is not None and other.against < -math.log(options.false_alarm_rate)
+def _nearly_as_likely(
+    other: OtherMotion | None, options: RelativePoseOptions
+) -> OtherMotion | None:
+    """The other motion, if there is no telling it from the first one."""
+    if other is None or other.against >= -math.log(options.false_alarm_rate):
+        return None
+    return other
 
 
 def _direction_sigma(covariance: np.ndarray) -> float:

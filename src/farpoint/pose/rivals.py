@@ -20,6 +20,9 @@ ROUNDS = 3
 DOUBT = 20.0
 MORE = 4 * MAX_SEARCHED
 
+PLANE = "A plane explains the matches and allows two motions"
+ELSEWHERE = "Two motions explain the matches"
+
 
 class OtherMotion(NamedTuple):
     """A second motion that explains the matches.
@@ -30,11 +33,14 @@ class OtherMotion(NamedTuple):
     direction_cam1_from_cam0 : ndarray, shape (3,)
     against : float
         By how much the log likelihood of the first motion is larger, as far as it is not chance.
+    because : str
+        Why there are two.
     """
 
     R_cam1_from_cam0: np.ndarray
     direction_cam1_from_cam0: np.ndarray
     against: float
+    because: str
 
 
 def likelier_of_plane(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
@@ -70,7 +76,7 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         R_cam1_from_cam0=other.R_cam1_from_cam0,
         direction_cam1_from_cam0=other.direction_cam1_from_cam0,
     )
-    return refit_moving(fit.matches, start), OtherMotion(R, t, -other.against)
+    return refit_moving(fit.matches, start), OtherMotion(R, t, -other.against, other.because)
 
 
 def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
@@ -78,7 +84,7 @@ def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
     against = nearest_rival(*_by_some(fit, MAX_SEARCHED), R_start, R, t)
     if against < DOUBT and len(fit.matches) > MAX_SEARCHED:
         against = judge_rival(*_by_some(fit, MORE), R, t)
-    return OtherMotion(R, t, against) if against < np.inf else None
+    return OtherMotion(R, t, against, ELSEWHERE) if against < np.inf else None
 
 
 def _other_of_plane(fit: MovingFit) -> OtherMotion | None:
@@ -86,7 +92,7 @@ def _other_of_plane(fit: MovingFit) -> OtherMotion | None:
     is_rival, against = other_motion(*_by_some(fit, MAX_SEARCHED), R, t)
     if is_rival and against < DOUBT and len(fit.matches) > MAX_SEARCHED:
         is_rival, against = other_motion(*_by_some(fit, MORE), R, t)
-    return OtherMotion(R, t, against) if is_rival else None
+    return OtherMotion(R, t, against, PLANE) if is_rival else None
 
 
 def _by_some(fit: MovingFit, most: int) -> tuple:

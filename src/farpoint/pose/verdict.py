@@ -5,8 +5,9 @@
    (Markov's inequality). For a rotation, by the expected number of such coincidences (an
    a-contrario test: Moisan and Stival, IJCV 2004, DOI 10.1023/B:VISI.0000013094.38752.34).
 2. *Translation*: does the distance of the matches from the rotation's prediction exceed what the
-   noise across the epipolar lines explains? An F test over the bulk of the matches, or more matches
-   with large parallax towards one direction than wrong matches would send there.
+   noise across the epipolar lines explains? An F test over the bulk of the matches; or more matches
+   with large parallax towards one direction than wrong matches would send there; or a motion that
+   is likelier than a rotation by more than the best of all directions makes it.
 3. *Rotation*: is the rotation distinguishable from none?
 """
 
