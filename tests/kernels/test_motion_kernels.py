@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from kernels_kit import View, moved, packed, two_views
@@ -149,6 +151,19 @@ def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(le
     residual = np.empty(len(found.said[1]))
     explain(*seen_by(view, found, predicted=True)[:6], residual, *np.empty((2, len(residual))))
     np.testing.assert_allclose(found.said[1], residual, rtol=1e-12)
+
+
+@pytest.mark.parametrize("matches", [60, 2 * MAX_SEARCHED])
+def test_no_array_is_kept(matches):
+    view = two_views(6, matches, noise_rad=1e-3, error_rad=1e-3, baseline_m=0.05)
+    pairs, state = view.pairs, np.zeros(1, np.uint64)
+    found = nothing_found(view)
+    held = [sys.getrefcount(array) for array in (pairs, state, *found)]
+    given = matches, 3.0, SPREAD, 1e-6, 0.99, 16, 500, LEAST_SIGNAL
+    *_, settled = fit_motion(pairs, *given, state, found)
+    assert settled[6]  # the longest way
+    settle_motion(pairs, matches, SPREAD, 1e-6, LEAST_SIGNAL, found)
+    assert [sys.getrefcount(array) for array in (pairs, state, *found)] == held
 
 
 def test_the_same_seed_gives_the_same_motion():

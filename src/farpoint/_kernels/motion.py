@@ -97,7 +97,9 @@ def fit_motion(
     at first; where there are none, at the rotation that most matches roughly agree on. The other
     matches may carry translation, and where few are left, all may.
     """
-    searched = _searched(pairs, count)
+    # A kernel that handed back the array itself would make numba lose count of who holds it.
+    some = pairs if count <= MAX_SEARCHED else _every_so_manieth(pairs, count)
+    searched = _searched(some, count)
     candidates = _candidates(searched, tolerance, state, found.R_far)
     copy(found.R_far, found.R)
     iterations, is_planar = search_pose(
@@ -121,18 +123,22 @@ def fit_motion(
 
 
 @inner_kernel
-def _searched(pairs: np.ndarray, count: int) -> Searched:
-    """The matches that the search looks at: every so manieth."""
+def _every_so_manieth(pairs: np.ndarray, count: int) -> np.ndarray:
+    """As many of the ``count`` matches as the search looks at."""
+    rows, taken = index_room(MAX_SEARCHED), room(MAX_SEARCHED // LANES * PANEL)
+    for j in range(MAX_SEARCHED):
+        rows[j] = j * count // MAX_SEARCHED
+    take_pairs(pairs, rows, taken)
+    return taken
+
+
+@inner_kernel
+def _searched(some: np.ndarray, count: int) -> Searched:
+    """Those matches, of ``count``, with nothing known of them."""
     total = count if count < MAX_SEARCHED else MAX_SEARCHED
-    taken = pairs
-    if total < count:
-        rows, taken = index_room(total), room(total // LANES * PANEL)
-        for j in range(total):
-            rows[j] = j * count // total
-        take_pairs(pairs, rows, taken)
-    prior = room(taken.size // PANEL * LANES)
+    prior = room(some.size // PANEL * LANES)
     _leave_out_none(prior, total)
-    return Searched(taken, prior, total)
+    return Searched(some, prior, total)
 
 
 @inner_kernel
@@ -204,7 +210,9 @@ def settle_motion(
     matches for another one, whether the flow was predicted for the covariance, and whether it shows
     a direction.
     """
-    searched = _searched(pairs, count)
+    # A kernel that handed back the array itself would make numba lose count of who holds it.
+    some = pairs if count <= MAX_SEARCHED else _every_so_manieth(pairs, count)
+    searched = _searched(some, count)
     return _settle(searched, pairs, count, spread, min_variance, least_signal, found)
 
 
@@ -263,8 +271,8 @@ def _be_sure(
     for i in range(count):
         total += right[i]
     found.covariance[:] = math.inf
-    seen = Seen(pairs, prior, R, t, mixture, clutter, total, False)
-    if covariance_here(seen, PLAIN, found.covariance):
+    measured = Seen(pairs, prior, R, t, mixture, clutter, total, False)
+    if covariance_here(measured, PLAIN, found.covariance):
         return False, True
     seen = Seen(pairs, prior, R, t, mixture, clutter, total, True)
     step_by_prediction(seen)

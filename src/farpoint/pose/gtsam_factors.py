@@ -53,7 +53,8 @@ def between_factor(
     The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``: the covariance is GTSAM's as it stands.
     """
     gtsam = _gtsam()
-    if np.linalg.eigvalsh(twist)[0] <= 0.0:
+    least, *_, largest = np.linalg.eigvalsh(twist)
+    if least <= len(twist) * np.finfo(float).eps * largest:  # as in `numpy.linalg.matrix_rank`
         raise InputError("expected more than 0: a factor needs a covariance", field="scale_sigma")
     rotation = gtsam.Rot3(R_cam1_from_cam0.T)
     measured = gtsam.Pose3(rotation, -R_cam1_from_cam0.T @ translation)
