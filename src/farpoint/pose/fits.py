@@ -37,7 +37,7 @@ MIN_VARIANCE = 1e-6
 MAX_REFINEMENTS = 20
 # Where more than this of the flow, as it is predicted, is noise, along any axis, it shows no
 # direction: points that are all far have such flow, and half of their directions are wrong.
-MOST_NOISE = 0.55
+MOST_NOISE = 0.6
 # Matches times samples that are tried at least.
 FEW_MATCHES = 1000
 
