@@ -89,7 +89,7 @@ def test_flow_that_is_mostly_noise_tells_no_direction():
             refused += 1
             held += error @ np.linalg.solve(pose.rotation_covariance, error) < 7.81
     # Three, and none of them within its covariance, where the flow is not asked for its signal.
-    assert refused >= 8
+    assert refused >= 10
     assert held >= 0.3 * refused
 
 

@@ -37,7 +37,7 @@ MIN_VARIANCE = 1e-6
 MAX_REFINEMENTS = 20
 # Where more than this of the flow, as it is predicted, is noise, along any axis, it shows no
 # direction: points that are all far have such flow, and half of their directions are wrong.
-MOST_NOISE = 0.6
+MOST_NOISE = 0.55
 # Matches times samples that are tried at least.
 FEW_MATCHES = 1000
 
@@ -278,9 +278,10 @@ def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
 def _least_signal(matches: Matches) -> float:
     """Share of the flow that must be signal to show a direction.
 
-    The more, the more the noise is in doubt: half of that is allowed for.
+    The more, the more the sigma of the noise is in doubt: half of that is allowed for.
     """
-    return 1.0 - MOST_NOISE / (0.5 * (1.0 + matches.doubt))
+    sigma = 0.5 * (1.0 + math.sqrt(matches.doubt))
+    return 1.0 - MOST_NOISE / (sigma * sigma)
 
 
 def _nothing_found(n: int) -> Found:
