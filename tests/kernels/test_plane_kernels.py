@@ -95,6 +95,7 @@ def expected_evidence(view: View, other: Other) -> tuple[float, float, int]:
         (40, 0, 0.02, 0, True),
         (8, 2, 0.0, 0, False),
         (40, 0, 0.02, 3, True),
+        (320, 1, 0.0, 0, False),
     ],
 )
 def test_what_speaks_for_the_first_motion_is_what_is_off_the_plane(
@@ -108,6 +109,8 @@ def test_what_speaks_for_the_first_motion_is_what_is_off_the_plane(
     assert (weight > 0.02) == is_rough
     assert beyond >= off
     assert abs(expected) > 1.0
+    # Of more matches, what chance makes of them grows with the root of their number.
+    expected /= np.sqrt(max(count / 160.0, 1.0))
     assert other.against == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 

@@ -27,8 +27,8 @@ from farpoint._kernels.vectors import Matrix, Vector, combine, cross, dot, matri
 
 __all__ = ["other_motion"]
 
-# Log likelihood that the other motion may lack: more than the chance of so many matches makes; that
-# grows with the root of their number.
+# Log likelihood that the other motion may lack: more than the chance of so many matches makes. That
+# grows with the root of their number, and so does what chance makes of the evidence.
 RIVAL = 40.0
 OF_MATCHES = 160.0
 FINE = 0.1
@@ -67,10 +67,11 @@ def other_motion(
     copy(t, first_t)
     cost = _refine(pairs, prior, count, spread, min_variance, mixture, first_R, first_t)
     other_cost = _refine(pairs, prior, count, spread, min_variance, mixture, other_R, other_t)
-    chance = RIVAL * math.sqrt(greater(count / OF_MATCHES, 1.0))
-    if not other_cost < cost + chance or dot(vector(t), vector(other_t)) > COS_SAME:
+    growth = math.sqrt(greater(count / OF_MATCHES, 1.0))
+    if not other_cost < cost + growth * RIVAL or dot(vector(t), vector(other_t)) > COS_SAME:
         return False, 0.0
-    return True, _evidence(pairs, prior, count, spread, R, t, mixture, other_R, other_t)
+    evidence = _evidence(pairs, prior, count, spread, R, t, mixture, other_R, other_t)
+    return True, evidence / growth
 
 
 @inner_kernel
