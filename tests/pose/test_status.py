@@ -75,22 +75,25 @@ def test_a_camera_that_moves_past_nothing_near():
 
 def test_flow_that_is_mostly_noise_tells_no_direction():
     """All points at about the same distance: the flow is a rotation's but for a hair."""
-    refused, held = 0, 0
+    given, of_given, refused, of_refused = 0, 0, 0, 0
     scene = {"matches": 500, "outliers": 100, "far_share": 1.0}
-    for seed in range(40):
+    for seed in range(120):
         rng = np.random.default_rng(seed)
         translation = rng.normal(size=3)
         translation *= 0.05 / np.linalg.norm(translation)
         drawn = point_scene(seed, translation_m=tuple(translation), **scene)
         pose = estimate(drawn)
         assert_sound(pose, len(drawn.points0))
-        if "direction is uncertain" in pose.reason:
-            error = rotation_error(pose, drawn.rotation_cam1_from_cam0)
-            refused += 1
-            held += error @ np.linalg.solve(pose.rotation_covariance, error) < 7.81
-    # Three, and none of them within its covariance, where the flow is not asked for its signal.
-    assert refused >= 10
-    assert held >= 0.3 * refused
+        error = rotation_error(pose, drawn.rotation_cam1_from_cam0)
+        within = error @ np.linalg.solve(pose.rotation_covariance, error) < 7.81
+        if pose.status is PoseStatus.OK:
+            given, of_given = given + 1, of_given + within
+        elif "only turned" not in pose.reason:
+            refused, of_refused = refused + 1, of_refused + within
+    # Where the flow is not asked for its signal, ten of seventeen that are given are wrong.
+    assert of_given >= given - 1
+    assert refused >= 40
+    assert of_refused >= 0.6 * refused
 
 
 def test_ten_right_matches_outvote_ten_wrong_ones():
