@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from kernels_kit import View, moved, packed, two_views
+from kernels_kit import View, moved, packed, shaken, two_views
 
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.covariance import PLAIN, Seen, covariance_here, step_by_prediction
@@ -37,6 +37,7 @@ def nothing_found(view: View) -> Found:
         said=said,
         labels=np.full(view.size, 9, np.uint8),
         covariance=np.full((5, 5), np.nan),
+        grown=np.full_like(view.pairs, np.nan),
     )
 
 
@@ -65,11 +66,12 @@ def test_the_motion_of_two_views_is_found_and_settled():
     assert prior[0] > 1.0
     np.testing.assert_allclose(prior[:60], prior[0])
     assert prior[60:].tolist() == [0.0] * (len(prior) - 60)
-    _, narrowness, agreeing, odds, beyond, supporting, predicted, shows_direction = settled
+    _, narrowness, agreeing, odds, beyond, supporting, predicted, shows, grows = settled
     assert found.labels.tolist() == [2] * 60
     assert agreeing == beyond == supporting == 60
     assert odds > 100.0
-    assert shows_direction
+    assert shows
+    assert not grows
     assert not predicted
     normal = np.empty((6, 6))
     given = view.pairs, prior, view.size, SPREAD, 1e-6, 1e-3, 20
@@ -127,7 +129,7 @@ def test_how_sure_the_motion_is_goes_by_how_many_are_right():
     found, _, settled = find(view)
     expected = np.empty((5, 5))
     assert here(seen_by(view, found, predicted=False), PLAIN, expected)
-    assert settled[6:] == (False, True)
+    assert settled[6:] == (False, True, False)
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-12)
 
 
@@ -135,7 +137,7 @@ def test_how_sure_the_motion_is_goes_by_how_many_are_right():
 def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(least_signal, shows):
     view = two_views(6, 60, noise_rad=1e-3, error_rad=1e-3, baseline_m=0.05)
     found, _, settled = find(view, least_signal=least_signal)
-    assert settled[6:] == (True, shows)
+    assert settled[6:] == (True, shows, False)
     expected = np.empty((5, 5))
     assert here(seen_by(view, found, predicted=True), least_signal, expected) == shows
     # The noise of those right is known from before the step, when some may have been less so.
@@ -164,6 +166,19 @@ def test_no_array_is_kept(matches):
     assert settled[6]  # the longest way
     settle_motion(pairs, matches, SPREAD, 1e-6, LEAST_SIGNAL, found)
     assert [sys.getrefcount(array) for array in (pairs, state, *found)] == held
+
+
+def test_noise_that_grows_with_the_parallax_is_told():
+    view = two_views(7, 200, depth_m=(1.0, 20.0))
+    flow = np.linalg.norm(view.rays1 - view.rays0 @ view.R.T, axis=1)
+    view = shaken(view, 7, 0.1 * (1.0 + (flow / 0.02) ** 2) ** 0.25)
+    found, _, settled = find(view)
+    assert settled[8]
+    given = found.grown, found.said[0], found.R, found.t, found.mixture
+    clutter = clutter_density(found.mixture[0], found.mixture[1], SPREAD)
+    residual = np.empty(len(found.said[1]))
+    explain(*given, clutter, residual, *np.empty((2, len(residual))))
+    np.testing.assert_allclose(found.said[1], residual, rtol=1e-12)
 
 
 def test_the_same_seed_gives_the_same_motion():

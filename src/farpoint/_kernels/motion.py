@@ -11,6 +11,7 @@ from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import narrowness
 from farpoint._kernels.covariance import PLAIN, Seen, covariance_here, step_by_prediction
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
+from farpoint._kernels.growth import grow_noise
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance, refine_pose
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.plausible import plausible_parallax
@@ -31,16 +32,14 @@ OWN = 3
 # How much farther off matches may be where no others agree, each time, and how often.
 WIDER = 4.0
 WIDENINGS = 8
-# What parallax is plausible is learnt from the fit, and the fit from what is plausible.
-PARALLAX_ROUNDS = 2
 # Log likelihood to which the result is refined: a thirtieth of a sigma.
 FINE = 1e-3
 MAX_REFINEMENTS = np.int64(20)
 
 # Cost, what it grows by when averaged over poses, matches that agree, log odds of the sign of the
 # direction; of the right matches searched, those that no rotation explains, and all; whether the
-# flow was predicted; whether it shows a direction.
-Settled = tuple[float, float, int, float, int, int, bool, bool]
+# flow was predicted; whether it shows a direction; whether the noise grows with the parallax.
+Settled = tuple[float, float, int, float, int, int, bool, bool, bool]
 
 
 class Found(NamedTuple):
@@ -61,6 +60,8 @@ class Found(NamedTuple):
     """(N,) as of `evidence.weigh`."""
     covariance: np.ndarray
     """(5, 5) of rotation and direction, as of `covariance.covariance_here`."""
+    grown: np.ndarray
+    """Panels of the matches with the noise that was found, if it grows with the parallax."""
 
 
 class Searched(NamedTuple):
@@ -227,33 +228,73 @@ def _settle(
     found: Found,
 ) -> Settled:
     """As `settle_motion`; the prior of the matches searched is then 1 only for the right ones."""
-    R, t, mixture, said = found.R, found.t, found.mixture, found.said
-    prior, residual, parallax, right = said[0], said[1], said[2], said[3]
     normal = scratch(6, 6)
-    cost = math.inf
-    _leave_out_none(prior, count)
-    for step in range(PARALLAX_ROUNDS + 1):
-        clutter = clutter_density(mixture[0], mixture[1], spread)
-        explain(pairs, prior, R, t, mixture, clutter, residual, parallax, right)
-        if step < PARALLAX_ROUNDS:
-            plausible_parallax(parallax, right, count, math.sqrt(mixture[0]), spread, prior)
-            cost = refine_pose(
-                pairs,
-                prior,
-                count,
-                spread,
-                min_variance,
-                FINE,
-                MAX_REFINEMENTS,
-                R,
-                t,
-                mixture,
-                normal,
-            )
+    _leave_out_none(found.said[0], count)
+    _explain(pairs, spread, found)
+    _refine(pairs, count, spread, min_variance, found, normal)
+    _explain(pairs, spread, found)
+    residual, parallax, right = found.said[1], found.said[2], found.said[3]
+    if not grow_noise(pairs, residual, parallax, right, count, found.mixture[0], found.grown):
+        return _conclude(searched, pairs, count, spread, min_variance, least_signal, False, found)
+    _explain(found.grown, spread, found)
+    return _conclude(searched, found.grown, count, spread, min_variance, least_signal, True, found)
+
+
+@inner_kernel
+def _explain(pairs: np.ndarray, spread: float, found: Found) -> None:
+    """As `likelihood.explain`."""
+    said = found.said
+    clutter = clutter_density(found.mixture[0], found.mixture[1], spread)
+    explain(pairs, said[0], found.R, found.t, found.mixture, clutter, said[1], said[2], said[3])
+
+
+@inner_kernel
+def _refine(
+    pairs: np.ndarray,
+    count: int,
+    spread: float,
+    min_variance: float,
+    found: Found,
+    normal: np.ndarray,
+) -> float:
+    """As `likelihood.refine_pose`, by what the pose as it was makes plausible of the matches."""
+    prior, parallax, right = found.said[0], found.said[2], found.said[3]
+    plausible_parallax(parallax, right, count, math.sqrt(found.mixture[0]), spread, prior)
+    return refine_pose(
+        pairs,
+        prior,
+        count,
+        spread,
+        min_variance,
+        FINE,
+        MAX_REFINEMENTS,
+        found.R,
+        found.t,
+        found.mixture,
+        normal,
+    )
+
+
+@inner_kernel
+def _conclude(
+    searched: Searched,
+    pairs: np.ndarray,
+    count: int,
+    spread: float,
+    min_variance: float,
+    least_signal: float,
+    grows: bool,
+    found: Found,
+) -> Settled:
+    """Refine the pose once more, now that its noise is known, and hear all matches on it."""
+    normal = scratch(6, 6)
+    cost = _refine(pairs, count, spread, min_variance, found, normal)
+    _explain(pairs, spread, found)
     predicted, shows = _be_sure(pairs, count, spread, least_signal, found)
-    agreeing, odds = weigh(parallax, right, math.sqrt(mixture[0]), found.labels)
+    parallax, right = found.said[2], found.said[3]
+    agreeing, odds = weigh(parallax, right, math.sqrt(found.mixture[0]), found.labels)
     beyond, supporting = _count_beyond(searched, right, count, found)
-    return cost, narrowness(normal), agreeing, odds, beyond, supporting, predicted, shows
+    return cost, narrowness(normal), agreeing, odds, beyond, supporting, predicted, shows, grows
 
 
 @inner_kernel

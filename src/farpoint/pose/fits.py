@@ -8,7 +8,7 @@ and anywhere; the noise and the share of wrong matches are estimated along (EM).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
 from farpoint._kernels.likelihood import clutter_density, explain, mean_variance
 from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
-from farpoint._kernels.pairs import packed_length
+from farpoint._kernels.pairs import LANES, PANEL, packed_length
 from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.information import symmetric_inverse
@@ -294,13 +294,16 @@ def _nothing_found(n: int) -> Found:
         said=np.empty((4, packed_length(n))),
         labels=np.empty(n, np.uint8),
         covariance=np.empty((5, 5)),
+        grown=np.empty(packed_length(n) // LANES * PANEL),
     )
 
 
 def _moving_fit(
     matches: Matches, iterations: int, is_planar: bool, found: Found, settled: Settled
 ) -> MovingFit:
-    cost, narrowness, agreeing, odds, beyond, supporting, is_predicted, shows = settled
+    cost, narrowness, agreeing, odds, beyond, supporting, is_predicted, shows, grows = settled
+    if grows:
+        matches = replace(matches, pairs=found.grown)
     return MovingFit(
         R_cam1_from_cam0=found.R,
         direction_cam1_from_cam0=found.t,

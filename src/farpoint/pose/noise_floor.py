@@ -32,12 +32,13 @@ def noise_floor(matches: Matches, fit: MovingFit) -> float:
     """
     if matches.told is None:
         return 0.0
-    right = (fit.probability > 0.5) & (np.abs(fit.residual) > 1e-9)
+    told = residuals(matches, fit)
+    right = (fit.probability > 0.5) & (np.abs(told) > 1e-9)
     if np.count_nonzero(right) < LEAST_MATCHES:
         return 0.0
     squares = residuals(matches.told.alike(), fit)[right] ** 2
     # The same residual, once in units of the same noise for all and once of that told of it.
-    variances = squares / fit.residual[right] ** 2 + FLOORS[:, None]
+    variances = squares / told[right] ** 2 + FLOORS[:, None]
     factor = np.mean(squares / variances, axis=1, keepdims=True)
     for _ in range(ROUNDS):  # EM
         scaled = squares / (factor * variances)

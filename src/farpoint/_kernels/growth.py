@@ -1,0 +1,175 @@
+"""How the noise of a match grows with its parallax.
+
+What is near moves far, changes its size and shape and what is behind it from one image to the next,
+and is followed the less well: on a drive the residuals of the nearest matches are four times those
+of the farthest. Where the residuals show it, the variance of a match is multiplied by
+``sqrt(1 + (p / length)^2)``, with its parallax ``p`` and one length for all: it stays what it is up
+to this parallax, and grows with it from there on, as that of a random walk along the flow would.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
+from farpoint._kernels.exponential import lane_log
+from farpoint._kernels.formulas import formula, greater
+from farpoint._kernels.pairs import COVARIANCE0, FLOW, LANES, address, flow_variance
+from farpoint._kernels.scratch import copy, room
+
+__all__ = ["grow_noise"]
+
+# Length that is tried first, times the mean parallax; each other is half of the one before.
+LONGEST = 4.0
+LENGTHS = 9
+# Share of the matches that must have less parallax: few tell nothing of how the noise is below it.
+LEAST_WITHIN = 0.1
+# Twice the log likelihood ratio that chance makes of a growth once in two thousand times.
+BY_CHANCE = 11.0
+FEWEST = 30.0
+# A residual that is smaller, over the sigma, says no more.
+LEAST_RESIDUAL = 0.1
+
+
+class Told(NamedTuple):
+    """What the matches tell of their noise."""
+
+    flows: np.ndarray
+    """Squared parallax, rad^2."""
+    logs: np.ndarray
+    """Logarithm of the squared residual, in units of the noise of all."""
+    used: np.ndarray
+    """1 for a right match, 0 for any other."""
+    total: float
+    """Right matches."""
+
+
+@kernel
+def grow_noise(
+    pairs: np.ndarray,
+    residual: np.ndarray,
+    parallax: np.ndarray,
+    right: np.ndarray,
+    count: int,
+    variance: float,
+    grown: np.ndarray,
+) -> bool:
+    """Copy the matches to ``grown`` with noise that grows, if the residuals show that it does.
+
+    The length is that of least squares of the logarithms of the squared residuals, which tails draw
+    but little. The factors' geometric mean over the right matches is 1: likelihoods of the same
+    matches, with noise that grows and with noise that does not, can be compared.
+    ``residual``, ``parallax`` and ``right`` are those of `likelihood.explain`.
+    """
+    told = _listen(pairs, residual, parallax, right, count, variance)
+    steepness = _steepness(told)
+    if steepness > 0.0:
+        _scale_noise(pairs, told, steepness, grown)
+    return steepness > 0.0
+
+
+@inner_kernel
+def _listen(
+    pairs: np.ndarray,
+    residual: np.ndarray,
+    parallax: np.ndarray,
+    right: np.ndarray,
+    count: int,
+    variance: float,
+) -> Told:
+    size = residual.size
+    flows, logs, used = room(size), room(size), room(size)
+    total = 0.0
+    for i in range(size):
+        is_used = i < count and right[i] > 0.5
+        used[i] = 1.0 if is_used else 0.0
+        total += used[i]
+        flows[i] = logs[i] = 0.0
+        if i < count:
+            flows[i] = parallax[i] * parallax[i] * flow_variance(pairs, address(i))
+            square = residual[i] * residual[i] / variance
+            logs[i] = math.log(greater(square, LEAST_RESIDUAL * LEAST_RESIDUAL))
+    return Told(flows, logs, used, total)
+
+
+@inner_kernel
+def _steepness(told: Told) -> float:
+    """One over the squared length, rad^-2, that explains the residuals best; 0 for no growth."""
+    mean = _mean_parallax(told)
+    if told.total < FEWEST or not mean > 0.0:
+        return 0.0
+    even = _unexplained(told, 0.0)
+    if not even > 0.0:
+        return 0.0
+    least, steepness = even, 0.0
+    for k in range(LENGTHS):
+        length = LONGEST * mean * 0.5**k
+        left = _unexplained(told, 1.0 / (length * length))
+        if not left < least or _within(told, length) < LEAST_WITHIN * told.total:
+            break
+        least, steepness = left, 1.0 / (length * length)
+    shown = told.total * math.log(even / greater(least, 1e-300))
+    return steepness if shown > BY_CHANCE else 0.0
+
+
+@inner_kernel
+def _mean_parallax(told: Told) -> float:
+    """Of the right matches, rad."""
+    flows, used = told.flows, told.used
+    whole = 0.0
+    for i in range(flows.size):
+        whole += used[i] * math.sqrt(flows[i])
+    return whole / greater(told.total, 1.0)
+
+
+@inner_kernel
+def _within(told: Told, length: float) -> float:
+    """Right matches of less parallax."""
+    flows, used = told.flows, told.used
+    count = 0.0
+    for i in range(flows.size):
+        count += used[i] if flows[i] < length * length else 0.0
+    return count
+
+
+@formula
+def _log_factor(flow2: float, steepness: float) -> float:
+    """Of the variance of a match of this squared parallax."""
+    return 0.5 * lane_log(1.0 + steepness * flow2)
+
+
+@inner_kernel
+def _unexplained(told: Told, steepness: float) -> float:
+    """Sum of squares of what growth of this steepness leaves of the logarithms."""
+    first, second = _moments(told.flows, told.logs, told.used, steepness)
+    return second - first * first / told.total
+
+
+@sum_kernel
+def _moments(
+    flows: np.ndarray, logs: np.ndarray, used: np.ndarray, steepness: float
+) -> tuple[float, float]:
+    first = second = 0.0
+    for i in range(flows.size):
+        left = logs[i] - _log_factor(flows[i], steepness)
+        first += used[i] * left
+        second += used[i] * left * left
+    return first, second
+
+
+@inner_kernel
+def _scale_noise(pairs: np.ndarray, told: Told, steepness: float, grown: np.ndarray) -> None:
+    flows, used = told.flows, told.used
+    middle = 0.0
+    for i in range(flows.size):
+        middle += used[i] * _log_factor(flows[i], steepness)
+    usual = math.exp(-middle / told.total)
+    copy(pairs, grown)
+    for i in range(flows.size):
+        factor = usual * math.sqrt(1.0 + steepness * flows[i])
+        at = address(i)
+        for row in range(COVARIANCE0, FLOW + 1):
+            grown[at + row * LANES] *= factor

@@ -1,0 +1,120 @@
+"""Noise that grows with the parallax is found where it is, and only there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from kernels_kit import View, packed, rays_only
+
+from farpoint._kernels.growth import LENGTHS, LONGEST, grow_noise
+from farpoint._kernels.pairs import COVARIANCE0, FLOW, LANES, PANEL
+
+MATCHES = 400
+SIGMA = 0.3
+
+
+def any_rays(matches: int = MATCHES) -> View:
+    """Rays with round noise of one radian: a parallax of one is one of a radian and a half."""
+    rays = np.random.default_rng(9).normal(size=(2, matches, 3))
+    return rays_only(*(rays / np.linalg.norm(rays, axis=2, keepdims=True)))
+
+
+def seen(rng: np.random.Generator, length: float, matches: int = MATCHES) -> tuple:
+    """Residual, parallax and probability, all for unit noise, with this length of the growth."""
+    parallax = 10.0 * rng.exponential(size=matches)
+    variance = np.sqrt(1.0 + (parallax / length) ** 2)
+    residual = SIGMA * np.sqrt(variance) * rng.normal(size=matches)
+    # Some right ones are poor; the wrong ones have parallax and residual of any size.
+    residual[::10] *= np.sqrt(8.0)
+    right = np.ones(matches)
+    right[::7] = 0.1
+    residual[::7], parallax[::7] = 100.0 * rng.normal(size=(2, len(right[::7])))
+    return residual, parallax, right
+
+
+def grown(view: View, residual, parallax, right) -> np.ndarray | None:
+    """Factors of the variances (N,), if the noise grows."""
+    pairs = view.pairs
+    out = np.full_like(pairs, np.nan)
+    told = packed(residual), packed(parallax), packed(right)
+    for each in told:
+        each[view.size :] = np.nan  # of no match: whatever it may be
+    if not grow_noise(pairs, *told, view.size, SIGMA**2, out):
+        assert np.isnan(out).all()
+        return None
+    rows = np.arange(view.size) // LANES, slice(None), np.arange(view.size) % LANES
+    before, after = (each.reshape(-1, PANEL // LANES, LANES)[rows] for each in (pairs, out))
+    factors = after[:, FLOW] / before[:, FLOW]
+    expected = before * np.where(np.arange(FLOW + 1) < COVARIANCE0, 1.0, factors[:, None])
+    np.testing.assert_allclose(after, expected, rtol=1e-12)
+    return factors
+
+
+@pytest.mark.parametrize("length", [1.5, 2.5, 4.0])
+def test_growth_is_found_and_its_length(length):
+    rng = np.random.default_rng(0)
+    view = any_rays()
+    slopes = []
+    for _ in range(20):
+        residual, parallax, right = seen(rng, length)
+        factors = grown(view, residual, parallax, right)
+        if factors is None:
+            continue
+        used = right > 0.5
+        assert np.mean(np.log(factors[used])) == pytest.approx(0.0, abs=1e-6)
+        # 1 / length^2, from any two matches.
+        far, near = np.argmin(np.abs(parallax)), np.argmax(np.abs(parallax))
+        square = (factors[near] / factors[far]) ** 2
+        slopes.append(square / parallax[near] ** 2)
+    assert len(slopes) >= 18
+    # Each length that is tried is half of the one before.
+    assert 0.4 * length < np.median(slopes) ** -0.5 < 2.2 * length
+
+
+def test_even_noise_does_not_grow():
+    rng = np.random.default_rng(1)
+    view = any_rays()
+    # Once in two thousand times; three in five hundred have a chance of 0.2 %.
+    assert sum(grown(view, *seen(rng, 1e9)) is not None for _ in range(500)) <= 2
+
+
+def test_noise_that_shrinks_does_not_grow():
+    rng = np.random.default_rng(2)
+    residual, parallax, right = seen(rng, 1e9)
+    residual /= 1.0 + parallax**2
+    assert grown(any_rays(), residual, parallax, right) is None
+
+
+def test_a_few_that_are_far_tell_nothing_of_the_others():
+    rng = np.random.default_rng(3)
+    residual = SIGMA * rng.normal(size=MATCHES)
+    parallax, right = 10.0 + rng.uniform(0.0, 1.0, MATCHES), np.ones(MATCHES)
+    for far, shows in ((36, False), (44, True)):  # of which at least a tenth must be nearer
+        parallax[:far] = 0.01
+        residual[:far] = 0.01 * SIGMA
+        assert (grown(any_rays(), residual, parallax, right) is not None) == shows
+
+
+def test_a_match_on_its_line_to_the_last_digit_says_no_more_than_one_near_it():
+    rng = np.random.default_rng(5)
+    residual, parallax = SIGMA * rng.normal(size=MATCHES), np.linspace(0.1, 30.0, MATCHES)
+    residual[:12] = 1e-12
+    assert grown(any_rays(), residual, parallax, np.ones(MATCHES)) is None
+
+
+def test_few_matches_and_exact_ones_show_nothing():
+    view = any_rays(40)
+    parallax = np.linspace(1.0, 300.0, 40)
+    residual, right = np.sqrt(parallax), np.ones(40)
+    right[29:] = 0.0
+    assert grown(view, residual, parallax, right) is None
+    right[29] = 1.0
+    assert grown(view, residual, parallax, right) is not None
+    assert grown(view, np.zeros(40), parallax, right) is None
+    assert grown(view, residual, np.zeros(40), right) is None
+    one = rays_only(np.tile([0.0, 0.0, 1.0], (40, 1)), np.tile([0.0, 0.0, 1.0], (40, 1)))
+    assert grown(one, residual, np.full(40, 3.0), right) is None
+
+
+def test_the_lengths_span_what_there_is():
+    assert LONGEST * 0.5 ** (LENGTHS - 1) < 0.02 < 1.0 < LONGEST
