@@ -7,6 +7,9 @@ import sys
 import numpy as np
 import pytest
 from kernels_kit import View, moved, packed, shaken, two_views
+from numba.core import config
+from numba.core.runtime import _nrt_python
+from numba.core.runtime.nrt import rtsys
 
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.covariance import PLAIN, Seen, covariance_here, step_by_prediction
@@ -166,6 +169,21 @@ def test_no_array_is_kept(matches):
     assert settled[6]  # the longest way
     settle_motion(pairs, matches, SPREAD, 1e-6, LEAST_SIGNAL, found)
     assert [sys.getrefcount(array) for array in (pairs, state, *found)] == held
+
+
+@pytest.mark.parametrize("matches", [60, 2 * MAX_SEARCHED])
+def test_no_room_is_kept(matches):
+    view = two_views(6, matches, noise_rad=1e-3, error_rad=1e-3, baseline_m=0.05)
+    _nrt_python.memsys_enable_stats()
+    try:
+        before = rtsys.get_allocation_stats()
+        find(view)
+        after = rtsys.get_allocation_stats()
+    finally:
+        _nrt_python.memsys_disable_stats()
+    made, freed = (getattr(after, name) - getattr(before, name) for name in ("mi_alloc", "mi_free"))
+    assert made == freed
+    assert made > 0 or config.DISABLE_JIT
 
 
 def test_noise_that_grows_with_the_parallax_is_told():

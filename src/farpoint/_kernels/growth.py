@@ -43,8 +43,6 @@ class Told(NamedTuple):
     """Logarithm of the squared residual, in units of the noise of all."""
     used: np.ndarray
     """1 for a right match, 0 for any other."""
-    total: float
-    """Right matches."""
 
 
 @kernel
@@ -64,10 +62,12 @@ def grow_noise(
     matches, with noise that grows and with noise that does not, can be compared.
     ``residual``, ``parallax`` and ``right`` are those of `likelihood.explain`.
     """
-    told = _listen(pairs, residual, parallax, right, count, variance)
-    steepness = _steepness(told)
+    # A kernel that handed back what it has made room for would keep it.
+    told = Told(room(residual.size), room(residual.size), room(residual.size))
+    total = _listen(pairs, residual, parallax, right, count, variance, told)
+    steepness = _steepness(told, total)
     if steepness > 0.0:
-        _scale_noise(pairs, told, steepness, grown)
+        _scale_noise(pairs, told, total, steepness, grown)
     return steepness > 0.0
 
 
@@ -79,11 +79,12 @@ def _listen(
     right: np.ndarray,
     count: int,
     variance: float,
-) -> Told:
-    size = residual.size
-    flows, logs, used = room(size), room(size), room(size)
+    told: Told,
+) -> float:
+    """Fill ``told``; the number of right matches."""
+    flows, logs, used = told.flows, told.logs, told.used
     total = 0.0
-    for i in range(size):
+    for i in range(flows.size):
         is_used = i < count and right[i] > 0.5
         used[i] = 1.0 if is_used else 0.0
         total += used[i]
@@ -92,37 +93,37 @@ def _listen(
             flows[i] = parallax[i] * parallax[i] * flow_variance(pairs, address(i))
             square = residual[i] * residual[i] / variance
             logs[i] = math.log(greater(square, LEAST_RESIDUAL * LEAST_RESIDUAL))
-    return Told(flows, logs, used, total)
+    return total
 
 
 @inner_kernel
-def _steepness(told: Told) -> float:
+def _steepness(told: Told, total: float) -> float:
     """One over the squared length, rad^-2, that explains the residuals best; 0 for no growth."""
-    mean = _mean_parallax(told)
-    if told.total < FEWEST or not mean > 0.0:
+    mean = _parallax(told) / greater(total, 1.0)
+    if total < FEWEST or not mean > 0.0:
         return 0.0
-    even = _unexplained(told, 0.0)
+    even = _unexplained(told, total, 0.0)
     if not even > 0.0:
         return 0.0
     least, steepness = even, 0.0
     for k in range(LENGTHS):
         length = LONGEST * mean * 0.5**k
-        left = _unexplained(told, 1.0 / (length * length))
-        if not left < least or _within(told, length) < LEAST_WITHIN * told.total:
+        left = _unexplained(told, total, 1.0 / (length * length))
+        if not left < least or _within(told, length) < LEAST_WITHIN * total:
             break
         least, steepness = left, 1.0 / (length * length)
-    shown = told.total * math.log(even / greater(least, 1e-300))
+    shown = total * math.log(even / greater(least, 1e-300))
     return steepness if shown > BY_CHANCE else 0.0
 
 
 @inner_kernel
-def _mean_parallax(told: Told) -> float:
-    """Of the right matches, rad."""
+def _parallax(told: Told) -> float:
+    """Of all right matches together, rad."""
     flows, used = told.flows, told.used
     whole = 0.0
     for i in range(flows.size):
         whole += used[i] * math.sqrt(flows[i])
-    return whole / greater(told.total, 1.0)
+    return whole
 
 
 @inner_kernel
@@ -142,10 +143,10 @@ def _log_factor(flow2: float, steepness: float) -> float:
 
 
 @inner_kernel
-def _unexplained(told: Told, steepness: float) -> float:
+def _unexplained(told: Told, total: float, steepness: float) -> float:
     """Sum of squares of what growth of this steepness leaves of the logarithms."""
     first, second = _moments(told.flows, told.logs, told.used, steepness)
-    return second - first * first / told.total
+    return second - first * first / total
 
 
 @sum_kernel
@@ -161,12 +162,14 @@ def _moments(
 
 
 @inner_kernel
-def _scale_noise(pairs: np.ndarray, told: Told, steepness: float, grown: np.ndarray) -> None:
+def _scale_noise(
+    pairs: np.ndarray, told: Told, total: float, steepness: float, grown: np.ndarray
+) -> None:
     flows, used = told.flows, told.used
     middle = 0.0
     for i in range(flows.size):
         middle += used[i] * _log_factor(flows[i], steepness)
-    usual = math.exp(-middle / told.total)
+    usual = math.exp(-middle / total)
     copy(pairs, grown)
     for i in range(flows.size):
         factor = usual * math.sqrt(1.0 + steepness * flows[i])
