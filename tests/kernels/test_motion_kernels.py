@@ -12,6 +12,7 @@ from numba.core.runtime import _nrt_python
 from numba.core.runtime.nrt import rtsys
 
 from farpoint._kernels.compile import kernel
+from farpoint._kernels.contest import NEAR, Pose, is_rival
 from farpoint._kernels.covariance import PLAIN, Seen, covariance_here, step_by_prediction
 from farpoint._kernels.likelihood import clutter_density, explain, refine_pose
 from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
@@ -40,6 +41,8 @@ def nothing_found(view: View) -> Found:
         said=said,
         labels=np.full(view.size, 9, np.uint8),
         covariance=np.full((5, 5), np.nan),
+        R_rival=np.full((3, 3), np.nan),
+        t_rival=np.full(3, np.nan),
         grown=np.full_like(view.pairs, np.nan),
     )
 
@@ -49,7 +52,7 @@ def find(
 ) -> tuple[Found, int, Settled]:
     found, state = nothing_found(view), np.array([seed], np.uint64)
     given = view.pairs, view.size, 3.0, SPREAD, 1e-6, 0.99, 16, 500, least_signal
-    iterations, _, settled = fit_motion(*given, state, found)
+    iterations, _, _, settled = fit_motion(*given, state, found)
     assert np.isfinite(settled).all()
     return found, iterations, settled
 
@@ -197,6 +200,50 @@ def test_noise_that_grows_with_the_parallax_is_told():
     residual = np.empty(len(found.said[1]))
     explain(*given, clutter, residual, *np.empty((2, len(residual))))
     np.testing.assert_allclose(found.said[1], residual, rtol=1e-12)
+
+
+def met(view: View, seed: int) -> Found | None:
+    """The motion found, if the search has met another one."""
+    found, state = nothing_found(view), np.array([seed], np.uint64)
+    given = view.pairs, view.size, 3.0, SPREAD, 1e-6, 0.99, 16, 500, LEAST_SIGNAL
+    _, _, has_met, _ = fit_motion(*given, state, found)
+    assert has_met or not np.isfinite(found.t_rival).all() or found.t_rival @ found.t < 1.0
+    return found if has_met else None
+
+
+@kernel
+def near(rival: Pose, best: Pose) -> bool:
+    return is_rival(rival, best)
+
+
+def test_a_pose_that_has_lost_is_a_rival_if_it_comes_near_the_best_elsewhere():
+    def pose(cost: float, angle: float) -> Pose:
+        t = np.array([np.sin(angle), 0.0, np.cos(angle)])
+        return Pose(np.eye(3), t, np.ones(3), np.eye(6), np.array([cost]))
+
+    best = pose(10.0, 0.0)
+    assert near(pose(10.0 + NEAR - 1.0, 0.4), best)
+    assert not near(pose(10.0 + NEAR + 1.0, 0.4), best)
+    assert not near(pose(10.0, 0.3), best)
+
+
+def test_another_motion_is_met_where_there_is_one():
+    both = 0
+    for seed in range(20):
+        # A flow of a few times the noise: a rotation can take its place.
+        view = two_views(seed, 40, noise_rad=1e-3, error_rad=2e-3, baseline_m=0.05)
+        found = met(view, seed)
+        if found is None:
+            continue
+        assert found.t_rival @ found.t < 0.94
+        mixture, costs = found.mixture.copy(), []
+        for R, t in ((found.R, found.t), (found.R_rival, found.t_rival)):
+            given = view.pairs, packed(np.ones(40)), 40, SPREAD, 1e-6, 1e-3, 20, R.copy(), t.copy()
+            costs.append(refine_pose(*given, mixture.copy(), np.empty((6, 6))))
+        assert abs(costs[1] - costs[0]) < NEAR + 10.0
+        both += 1
+    assert both >= 14  # 16; 12 if it is not the one that lost which is kept
+    assert met(two_views(1, 60, noise_rad=1e-3, error_rad=1e-4), 0) is None
 
 
 def test_the_same_seed_gives_the_same_motion():

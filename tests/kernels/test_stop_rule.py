@@ -39,7 +39,7 @@ def drawn(monkeypatch):
         samples: list[int] = []
         shares = iter(wrong)
 
-        def challenge(_matches, _challenger, best):
+        def challenge(_matches, _challenger, best, _rival):
             contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
             best.cost[0] -= gain
             return contest
@@ -53,6 +53,7 @@ def drawn(monkeypatch):
             "_solve_sample": lambda *_: True,
             "score_pose": lambda *_: scores[1] if samples else scores[0],
             "noise_of": lambda *given: given[-1].fill(1.0),
+            "is_rival": lambda *_: False,
             "planar_twin": lambda *_: False,
             "layer_twin": lambda *_: False,
         }
@@ -61,9 +62,9 @@ def drawn(monkeypatch):
         for name, mock in mocks.items():
             monkeypatch.setattr(search, name, mock)
         empty = np.ones(9)
-        told, _ = interpreted(search.search_pose)(
+        told, *_ = interpreted(search.search_pose)(
             empty, empty, MATCHES, empty, 3.0, 100.0, 1e-6, CONFIDENCE, least, most,
-            *(empty for _ in range(4)),
+            *(empty for _ in range(6)),
         )  # fmt: skip
         assert told == len(samples)
         return len(samples)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from pose_kit import point_scene
+from pose_kit import estimate, point_scene
 
-from farpoint import RelativePoseOptions
-from farpoint.pose import rivals
+from farpoint import PoseStatus, RelativePoseOptions
+from farpoint.pose import relative_pose, rivals
 from farpoint.pose.fits import fit_moving
 from farpoint.pose.matches import matches_from_points
 
@@ -67,3 +69,51 @@ def test_a_plain_motion_has_no_rival_that_comes_near(fit):
     best, other = rivals.likelier_elsewhere(fit, 1.5)
     assert best is fit
     assert other is None or other.against > 20.0
+
+
+@pytest.fixture
+def met(fit, monkeypatch):
+    """`likelier_met` where the motion that was met is so much less likely."""
+
+    def run(against: float):
+        monkeypatch.setattr(rivals, "judge_rival", lambda *_: against)
+        return rivals.likelier_met(replace(fit, rival=(np.eye(3), UP)))
+
+    return run
+
+
+def test_a_motion_that_the_search_has_met_is_judged(fit, met):
+    best, other = met(5.0)
+    assert best.direction_cam1_from_cam0 is fit.direction_cam1_from_cam0
+    assert other.against == 5.0
+    np.testing.assert_array_equal(other.direction_cam1_from_cam0, UP)
+    best, other = met(-5.0)
+    assert best.direction_cam1_from_cam0 is not fit.direction_cam1_from_cam0
+    assert other.against == 5.0
+    np.testing.assert_array_equal(other.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
+    assert met(np.inf)[1] is None
+    assert rivals.likelier_met(replace(fit, rival=None))[1] is None
+
+
+@pytest.mark.parametrize("looks_elsewhere", [True, False])
+def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_elsewhere):
+    """The same noise told of all matches is no more than what is assumed, but may be wrong."""
+    if not looks_elsewhere:  # those that were met are still known
+        monkeypatch.setattr(relative_pose, "likelier_elsewhere", lambda fit, _: (fit, None))
+    told = np.tile(np.eye(2), (40, 1, 1))
+    firm, doubted, because = 0, 0, 0
+    for seed in range(60):
+        drawn = point_scene(
+            seed, matches=40, outliers=0, far_share=0.0, translation_m=(0.02, 0.015, 0.01)
+        )
+        poses = [
+            estimate(drawn),
+            estimate(drawn, covariance0_px2=told, covariance1_px2=told),
+        ]
+        firm += poses[0].status is PoseStatus.OK
+        doubted += poses[1].status is PoseStatus.OK
+        because += "Two motions" in poses[1].reason
+    # 60 are firm; 13 are doubted, and 6 of those that were met alone.
+    assert firm >= 57
+    assert because >= (9 if looks_elsewhere else 4)
+    assert doubted <= firm - because

@@ -34,6 +34,7 @@ __all__ = [
     "Matches",
     "Pose",
     "challenge",
+    "is_rival",
     "narrowness",
     "noise_of",
     "refine",
@@ -230,11 +231,12 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
 
 
 @inner_kernel
-def challenge(matches: Matches, challenger: Pose, best: Pose) -> np.int64:
+def challenge(matches: Matches, challenger: Pose, best: Pose, rival: Pose) -> np.int64:
     """Refine a hypothesis that may compete, and keep it if it is better.
 
     Returns `NO_RIVAL`; or `RIVAL` if it comes near the best, or is better; or `EQUAL` if the two
-    come near each other and their directions do not.
+    come near each other and their directions do not. ``rival`` receives the one that has lost then,
+    if it is better than the one before.
     """
     if not _may_compete(matches, challenger, best):
         return NO_RIVAL
@@ -246,12 +248,41 @@ def challenge(matches: Matches, challenger: Pose, best: Pose) -> np.int64:
         return NO_RIVAL
     if _is_same(challenger.R, challenger.t, best):
         return NO_RIVAL
-    elsewhere = dot(vector(challenger.t), vector(best.t)) < ELSEWHERE
-    contest = EQUAL if elsewhere and best.cost[0] < challenger.cost[0] + NEAR else RIVAL
-    if challenger.cost[0] < best.cost[0] and not _is_twisted(matches, challenger):
-        copy(challenger.R, best.R)
-        copy(challenger.t, best.t)
-        copy(challenger.mixture, best.mixture)
-        copy(challenger.normal, best.normal)
-        copy(challenger.cost, best.cost)
+    is_equal = best.cost[0] < challenger.cost[0] + NEAR and _is_elsewhere(challenger, best)
+    contest = EQUAL if is_equal else RIVAL
+    if _is_twisted(matches, challenger):
+        return contest
+    wins = challenger.cost[0] < best.cost[0]
+    if is_equal and wins:
+        _keep_better(best, rival)
+    elif is_equal:
+        _keep_better(challenger, rival)
+    if wins:
+        _copy_pose(challenger, best)
     return contest
+
+
+@inner_kernel
+def is_rival(rival: Pose, best: Pose) -> bool:
+    """Whether a pose that has lost to an earlier one comes near the best, too, and is elsewhere."""
+    return rival.cost[0] < best.cost[0] + NEAR and _is_elsewhere(rival, best)
+
+
+@inner_kernel
+def _is_elsewhere(pose: Pose, best: Pose) -> bool:
+    return dot(vector(pose.t), vector(best.t)) < ELSEWHERE
+
+
+@inner_kernel
+def _keep_better(pose: Pose, kept: Pose) -> None:
+    if pose.cost[0] < kept.cost[0]:
+        _copy_pose(pose, kept)
+
+
+@inner_kernel
+def _copy_pose(pose: Pose, target: Pose) -> None:
+    copy(pose.R, target.R)
+    copy(pose.t, target.t)
+    copy(pose.mixture, target.mixture)
+    copy(pose.normal, target.normal)
+    copy(pose.cost, target.cost)

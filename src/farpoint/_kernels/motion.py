@@ -60,6 +60,10 @@ class Found(NamedTuple):
     """(N,) as of `evidence.weigh`."""
     covariance: np.ndarray
     """(5, 5) of rotation and direction, as of `covariance.covariance_here`."""
+    R_rival: np.ndarray
+    """(3, 3) rotation of the motion elsewhere that the search met, if it did."""
+    t_rival: np.ndarray
+    """(3,) its direction."""
     grown: np.ndarray
     """Panels of the matches with the noise that was found, if it grows with the parallax."""
 
@@ -88,11 +92,11 @@ def fit_motion(
     least_signal: float,
     state: np.ndarray,
     found: Found,
-) -> tuple[int, bool, Settled]:
+) -> tuple[int, bool, bool, Settled]:
     """Search for a pose by some of the ``count`` matches in ``pairs``, and settle it by all.
 
-    Returns the hypotheses tried, whether the other motion of a plane was a rival, and what
-    `settle_motion` does.
+    Returns the hypotheses tried, whether the other motion of a plane was a rival, whether one
+    elsewhere was met that came near, and what `settle_motion` does.
 
     The search, as of `search.search_pose`, starts at the rotation of the far matches, the identity
     at first; where there are none, at the rotation that most matches roughly agree on. The other
@@ -103,7 +107,7 @@ def fit_motion(
     searched = _searched(some, count)
     candidates = _candidates(searched, tolerance, state, found.R_far)
     copy(found.R_far, found.R)
-    iterations, is_planar = search_pose(
+    iterations, is_planar, has_met = search_pose(
         searched.pairs,
         searched.prior,
         searched.total,
@@ -118,9 +122,11 @@ def fit_motion(
         found.R,
         found.t,
         found.mixture,
+        found.R_rival,
+        found.t_rival,
     )
     settled = _settle(searched, pairs, count, spread, min_variance, least_signal, found)
-    return iterations, is_planar, settled
+    return iterations, is_planar, has_met, settled
 
 
 @inner_kernel

@@ -16,6 +16,7 @@ from farpoint._kernels.contest import (
     Matches,
     Pose,
     challenge,
+    is_rival,
     noise_of,
     refine,
     start_noise,
@@ -132,7 +133,9 @@ def search_pose(
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
-) -> tuple[int, bool]:
+    rival_R: np.ndarray,
+    rival_t: np.ndarray,
+) -> tuple[int, bool, bool]:
     """Most likely pose near the rotation ``R`` and among joint hypotheses.
 
     The start is the direction that the flow of the ``candidates`` suggests at ``R``. Samples are
@@ -141,12 +144,15 @@ def search_pose(
     with the matches about as well as the first pose, and as any since, is refined, and judged by
     its likelihood with the noise that it needs: a wrong minimum looks good only with more noise
     than there is. Once there has been a rival, many more are tried. At last come the motions that
-    look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best. Returns the number
-    of samples, and whether the other motion of a plane was a rival.
+    look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best,
+    ``rival_R`` and ``rival_t`` one elsewhere that came near it. Returns the number of samples,
+    whether the other motion of a plane was a rival, and whether there is one elsewhere at all.
     """
     matches = Matches(pairs, prior, count, spread, min_variance)
     best = Pose(R, t, mixture, scratch(6, 6), scratch(1))
     other = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    rival = Pose(rival_R, rival_t, scratch(3), scratch(6, 6), scratch(1))
+    rival.cost[0] = math.inf
     sample, start = index_scratch(5), scratch(3, 3)
     copy(R, start)
     flow = _typical_flow(pairs, count, start)
@@ -174,7 +180,7 @@ def search_pose(
         lowest = lesser(raw, lowest)
         noise_of(matches, best, tolerance, other.mixture)
         before = best.cost[0]
-        outcome = challenge(matches, other, best)
+        outcome = challenge(matches, other, best, rival)
         if outcome != NO_RIVAL:
             # What came near the best so far was no rival of a much better one.
             far_better = best.cost[0] < before - NEAR
@@ -184,12 +190,12 @@ def search_pose(
     is_planar = planar_twin(pairs, count, gate, R, t, other.R, other.t)
     if is_planar:
         copy(mixture, other.mixture)
-        is_planar = challenge(matches, other, best) != NO_RIVAL
+        is_planar = challenge(matches, other, best, rival) != NO_RIVAL
         gate = GATE_SIGMA * math.sqrt(mixture[0])
     if layer_twin(pairs, count, gate, R, t, other.R, other.t):
         copy(mixture, other.mixture)
-        challenge(matches, other, best)
-    return iteration, is_planar
+        challenge(matches, other, best, rival)
+    return iteration, is_planar, is_rival(rival, best)
 
 
 @inner_kernel

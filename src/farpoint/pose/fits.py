@@ -131,6 +131,8 @@ class MovingFit:
         Joint hypotheses tried.
     is_planar : bool
         Whether the second motion that a plane allows explained the matches searched nearly as well.
+    rival : tuple of ndarray, or None
+        Rotation and direction of another motion that did, if one was met.
     cost : float
         Mean negative log likelihood of a match.
     far_rotation_cam1_from_cam0 : ndarray, shape (3, 3)
@@ -156,6 +158,7 @@ class MovingFit:
     shows_direction: bool
     iterations: int
     is_planar: bool
+    rival: tuple[np.ndarray, np.ndarray] | None
     cost: float
     far_rotation_cam1_from_cam0: np.ndarray
     narrowness: float
@@ -224,7 +227,7 @@ def fit_moving(
     """
     n = len(matches)
     found = _nothing_found(n)
-    iterations, is_planar, settled = fit_motion(
+    iterations, is_planar, has_met, settled = fit_motion(
         matches.pairs,
         n,
         tolerance,
@@ -241,7 +244,8 @@ def fit_moving(
         state,
         found,
     )
-    return _moving_fit(matches, iterations, bool(is_planar), found, settled)
+    rival = (found.R_rival, found.t_rival) if has_met else None
+    return _moving_fit(matches, iterations, bool(is_planar), rival, found, settled)
 
 
 def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
@@ -255,7 +259,7 @@ def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
     settled = settle_motion(
         matches.pairs, len(matches), matches.spread, MIN_VARIANCE, _least_signal(matches), found
     )
-    return _moving_fit(matches, fit.iterations, fit.is_planar, found, settled)
+    return _moving_fit(matches, fit.iterations, fit.is_planar, fit.rival, found, settled)
 
 
 def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
@@ -294,12 +298,19 @@ def _nothing_found(n: int) -> Found:
         said=np.empty((4, packed_length(n))),
         labels=np.empty(n, np.uint8),
         covariance=np.empty((5, 5)),
+        R_rival=np.empty((3, 3)),
+        t_rival=np.empty(3),
         grown=np.empty(packed_length(n) // LANES * PANEL),
     )
 
 
 def _moving_fit(
-    matches: Matches, iterations: int, is_planar: bool, found: Found, settled: Settled
+    matches: Matches,
+    iterations: int,
+    is_planar: bool,
+    rival: tuple[np.ndarray, np.ndarray] | None,
+    found: Found,
+    settled: Settled,
 ) -> MovingFit:
     cost, narrowness, agreeing, odds, beyond, supporting, is_predicted, shows, grows = settled
     if grows:
@@ -316,6 +327,7 @@ def _moving_fit(
         shows_direction=bool(shows),
         iterations=iterations,
         is_planar=is_planar,
+        rival=rival,
         cost=cost / len(matches),
         far_rotation_cam1_from_cam0=found.R_far,
         narrowness=narrowness,

@@ -29,7 +29,7 @@ from farpoint.pose.matches import Matches, matches_from_points, matches_from_ray
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
-from farpoint.pose.rivals import OtherMotion, likelier_elsewhere, likelier_of_plane
+from farpoint.pose.rivals import OtherMotion, likelier_elsewhere, likelier_met, likelier_of_plane
 from farpoint.pose.small import angle2
 from farpoint.pose.verdict import (
     is_consensus,
@@ -183,11 +183,16 @@ def _conclude_moving(
     if not is_motion(fit, options.false_alarm_rate):
         return conclusion.no_consensus(matches, fit.agreeing, course)
     covariance = moving_covariance(fit)
-    rival = _nearly_as_likely(other, options)
+    rival = _nearly_as_likely(other, matches, options)
+    if rival is None and matches.doubt > 1.0:
+        # Which of two motions is the likelier is in doubt, as their noise is.
+        fit, other = likelier_met(fit)
+        rival = _nearly_as_likely(other, matches, options)
+        covariance = moving_covariance(fit)
     is_told = rival is None and fit.shows_direction
     if is_told and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
         fit, other = likelier_elsewhere(fit, tolerance)
-        rival = _nearly_as_likely(other, options)
+        rival = _nearly_as_likely(other, matches, options)
         covariance = moving_covariance(fit)
     if options.shared_error_px > 0.0:
         covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
@@ -225,10 +230,13 @@ def _conclude_moving(
 
 
 def _nearly_as_likely(
-    other: OtherMotion | None, options: RelativePoseOptions
+    other: OtherMotion | None, matches: Matches, options: RelativePoseOptions
 ) -> OtherMotion | None:
-    """The other motion, if there is no telling it from the first one."""
-    if other is None or other.against >= -math.log(options.false_alarm_rate):
+    """The other motion, if there is no telling it from the first one.
+
+    Where the variance of the noise may be misstated, so may be the logarithm of a likelihood.
+    """
+    if other is None or other.against >= -matches.doubt * math.log(options.false_alarm_rate):
         return None
     return other
 

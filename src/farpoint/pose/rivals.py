@@ -12,7 +12,7 @@ from farpoint._kernels.plane import other_motion
 from farpoint._kernels.rivals import judge_rival, nearest_rival
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, fit_turning, refit_moving
 
-__all__ = ["OtherMotion", "likelier_elsewhere", "likelier_of_plane"]
+__all__ = ["OtherMotion", "likelier_elsewhere", "likelier_met", "likelier_of_plane"]
 
 # Motions elsewhere that are gone to, each likelier than the one before.
 ROUNDS = 3
@@ -49,6 +49,15 @@ def likelier_of_plane(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
     Usually there is none: no plane explains the matches nearly as well.
     """
     return _likelier(fit, _other_of_plane(fit) if fit.is_planar else None)
+
+
+def likelier_met(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
+    """The fit, or one to a motion that the search has met if that is likelier; and the rival."""
+    if fit.rival is None:
+        return fit, None
+    R, t = (each.copy() for each in fit.rival)
+    against = judge_rival(*_by_some(fit, MORE), R, t)
+    return _likelier(fit, OtherMotion(R, t, against, ELSEWHERE) if against < np.inf else None)
 
 
 def likelier_elsewhere(fit: MovingFit, tolerance: float) -> tuple[MovingFit, OtherMotion | None]:
