@@ -45,6 +45,12 @@ def shift_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
     )
 
 
+@kernel
+def shift_derivatives_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
+    towards = vector(t)
+    return epipolar.shift_jacobian(pairs, address(i), matrix(R), towards, tangent_columns(towards))
+
+
 def sampson(view: View, R: np.ndarray, t: np.ndarray, i: int) -> float:
     return residual_of(view.pairs, i, R, t)
 
@@ -156,3 +162,18 @@ def test_a_match_at_the_epipole_satisfies_every_plane():
     residual, derivative = sampson_jacobian(at, 0)
     assert residual == 0.0
     assert not derivative.any()
+
+
+@quick
+@given(seed=seeds)
+def test_derivative_of_the_shift_but_for_that_of_its_variance(seed):
+    view = two_views(seed, 1, error_rad=1e-3, baseline_m=0.1)
+
+    def flow(step: np.ndarray) -> float:
+        return shift_of(view.pairs, 0, *moved(view.R, view.t, step))[0]
+
+    value, _, variance, _ = shift_of(view.pairs, 0, view.R, view.t)
+    *J, shift = shift_derivatives_of(view.pairs, 0, view.R, view.t)
+    assert shift == pytest.approx(value / np.sqrt(variance), rel=1e-9)
+    expected = gradient(flow, 5, 1e-4) / np.sqrt(variance)
+    np.testing.assert_allclose(J, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())

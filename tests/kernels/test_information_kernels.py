@@ -65,7 +65,7 @@ def test_the_whole_is_the_gauss_newton_matrix_of_the_likelihood():
     prior = np.random.default_rng(3).uniform(0.5, 2.0, 40)
     normal = np.empty((6, 6))
     likelihood.linearize(
-        view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, normal, np.empty(3)
+        view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, False, normal, np.empty(3)
     )
     np.testing.assert_allclose(informed(view, prior).normal, normal, rtol=1e-7, atol=1e-7)
 

@@ -80,7 +80,7 @@ def test_the_motion_of_two_views_is_found_and_settled():
     assert not grows
     assert not predicted
     normal = np.empty((6, 6))
-    given = view.pairs, prior, view.size, SPREAD, 1e-6, 1e-3, 20
+    given = view.pairs, prior, view.size, SPREAD, 1e-6, 1e-3, 20, True
     refine_pose(*given, found.R.copy(), found.t.copy(), found.mixture.copy(), normal)
     around = np.linalg.slogdet(normal[:5, :5] + np.eye(5))[1]
     assert narrowness == pytest.approx(0.5 * around, rel=0.01)
@@ -150,7 +150,7 @@ def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(le
     np.testing.assert_allclose(found.covariance, expected, rtol=0.02)
     # What is said of the matches is said of the motion after the step.
     likeliest = found._replace(R=found.R.copy(), t=found.t.copy())
-    given = view.pairs, found.said[0], view.size, SPREAD, 1e-6, 1e-6, 50
+    given = view.pairs, found.said[0], view.size, SPREAD, 1e-6, 1e-6, 50, True
     refine_pose(*given, likeliest.R, likeliest.t, found.mixture.copy(), np.empty((6, 6)))
     assert so3.angle_between(likeliest.R, found.R) > 2e-5
     step_by(seen_by(view, likeliest, predicted=True))
@@ -238,7 +238,18 @@ def test_another_motion_is_met_where_there_is_one():
         assert found.t_rival @ found.t < 0.94
         mixture, costs = found.mixture.copy(), []
         for R, t in ((found.R, found.t), (found.R_rival, found.t_rival)):
-            given = view.pairs, packed(np.ones(40)), 40, SPREAD, 1e-6, 1e-3, 20, R.copy(), t.copy()
+            given = (
+                view.pairs,
+                packed(np.ones(40)),
+                40,
+                SPREAD,
+                1e-6,
+                1e-3,
+                20,
+                True,
+                R.copy(),
+                t.copy(),
+            )
             costs.append(refine_pose(*given, mixture.copy(), np.empty((6, 6))))
         assert abs(costs[1] - costs[0]) < NEAR + 10.0
         both += 1

@@ -124,7 +124,7 @@ def test_the_other_motion_is_a_minimum_of_its_own_and_nearly_as_low():
     assert sphere.angle_between(other.t, view.t) > 0.5
     for start in ((view.R, view.t), (other.R, other.t)):
         R, t = (array.copy() for array in start)
-        how = packed(np.ones(60)), 60, SPREAD, 1e-6, 1e-6, 50
+        how = packed(np.ones(60)), 60, SPREAD, 1e-6, 1e-6, 50, False
         costs.append(
             likelihood.refine_pose(view.pairs, *how, R, t, MIXTURE.copy(), np.empty((6, 6)))
         )

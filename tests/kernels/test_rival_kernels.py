@@ -16,7 +16,7 @@ def cost_of(view: View, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> fl
     """Negative log likelihood at the minimum that these lead to, averaged over what is around."""
     normal = np.empty((6, 6))
     given = view.pairs, packed(np.ones(view.size)), view.size, SPREAD, 1e-6
-    cost = refine_pose(*given, 0.1, 10, R, t, mixture.copy(), normal)
+    cost = refine_pose(*given, 0.1, 10, False, R, t, mixture.copy(), normal)
     return cost + 0.5 * np.linalg.slogdet(normal[:5, :5] + np.eye(5))[1]
 
 

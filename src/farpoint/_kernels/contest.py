@@ -79,6 +79,8 @@ class Matches(NamedTuple):
     """Half the width that wrong matches fill, in units of the noise."""
     min_variance: float
     """Smaller noise is rounding."""
+    gives_way: bool
+    """Whether a pose does to matches that retreat, as of `likelihood.refine_pose`."""
 
 
 class Pose(NamedTuple):
@@ -119,6 +121,7 @@ def refine(matches: Matches, steps: int, pose: Pose) -> None:
         matches.min_variance,
         COARSE,
         steps,
+        matches.gives_way,
         pose.R,
         pose.t,
         pose.mixture,
@@ -214,6 +217,7 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
         challenger.t,
         challenger.mixture,
         clutter,
+        matches.gives_way,
         normal,
         shares,
     )

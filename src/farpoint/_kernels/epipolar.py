@@ -32,6 +32,7 @@ __all__ = [
     "parallax_variance",
     "sampson",
     "sampson_jacobian",
+    "shift_jacobian",
     "variances",
 ]
 
@@ -99,6 +100,30 @@ def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vecto
     along = combine(1.0, t, -dot(m, t), m)
     back = rotate_back(R, along)
     return dot(back, noise0(pairs, at, back)) + dot(along, noise1(pairs, at, along))
+
+
+@formula
+def shift_jacobian(
+    pairs: np.ndarray, at: int, R: Matrix, t: Vector, basis: tuple[Vector, Vector]
+) -> tuple[float, float, float, float, float, float]:
+    """Derivative of the flow over its sigma by ``[dtheta (3), dbeta (2)]``, and that shift itself.
+
+    Its variance, which hardly changes within a few sigma, is taken as it is.
+    """
+    m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
+    flow, _ = flow_along(m, b, t)
+    inv = 1.0 / root(parallax_variance(pairs, at, R, m, t) + TINY)
+    alike = dot(m, b)
+    by_theta = combine(-alike, cross(m, t), -dot(m, t), cross(m, b))
+    by_t = combine(1.0, b, -alike, m)
+    return (
+        inv * by_theta[0],
+        inv * by_theta[1],
+        inv * by_theta[2],
+        inv * dot(basis[0], by_t),
+        inv * dot(basis[1], by_t),
+        flow * inv,
+    )
 
 
 @formula

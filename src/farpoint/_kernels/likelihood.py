@@ -24,13 +24,21 @@ from farpoint._kernels.epipolar import (
     parallax_variance,
     sampson,
     sampson_jacobian,
+    shift_jacobian,
 )
 from farpoint._kernels.exponential import exp_and_roots, lane_log
 from farpoint._kernels.formulas import choose, formula, greater, lesser, root
 from farpoint._kernels.linear import apply_rotation_step
-from farpoint._kernels.pairs import LANES, PANEL, ray0, ray1
+from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
 from farpoint._kernels.scratch import copy, scratch
-from farpoint._kernels.squares import SIX, add_square, promise, solve_five_spd, write_square
+from farpoint._kernels.squares import (
+    SIX,
+    add_square,
+    add_to_square,
+    promise,
+    solve_five_spd,
+    write_square,
+)
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
@@ -69,6 +77,8 @@ FARTHER = 3.0
 MOST_FARTHER = 0.7
 # Retreat along its epipolar line that noise can cause of a far point, in sigma.
 FAR_SIGMA = 3.0
+# Right matches that retreat by more, in all, that are left alone.
+FEW_RETREATING = 0.01
 
 
 @kernel
@@ -109,6 +119,12 @@ def mean_variance(variance: float, poor: float) -> float:
 
 
 @inner_kernel
+def _unusual(poor: float) -> float:
+    """Cost of a share of poor matches that is not the usual one."""
+    return -USUAL * (FEW_POOR * math.log(poor) + (1.0 - FEW_POOR) * math.log(1.0 - poor))
+
+
+@inner_kernel
 def mixture_cost(variance: float, wrong: float) -> float:
     """What each match adds to the cost by the noise alone."""
     return 0.5 * math.log(variance) - math.log(1.0 - wrong)
@@ -126,10 +142,7 @@ def densities(
     prior: float,
 ) -> tuple[float, float, float]:
     """Density of the match at this address, if good, poor or poorer, over a good one's at 0."""
-    m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
-    flow, _ = flow_along(m, b, t)
-    shift2 = flow * flow * precision / (parallax_variance(pairs, at, R, m, t) + 1e-300)
-    retreat = choose(flow < 0.0, greater(shift2 - FAR_SIGMA * FAR_SIGMA, 0.0), 0.0)
+    retreat = _retreat(pairs, at, R, t, precision)
     whole, eighth, last = exp_and_roots(0.5 * (residual * residual * precision + retreat))
     once, again = 1.0 - poor, poor / POOR
     return (
@@ -137,6 +150,15 @@ def densities(
         prior * (once * again * eighth),
         prior * (again * again * last),
     )
+
+
+@formula
+def _retreat(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> float:
+    """How much farther away from the direction a match lies than noise may bring it, squared."""
+    m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
+    flow, _ = flow_along(m, b, t)
+    shift2 = flow * flow * precision / (parallax_variance(pairs, at, R, m, t) + 1e-300)
+    return choose(flow < 0.0, greater(shift2 - FAR_SIGMA * FAR_SIGMA, 0.0), 0.0)
 
 
 @formula
@@ -153,6 +175,7 @@ def linearize(
     t: np.ndarray,
     mixture: np.ndarray,
     clutter: float,
+    gives_way: bool,
     normal: np.ndarray,
     shares: np.ndarray,
 ) -> float:
@@ -162,13 +185,14 @@ def linearize(
     right matches one by one (0 leaves a match out) and ``clutter``, positive, is the density of
     wrong matches over that of right ones. With J the Jacobian (N, 5) of the residuals r, ``normal``
     (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the gradient in its last column,
-    the squares in its corner. ``shares`` (3,) receives the expected number of right matches, of
+    the squares in its corner. Where the pose ``gives_way`` to them, the shifts of matches that
+    retreat are residuals, too. ``shares`` (3,) receives the expected number of right matches, of
     poor ones among them, and of those that are poorer still.
     """
     turn, towards = matrix(R), vector(t)
     basis = tangent_columns(towards)
     precision, poor = 1.0 / mixture[0], mixture[2]
-    cost = used = right = doubtful = poorest = 0.0
+    cost = used = right = doubtful = poorest = retreating = 0.0
     sums = SIX
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
@@ -183,24 +207,59 @@ def linearize(
             right += (good + fair + bad) * over
             doubtful += (fair + bad) * over
             poorest += bad * over
+            retreat = _retreat(pairs, at, turn, towards, precision)
+            retreating += choose(retreat > 0.0, (good + fair + bad) * over, 0.0)
             sums = add_square(sums, precision * weight_of(good, fair, bad) * over, row)
     write_square(sums, normal)
+    if gives_way and retreating > FEW_RETREATING:
+        _add_retreats(pairs, prior, R, t, mixture, clutter, normal)
     shares[0], shares[1], shares[2] = right, doubtful, poorest
     return cost + (prior.size - used) * lane_log(clutter)
 
 
+@inner_kernel
+def _add_retreats(
+    pairs: np.ndarray,
+    prior: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    clutter: float,
+    normal: np.ndarray,
+) -> None:
+    """Add the matches that retreat to the normal equations of `linearize`, by their shift."""
+    turn, towards = matrix(R), vector(t)
+    basis = tangent_columns(towards)
+    precision, poor = 1.0 / mixture[0], mixture[2]
+    for i in range(prior.size):
+        at = address(i)
+        if not _retreat(pairs, at, turn, towards, precision) > 0.0:
+            continue
+        residual = sampson(pairs, at, turn, towards)
+        good, fair, bad = densities(pairs, at, turn, towards, residual, precision, poor, prior[i])
+        weight = precision * weight_of(good, fair, bad) / (good + fair + bad + clutter)
+        row = shift_jacobian(pairs, at, turn, towards, basis)
+        add_to_square(weight, row, normal)
+
+
 @formula
 def update_mixture(
-    square: float, shares: np.ndarray, count: float, minimum: float, mixture: np.ndarray
+    square: float,
+    shares: np.ndarray,
+    count: float,
+    minimum: float,
+    haste: float,
+    mixture: np.ndarray,
 ) -> None:
     """Step of EM of variance, share of wrong and share of poor matches, from weighted sums.
 
-    Of the right matches some are poor, and of these as large a share poorer still.
+    Of the right matches some are poor, and of these as large a share poorer still. With a ``haste``
+    of 1 it goes farther than EM does, with 0 it does not.
     """
     total, poor, poorest = shares[0], shares[1], shares[2]
     share = (poor + poorest + FEW_POOR * USUAL) / (total + poor + USUAL)
     # EM goes the right way, and the more slowly the heavier the tails: farther that way helps.
-    farther = lesser(FARTHER * mixture[2], MOST_FARTHER)
+    farther = haste * lesser(FARTHER * mixture[2], MOST_FARTHER)
     change = lesser(greater(farther * (square / mixture[0] - 1.0), -0.5), 1.0)
     mixture[0] = greater((1.0 + change) * square, minimum)
     mixture[1] = lesser(greater(1.0 - total / count, 0.005), 0.95)
@@ -216,6 +275,7 @@ def refine_pose(
     min_variance: float,
     precision: float,
     max_iterations: int,
+    gives_way: bool,
     R: np.ndarray,
     t: np.ndarray,
     mixture: np.ndarray,
@@ -223,34 +283,44 @@ def refine_pose(
 ) -> float:
     """Maximum-likelihood pose, with its noise by EM; returns the negative log likelihood.
 
-    Gauss-Newton with the full derivative of the residual. ``mixture`` (3,) holds the variance of
-    good matches, the share of wrong ones among all ``count`` and that of poor ones, in and out. It
-    ends at a pose from which a step promises less than ``precision``, in the unit of the log
-    likelihood; ``normal`` (6, 6) receives the normal equations there.
+    Gauss-Newton with the full derivative of the residual, and where the pose ``gives_way`` to
+    matches that retreat, of their shifts. Motions that are held against each other do not: each
+    match may retreat by `FAR_SIGMA` at no cost, and the reverse of a motion would make use of that.
+    ``mixture`` (3,) holds the variance of good matches, the share of wrong ones among all ``count``
+    and that of poor ones, in and out. It ends at a pose from which a step promises less than
+    ``precision``, in the unit of the log likelihood; ``normal`` (6, 6) receives the normal
+    equations there.
     """
     x, shares = scratch(5), scratch(3)
     kept_R, kept_t, kept = scratch(3, 3), scratch(3), scratch(6, 6)
-    lowest = math.inf
-    damping = 0.0
+    kept_mixture, kept_shares = scratch(3), scratch(3)
+    lowest = kept_cost = square = math.inf
+    damping, haste = 0.0, 1.0
     for _ in range(max_iterations):
         variance, wrong = mixture[0], mixture[1]
         clutter = clutter_density(variance, wrong, spread)
-        cost = linearize(pairs, prior, R, t, mixture, clutter, normal, shares)
+        cost = linearize(pairs, prior, R, t, mixture, clutter, gives_way, normal, shares)
         cost += count * mixture_cost(variance, wrong)
+        unusual = _unusual(mixture[2])
         # EM with unbiased variance may climb a little; a step that climbs more has gone astray.
-        if cost > lowest + 0.5:
+        if cost + unusual > lowest + 0.5:
             copy(kept_R, R)
             copy(kept_t, t)
             copy(kept, normal)
-            damping = greater(100.0 * damping, 1e-2)
+            copy(kept_mixture, mixture)
+            # Either the noise or the pose went too far: the noise first.
+            damping = greater(100.0 * damping, 1e-2) if haste == 0.0 else damping
+            haste = 0.0
         else:
-            lowest = cost
+            lowest, kept_cost = cost + unusual, cost
             copy(R, kept_R)
             copy(t, kept_t)
             copy(normal, kept)
+            copy(mixture, kept_mixture)
+            copy(shares, kept_shares)
             damping *= 0.1
             square = normal[5, 5] * variance / greater(shares[0] - 5.0, 1.0)
-            update_mixture(square, shares, float(count), min_variance, mixture)
+        update_mixture(square, kept_shares, float(count), min_variance, haste, mixture)
         while not solve_five_spd(normal, damping, x) and damping < 1e6:
             damping = greater(10.0 * damping, 1e-9)
         if not damping < 1e6:
@@ -264,7 +334,7 @@ def refine_pose(
     copy(kept_R, R)
     copy(kept_t, t)
     copy(kept, normal)
-    return lowest
+    return kept_cost
 
 
 @formula

@@ -274,6 +274,7 @@ def _refine(
         min_variance,
         FINE,
         MAX_REFINEMENTS,
+        True,
         found.R,
         found.t,
         found.mixture,

@@ -89,7 +89,7 @@ def _refine(
     own, normal = scratch(3), scratch(6, 6)
     copy(mixture, own)
     return refine_pose(
-        pairs, prior, count, spread, min_variance, FINE, MAX_REFINEMENTS, R, t, own, normal
+        pairs, prior, count, spread, min_variance, FINE, MAX_REFINEMENTS, False, R, t, own, normal
     )
 
 

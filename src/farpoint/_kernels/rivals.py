@@ -45,7 +45,7 @@ def nearest_rival(
     directions all over the sphere. ``rival_R`` (3, 3) and ``rival_t`` (3,) receive it; infinite
     where there is none. The other arguments are those of `likelihood.refine_pose`.
     """
-    matches = Matches(pairs, prior, count, spread, min_variance)
+    matches = Matches(pairs, prior, count, spread, min_variance, False)
     own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
     rival = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
     _refine_from(matches, R, t, mixture, own)
@@ -75,7 +75,7 @@ def judge_rival(
     rival_t: np.ndarray,
 ) -> float:
     """What `nearest_rival` does, of a rival (3, 3) and (3,), which is refined in place."""
-    matches = Matches(pairs, prior, count, spread, min_variance)
+    matches = Matches(pairs, prior, count, spread, min_variance, False)
     own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
     rival = Pose(rival_R, rival_t, scratch(3), scratch(6, 6), scratch(1))
     _refine_from(matches, R, t, mixture, own)

@@ -115,7 +115,7 @@ def refine_rotation(
         clutter = _clutter(variance, wrong, spread)
         cost = rotation_linearize(pairs, prior, R, mixture, clutter, H, g, sums)
         square = sums[3] / greater(2.0 * sums[0] - 3.0, 1.0)
-        update_mixture(square, sums, float(count), min_variance, mixture)
+        update_mixture(square, sums, float(count), min_variance, 1.0, mixture)
         if not solve_three_spd(H, g, 0.0, step):
             break
         apply_rotation_step(R, -step[0], -step[1], -step[2], R)

@@ -148,7 +148,7 @@ def search_pose(
     ``rival_R`` and ``rival_t`` one elsewhere that came near it. Returns the number of samples,
     whether the other motion of a plane was a rival, and whether there is one elsewhere at all.
     """
-    matches = Matches(pairs, prior, count, spread, min_variance)
+    matches = Matches(pairs, prior, count, spread, min_variance, True)
     best = Pose(R, t, mixture, scratch(6, 6), scratch(1))
     other = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
     rival = Pose(rival_R, rival_t, scratch(3), scratch(6, 6), scratch(1))

@@ -18,6 +18,7 @@ __all__ = [
     "FOUR",
     "SIX",
     "add_square",
+    "add_to_square",
     "determinant_beside_one",
     "inverse_square",
     "promise",
@@ -50,6 +51,14 @@ def write_square(sums: Sums, out: np.ndarray) -> None:
     for i in range(math.isqrt(2 * len(sums))):
         for j in range(i + 1):
             out[i, j] = out[j, i] = next(rest)
+
+
+@formula
+def add_to_square(weight: float, row: Sums, out: np.ndarray) -> None:
+    """Add ``weight row row^T`` to ``out`` (n, n)."""
+    for i in range(len(row)):
+        for j in range(i + 1):
+            out[i, j] = out[j, i] = out[i, j] + weight * row[i] * row[j]
 
 
 @formula
