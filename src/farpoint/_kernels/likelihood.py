@@ -29,7 +29,7 @@ from farpoint._kernels.epipolar import (
 from farpoint._kernels.exponential import exp_and_roots, lane_log
 from farpoint._kernels.formulas import choose, formula, greater, lesser, root
 from farpoint._kernels.linear import apply_rotation_step
-from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
+from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
 from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.squares import (
     SIX,
@@ -77,6 +77,8 @@ FARTHER = 3.0
 MOST_FARTHER = 0.7
 # Retreat along its epipolar line that noise can cause of a far point, in sigma.
 FAR_SIGMA = 3.0
+# Variance of a flow in one direction over the mean of all, at the least.
+LEAST_SHARE = 0.1
 # Right matches that retreat by more, in all, that are left alone.
 FEW_RETREATING = 0.01
 
@@ -162,6 +164,14 @@ def _retreat(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -
 
 
 @formula
+def _may_retreat(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> bool:
+    """Whether `_retreat` is to be asked: it is 0 otherwise, and takes longer."""
+    flow, reach2 = flow_along(rotate(R, ray0(pairs, at)), ray1(pairs, at), t)
+    least = LEAST_SHARE * FAR_SIGMA * FAR_SIGMA * flow_variance(pairs, at) * reach2
+    return (flow < 0.0) & (flow * flow * precision > least)
+
+
+@formula
 def weight_of(good: float, fair: float, bad: float) -> float:
     """Sum of what may be a match's densities, each over its variance in units of a good one's."""
     return good + fair * 0.125 + bad * 0.015625
@@ -233,6 +243,8 @@ def _add_retreats(
     precision, poor = 1.0 / mixture[0], mixture[2]
     for i in range(prior.size):
         at = address(i)
+        if not _may_retreat(pairs, at, turn, towards, precision):
+            continue
         if not _retreat(pairs, at, turn, towards, precision) > 0.0:
             continue
         residual = sampson(pairs, at, turn, towards)
