@@ -10,7 +10,7 @@ from pose_kit import estimate, point_scene
 
 from farpoint import PoseStatus, RelativePoseOptions
 from farpoint.pose import relative_pose, rivals
-from farpoint.pose.fits import fit_moving
+from farpoint.pose.fits import fit_moving, refit_moving
 from farpoint.pose.matches import matches_from_points
 
 AHEAD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
@@ -117,3 +117,23 @@ def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_e
     assert firm >= 57
     assert because >= (9 if looks_elsewhere else 4)
     assert doubted <= firm - because
+
+
+def test_a_likelier_motion_that_the_search_has_met_is_taken(monkeypatch):
+    """Also where no noise is told, and the one that was found is sure of itself."""
+    search = relative_pose.fit_moving
+
+    def lost(matches, tolerance, options, state):
+        found = search(matches, tolerance, options, state)
+        R, t = found.R_cam1_from_cam0, found.direction_cam1_from_cam0
+        reverse = replace(found, direction_cam1_from_cam0=-t)
+        return replace(refit_moving(matches, reverse), rival=(R, t))
+
+    drawn = point_scene(5, matches=90, outliers=10, translation_m=(0.1, 0.0, 0.05))
+    expected = estimate(drawn)
+    monkeypatch.setattr(relative_pose, "fit_moving", lost)
+    pose = estimate(drawn)
+    assert pose.status is PoseStatus.OK
+    np.testing.assert_allclose(
+        pose.direction_cam1_from_cam0, expected.direction_cam1_from_cam0, atol=1e-3
+    )

@@ -184,10 +184,10 @@ def _conclude_moving(
         return conclusion.no_consensus(matches, fit.agreeing, course)
     covariance = moving_covariance(fit)
     rival = _nearly_as_likely(other, matches, options)
-    if rival is None and matches.doubt > 1.0:
-        # Which of two motions is the likelier is in doubt, as their noise is.
+    if rival is None and fit.rival is not None:
         fit, other = likelier_met(fit)
-        rival = _nearly_as_likely(other, matches, options)
+        # Which of the two is the likelier is in doubt where their noise is.
+        rival = _nearly_as_likely(other, matches, options) if matches.doubt > 1.0 else None
         covariance = moving_covariance(fit)
     is_told = rival is None and fit.shows_direction
     if is_told and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
