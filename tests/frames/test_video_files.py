@@ -224,7 +224,7 @@ def test_a_truncated_video_gives_the_frames_it_has(
     frames = list(open_frames(video))
     there = images_of(frames)
     # The first pictures take more of the bytes than their share.
-    assert 0.5 * keep < len(there) / len(whole) < 1
+    assert max(0.2, 0.5 * keep) <= len(there) / len(whole) < 1
     # MPEG-TS tells neither that more was to come nor that the last picture is incomplete.
     assert set(list(there.items())[: -1 if name == "a.ts" else None]) <= set(whole.items())
     # A Matroska header tells a duration only, in which sound counts: a second may lack unnoticed.

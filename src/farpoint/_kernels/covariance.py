@@ -10,7 +10,7 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.information import information
-from farpoint._kernels.likelihood import apply_step, take_step
+from farpoint._kernels.likelihood import add_retreats, apply_step, take_step
 from farpoint._kernels.linear import eigen_five, sandwich, tangent_basis
 from farpoint._kernels.scratch import clear, copy, scratch
 from farpoint._kernels.squares import promise, solve_five_spd
@@ -106,9 +106,12 @@ def _learn(
     noise: np.ndarray,
     scatter: np.ndarray,
 ) -> float:
-    """`information` at a pose."""
+    """`information` at a pose; where it is not predicted, with that of the matches that retreat."""
     given = seen.pairs, seen.prior, R, t, seen.mixture, seen.clutter, seen.predicted
-    return information(*given, normal, noise, scatter)
+    known = information(*given, normal, noise, scatter)
+    if not seen.predicted:
+        add_retreats(seen.pairs, seen.prior, R, t, seen.mixture, seen.clutter, normal)
+    return known
 
 
 @formula

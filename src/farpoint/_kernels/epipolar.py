@@ -60,6 +60,21 @@ def sampson(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> float:
 
 
 @formula
+def _row(
+    inv: float, by_theta: Vector, by_t: Vector, basis: tuple[Vector, Vector], value: float
+) -> tuple[float, float, float, float, float, float]:
+    """Derivative by ``[dtheta (3), dbeta (2)]``, and the value itself, both times ``inv``."""
+    return (
+        inv * by_theta[0],
+        inv * by_theta[1],
+        inv * by_theta[2],
+        inv * dot(basis[0], by_t),
+        inv * dot(basis[1], by_t),
+        inv * value,
+    )
+
+
+@formula
 def sampson_jacobian(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, basis: tuple[Vector, Vector]
 ) -> tuple[float, float, float, float, float, float]:
@@ -73,14 +88,7 @@ def sampson_jacobian(
     f = e * inv * inv
     by_theta = combine(1.0, cross(m, combine(1.0, q, -f, cross(z, t))), -f, cross(w, q))
     by_t = combine(1.0, cross(m, combine(1.0, b, -f, z)), -f, cross(w, b))
-    return (
-        inv * by_theta[0],
-        inv * by_theta[1],
-        inv * by_theta[2],
-        inv * dot(basis[0], by_t),
-        inv * dot(basis[1], by_t),
-        e * inv,
-    )
+    return _row(inv, by_theta, by_t, basis, e)
 
 
 @formula
@@ -116,14 +124,7 @@ def shift_jacobian(
     alike = dot(m, b)
     by_theta = combine(-alike, cross(m, t), -dot(m, t), cross(m, b))
     by_t = combine(1.0, b, -alike, m)
-    return (
-        inv * by_theta[0],
-        inv * by_theta[1],
-        inv * by_theta[2],
-        inv * dot(basis[0], by_t),
-        inv * dot(basis[1], by_t),
-        flow * inv,
-    )
+    return _row(inv, by_theta, by_t, basis, flow)
 
 
 @formula

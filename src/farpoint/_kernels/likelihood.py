@@ -53,6 +53,7 @@ from farpoint._kernels.vectors import (
 __all__ = [
     "FAR_SIGMA",
     "POOR",
+    "add_retreats",
     "apply_step",
     "clutter_density",
     "densities",
@@ -222,13 +223,13 @@ def linearize(
             sums = add_square(sums, precision * weight_of(good, fair, bad) * over, row)
     write_square(sums, normal)
     if gives_way and retreating > FEW_RETREATING:
-        _add_retreats(pairs, prior, R, t, mixture, clutter, normal)
+        add_retreats(pairs, prior, R, t, mixture, clutter, normal)
     shares[0], shares[1], shares[2] = right, doubtful, poorest
     return cost + (prior.size - used) * lane_log(clutter)
 
 
 @inner_kernel
-def _add_retreats(
+def add_retreats(
     pairs: np.ndarray,
     prior: np.ndarray,
     R: np.ndarray,

@@ -131,8 +131,8 @@ class MovingFit:
         Joint hypotheses tried.
     is_planar : bool
         Whether the second motion that a plane allows explained the matches searched nearly as well.
-    rival : tuple of ndarray, or None
-        Rotation and direction of another motion that did, if one was met.
+    rival : tuple of ndarray, shapes (3, 3) and (3,), or None
+        Rotation and direction, cam1_from_cam0, of another motion that did, if one was met.
     cost : float
         Mean negative log likelihood of a match.
     far_rotation_cam1_from_cam0 : ndarray, shape (3, 3)
