@@ -275,6 +275,13 @@ def _doubt_between(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
     return 0.5 * angle2(R @ other_R.T) * np.eye(3)
 
 
+def _doubt_if_moving(fit: TurningFit, moving: MovingFit) -> np.ndarray:
+    """Covariance (3, 3), rad^2, of a rotation that may as well be that of a motion."""
+    doubt = _doubt_between(fit.R_cam1_from_cam0, moving.R_cam1_from_cam0)
+    own = moving_covariance(moving)[:3, :3]
+    return doubt + own if fixes_rotation(own) else doubt
+
+
 def _conclude_turning(
     matches: Matches,
     fit: TurningFit,
@@ -295,7 +302,8 @@ def _conclude_turning(
     stands_still = is_static(fit.R_cam1_from_cam0, covariance, options.false_alarm_rate)
     if moving.noise.mean_sigma < FAR_LESS_NOISE * fit.noise.mean_sigma:
         shown = 1.0
-    covariance += shown * _doubt_between(fit.R_cam1_from_cam0, moving.R_cam1_from_cam0)
+    if shown > 0.0:
+        covariance += shown * _doubt_if_moving(fit, moving)
     if not fixes_rotation(covariance):
         return conclusion.unfixed_rotation(matches, course)
     if stands_still:

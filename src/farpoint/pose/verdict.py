@@ -89,8 +89,9 @@ def is_plainly_translating(fit: MovingFit) -> bool:
 def shown_translation(matches: Matches, fit: MovingFit, turning: TurningFit, rate: float) -> float:
     """How much of a translation beside the rotation the flow shows: 1 if one, 0 if none.
 
-    Between the two where it shows one only if the noise is what was told of it, or where a
-    translation is likelier, but not by as much as the best of all directions may be.
+    Between the two where the false alarms are rarer than all, but not as rare as asked (by the
+    digits of their rate), or the noise would have to be what was told of it, or where a translation
+    is likelier, but not by as much as the best of all directions may be.
     """
     band = BAND_SIGMA * fit.noise.mean_sigma
     unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(
@@ -148,9 +149,11 @@ def _bulk_beyond_noise(n: int, across: float, flow: float, doubt: float, rate: f
     # Matches without any noise still have that of rounding.
     across = max(across, n * MIN_VARIANCE)
     ratio = max(flow - across, 0.0) / n / (across / (n - 3))
-    if DIRECTIONS * scipy.special.fdtrc(float(n), n - 3.0, ratio) >= rate:
+    false_alarms = DIRECTIONS * scipy.special.fdtrc(float(n), n - 3.0, ratio)
+    if false_alarms >= 1.0:
         return 0.0
-    return min(max(2.0 * ratio / doubt - 1.0, 0.0), 1.0) ** 4
+    digits = 1.0 if false_alarms < rate else math.log(false_alarms) / math.log(rate)
+    return digits * min(max(2.0 * ratio / doubt - 1.0, 0.0), 1.0) ** 4
 
 
 def _log_binomial_tail(k: int, n: int, p: float) -> float:
