@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from pose_kit import assert_sound, direction_error, estimate, point_scene, rotation_error
+from scipy.stats import f as f_distribution
 
 from farpoint import (
     PoseStatus,
@@ -22,7 +23,7 @@ from farpoint.geometry import so3
 from farpoint.pose import failed_pose
 from farpoint.pose.fits import fit_moving
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.verdict import is_motion, is_static, shown_translation
+from farpoint.pose.verdict import DIRECTIONS, is_motion, is_static, shown_translation
 from farpoint.synthetic import PointScene, paper_camera
 
 STILL = (0.0, 0.0, 0.0)
@@ -192,6 +193,37 @@ def test_flow_that_misstated_noise_may_have_made_shows_less_of_a_translation(dou
     assert found == pytest.approx(shown, abs=0.04)
 
 
+@pytest.mark.parametrize(
+    ("ratio", "shown"), [(2.6, 0.0), (4.1, 0.04), (5.0, 0.2), (7.0, 0.55), (9.0, 0.8), (14.0, 1.0)]
+)
+def test_flow_shows_a_translation_by_the_digits_of_its_false_alarms(ratio, shown):
+    # Of 20 matches, `ratio` is the variance towards the direction over that across it.
+    each = np.ones(20)
+    fit = SimpleNamespace(
+        residual=each, parallax=0.0 * each, noise=SimpleNamespace(mean_sigma=1.0), agreeing=0
+    )
+    turning = SimpleNamespace(probability=each, distance2=(1.0 + ratio * 20 / 17) * each)
+    found = shown_translation(SimpleNamespace(doubt=1.0), fit, turning, 1e-3)
+    false_alarms = DIRECTIONS * f_distribution.sf(ratio, 20, 17)
+    digits = -math.log10(false_alarms) / 3.0
+    assert found == pytest.approx(min(max(digits, 0.0), 1.0))
+    assert found == pytest.approx(shown, abs=0.05)
+
+
+@pytest.mark.parametrize(("noise_px", "least"), [(0.5, 0.93), (1.0, 0.6)])
+def test_a_rotation_covers_the_motion_that_the_flow_hints_at(noise_px, least):
+    held = []
+    for seed in range(200):
+        options = {"matches": 20, "outliers": 0, "far_share": 0.0, "noise_px": noise_px}
+        drawn = point_scene(seed, translation_m=(0.02, 0.0, 0.0), **options)
+        pose = estimate(drawn)
+        if pose.status is not PoseStatus.FAILED:
+            error = rotation_error(pose, drawn.rotation_cam1_from_cam0)
+            held.append(error @ np.linalg.solve(pose.rotation_covariance, error) < 7.81)
+    assert len(held) > 190
+    assert np.mean(held) > least
+
+
 def test_a_rotation_with_a_hint_of_translation_covers_both_motions():
     # As long a flow as noise told a little too small might have made.
     squares = []
@@ -207,6 +239,13 @@ def test_a_rotation_with_a_hint_of_translation_covers_both_motions():
     assert len(squares) >= 15
     # Of three degrees of freedom: it is 11, and without the other motion 200.
     assert np.median(squares) < 30.0
+
+
+@pytest.mark.parametrize(("matches", "samples"), [(8, 56), (9, 126)])
+def test_no_more_samples_of_few_matches_are_tried_than_there_are(matches, samples):
+    options = {"matches": matches, "outliers": 1, "translation_m": (0.2, 0.0, 0.0)}
+    tried = [pose.stats.iterations for pose in run(40, **options)]
+    assert max(tried) == samples
 
 
 @pytest.mark.parametrize("far_share", [0.0, 0.5])

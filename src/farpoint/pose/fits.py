@@ -39,7 +39,7 @@ MAX_REFINEMENTS = 20
 # direction: points that are all far have such flow, and half of their directions are wrong.
 MOST_NOISE = 0.55
 # Matches times samples that are tried at least.
-FEW_MATCHES = 1000
+FEW_MATCHES = 500
 
 
 class Noise(NamedTuple):
@@ -227,6 +227,9 @@ def fit_moving(
     """
     n = len(matches)
     found = _nothing_found(n)
+    # Few matches leave few samples without a doubtful one: try them all, they cost little.
+    samples = math.comb(n, 5)
+    least = max(options.min_iterations, min(FEW_MATCHES // n, samples))
     iterations, is_planar, has_met, settled = fit_motion(
         matches.pairs,
         n,
@@ -234,12 +237,8 @@ def fit_moving(
         matches.spread,
         MIN_VARIANCE,
         options.confidence,
-        # Few matches leave few samples without a doubtful one: try them all, they cost little.
-        min(
-            max(options.min_iterations, min(FEW_MATCHES // n, math.comb(n, 5))),
-            options.max_iterations,
-        ),
-        options.max_iterations,
+        min(least, options.max_iterations),
+        min(max(least, samples), options.max_iterations),
         _least_signal(matches),
         state,
         found,
