@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.pairs import LANES, PANEL, pack_pairs, packed_length
+from farpoint._kernels.pose import Matches, Pose
 from farpoint.geometry import so3, sphere
 
 UNIT = np.eye(2)[None]
@@ -44,6 +45,19 @@ def packed(values: np.ndarray) -> np.ndarray:
     out = np.zeros(packed_length(len(values)))
     out[: len(values)] = values
     return out
+
+
+def matches_of(
+    view: View, spread: float, prior: np.ndarray | None = None, *, gives_way: bool
+) -> Matches:
+    """What a pose is judged by; of all matches alike, unless a packed ``prior`` is given."""
+    prior = packed(np.ones(view.size)) if prior is None else prior
+    return Matches(view.pairs, prior, view.size, spread, 1e-6, gives_way)
+
+
+def pose_of(R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> Pose:
+    """A copy of them, with room for what it costs."""
+    return Pose(R.copy(), t.copy(), mixture.copy(), np.full((6, 6), np.nan), np.full(1, np.nan))
 
 
 def rays_only(rays0: np.ndarray, rays1: np.ndarray) -> View:

@@ -8,9 +8,18 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from kernels_kit import View, gradient, moved, packed, shaken, two_views
+from kernels_kit import (
+    View,
+    gradient,
+    matches_of,
+    moved,
+    packed,
+    pose_of,
+    shaken,
+    two_views,
+)
 
-from farpoint._kernels import epipolar, likelihood
+from farpoint._kernels import epipolar, likelihood, mixture
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.information import information
 from farpoint._kernels.pairs import address
@@ -75,13 +84,11 @@ class Refined:
     """The maximum of the likelihood from a start, with its mixture."""
 
     def __init__(self, view: View, step: np.ndarray, spread: float = 500.0) -> None:
-        n = view.size
-        self.R, self.t = moved(view.R, view.t, step)
-        self.mixture, normal = np.array([1.0, 0.2, 0.1]), np.empty((6, 6))
-        given = (view.pairs, packed(np.ones(n)), n, spread, 1e-6, 1e-6, 40, True)
-        likelihood.refine_pose(*given, self.R, self.t, self.mixture, normal)
+        pose = pose_of(*moved(view.R, view.t, step), np.array([1.0, 0.2, 0.1]))
+        likelihood.refine_pose(matches_of(view, spread, gives_way=True), 1e-6, 40, pose)
+        self.R, self.t, self.mixture, *_ = pose
         self.variance, self.wrong, self.poor = self.mixture
-        self.clutter = likelihood.clutter_density(self.variance, self.wrong, spread)
+        self.clutter = mixture.clutter_density(self.variance, self.wrong, spread)
 
 
 def prior_of(view: View, seed: int) -> np.ndarray:
@@ -133,7 +140,7 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed):
 def densities(r: np.ndarray) -> np.ndarray:
     """Of good, poor and poorer matches, over the peak of a normal density of all being good."""
     variance, _, share = MIXTURE
-    sigma = likelihood.POOR ** np.arange(3.0)[:, None]
+    sigma = mixture.POOR ** np.arange(3.0)[:, None]
     shares = np.array([[1.0 - share], [share * (1.0 - share)], [share**2]])
     return shares * np.exp(-0.5 * r**2 / variance / sigma**2) / sigma
 
@@ -161,7 +168,7 @@ def test_matches_that_retreat_lose_their_density(seed):
     backward = Explained(view, prior, view.R, -view.t)
     np.testing.assert_allclose(backward.r, -forward.r, rtol=0.0, atol=1e-9)
     shift2 = backward.parallax**2 / MIXTURE[0]
-    retreat = np.maximum(shift2 - likelihood.FAR_SIGMA**2, 0.0)
+    retreat = np.maximum(shift2 - mixture.FAR_SIGMA**2, 0.0)
     assume(retreat.max() > 1.0)
     density = densities(backward.r) * np.exp(-0.5 * retreat / 8.0 ** np.arange(3.0)[:, None])
     at = Linearized(view, prior, view.R, -view.t)
@@ -181,7 +188,7 @@ def test_a_pose_that_gives_way_is_drawn_by_the_matches_that_retreat(seed):
     here, held = at(np.zeros(5), True), at(np.zeros(5), False)
     shift2 = Explained(view, prior, view.R, -view.t).parallax ** 2 / MIXTURE[0]
     # At the edge the slope has a kink, and matches that retreat by very little are left alone.
-    assume((np.abs(shift2 - likelihood.FAR_SIGMA**2) > 0.2).all())
+    assume((np.abs(shift2 - mixture.FAR_SIGMA**2) > 0.2).all())
     numeric = gradient(lambda step: at(step, True).cost, 5, 1e-6)
     # The variance of a shift is taken as it is.
     np.testing.assert_allclose(here.g, numeric, rtol=0.0, atol=0.06 * np.abs(numeric).max() + 0.5)
@@ -212,7 +219,7 @@ def test_the_maximum_of_the_likelihood_is_found_from_nearby():
 def noisy_views(seed: int, matches: int, wrong: int, poor: int = 0) -> View:
     """Two views with noise of their factors, more for the first ``poor``, the last anywhere."""
     rng = np.random.default_rng(seed)
-    sigma = np.where(np.arange(matches) < poor, likelihood.POOR, 1.0)
+    sigma = np.where(np.arange(matches) < poor, mixture.POOR, 1.0)
     view = shaken(two_views(seed, matches, noise_rad=5e-4), seed, sigma)
     if wrong:
         view.rays1[-wrong:] = sphere.normalize(
@@ -235,8 +242,8 @@ def test_the_maximum_is_stationary_under_its_own_mixture():
     assert at.wrong == pytest.approx(1.0 - end.right / 60, abs=0.01)
     # As if so many more matches had been seen, hardly any of them poor; and of the poor ones as
     # many are poorer as of all are poor.
-    of_all = end.right + end.poor + likelihood.USUAL
-    share = (end.poor + end.poorest + likelihood.FEW_POOR * likelihood.USUAL) / of_all
+    of_all = end.right + end.poor + mixture.USUAL
+    share = (end.poor + end.poorest + mixture.FEW_POOR * mixture.USUAL) / of_all
     assert at.poor == pytest.approx(share, abs=0.01)
     lowest = cost(np.zeros(5))
     for axis in np.eye(5):
@@ -247,20 +254,21 @@ def test_the_maximum_is_stationary_under_its_own_mixture():
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="takes minutes")
 def test_few_steps_come_near_the_maximum_where_tails_are_heavy():
     # EM alone is left behind by 2.3 in the mean, in the unit of the log likelihood.
-    ones, short = packed(np.ones(300)), []
+    short = []
     for seed in range(24):
         rng = np.random.default_rng(seed)
         view = shaken(two_views(seed, 300, noise_rad=5e-4), seed, rng.chisquare(1.0, 300) ** -0.5)
         view.rays1[-100:] = sphere.normalize(np.c_[rng.uniform(-1, 1, (100, 2)), np.ones(100)])
 
-        def refined(start: float, precision: float, times: int, view=view) -> float:
-            R, t, mixture = view.R.copy(), view.t.copy(), np.array([start, 0.2, 0.1])
-            given = (view.pairs, ones, 300, 500.0, 1e-6, precision, 20, True)
-            costs = [
-                likelihood.refine_pose(*given, R, t, mixture, np.empty((6, 6)))
-                for _ in range(times)
-            ]
-            return costs[-1]
+        matches = matches_of(view, 500.0, gives_way=True)
+
+        def refined(
+            start: float, precision: float, times: int, view=view, matches=matches
+        ) -> float:
+            pose = pose_of(view.R, view.t, np.array([start, 0.2, 0.1]))
+            for _ in range(times):
+                likelihood.refine_pose(matches, precision, 20, pose)
+            return pose.cost[0]
 
         short.append(refined(30.0, 1e-3, 1) - refined(2.0, 1e-12, 60))
     assert np.mean(short) < 1.6
@@ -275,9 +283,10 @@ def test_what_is_refined_again_and_again_stays_where_the_likelihood_was_best():
         view = shaken(view, seed, rng.chisquare(1.0, n) ** -0.5)
         anywhere = np.c_[rng.uniform(-1, 1, (wrong, 2)), np.ones(wrong)]
         view.rays1[-wrong:] = sphere.normalize(anywhere)
-        R, t, mixture = view.R.copy(), view.t.copy(), np.array([0.01, 0.2, 0.1])
-        given = view.pairs, packed(np.ones(n)), n, 500.0, 1e-6, 1e-3, 20, True
-        costs = [likelihood.refine_pose(*given, R, t, mixture, np.empty((6, 6))) for _ in range(6)]
+        pose, costs = pose_of(view.R, view.t, np.array([0.01, 0.2, 0.1])), []
+        for _ in range(6):
+            likelihood.refine_pose(matches_of(view, 500.0, gives_way=True), 1e-3, 20, pose)
+            costs.append(pose.cost[0])
         ranges.append(max(costs) - min(costs))
     # 0.59; 0.8 where what is usual of poor matches counts for their share alone.
     assert np.mean(ranges) < 0.65

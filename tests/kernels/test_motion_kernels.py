@@ -6,16 +6,18 @@ import sys
 
 import numpy as np
 import pytest
-from kernels_kit import View, moved, packed, shaken, two_views
+from kernels_kit import View, matches_of, moved, packed, pose_of, shaken, two_views
 from numba.core import config
 from numba.core.runtime import _nrt_python
 from numba.core.runtime.nrt import rtsys
 
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.contest import NEAR, Pose, is_rival
+from farpoint._kernels.contest import NEAR, is_rival
 from farpoint._kernels.covariance import PLAIN, Seen, covariance_here, step_by_prediction
-from farpoint._kernels.likelihood import clutter_density, explain, refine_pose
+from farpoint._kernels.likelihood import explain, refine_pose
+from farpoint._kernels.mixture import clutter_density
 from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
+from farpoint._kernels.pose import Pose
 from farpoint.geometry import so3
 
 SPREAD, LEAST_SIGNAL = 500.0, 0.4
@@ -79,10 +81,9 @@ def test_the_motion_of_two_views_is_found_and_settled():
     assert shows
     assert not grows
     assert not predicted
-    normal = np.empty((6, 6))
-    given = view.pairs, prior, view.size, SPREAD, 1e-6, 1e-3, 20, True
-    refine_pose(*given, found.R.copy(), found.t.copy(), found.mixture.copy(), normal)
-    around = np.linalg.slogdet(normal[:5, :5] + np.eye(5))[1]
+    pose = pose_of(found.R, found.t, found.mixture)
+    refine_pose(matches_of(view, SPREAD, prior, gives_way=True), 1e-3, 20, pose)
+    around = np.linalg.slogdet(pose.normal[:5, :5] + np.eye(5))[1]
     assert narrowness == pytest.approx(0.5 * around, rel=0.01)
 
 
@@ -149,9 +150,9 @@ def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(le
     # The noise of those right is known from before the step, when some may have been less so.
     np.testing.assert_allclose(found.covariance, expected, rtol=0.02)
     # What is said of the matches is said of the motion after the step.
-    likeliest = found._replace(R=found.R.copy(), t=found.t.copy())
-    given = view.pairs, found.said[0], view.size, SPREAD, 1e-6, 1e-6, 50, True
-    refine_pose(*given, likeliest.R, likeliest.t, found.mixture.copy(), np.empty((6, 6)))
+    pose = pose_of(found.R, found.t, found.mixture)
+    refine_pose(matches_of(view, SPREAD, found.said[0], gives_way=True), 1e-6, 50, pose)
+    likeliest = found._replace(R=pose.R, t=pose.t)
     assert so3.angle_between(likeliest.R, found.R) > 2e-5
     step_by(seen_by(view, likeliest, predicted=True))
     assert so3.angle_between(likeliest.R, found.R) < 4e-6
@@ -236,21 +237,11 @@ def test_another_motion_is_met_where_there_is_one():
         if found is None:
             continue
         assert found.t_rival @ found.t < 0.94
-        mixture, costs = found.mixture.copy(), []
+        costs = []
         for R, t in ((found.R, found.t), (found.R_rival, found.t_rival)):
-            given = (
-                view.pairs,
-                packed(np.ones(40)),
-                40,
-                SPREAD,
-                1e-6,
-                1e-3,
-                20,
-                True,
-                R.copy(),
-                t.copy(),
-            )
-            costs.append(refine_pose(*given, mixture.copy(), np.empty((6, 6))))
+            pose = pose_of(R, t, found.mixture)
+            refine_pose(matches_of(view, SPREAD, gives_way=True), 1e-3, 20, pose)
+            costs.append(pose.cost[0])
         assert abs(costs[1] - costs[0]) < NEAR + 10.0
         both += 1
     assert both >= 14  # 16; 12 if it is not the one that lost which is kept

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from kernels_kit import View, packed, shaken, two_views
+from kernels_kit import View, matches_of, packed, pose_of, shaken, two_views
 
-from farpoint._kernels import likelihood, plane
+from farpoint._kernels import likelihood, mixture, plane
+from farpoint._kernels.pose import Pose
 from farpoint.geometry import so3, sphere
 
 MIXTURE, SPREAD = np.array([1.2, 0.02, 0.01]), 600.0
@@ -43,16 +44,16 @@ class Other(NamedTuple):
 
 
 def other_of(view: View, prior: np.ndarray | None = None) -> Other:
-    R, t = np.full((3, 3), np.nan), np.full(3, np.nan)
-    prior = packed(np.ones(view.size)) if prior is None else prior
-    arguments = view.pairs, prior, view.size, SPREAD, 1e-6, view.R, view.t, MIXTURE, R, t
-    return Other(*plane.other_motion(*arguments), R, t)
+    pose = Pose(view.R, view.t, MIXTURE, np.empty((6, 6)), np.empty(1))
+    other = pose_of(*(np.full_like(array, np.nan) for array in pose[:3]))
+    found = plane.other_motion(matches_of(view, SPREAD, prior, gives_way=False), pose, other)
+    return Other(*found, other.R, other.t)
 
 
 def right_of(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Probability of each match to be right."""
     told, prior = np.empty((3, len(packed(np.ones(view.size))))), packed(np.ones(view.size))
-    clutter = likelihood.clutter_density(MIXTURE[0], MIXTURE[1], SPREAD)
+    clutter = mixture.clutter_density(MIXTURE[0], MIXTURE[1], SPREAD)
     likelihood.explain(view.pairs, prior, R, t, MIXTURE, clutter, *told)
     return told[2, : view.size]
 
@@ -123,20 +124,18 @@ def test_the_other_motion_is_a_minimum_of_its_own_and_nearly_as_low():
     other = other_of(view)
     assert sphere.angle_between(other.t, view.t) > 0.5
     for start in ((view.R, view.t), (other.R, other.t)):
-        R, t = (array.copy() for array in start)
-        how = packed(np.ones(60)), 60, SPREAD, 1e-6, 1e-6, 50, False
-        costs.append(
-            likelihood.refine_pose(view.pairs, *how, R, t, MIXTURE.copy(), np.empty((6, 6)))
-        )
-        np.testing.assert_allclose(t, start[1], rtol=0.0, atol=0.05)
+        pose = pose_of(*start, MIXTURE)
+        likelihood.refine_pose(matches_of(view, SPREAD, gives_way=False), 1e-6, 50, pose)
+        costs.append(pose.cost[0])
+        np.testing.assert_allclose(pose.t, start[1], rtol=0.0, atol=0.05)
     assert abs(costs[1] - costs[0]) < plane.RIVAL
 
 
 def test_the_motion_that_was_asked_about_stays_as_it_is():
-    view, mixture = wall(40, off=2), MIXTURE.copy()
+    view, noise = wall(40, off=2), MIXTURE.copy()
     R, t = view.R.copy(), view.t.copy()
     other_of(view)
-    for before, after in ((R, view.R), (t, view.t), (mixture, MIXTURE)):
+    for before, after in ((R, view.R), (t, view.t), (noise, MIXTURE)):
         np.testing.assert_array_equal(before, after)
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernels_kit import View, moved, packed, two_views
+from kernels_kit import View, matches_of, moved, pose_of, two_views
 
 from farpoint._kernels.likelihood import refine_pose
+from farpoint._kernels.pose import Pose
 from farpoint._kernels.rivals import judge_rival, nearest_rival
 
 SPREAD = 300.0
@@ -14,16 +15,16 @@ SPREAD = 300.0
 
 def cost_of(view: View, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> float:
     """Negative log likelihood at the minimum that these lead to, averaged over what is around."""
-    normal = np.empty((6, 6))
-    given = view.pairs, packed(np.ones(view.size)), view.size, SPREAD, 1e-6
-    cost = refine_pose(*given, 0.1, 10, False, R, t, mixture.copy(), normal)
-    return cost + 0.5 * np.linalg.slogdet(normal[:5, :5] + np.eye(5))[1]
+    pose = pose_of(R, t, mixture)
+    refine_pose(matches_of(view, SPREAD, gives_way=False), 0.1, 10, pose)
+    R[:], t[:] = pose.R, pose.t
+    return pose.cost[0] + 0.5 * np.linalg.slogdet(pose.normal[:5, :5] + np.eye(5))[1]
 
 
-def rival_of(view: View, mixture: np.ndarray) -> tuple[float, np.ndarray]:
-    R, t = np.full((3, 3), np.nan), np.full(3, np.nan)
-    given = view.pairs, packed(np.ones(view.size)), view.size, SPREAD, 1e-6
-    return nearest_rival(*given, view.R, view.t, mixture, view.R, R, t), t
+def rival_of(view: View, mixture: np.ndarray) -> tuple[float, Pose]:
+    own = pose_of(view.R, view.t, mixture)
+    rival = pose_of(*(np.full_like(array, np.nan) for array in own[:3]))
+    return nearest_rival(matches_of(view, SPREAD, gives_way=False), own, view.R, rival), rival
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -33,7 +34,8 @@ def test_a_short_flow_has_a_rival(seed):
     )
     mixture = np.array([1.0, 0.05, 0.05])
     cost_of(view, view.R, view.t, mixture)  # from here on it is the motion that fits
-    against, t = rival_of(view, mixture)
+    against, rival = rival_of(view, mixture)
+    t = rival.t
     assert against < 30.0
     assert t @ view.t < np.cos(np.radians(30.0))
     own = cost_of(view, view.R.copy(), view.t.copy(), mixture)
@@ -65,8 +67,11 @@ def test_a_long_flow_has_none_that_comes_near():
 
 
 def judged(view: View, mixture: np.ndarray, R: np.ndarray, t: np.ndarray) -> float:
-    given = view.pairs, packed(np.ones(view.size)), view.size, SPREAD, 1e-6
-    return judge_rival(*given, view.R, view.t, mixture, R, t)
+    rival = pose_of(R, t, np.full(3, np.nan))
+    own = pose_of(view.R, view.t, mixture)
+    against = judge_rival(matches_of(view, SPREAD, gives_way=False), own, rival)
+    R[:], t[:] = rival.R, rival.t
+    return against
 
 
 def test_more_matches_judge_a_rival_as_those_that_found_it_do():
@@ -75,16 +80,14 @@ def test_more_matches_judge_a_rival_as_those_that_found_it_do():
     )
     mixture = np.array([1.0, 0.05, 0.05])
     cost_of(view, view.R, view.t, mixture)
-    rival = np.empty((3, 3)), np.empty(3)
-    given = view.pairs, packed(np.ones(view.size)), view.size, SPREAD, 1e-6
-    against = nearest_rival(*given, view.R, view.t, mixture, view.R, *rival)
-    ended_R, ended_t = rival[0].copy(), rival[1].copy()
+    against, rival = rival_of(view, mixture)
+    ended_R, ended_t = rival.R.copy(), rival.t.copy()
     own = cost_of(view, view.R.copy(), view.t.copy(), mixture)
-    expected = cost_of(view, rival[0].copy(), rival[1].copy(), mixture) - own
+    expected = cost_of(view, rival.R.copy(), rival.t.copy(), mixture) - own
     assert judged(view, mixture, ended_R, ended_t) == pytest.approx(expected, abs=1e-6)
     # The noise is estimated anew, which leaves a few units of the likelihood open.
     assert abs(expected - against) < 5.0
-    np.testing.assert_allclose(ended_t, rival[1], atol=0.05)
+    np.testing.assert_allclose(ended_t, rival.t, atol=0.05)
 
 
 def test_what_leads_back_to_the_motion_is_no_rival_of_it():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from kernels_kit import View, gradient, packed, two_views
 
 from farpoint._kernels import rotation, rotation_residual, rotation_search
-from farpoint._kernels.likelihood import POOR
+from farpoint._kernels.mixture import POOR
 from farpoint._kernels.pairs import packed_length
 from farpoint.geometry import so3, sphere
 

@@ -9,6 +9,7 @@ import pytest
 from pose_kit import estimate, point_scene
 
 from farpoint import PoseStatus, RelativePoseOptions
+from farpoint._kernels.pose import Pose
 from farpoint._kernels.twins import layer_twin
 from farpoint.pose import relative_pose, rivals
 from farpoint.pose.fits import fit_moving, refit_moving
@@ -31,9 +32,8 @@ def elsewhere(fit, monkeypatch):
     def run(*against: float):
         waiting = list(against)
 
-        def nearest(*given: np.ndarray) -> float:
-            *_, R, t = given
-            R[:], t[:] = np.eye(3), (AHEAD, UP)[len(waiting) % 2]
+        def nearest(_matches, _pose, _start_R, rival: Pose) -> float:
+            rival.R[:], rival.t[:] = np.eye(3), (AHEAD, UP)[len(waiting) % 2]
             return waiting.pop(0)
 
         monkeypatch.setattr(rivals, "nearest_rival", nearest)

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.formulas import formula, greater
-from farpoint._kernels.likelihood import (
-    clutter_density,
-    linearize,
-    mixture_cost,
-    refine_pose,
-    take_step,
-)
+from farpoint._kernels.likelihood import judge_pose, refine_pose
 from farpoint._kernels.pairs import address, ray0, ray1
+from farpoint._kernels.pose import Matches, Pose, copy_pose, take_step
 from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.squares import determinant_beside_one, promise, solve_five_spd
 from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
@@ -31,8 +25,6 @@ __all__ = [
     "RIVAL",
     "START_POOR",
     "START_WRONG",
-    "Matches",
-    "Pose",
     "challenge",
     "is_rival",
     "narrowness",
@@ -66,38 +58,6 @@ START_WRONG = 0.2
 START_POOR = 0.1
 
 
-class Matches(NamedTuple):
-    """What a hypothesis is judged by."""
-
-    pairs: np.ndarray
-    """Panels of matches."""
-    prior: np.ndarray
-    """1 for each match, 0 for those that fill up the panels."""
-    total: int
-    """Matches."""
-    spread: float
-    """Half the width that wrong matches fill, in units of the noise."""
-    min_variance: float
-    """Smaller noise is rounding."""
-    gives_way: bool
-    """Whether a pose does to matches that retreat, as of `likelihood.refine_pose`."""
-
-
-class Pose(NamedTuple):
-    """A hypothesis with the noise that it needs."""
-
-    R: np.ndarray
-    """(3, 3) rotation cam1_from_cam0."""
-    t: np.ndarray
-    """(3,) direction cam1_from_cam0."""
-    mixture: np.ndarray
-    """(3,) variance, share of wrong and share of poor matches."""
-    normal: np.ndarray
-    """(6, 6) normal equations."""
-    cost: np.ndarray
-    """(1,) negative log likelihood, of all poses nearby together."""
-
-
 @inner_kernel
 def narrowness(normal: np.ndarray) -> float:
     """What the likelihood loses when it is averaged over the poses around its maximum.
@@ -113,20 +73,7 @@ def narrowness(normal: np.ndarray) -> float:
 @inner_kernel
 def refine(matches: Matches, steps: int, pose: Pose) -> None:
     """Improve a pose and judge it by the likelihood of the matches with the noise that it needs."""
-    pose.cost[0] = refine_pose(
-        matches.pairs,
-        matches.prior,
-        matches.total,
-        matches.spread,
-        matches.min_variance,
-        COARSE,
-        steps,
-        matches.gives_way,
-        pose.R,
-        pose.t,
-        pose.mixture,
-        pose.normal,
-    )
+    refine_pose(matches, COARSE, steps, pose)
     pose.cost[0] += narrowness(pose.normal)
 
 
@@ -207,21 +154,8 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
 
     The first promise is a modest one: with each step more matches come within reach.
     """
-    variance, wrong = challenger.mixture[0], challenger.mixture[1]
-    clutter = clutter_density(variance, wrong, matches.spread)
     normal, x, shares = challenger.normal, scratch(5), scratch(3)
-    cost = linearize(
-        matches.pairs,
-        matches.prior,
-        challenger.R,
-        challenger.t,
-        challenger.mixture,
-        clutter,
-        matches.gives_way,
-        normal,
-        shares,
-    )
-    cost += matches.total * mixture_cost(variance, wrong) + narrowness(normal)
+    cost = judge_pose(matches, challenger, shares) + narrowness(normal)
     if not solve_five_spd(normal, 0.0, x):
         return False
     gain, length2 = promise(normal, x)
@@ -262,7 +196,7 @@ def challenge(matches: Matches, challenger: Pose, best: Pose, rival: Pose) -> np
     elif is_equal:
         _keep_better(challenger, rival)
     if wins:
-        _copy_pose(challenger, best)
+        copy_pose(challenger, best)
     return contest
 
 
@@ -280,13 +214,4 @@ def _is_elsewhere(pose: Pose, best: Pose) -> bool:
 @inner_kernel
 def _keep_better(pose: Pose, kept: Pose) -> None:
     if pose.cost[0] < kept.cost[0]:
-        _copy_pose(pose, kept)
-
-
-@inner_kernel
-def _copy_pose(pose: Pose, target: Pose) -> None:
-    copy(pose.R, target.R)
-    copy(pose.t, target.t)
-    copy(pose.mixture, target.mixture)
-    copy(pose.normal, target.normal)
-    copy(pose.cost, target.cost)
+        copy_pose(pose, kept)

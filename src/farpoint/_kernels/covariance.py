@@ -10,8 +10,9 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.information import information
-from farpoint._kernels.likelihood import add_retreats, apply_step, take_step
+from farpoint._kernels.likelihood import add_retreats
 from farpoint._kernels.linear import eigen_five, sandwich, tangent_basis
+from farpoint._kernels.pose import apply_step, take_step
 from farpoint._kernels.scratch import clear, copy, scratch
 from farpoint._kernels.squares import promise, solve_five_spd
 
@@ -52,7 +53,7 @@ class Seen(NamedTuple):
     mixture: np.ndarray
     """(3,) variance, share of wrong and share of poor matches."""
     clutter: float
-    """As of `likelihood.clutter_density`."""
+    """As of `mixture.clutter_density`."""
     right: float
     """Matches that were found to share the pose."""
     predicted: bool

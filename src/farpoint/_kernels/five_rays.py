@@ -10,8 +10,8 @@ from farpoint._kernels.compile import kernel, sum_kernel
 from farpoint._kernels.contest import EQUAL, NO_RIVAL
 from farpoint._kernels.epipolar import flow_along, sampson
 from farpoint._kernels.formulas import choose, formula, greater, lesser, whole
-from farpoint._kernels.likelihood import apply_step
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
+from farpoint._kernels.pose import apply_step
 from farpoint._kernels.scratch import clear, scratch
 from farpoint._kernels.squares import SIX, add_square, promise, solve_five_spd, write_square
 from farpoint._kernels.vectors import (

@@ -7,7 +7,7 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
 from farpoint._kernels.epipolar import flow_along, sampson_jacobian, variances
 from farpoint._kernels.formulas import choose, formula, greater, lesser, root
-from farpoint._kernels.likelihood import densities, weight_of
+from farpoint._kernels.mixture import densities, weight_of
 from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0, ray1
 from farpoint._kernels.scratch import room
 from farpoint._kernels.squares import FIVE, SIX, add_square, inverse_square, size2, write_square

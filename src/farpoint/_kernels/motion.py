@@ -12,9 +12,11 @@ from farpoint._kernels.contest import narrowness
 from farpoint._kernels.covariance import PLAIN, Seen, covariance_here, step_by_prediction
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.growth import grow_noise
-from farpoint._kernels.likelihood import clutter_density, explain, mean_variance, refine_pose
+from farpoint._kernels.likelihood import explain, refine_pose
+from farpoint._kernels.mixture import clutter_density, mean_variance
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.plausible import plausible_parallax
+from farpoint._kernels.pose import Matches, Pose
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.search import search_pose
@@ -266,20 +268,10 @@ def _refine(
     """As `likelihood.refine_pose`, by what the pose as it was makes plausible of the matches."""
     prior, parallax, right = found.said[0], found.said[2], found.said[3]
     plausible_parallax(parallax, right, count, math.sqrt(found.mixture[0]), spread, prior)
-    return refine_pose(
-        pairs,
-        prior,
-        count,
-        spread,
-        min_variance,
-        FINE,
-        MAX_REFINEMENTS,
-        True,
-        found.R,
-        found.t,
-        found.mixture,
-        normal,
-    )
+    matches = Matches(pairs, prior, count, spread, min_variance, True)
+    pose = Pose(found.R, found.t, found.mixture, normal, scratch(1))
+    refine_pose(matches, FINE, MAX_REFINEMENTS, pose)
+    return pose.cost[0]
 
 
 @inner_kernel

@@ -16,10 +16,12 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import GATE_SIGMA
 from farpoint._kernels.formulas import choose, formula, greater, root
-from farpoint._kernels.likelihood import clutter_density, explain, refine_pose
+from farpoint._kernels.likelihood import explain, refine_pose
 from farpoint._kernels.linear import add, add_outer
+from farpoint._kernels.mixture import clutter_density
 from farpoint._kernels.motion import MAX_REFINEMENTS
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
+from farpoint._kernels.pose import Matches, Pose
 from farpoint._kernels.scratch import clear, copy, room, scratch
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.twins import planar_twin
@@ -42,82 +44,47 @@ MEDIAN = 2.0 * math.log(2.0)
 
 
 @kernel
-def other_motion(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    count: int,
-    spread: float,
-    min_variance: float,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    other_R: np.ndarray,
-    other_t: np.ndarray,
-) -> tuple[bool, float]:
+def other_motion(matches: Matches, pose: Pose, other: Pose) -> tuple[bool, float]:
     """Whether another motion is a rival, and by how much the log likelihood of this one is larger.
 
-    As far as that is not chance. ``other_R`` (3, 3) and ``other_t`` (3,) receive the rival; without
-    one they have no meaning. The arguments are those of `likelihood.refine_pose`.
+    As far as that is not chance. ``other`` receives the rival, with the noise that it needs;
+    without one it has no meaning. ``pose`` stays as it is.
     """
-    gate = GATE_SIGMA * math.sqrt(mixture[0])
-    if not planar_twin(pairs, count, gate, R, t, other_R, other_t):
+    count = matches.total
+    gate = GATE_SIGMA * math.sqrt(pose.mixture[0])
+    if not planar_twin(matches.pairs, count, gate, pose.R, pose.t, other.R, other.t):
         return False, 0.0
-    first_R, first_t = scratch(3, 3), scratch(3)
-    copy(R, first_R)
-    copy(t, first_t)
-    cost = _refine(pairs, prior, count, spread, min_variance, mixture, first_R, first_t)
-    other_cost = _refine(pairs, prior, count, spread, min_variance, mixture, other_R, other_t)
+    own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    copy(pose.R, own.R)
+    copy(pose.t, own.t)
+    copy(pose.mixture, own.mixture)
+    copy(pose.mixture, other.mixture)
+    refine_pose(matches, FINE, MAX_REFINEMENTS, own)
+    refine_pose(matches, FINE, MAX_REFINEMENTS, other)
     growth = math.sqrt(greater(count / OF_MATCHES, 1.0))
-    if not other_cost < cost + growth * RIVAL or dot(vector(t), vector(other_t)) > COS_SAME:
+    is_near = other.cost[0] < own.cost[0] + growth * RIVAL
+    if not is_near or dot(vector(pose.t), vector(other.t)) > COS_SAME:
         return False, 0.0
-    evidence = _evidence(pairs, prior, count, spread, R, t, mixture, other_R, other_t)
-    return True, evidence / growth
+    return True, _evidence(matches, pose, other) / growth
 
 
 @inner_kernel
-def _refine(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    count: int,
-    spread: float,
-    min_variance: float,
-    mixture: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-) -> float:
-    """Refine a motion, from this mixture; its cost."""
-    own, normal = scratch(3), scratch(6, 6)
-    copy(mixture, own)
-    return refine_pose(
-        pairs, prior, count, spread, min_variance, FINE, MAX_REFINEMENTS, False, R, t, own, normal
-    )
-
-
-@inner_kernel
-def _evidence(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    count: int,
-    spread: float,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    other_R: np.ndarray,
-    other_t: np.ndarray,
-) -> float:
+def _evidence(matches: Matches, pose: Pose, other: Pose) -> float:
     """Log likelihood of the first motion over the other, but for what chance makes of it.
 
-    Of a match at the distance z from the plane, both in units of the noise, the part that depends
-    on which line it left the plane along has the weight ``z^2 / (1 + z^2)``: nothing on the plane,
-    all off it. Near it, the weight is that of a typical match, less what chance makes of that.
+    Both with the noise of the first. Of a match at the distance z from the plane, both in units of
+    the noise, the part that depends on which line it left the plane along has the weight
+    ``z^2 / (1 + z^2)``: nothing on the plane, all off it. Near it, the weight is that of a typical
+    match, less what chance makes of that.
     """
+    pairs, prior, count, mixture = matches.pairs, matches.prior, matches.total, pose.mixture
     size = prior.size
     right, other_right, square, spare = room(size), room(size), room(size), room(size)
-    clutter = clutter_density(mixture[0], mixture[1], spread)
+    clutter = clutter_density(mixture[0], mixture[1], matches.spread)
     # Nobody asks for residual and parallax.
-    explain(pairs, prior, other_R, other_t, mixture, clutter, square, spare, other_right)
-    explain(pairs, prior, R, t, mixture, clutter, square, spare, right)
-    _measure(pairs, count, mixture[0], R, t, right, square, spare)
+    explain(pairs, prior, other.R, other.t, mixture, clutter, square, spare, other_right)
+    explain(pairs, prior, pose.R, pose.t, mixture, clutter, square, spare, right)
+    _measure(pairs, count, mixture[0], pose.R, pose.t, right, square, spare)
     weight = _weight_near(*_median(square, right, count, OFF_SQUARE, spare))
     evidence = 0.0
     for i in range(count):

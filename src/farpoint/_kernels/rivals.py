@@ -12,7 +12,8 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.contest import REFINEMENTS, Matches, Pose, refine
+from farpoint._kernels.contest import REFINEMENTS, refine
+from farpoint._kernels.pose import Matches, Pose, copy_pose
 from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.vectors import dot, vector
 
@@ -26,61 +27,33 @@ COS_ELSEWHERE = math.cos(math.radians(30.0))
 
 
 @kernel
-def nearest_rival(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    count: int,
-    spread: float,
-    min_variance: float,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    start_R: np.ndarray,
-    rival_R: np.ndarray,
-    rival_t: np.ndarray,
-) -> float:
+def nearest_rival(matches: Matches, pose: Pose, start_R: np.ndarray, rival: Pose) -> float:
     """By how much the likeliest motion elsewhere is less likely than this one, in log likelihood.
 
     Both averaged over the poses nearby. It is looked for from the rotation ``start_R`` (3, 3), with
-    directions all over the sphere. ``rival_R`` (3, 3) and ``rival_t`` (3,) receive it; infinite
-    where there is none. The other arguments are those of `likelihood.refine_pose`.
+    directions all over the sphere, and the noise of ``pose``, which stays as it is. ``rival``
+    receives it; infinite where there is none.
     """
-    matches = Matches(pairs, prior, count, spread, min_variance, False)
     own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
-    rival = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
-    _refine_from(matches, R, t, mixture, own)
-    least = math.inf
+    other = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    _refine_from(matches, pose.R, pose.t, pose.mixture, own)
+    rival.cost[0] = math.inf
     start_t = scratch(3)
     for k in range(STARTS):
         _place(k, start_t)
-        _refine_from(matches, start_R, start_t, mixture, rival)
-        if rival.cost[0] < least and _is_elsewhere(rival, t):
-            least = rival.cost[0]
-            copy(rival.R, rival_R)
-            copy(rival.t, rival_t)
-    return least - own.cost[0]
+        _refine_from(matches, start_R, start_t, pose.mixture, other)
+        if other.cost[0] < rival.cost[0] and _is_elsewhere(other, pose):
+            copy_pose(other, rival)
+    return rival.cost[0] - own.cost[0]
 
 
 @kernel
-def judge_rival(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    count: int,
-    spread: float,
-    min_variance: float,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    rival_R: np.ndarray,
-    rival_t: np.ndarray,
-) -> float:
-    """What `nearest_rival` does, of a rival (3, 3) and (3,), which is refined in place."""
-    matches = Matches(pairs, prior, count, spread, min_variance, False)
+def judge_rival(matches: Matches, pose: Pose, rival: Pose) -> float:
+    """What `nearest_rival` does, of a rival that is known, and refined in place."""
     own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
-    rival = Pose(rival_R, rival_t, scratch(3), scratch(6, 6), scratch(1))
-    _refine_from(matches, R, t, mixture, own)
-    _refine_from(matches, rival_R, rival_t, mixture, rival)
-    return rival.cost[0] - own.cost[0] if _is_elsewhere(rival, t) else math.inf
+    _refine_from(matches, pose.R, pose.t, pose.mixture, own)
+    _refine_from(matches, rival.R, rival.t, pose.mixture, rival)
+    return rival.cost[0] - own.cost[0] if _is_elsewhere(rival, pose) else math.inf
 
 
 @inner_kernel
@@ -95,8 +68,8 @@ def _refine_from(
 
 
 @inner_kernel
-def _is_elsewhere(rival: Pose, t: np.ndarray) -> bool:
-    return dot(vector(rival.t), vector(t)) < COS_ELSEWHERE
+def _is_elsewhere(rival: Pose, pose: Pose) -> bool:
+    return dot(vector(rival.t), vector(pose.t)) < COS_ELSEWHERE
 
 
 @inner_kernel

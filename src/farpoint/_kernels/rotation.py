@@ -9,8 +9,8 @@ import numpy as np
 from farpoint._kernels.compile import kernel, sum_kernel
 from farpoint._kernels.exponential import exp_and_roots, lane_log
 from farpoint._kernels.formulas import formula, greater
-from farpoint._kernels.likelihood import POOR, update_mixture, weight_of
 from farpoint._kernels.linear import apply_rotation_step
+from farpoint._kernels.mixture import POOR, update_mixture, weight_of
 from farpoint._kernels.pairs import LANES, PANEL
 from farpoint._kernels.rotation_residual import rotation_distance2, whitened_turn
 from farpoint._kernels.scratch import scratch

@@ -13,8 +13,6 @@ from farpoint._kernels.contest import (
     NO_RIVAL,
     REFINEMENTS,
     RIVAL,
-    Matches,
-    Pose,
     challenge,
     is_rival,
     noise_of,
@@ -28,6 +26,7 @@ from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.linear import apply_rotation_step, draw_direction, draw_index, draw_unit
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
+from farpoint._kernels.pose import Matches, Pose
 from farpoint._kernels.scratch import copy, index_scratch, room, scratch
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import combine, dot, matrix, rotate

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.covariance import covariance_around
-from farpoint._kernels.likelihood import clutter_density
+from farpoint._kernels.mixture import clutter_density
 from farpoint.pose.fits import MovingFit
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches

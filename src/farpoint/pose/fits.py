@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
-from farpoint._kernels.likelihood import clutter_density, explain, mean_variance
+from farpoint._kernels.likelihood import explain
+from farpoint._kernels.mixture import clutter_density, mean_variance
 from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
 from farpoint._kernels.turning import fit_rotation

@@ -9,6 +9,7 @@ import numpy as np
 
 from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint._kernels.plane import other_motion
+from farpoint._kernels.pose import Matches, Pose
 from farpoint._kernels.rivals import judge_rival, nearest_rival
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, fit_turning, refit_moving
 
@@ -55,9 +56,9 @@ def likelier_met(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
     """The fit, or one to a motion that the search has met if that is likelier; and the rival."""
     if fit.rival is None:
         return fit, None
-    R, t = (each.copy() for each in fit.rival)
-    against = judge_rival(*_by_some(fit, MORE), R, t)
-    return _likelier(fit, OtherMotion(R, t, against, ELSEWHERE) if against < np.inf else None)
+    rival = _some_pose()._replace(R=fit.rival[0].copy(), t=fit.rival[1].copy())
+    against = judge_rival(_some(fit, MORE), _pose_of(fit), rival)
+    return _likelier(fit, _other(rival, against, ELSEWHERE) if against < np.inf else None)
 
 
 def likelier_elsewhere(fit: MovingFit, tolerance: float) -> tuple[MovingFit, OtherMotion | None]:
@@ -89,25 +90,42 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
 
 
 def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
-    R, t = np.empty((3, 3)), np.empty(3)
-    against = nearest_rival(*_by_some(fit, MAX_SEARCHED), R_start, R, t)
+    pose, rival = _pose_of(fit), _some_pose()
+    against = nearest_rival(_some(fit, MAX_SEARCHED), pose, R_start, rival)
     if against < DOUBT and len(fit.matches) > MAX_SEARCHED:
-        against = judge_rival(*_by_some(fit, MORE), R, t)
-    return OtherMotion(R, t, against, ELSEWHERE) if against < np.inf else None
+        against = judge_rival(_some(fit, MORE), pose, rival)
+    return _other(rival, against, ELSEWHERE) if against < np.inf else None
 
 
 def _other_of_plane(fit: MovingFit) -> OtherMotion | None:
-    R, t = np.empty((3, 3)), np.empty(3)
-    is_rival, against = other_motion(*_by_some(fit, MAX_SEARCHED), R, t)
+    pose, other = _pose_of(fit), _some_pose()
+    is_rival, against = other_motion(_some(fit, MAX_SEARCHED), pose, other)
     if is_rival and against < DOUBT and len(fit.matches) > MAX_SEARCHED:
-        is_rival, against = other_motion(*_by_some(fit, MORE), R, t)
-    return OtherMotion(R, t, against, PLANE) if is_rival else None
+        is_rival, against = other_motion(_some(fit, MORE), pose, other)
+    return _other(other, against, PLANE) if is_rival else None
 
 
-def _by_some(fit: MovingFit, most: int) -> tuple:
-    """Every so manieth match and the motion, as the kernels take them."""
+def _other(pose: Pose, against: float, because: str) -> OtherMotion:
+    return OtherMotion(pose.R, pose.t, against, because)
+
+
+def _some(fit: MovingFit, most: int) -> Matches:
+    """Every so manieth match, as the kernels take them: no motion gives way to any."""
     seen, total = fit.matches, len(fit.matches)
     if total > most:
         seen = seen.select(np.arange(most) * total // most)
-    given = seen.pairs, seen.weights(), len(seen), seen.spread, MIN_VARIANCE
-    return *given, fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0, fit.noise.array
+    return Matches(
+        seen.pairs, seen.weights(), len(seen), seen.spread, MIN_VARIANCE, gives_way=False
+    )
+
+
+def _pose_of(fit: MovingFit) -> Pose:
+    """The motion, as the kernels take it."""
+    return _some_pose()._replace(
+        R=fit.R_cam1_from_cam0, t=fit.direction_cam1_from_cam0, mixture=fit.noise.array
+    )
+
+
+def _some_pose() -> Pose:
+    """Room for a motion."""
+    return Pose(np.empty((3, 3)), np.empty(3), np.empty(3), np.empty((6, 6)), np.empty(1))

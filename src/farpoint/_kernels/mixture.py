@@ -1,0 +1,148 @@
+"""How far off matches are: good, poor, wrong, or on the wrong side; and EM of it.
+
+A match is good, with a normal residual of variance ``variance``; or poor, with `POOR` times its
+sigma; or wrong, and anywhere in a strip of half-width ``spread`` about the epipolar line (all in
+units of the noise). Of the poor ones, as large a share is poorer still, with `POOR` times their
+sigma: the tails of real matches go on like this. The shares of poor matches among the right ones
+and of wrong ones among all are estimated along, so that normal noise is treated as such and heavy
+tails lose only what they must.
+
+A right match flows towards the direction. Noise can make a far one retreat; beyond `FAR_SIGMA` the
+density of right matches falls off as that noise does. Up to there it is flat, for rotation can
+imitate parallax, and any slope would pull at the rotation.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel
+from farpoint._kernels.epipolar import flow_along, parallax_variance
+from farpoint._kernels.exponential import exp_and_roots
+from farpoint._kernels.formulas import choose, formula, greater, lesser, root
+from farpoint._kernels.pairs import flow_variance, ray0, ray1
+from farpoint._kernels.vectors import rotate
+
+__all__ = [
+    "FAR_SIGMA",
+    "POOR",
+    "clutter_density",
+    "densities",
+    "may_retreat",
+    "mean_variance",
+    "mixture_cost",
+    "retreat2",
+    "unusual",
+    "update_mixture",
+    "weight_of",
+]
+
+# Sigma of a poor match over that of a good one.
+POOR = math.sqrt(8.0)
+# Share of poor matches that is usual, with the weight of so many matches: among few, chance alone
+# makes some look poor, and the others better than they are.
+FEW_POOR = 0.01
+USUAL = 20.0
+# How much farther than EM a step of the mixture goes, by the share of poor matches, and at most.
+FARTHER = 3.0
+MOST_FARTHER = 0.7
+# Retreat along its epipolar line that noise can cause of a far point, in sigma.
+FAR_SIGMA = 3.0
+# Variance of a flow in one direction over the mean of all, at the least.
+LEAST_SHARE = 0.1
+
+
+@formula
+def clutter_density(variance: float, wrong: float, spread: float) -> float:
+    """Density of wrong matches over that of inliers at r = 0."""
+    return wrong / (1.0 - wrong) * root(2.0 * math.pi * variance) / (2.0 * spread)
+
+
+@formula
+def mean_variance(variance: float, poor: float) -> float:
+    """Of right matches, good and poor."""
+    good, eightfold = 1.0 - poor, poor * POOR * POOR
+    return variance * (good + eightfold * (good + eightfold))
+
+
+@inner_kernel
+def unusual(poor: float) -> float:
+    """Cost of a share of poor matches that is not the usual one."""
+    return -USUAL * (FEW_POOR * math.log(poor) + (1.0 - FEW_POOR) * math.log(1.0 - poor))
+
+
+@inner_kernel
+def mixture_cost(variance: float, wrong: float) -> float:
+    """What each match adds to the cost by the noise alone."""
+    return 0.5 * math.log(variance) - math.log(1.0 - wrong)
+
+
+@formula
+def densities(
+    pairs: np.ndarray,
+    at: int,
+    R: tuple,
+    t: tuple,
+    residual: float,
+    precision: float,
+    poor: float,
+    prior: float,
+) -> tuple[float, float, float]:
+    """Density of the match at this address, if good, poor or poorer, over a good one's at 0."""
+    retreat = retreat2(pairs, at, R, t, precision)
+    whole, eighth, last = exp_and_roots(0.5 * (residual * residual * precision + retreat))
+    once, again = 1.0 - poor, poor / POOR
+    return (
+        prior * (once * whole),
+        prior * (once * again * eighth),
+        prior * (again * again * last),
+    )
+
+
+@formula
+def retreat2(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> float:
+    """How much farther away from the direction a match lies than noise may bring it, squared."""
+    m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
+    flow, _ = flow_along(m, b, t)
+    shift2 = flow * flow * precision / (parallax_variance(pairs, at, R, m, t) + 1e-300)
+    return choose(flow < 0.0, greater(shift2 - FAR_SIGMA * FAR_SIGMA, 0.0), 0.0)
+
+
+@formula
+def may_retreat(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> bool:
+    """Whether `retreat2` is to be asked: it is 0 otherwise, and takes longer."""
+    flow, reach2 = flow_along(rotate(R, ray0(pairs, at)), ray1(pairs, at), t)
+    least = LEAST_SHARE * FAR_SIGMA * FAR_SIGMA * flow_variance(pairs, at) * reach2
+    return (flow < 0.0) & (flow * flow * precision > least)
+
+
+@formula
+def weight_of(good: float, fair: float, bad: float) -> float:
+    """Sum of what may be a match's densities, each over its variance in units of a good one's."""
+    return good + fair * 0.125 + bad * 0.015625
+
+
+@formula
+def update_mixture(
+    square: float,
+    shares: np.ndarray,
+    count: float,
+    minimum: float,
+    haste: float,
+    mixture: np.ndarray,
+) -> None:
+    """Step of EM of variance, share of wrong and share of poor matches, from weighted sums.
+
+    Of the right matches some are poor, and of these as large a share poorer still. With a ``haste``
+    of 1 it goes farther than EM does, with 0 it does not.
+    """
+    total, poor, poorest = shares[0], shares[1], shares[2]
+    share = (poor + poorest + FEW_POOR * USUAL) / (total + poor + USUAL)
+    # EM goes the right way, and the more slowly the heavier the tails: farther that way helps.
+    farther = haste * lesser(FARTHER * mixture[2], MOST_FARTHER)
+    change = lesser(greater(farther * (square / mixture[0] - 1.0), -0.5), 1.0)
+    mixture[0] = greater((1.0 + change) * square, minimum)
+    mixture[1] = lesser(greater(1.0 - total / count, 0.005), 0.95)
+    mixture[2] = lesser(greater(share + farther * (share - mixture[2]), 0.5 * share), 0.5)

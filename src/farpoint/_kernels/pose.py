@@ -1,0 +1,84 @@
+"""A pose with the noise that it needs, what it is judged by, and a step of it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.formulas import formula, root
+from farpoint._kernels.linear import apply_rotation_step
+from farpoint._kernels.scratch import copy
+from farpoint._kernels.vectors import combine, dot, tangent_columns, vector
+
+__all__ = ["Matches", "Pose", "apply_step", "copy_pose", "take_step"]
+
+
+class Matches(NamedTuple):
+    """What a pose is judged by."""
+
+    pairs: np.ndarray
+    """Panels of matches."""
+    prior: np.ndarray
+    """Of each match, by what its share of being right is scaled; 0 leaves it out."""
+    total: int
+    """Matches."""
+    spread: float
+    """Half the width that wrong matches fill, in units of the noise."""
+    min_variance: float
+    """Smaller noise is rounding."""
+    gives_way: bool
+    """Whether a pose does to matches that retreat. Motions that are held against each other do not:
+    each match may retreat by `mixture.FAR_SIGMA` at no cost, and the reverse of a motion would make
+    use of that."""
+
+
+class Pose(NamedTuple):
+    """A pose with the noise that it needs."""
+
+    R: np.ndarray
+    """(3, 3) rotation cam1_from_cam0."""
+    t: np.ndarray
+    """(3,) direction cam1_from_cam0."""
+    mixture: np.ndarray
+    """(3,) variance of good matches, share of wrong ones among all, share of poor ones."""
+    normal: np.ndarray
+    """(6, 6) normal equations, as of `likelihood.linearize`."""
+    cost: np.ndarray
+    """(1,) negative log likelihood."""
+
+
+@inner_kernel
+def copy_pose(pose: Pose, target: Pose) -> None:
+    """All of it."""
+    copy(pose.R, target.R)
+    copy(pose.t, target.t)
+    copy(pose.mixture, target.mixture)
+    copy(pose.normal, target.normal)
+    copy(pose.cost, target.cost)
+
+
+@kernel
+def apply_step(R: np.ndarray, t: np.ndarray, x: np.ndarray) -> None:
+    """Move the pose by ``x = [dtheta (3), dbeta (2)]`` in place."""
+    apply_rotation_step(R, x[0], x[1], x[2], R)
+    _apply_direction_step(t, x[3], x[4])
+
+
+@inner_kernel
+def take_step(R: np.ndarray, t: np.ndarray, x: np.ndarray, size2: float) -> None:
+    """Move the pose against ``x``, of this squared length, by 0.3 at the most."""
+    scale = -1.0 if size2 < 0.09 else -0.3 / math.sqrt(size2)
+    for k in range(5):
+        x[k] *= scale
+    apply_step(R, t, x)
+
+
+@formula
+def _apply_direction_step(t: np.ndarray, x: float, y: float) -> None:
+    first, second = tangent_columns(vector(t))
+    moved = combine(1.0, vector(t), 1.0, combine(x, first, y, second))
+    scale = 1.0 / root(dot(moved, moved))
+    t[0], t[1], t[2] = scale * moved[0], scale * moved[1], scale * moved[2]
