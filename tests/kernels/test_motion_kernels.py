@@ -18,9 +18,11 @@ from farpoint._kernels.likelihood import explain, refine_pose
 from farpoint._kernels.mixture import clutter_density
 from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pose import Pose
+from farpoint._kernels.search import Effort
 from farpoint.geometry import so3
 
 SPREAD, LEAST_SIGNAL = 500.0, 0.4
+EFFORT = Effort(tolerance=3.0, confidence=0.99, min_iterations=16, max_iterations=500)
 
 
 @kernel
@@ -53,8 +55,8 @@ def find(
     view: View, seed: int = 0, least_signal: float = LEAST_SIGNAL
 ) -> tuple[Found, int, Settled]:
     found, state = nothing_found(view), np.array([seed], np.uint64)
-    given = view.pairs, view.size, 3.0, SPREAD, 1e-6, 0.99, 16, 500, least_signal
-    iterations, _, _, settled = fit_motion(*given, state, found)
+    matches = matches_of(view, SPREAD, found.said[0], gives_way=True)
+    iterations, _, _, settled = fit_motion(matches, EFFORT, least_signal, state, found)
     assert np.isfinite(settled).all()
     return found, iterations, settled
 
@@ -106,7 +108,9 @@ def test_a_motion_that_is_a_little_off_is_settled_where_it_was_found():
     found, _, before = find(view)
     off_R, off_t = moved(found.R, found.t, np.array([1e-3, -1e-3, 1e-3, 0.02, -0.02]))
     again = nothing_found(view)._replace(R=off_R, t=off_t, mixture=found.mixture.copy())
-    after = settle_motion(view.pairs, view.size, SPREAD, 1e-6, LEAST_SIGNAL, again)
+    after = settle_motion(
+        matches_of(view, SPREAD, again.said[0], gives_way=True), LEAST_SIGNAL, again
+    )
     assert so3.angle_between(found.R, off_R) < 1e-4
     np.testing.assert_allclose(off_t, found.t, atol=1e-3)
     assert after[0] == pytest.approx(before[0], abs=0.1)
@@ -165,14 +169,14 @@ def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(le
 @pytest.mark.parametrize("matches", [60, 2 * MAX_SEARCHED])
 def test_no_array_is_kept(matches):
     view = two_views(6, matches, noise_rad=1e-3, error_rad=1e-3, baseline_m=0.05)
-    pairs, state = view.pairs, np.zeros(1, np.uint64)
-    found = nothing_found(view)
-    held = [sys.getrefcount(array) for array in (pairs, state, *found)]
-    given = matches, 3.0, SPREAD, 1e-6, 0.99, 16, 500, LEAST_SIGNAL
-    *_, settled = fit_motion(pairs, *given, state, found)
+    found, state = nothing_found(view), np.zeros(1, np.uint64)
+    given = matches_of(view, SPREAD, found.said[0], gives_way=True)
+    arrays = given.pairs, given.prior, state, *found
+    held = [sys.getrefcount(array) for array in arrays]
+    *_, settled = fit_motion(given, EFFORT, LEAST_SIGNAL, state, found)
     assert settled[6]  # the longest way
-    settle_motion(pairs, matches, SPREAD, 1e-6, LEAST_SIGNAL, found)
-    assert [sys.getrefcount(array) for array in (pairs, state, *found)] == held
+    settle_motion(given, LEAST_SIGNAL, found)
+    assert [sys.getrefcount(array) for array in arrays] == held
 
 
 @pytest.mark.parametrize("matches", [60, 2 * MAX_SEARCHED])
@@ -206,8 +210,8 @@ def test_noise_that_grows_with_the_parallax_is_told():
 def met(view: View, seed: int) -> Found | None:
     """The motion found, if the search has met another one."""
     found, state = nothing_found(view), np.array([seed], np.uint64)
-    given = view.pairs, view.size, 3.0, SPREAD, 1e-6, 0.99, 16, 500, LEAST_SIGNAL
-    _, _, has_met, _ = fit_motion(*given, state, found)
+    matches = matches_of(view, SPREAD, found.said[0], gives_way=True)
+    _, _, has_met, _ = fit_motion(matches, EFFORT, LEAST_SIGNAL, state, found)
     assert has_met or not np.isfinite(found.t_rival).all() or found.t_rival @ found.t < 1.0
     return found if has_met else None
 
@@ -260,6 +264,6 @@ def test_of_matches_at_one_place_nothing_is_sure():
     view.rays0[:], view.rays1[:] = view.rays0[0], view.rays1[0]
     mixture = np.array([1.0, 0.05, 0.05])
     found = nothing_found(view)._replace(R=view.R.copy(), t=view.t.copy(), mixture=mixture)
-    settle_motion(view.pairs, view.size, SPREAD, 1e-6, LEAST_SIGNAL, found)
+    settle_motion(matches_of(view, SPREAD, found.said[0], gives_way=True), LEAST_SIGNAL, found)
     assert not np.isnan(found.covariance).any()
     assert found.covariance[:3, :3].diagonal().max() > 1.0

@@ -9,6 +9,7 @@ import pytest
 
 from farpoint._kernels import five_rays, search
 from farpoint._kernels.contest import EQUAL, NEAR, NO_RIVAL, RIVAL
+from farpoint._kernels.pose import Matches, Pose
 
 FLOW, CONFIDENCE, MATCHES = 0.01, 0.99, 60
 
@@ -54,18 +55,17 @@ def drawn(monkeypatch):
             "score_pose": lambda *_: scores[1] if samples else scores[0],
             "noise_of": lambda *given: given[-1].fill(1.0),
             "is_rival": lambda *_: False,
-            "planar_twin": lambda *_: False,
-            "layer_twin": lambda *_: False,
+            "_search_twins": lambda *_: False,
         }
         nothing = "refine", "start_noise", "search_direction", "copy"
         mocks |= {name: lambda *_: None for name in nothing}
         for name, mock in mocks.items():
             monkeypatch.setattr(search, name, mock)
         empty = np.ones(9)
-        told, *_ = interpreted(search.search_pose)(
-            empty, empty, MATCHES, empty, 3.0, 100.0, 1e-6, CONFIDENCE, least, most,
-            *(empty for _ in range(6)),
-        )  # fmt: skip
+        matches = Matches(empty, empty, MATCHES, 100.0, 1e-6, gives_way=True)
+        effort = search.Effort(3.0, CONFIDENCE, least, most)
+        poses = (Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(2))
+        told, *_ = interpreted(search.search_pose)(matches, empty, effort, empty, *poses)
         assert told == len(samples)
         return len(samples)
 

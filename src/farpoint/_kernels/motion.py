@@ -19,7 +19,7 @@ from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.pose import Matches, Pose
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import copy, index_room, room, scratch
-from farpoint._kernels.search import search_pose
+from farpoint._kernels.search import Effort, search_pose
 
 __all__ = ["MAX_SEARCHED", "Found", "Settled", "fit_motion", "settle_motion"]
 
@@ -56,8 +56,8 @@ class Found(NamedTuple):
     mixture: np.ndarray
     """(3,) variance, share of wrong and share of poor matches."""
     said: np.ndarray
-    """(4, at least N) of each match: what is plausible of it, and, as of `likelihood.explain`, its
-    residual, parallax and chance to be right."""
+    """(4, at least N) of each match: its prior, by what is plausible of it, and, as of
+    `likelihood.explain`, its residual, parallax and chance to be right."""
     labels: np.ndarray
     """(N,) as of `evidence.weigh`."""
     covariance: np.ndarray
@@ -70,65 +70,29 @@ class Found(NamedTuple):
     """Panels of the matches with the noise that was found, if it grows with the parallax."""
 
 
-class Searched(NamedTuple):
-    """The matches that the search looks at."""
-
-    pairs: np.ndarray
-    """Panels of matches."""
-    prior: np.ndarray
-    """1 for each match, 0 for those that fill up the panels."""
-    total: int
-    """Matches."""
-
-
 @kernel
 def fit_motion(
-    pairs: np.ndarray,
-    count: int,
-    tolerance: float,
-    spread: float,
-    min_variance: float,
-    confidence: float,
-    min_iterations: int,
-    max_iterations: int,
-    least_signal: float,
-    state: np.ndarray,
-    found: Found,
+    matches: Matches, effort: Effort, least_signal: float, state: np.ndarray, found: Found
 ) -> tuple[int, bool, bool, Settled]:
-    """Search for a pose by some of the ``count`` matches in ``pairs``, and settle it by all.
+    """Search for a pose by some of the matches, and settle it by all.
 
     Returns the hypotheses tried, whether the other motion of a plane was a rival, whether one
-    elsewhere was met that came near, and what `settle_motion` does.
+    elsewhere was met that came near, and what `settle_motion` does, with the same arguments.
 
     The search, as of `search.search_pose`, starts at the rotation of the far matches, the identity
     at first; where there are none, at the rotation that most matches roughly agree on. The other
     matches may carry translation, and where few are left, all may.
     """
     # A kernel that handed back the array itself would make numba lose count of who holds it.
-    some = pairs if count <= MAX_SEARCHED else _every_so_manieth(pairs, count)
-    searched = _searched(some, count)
-    candidates = _candidates(searched, tolerance, state, found.R_far)
-    copy(found.R_far, found.R)
-    iterations, is_planar, has_met = search_pose(
-        searched.pairs,
-        searched.prior,
-        searched.total,
-        candidates,
-        tolerance,
-        spread,
-        min_variance,
-        confidence,
-        min_iterations,
-        max_iterations,
-        state,
-        found.R,
-        found.t,
-        found.mixture,
-        found.R_rival,
-        found.t_rival,
-    )
-    settled = _settle(searched, pairs, count, spread, min_variance, least_signal, found)
-    return iterations, is_planar, has_met, settled
+    few = matches.total <= MAX_SEARCHED
+    some = matches.pairs if few else _every_so_manieth(matches.pairs, matches.total)
+    searched = _searched(some, matches)
+    candidates = _candidates(searched, effort.tolerance, state, found.R_far)
+    best = Pose(found.R, found.t, found.mixture, scratch(6, 6), scratch(1))
+    rival = Pose(found.R_rival, found.t_rival, scratch(3), scratch(6, 6), scratch(1))
+    copy(found.R_far, best.R)
+    iterations, is_planar, has_met = search_pose(searched, candidates, effort, state, best, rival)
+    return iterations, is_planar, has_met, _settle(searched, matches, least_signal, found)
 
 
 @inner_kernel
@@ -142,12 +106,12 @@ def _every_so_manieth(pairs: np.ndarray, count: int) -> np.ndarray:
 
 
 @inner_kernel
-def _searched(some: np.ndarray, count: int) -> Searched:
-    """Those matches, of ``count``, with nothing known of them."""
-    total = count if count < MAX_SEARCHED else MAX_SEARCHED
+def _searched(some: np.ndarray, matches: Matches) -> Matches:
+    """Those of the matches, with nothing known of them."""
+    total = matches.total if matches.total < MAX_SEARCHED else MAX_SEARCHED
     prior = room(some.size // PANEL * LANES)
     _leave_out_none(prior, total)
-    return Searched(some, prior, total)
+    return Matches(some, prior, total, matches.spread, matches.min_variance, matches.gives_way)
 
 
 @inner_kernel
@@ -159,7 +123,7 @@ def _leave_out_none(prior: np.ndarray, count: int) -> None:
 
 @inner_kernel
 def _candidates(
-    searched: Searched, tolerance: float, state: np.ndarray, R_far: np.ndarray
+    searched: Matches, tolerance: float, state: np.ndarray, R_far: np.ndarray
 ) -> np.ndarray:
     """Find the rotation of the far matches; which others may carry translation."""
     pairs, count = searched.pairs, searched.total
@@ -204,71 +168,52 @@ def _widen(
 
 
 @kernel
-def settle_motion(
-    pairs: np.ndarray,
-    count: int,
-    spread: float,
-    min_variance: float,
-    least_signal: float,
-    found: Found,
-) -> Settled:
+def settle_motion(matches: Matches, least_signal: float, found: Found) -> Settled:
     """Refine a pose by all matches, with what parallax they make plausible, and hear them on it.
 
-    As `likelihood.refine_pose`. Returns the cost, its `contest.narrowness`, what `evidence.weigh`
-    and, of the matches searched, `evidence.count_beyond_rotation` do, with the rotation of the far
-    matches for another one, whether the flow was predicted for the covariance, and whether it shows
-    a direction.
+    As `likelihood.refine_pose`; the prior of ``matches``, the first row of what is ``said``,
+    receives what is plausible of each. Returns the cost, its `contest.narrowness`, what
+    `evidence.weigh` and, of the matches searched, `evidence.count_beyond_rotation` do, with the
+    rotation of the far matches for another one, whether the flow was predicted for the covariance,
+    and whether at least ``least_signal`` of it is signal, so that it shows a direction.
     """
     # A kernel that handed back the array itself would make numba lose count of who holds it.
-    some = pairs if count <= MAX_SEARCHED else _every_so_manieth(pairs, count)
-    searched = _searched(some, count)
-    return _settle(searched, pairs, count, spread, min_variance, least_signal, found)
+    few = matches.total <= MAX_SEARCHED
+    some = matches.pairs if few else _every_so_manieth(matches.pairs, matches.total)
+    return _settle(_searched(some, matches), matches, least_signal, found)
 
 
 @inner_kernel
-def _settle(
-    searched: Searched,
-    pairs: np.ndarray,
-    count: int,
-    spread: float,
-    min_variance: float,
-    least_signal: float,
-    found: Found,
-) -> Settled:
-    """As `settle_motion`; the prior of the matches searched is then 1 only for the right ones."""
-    normal = scratch(6, 6)
-    _leave_out_none(found.said[0], count)
-    _explain(pairs, spread, found)
-    _refine(pairs, count, spread, min_variance, found, normal)
-    _explain(pairs, spread, found)
+def _settle(searched: Matches, matches: Matches, least_signal: float, found: Found) -> Settled:
+    """As `settle_motion`; the prior of those searched is then 1 only for the right ones."""
+    normal, count = scratch(6, 6), matches.total
+    _leave_out_none(matches.prior, count)
+    _explain(matches, found)
+    _refine(matches, found, normal)
+    _explain(matches, found)
     residual, parallax, right = found.said[1], found.said[2], found.said[3]
-    if not grow_noise(pairs, residual, parallax, right, count, found.mixture[0], found.grown):
-        return _conclude(searched, pairs, count, spread, min_variance, least_signal, False, found)
-    _explain(found.grown, spread, found)
-    return _conclude(searched, found.grown, count, spread, min_variance, least_signal, True, found)
+    variance, grown = found.mixture[0], found.grown
+    if not grow_noise(matches.pairs, residual, parallax, right, count, variance, grown):
+        return _conclude(searched, matches, least_signal, False, found)
+    spread, least, gives_way = matches.spread, matches.min_variance, matches.gives_way
+    doubted = Matches(grown, matches.prior, count, spread, least, gives_way)
+    _explain(doubted, found)
+    return _conclude(searched, doubted, least_signal, True, found)
 
 
 @inner_kernel
-def _explain(pairs: np.ndarray, spread: float, found: Found) -> None:
+def _explain(matches: Matches, found: Found) -> None:
     """As `likelihood.explain`."""
-    said = found.said
-    clutter = clutter_density(found.mixture[0], found.mixture[1], spread)
-    explain(pairs, said[0], found.R, found.t, found.mixture, clutter, said[1], said[2], said[3])
+    said, R, t, mixture = found.said, found.R, found.t, found.mixture
+    clutter = clutter_density(mixture[0], mixture[1], matches.spread)
+    explain(matches.pairs, matches.prior, R, t, mixture, clutter, said[1], said[2], said[3])
 
 
 @inner_kernel
-def _refine(
-    pairs: np.ndarray,
-    count: int,
-    spread: float,
-    min_variance: float,
-    found: Found,
-    normal: np.ndarray,
-) -> float:
+def _refine(matches: Matches, found: Found, normal: np.ndarray) -> float:
     """As `likelihood.refine_pose`, by what the pose as it was makes plausible of the matches."""
-    prior, parallax, right = found.said[0], found.said[2], found.said[3]
-    plausible_parallax(parallax, right, count, math.sqrt(found.mixture[0]), spread, prior)
-    matches = Matches(pairs, prior, count, spread, min_variance, True)
+    sigma, parallax, right = math.sqrt(found.mixture[0]), found.said[2], found.said[3]
+    plausible_parallax(parallax, right, matches.total, sigma, matches.spread, matches.prior)
     pose = Pose(found.R, found.t, found.mixture, normal, scratch(1))
     refine_pose(matches, FINE, MAX_REFINEMENTS, pose)
     return pose.cost[0]
@@ -276,53 +221,43 @@ def _refine(
 
 @inner_kernel
 def _conclude(
-    searched: Searched,
-    pairs: np.ndarray,
-    count: int,
-    spread: float,
-    min_variance: float,
-    least_signal: float,
-    grows: bool,
-    found: Found,
+    searched: Matches, matches: Matches, least_signal: float, grows: bool, found: Found
 ) -> Settled:
     """Refine the pose once more, now that its noise is known, and hear all matches on it."""
     normal = scratch(6, 6)
-    cost = _refine(pairs, count, spread, min_variance, found, normal)
-    _explain(pairs, spread, found)
-    predicted, shows = _be_sure(pairs, count, spread, least_signal, found)
+    cost = _refine(matches, found, normal)
+    _explain(matches, found)
+    predicted, shows = _be_sure(matches, least_signal, found)
     parallax, right = found.said[2], found.said[3]
     agreeing, odds = weigh(parallax, right, math.sqrt(found.mixture[0]), found.labels)
-    beyond, supporting = _count_beyond(searched, right, count, found)
+    beyond, supporting = _count_beyond(searched, right, matches.total, found)
     return cost, narrowness(normal), agreeing, odds, beyond, supporting, predicted, shows, grows
 
 
 @inner_kernel
-def _be_sure(
-    pairs: np.ndarray, count: int, spread: float, least_signal: float, found: Found
-) -> tuple[bool, bool]:
+def _be_sure(matches: Matches, least_signal: float, found: Found) -> tuple[bool, bool]:
     """Covariance of the pose; where much of the flow is noise, by predicted flow, as is the pose.
 
     Returns whether it was predicted, and whether at least so much of it is signal.
     """
-    R, t, mixture = found.R, found.t, found.mixture
-    prior, residual, parallax, right = found.said[0], found.said[1], found.said[2], found.said[3]
-    clutter = clutter_density(mixture[0], mixture[1], spread)
+    R, t, mixture, right = found.R, found.t, found.mixture, found.said[3]
+    clutter = clutter_density(mixture[0], mixture[1], matches.spread)
     total = 0.0
-    for i in range(count):
+    for i in range(matches.total):
         total += right[i]
     found.covariance[:] = math.inf
-    measured = Seen(pairs, prior, R, t, mixture, clutter, total, False)
+    measured = Seen(matches.pairs, matches.prior, R, t, mixture, clutter, total, False)
     if covariance_here(measured, PLAIN, found.covariance):
         return False, True
-    seen = Seen(pairs, prior, R, t, mixture, clutter, total, True)
+    seen = Seen(matches.pairs, matches.prior, R, t, mixture, clutter, total, True)
     step_by_prediction(seen)
-    explain(pairs, prior, R, t, mixture, clutter, residual, parallax, right)
+    _explain(matches, found)
     return True, covariance_here(seen, least_signal, found.covariance)
 
 
 @inner_kernel
 def _count_beyond(
-    searched: Searched, right: np.ndarray, count: int, found: Found
+    searched: Matches, right: np.ndarray, count: int, found: Found
 ) -> tuple[int, int]:
     """Of the right matches searched, those that no rotation explains, and all."""
     for j in range(searched.prior.size):

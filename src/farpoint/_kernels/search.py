@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from farpoint._kernels.scratch import copy, index_scratch, room, scratch
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import combine, dot, matrix, rotate
 
-__all__ = ["search_direction", "search_pose"]
+__all__ = ["Effort", "search_direction", "search_pose"]
 
 # A hypothesis is still worth refining with so many times the least truncated squares so far, if at
 # least this share of the most matches so far support it.
@@ -39,6 +40,19 @@ PROMISING = 2.0
 SUPPORTED = 0.5
 # Pairs of matches whose directions the search starts from.
 DIRECTIONS = np.int64(16)
+
+
+class Effort(NamedTuple):
+    """How much is tried to find a pose."""
+
+    tolerance: float
+    """Distance at which a match agrees with a first guess, in units of the noise."""
+    confidence: float
+    """Probability that the pose has been found."""
+    min_iterations: int
+    """Samples that are drawn in any case."""
+    max_iterations: int
+    """Samples that are drawn at the most."""
 
 
 @kernel
@@ -118,55 +132,48 @@ def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
 
 @kernel
 def search_pose(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    count: int,
+    matches: Matches,
     candidates: np.ndarray,
-    tolerance: float,
-    spread: float,
-    min_variance: float,
-    confidence: float,
-    min_iterations: int,
-    max_iterations: int,
+    effort: Effort,
     state: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    rival_R: np.ndarray,
-    rival_t: np.ndarray,
+    best: Pose,
+    rival: Pose,
 ) -> tuple[int, bool, bool]:
-    """Most likely pose near the rotation ``R`` and among joint hypotheses.
+    """Most likely pose near the rotation of ``best`` and among joint hypotheses.
 
-    The start is the direction that the flow of the ``candidates`` suggests at ``R``. Samples are
+    The start is the direction that the flow of the ``candidates`` suggests there. Samples are
     solved in turn from the best pose, for a better one nearby, and from about the rotation of the
     start with a direction from anywhere, or from two of their own rays. A hypothesis that agrees
     with the matches about as well as the first pose, and as any since, is refined, and judged by
     its likelihood with the noise that it needs: a wrong minimum looks good only with more noise
     than there is. Once there has been a rival, many more are tried. At last come the motions that
-    look like the best one. ``R``, ``t`` and ``mixture`` (3,) receive the best,
-    ``rival_R`` and ``rival_t`` one elsewhere that came near it. Returns the number of samples,
-    whether the other motion of a plane was a rival, and whether there is one elsewhere at all.
+    look like the best one. ``best`` receives it, ``rival`` one elsewhere that came near it. Returns
+    the number of samples, whether the other motion of a plane was a rival, and whether there is one
+    elsewhere at all.
     """
-    matches = Matches(pairs, prior, count, spread, min_variance, True)
-    best = Pose(R, t, mixture, scratch(6, 6), scratch(1))
+    pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, effort.tolerance
     other = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
-    rival = Pose(rival_R, rival_t, scratch(3), scratch(6, 6), scratch(1))
-    rival.cost[0] = math.inf
     sample, start = index_scratch(5), scratch(3, 3)
-    copy(R, start)
+    rival.cost[0] = math.inf
+    copy(best.R, start)
     flow = _typical_flow(pairs, count, start)
-    start_noise(tolerance, mixture)
-    search_direction(pairs, prior, candidates, tolerance, DIRECTIONS, state, R, t)
+    start_noise(tolerance, best.mixture)
+    search_direction(pairs, prior, candidates, tolerance, DIRECTIONS, state, best.R, best.t)
     refine(matches, REFINEMENTS, best)
     noise_of(matches, best, tolerance, other.mixture)
     limit = GATE_SIGMA * GATE_SIGMA * other.mixture[0]
-    copy(t, other.t)
-    lowest = score_pose(pairs, prior, R, other.t, limit, math.inf)
+    copy(best.t, other.t)
+    lowest = score_pose(pairs, prior, best.R, other.t, limit, math.inf)
     wrong = unexplained(matches, best, tolerance)
     contest = NO_RIVAL
     iteration = 0
     while iteration < iterations_needed(
-        wrong, flow, contest, confidence, min_iterations, max_iterations
+        wrong,
+        flow,
+        contest,
+        effort.confidence,
+        effort.min_iterations,
+        effort.max_iterations,
     ):
         iteration += 1
         _draw_distinct(sample, count, state)
@@ -185,16 +192,23 @@ def search_pose(
             far_better = best.cost[0] < before - NEAR
             contest = RIVAL if far_better else greater(contest, outcome)
             wrong = unexplained(matches, best, tolerance)
-    gate = GATE_SIGMA * math.sqrt(mixture[0])
-    is_planar = planar_twin(pairs, count, gate, R, t, other.R, other.t)
-    if is_planar:
-        copy(mixture, other.mixture)
-        is_planar = challenge(matches, other, best, rival) != NO_RIVAL
-        gate = GATE_SIGMA * math.sqrt(mixture[0])
-    if layer_twin(pairs, count, gate, R, t, other.R, other.t):
-        copy(mixture, other.mixture)
-        challenge(matches, other, best, rival)
+    is_planar = _search_twins(matches, best, other, rival)
     return iteration, is_planar, is_rival(rival, best)
+
+
+@inner_kernel
+def _search_twins(matches: Matches, best: Pose, other: Pose, rival: Pose) -> bool:
+    """Challenge the best pose by those that look like it; whether a plane's was a rival."""
+    gate = GATE_SIGMA * math.sqrt(best.mixture[0])
+    is_planar = planar_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t)
+    if is_planar:
+        copy(best.mixture, other.mixture)
+        is_planar = challenge(matches, other, best, rival) != NO_RIVAL
+        gate = GATE_SIGMA * math.sqrt(best.mixture[0])
+    if layer_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
+        copy(best.mixture, other.mixture)
+        challenge(matches, other, best, rival)
+    return is_planar
 
 
 @inner_kernel

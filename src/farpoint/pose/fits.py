@@ -13,11 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from farpoint._kernels import pose as kernels
 from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
 from farpoint._kernels.likelihood import explain
 from farpoint._kernels.mixture import clutter_density, mean_variance
 from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
+from farpoint._kernels.search import Effort
 from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.information import symmetric_inverse
@@ -231,18 +233,14 @@ def fit_moving(
     # Few matches leave few samples without a doubtful one: try them all, they cost little.
     samples = math.comb(n, 5)
     least = max(options.min_iterations, min(FEW_MATCHES // n, samples))
+    effort = Effort(
+        tolerance=tolerance,
+        confidence=options.confidence,
+        min_iterations=min(least, options.max_iterations),
+        max_iterations=min(max(least, samples), options.max_iterations),
+    )
     iterations, is_planar, has_met, settled = fit_motion(
-        matches.pairs,
-        n,
-        tolerance,
-        matches.spread,
-        MIN_VARIANCE,
-        options.confidence,
-        min(least, options.max_iterations),
-        min(max(least, samples), options.max_iterations),
-        _least_signal(matches),
-        state,
-        found,
+        _judging(matches, found), effort, _least_signal(matches), state, found
     )
     rival = (found.R_rival, found.t_rival) if has_met else None
     return _moving_fit(matches, iterations, bool(is_planar), rival, found, settled)
@@ -256,9 +254,7 @@ def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
         t=fit.direction_cam1_from_cam0.copy(),
         mixture=fit.noise.array,
     )
-    settled = settle_motion(
-        matches.pairs, len(matches), matches.spread, MIN_VARIANCE, _least_signal(matches), found
-    )
+    settled = settle_motion(_judging(matches, found), _least_signal(matches), found)
     return _moving_fit(matches, fit.iterations, fit.is_planar, fit.rival, found, settled)
 
 
@@ -286,6 +282,12 @@ def _least_signal(matches: Matches) -> float:
     """
     sigma = 0.5 * (1.0 + math.sqrt(matches.doubt))
     return 1.0 - MOST_NOISE / (sigma * sigma)
+
+
+def _judging(matches: Matches, found: Found) -> kernels.Matches:
+    """The matches as the kernels take them, which tell in ``found`` what is plausible of each."""
+    n, spread = len(matches), matches.spread
+    return kernels.Matches(matches.pairs, found.said[0], n, spread, MIN_VARIANCE, gives_way=True)
 
 
 def _nothing_found(n: int) -> Found:
