@@ -15,13 +15,13 @@ from farpoint._kernels.covariance import (
     PLAIN,
     SIGNAL,
     STATED,
-    Seen,
     covariance_around,
     covariance_beside,
     covariance_here,
     step_by_prediction,
 )
 from farpoint._kernels.information import information
+from farpoint._kernels.pose import Seen
 from farpoint._kernels.vectors import tangent_columns
 from farpoint.geometry import so3, sphere
 
@@ -32,13 +32,13 @@ SPHERE = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 
 
 @kernel
-def here(seen: Seen, least: float, out: np.ndarray) -> bool:
-    return covariance_here(seen, least, out)
+def here_by(seen: Seen, right: float, predicted: bool, least: float, out: np.ndarray) -> bool:
+    return covariance_here(seen, right, predicted, least, out)
 
 
 @kernel
-def beside_by(seen: Seen, step: np.ndarray, out: np.ndarray) -> bool:
-    return covariance_beside(seen, step, out)
+def beside_by(seen: Seen, predicted: bool, step: np.ndarray, out: np.ndarray) -> bool:
+    return covariance_beside(seen, RIGHT, predicted, step, out)
 
 
 @kernel
@@ -46,9 +46,14 @@ def step_by(seen: Seen) -> None:
     step_by_prediction(seen)
 
 
-def seen_of(view: View, predicted: bool = False, right: float = RIGHT) -> Seen:
-    prior = packed(np.ones(view.size))
-    return Seen(view.pairs, prior, view.R, view.t, MIXTURE, CLUTTER, right, predicted)
+def seen_of(view: View) -> Seen:
+    return Seen(view.pairs, packed(np.ones(view.size)), view.R, view.t, MIXTURE, CLUTTER)
+
+
+def here(
+    view: View, least: float, out: np.ndarray, predicted: bool = False, right: float = RIGHT
+) -> bool:
+    return here_by(seen_of(view), right, predicted, least, out)
 
 
 class Told(NamedTuple):
@@ -60,7 +65,7 @@ class Told(NamedTuple):
 def told(view: View, predicted: bool = False, sure: float = SURE) -> Told:
     """Gauss-Newton matrix, the part of it that is noise, and the scatter of the gradient."""
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
-    known = information(*seen_of(view)[:6], predicted, normal, noise, scatter)
+    known = information(seen_of(view), predicted, normal, noise, scatter)
     known *= sure
     return Told(known * normal[:5, :5], known * noise, sure * scatter)
 
@@ -90,7 +95,7 @@ def assert_covariances(actual: np.ndarray, expected: np.ndarray) -> None:
 @pytest.mark.parametrize("predicted", [False, True])
 def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen(predicted):
     view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
-    assert here(seen_of(view, predicted), PLAIN, out)
+    assert here(view, PLAIN, out, predicted)
     whole, noise, scatter = told(view, predicted)
     V = HEARD * scatter + (1.0 - HEARD) * whole + SPHERE
     # What is predicted is no noise.
@@ -99,7 +104,7 @@ def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen(predi
 
 def test_few_matches_are_hardly_sure_of_anything():
     view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
-    here(seen_of(view, right=5.0), PLAIN, out)
+    here(view, PLAIN, out, right=5.0)
     heard = 5.0 / (5.0 + STATED)
     whole, noise, scatter = told(view, sure=(4.0 - 2.0 - 10.0 * heard**2) / 4.0)
     V = heard * scatter + (1.0 - heard) * whole + SPHERE
@@ -115,15 +120,15 @@ def test_the_covariance_beside_a_pose_is_that_of_the_pose_there_in_the_axes_of_t
     step, out = np.zeros(5), np.empty((5, 5))
     if axis is not None:
         step[axis] = 1e-3 if axis < 3 else 0.02
-    assert beside_by(seen_of(view, predicted), step, out)
+    assert beside_by(seen_of(view), predicted, step, out)
     assert_covariances(out, beside(view, step, predicted))
 
 
 @pytest.mark.parametrize(("baseline_m", "shows"), [(0.029, False), (0.031, True)])
 def test_where_less_than_a_quarter_of_the_flow_is_signal_there_is_no_covariance(baseline_m, shows):
     view, out = two_views(5, 60, baseline_m=baseline_m), np.empty((5, 5))
-    assert here(seen_of(view), SIGNAL, out) == shows
-    assert beside_by(seen_of(view), np.zeros(5), out) == shows
+    assert here(view, SIGNAL, out) == shows
+    assert beside_by(seen_of(view), False, np.zeros(5), out) == shows
     assert share_of(view) == pytest.approx(SIGNAL, abs=0.1)
     assert (share_of(view) > SIGNAL) == shows
 
@@ -138,22 +143,22 @@ def test_predicted_flow_has_a_covariance_whatever_it_shows():
     view, out = two_views(5, 60, baseline_m=0.03, error_rad=1e-3), np.empty((5, 5))
     share = share_of(view, predicted=True)
     assert share > share_of(view) + 0.1
-    assert here(seen_of(view, predicted=True), share - 0.01, out)
-    assert not here(seen_of(view, predicted=True), share + 0.01, out)
+    assert here(view, share - 0.01, out, predicted=True)
+    assert not here(view, share + 0.01, out, predicted=True)
     whole, _, scatter = told(view, predicted=True)
     V = HEARD * scatter + (1.0 - HEARD) * whole + SPHERE
     assert_covariances(out, sandwich(whole + SPHERE, V))
-    assert beside_by(seen_of(view, predicted=True), np.zeros(5), out)
+    assert beside_by(seen_of(view), True, np.zeros(5), out)
 
 
 def test_the_step_is_that_of_the_predicted_normal_equations():
     view = two_views(5, 60, baseline_m=0.1, error_rad=1e-3)
     R, t = view.R.copy(), view.t.copy()
     normal, told_beside = np.empty((6, 6)), np.empty((2, 5, 5))
-    information(*seen_of(view)[:6], True, normal, *told_beside)
+    information(seen_of(view), True, normal, *told_beside)
     x = -np.linalg.solve(normal[:5, :5] + SPHERE, normal[:5, 5])
     assert 1e-4 < np.linalg.norm(x) < 0.3
-    step_by(seen_of(view, predicted=True))
+    step_by(seen_of(view))
     np.testing.assert_allclose(view.R, so3.exp(x[:3]) @ R, atol=1e-10)
     np.testing.assert_allclose(view.t, sphere.normalize(t + basis_of(t) @ x[3:]), atol=1e-10)
 
@@ -164,7 +169,7 @@ def around(view: View, covariance: np.ndarray, predicted: bool = False) -> np.nd
     growth = -2.0 * beside(view, np.zeros(5), predicted)
     for step in (axes * np.sqrt(values)).T[3:]:
         for side in (step, -step):
-            shows = beside_by(seen_of(view, predicted), side, np.empty((5, 5)))
+            shows = beside_by(seen_of(view), predicted, side, np.empty((5, 5)))
             there = beside(view, side, predicted) if shows else (1.0 + MOST_GROWTH) * covariance
             growth += 0.5 * there
     root = axes * np.sqrt(values)
@@ -182,7 +187,7 @@ def around(view: View, covariance: np.ndarray, predicted: bool = False) -> np.nd
 def test_the_covariance_grows_by_half_its_second_difference(seed, times, least, most):
     view = two_views(seed, 60, error_rad=2e-3)
     covariance, out = times * beside(view, np.zeros(5)), np.empty((5, 5))
-    covariance_around(*seen_of(view), covariance, out)
+    covariance_around(seen_of(view), RIGHT, False, covariance, out)
     assert_covariances(out, around(view, covariance))
     grown = scipy.linalg.eigh(out, covariance)[0]
     assert least - 1e-9 < grown[0] <= grown[-1] < most + 0.01
@@ -191,7 +196,7 @@ def test_the_covariance_grows_by_half_its_second_difference(seed, times, least, 
 def test_that_of_predicted_flow_grows_by_its_own():
     view = two_views(6, 60, error_rad=2e-3)
     covariance, out = 20.0 * beside(view, np.zeros(5), predicted=True), np.empty((5, 5))
-    covariance_around(*seen_of(view, predicted=True), covariance, out)
+    covariance_around(seen_of(view), RIGHT, True, covariance, out)
     assert_covariances(out, around(view, covariance, predicted=True))
     assert scipy.linalg.eigh(out, covariance)[0][-1] > 1.005
 
@@ -201,5 +206,5 @@ def test_the_two_widest_axes_are_gone_along(first, second):
     view = two_views(5, 60, error_rad=2e-3)
     covariance, out = np.diag([1.0e-7, 1.1e-7, 1.2e-7, 1.3e-7, 1.4e-7]), np.empty((5, 5))
     covariance[first, first], covariance[second, second] = 1e-5, 1e-6
-    covariance_around(*seen_of(view), covariance, out)
+    covariance_around(seen_of(view), RIGHT, False, covariance, out)
     assert_covariances(out, around(view, covariance))

@@ -12,6 +12,7 @@ from farpoint._kernels import epipolar, likelihood
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.information import information
 from farpoint._kernels.pairs import address
+from farpoint._kernels.pose import Seen
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
 
@@ -42,8 +43,8 @@ class Informed(NamedTuple):
 
 def informed(view: View, prior: np.ndarray, predicted: bool = False) -> Informed:
     told = np.full((6, 6), np.nan), *np.full((2, 5, 5), np.nan)
-    given = view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, predicted
-    return Informed(information(*given, *told), *told)
+    seen = Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER)
+    return Informed(information(seen, predicted, *told), *told)
 
 
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -65,7 +66,10 @@ def test_the_whole_is_the_gauss_newton_matrix_of_the_likelihood():
     prior = np.random.default_rng(3).uniform(0.5, 2.0, 40)
     normal = np.empty((6, 6))
     likelihood.linearize(
-        view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER, False, normal, np.empty(3)
+        Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER),
+        False,
+        normal,
+        np.empty(3),
     )
     np.testing.assert_allclose(informed(view, prior).normal, normal, rtol=1e-7, atol=1e-7)
 

@@ -23,6 +23,7 @@ from farpoint._kernels import epipolar, likelihood, mixture
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.information import information
 from farpoint._kernels.pairs import address
+from farpoint._kernels.pose import Seen
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
 
@@ -62,7 +63,7 @@ class Linearized:
         normal, shares = np.full((6, 6), np.nan), np.full(3, np.nan)
         weights = packed(prior)
         self.cost = likelihood.linearize(
-            view.pairs, weights, R, t, mixture, clutter, gives_way, normal, shares
+            Seen(view.pairs, weights, R, t, mixture, clutter), gives_way, normal, shares
         )
         np.testing.assert_array_equal(normal, normal.T)
         self.H, self.g, self.squares = normal[:5, :5], normal[:5, 5], normal[5, 5]
@@ -75,7 +76,7 @@ class Explained:
     def __init__(self, view: View, prior: np.ndarray, R: np.ndarray, t: np.ndarray) -> None:
         weights = packed(prior)
         out = np.full((3, len(weights)), np.nan)
-        likelihood.explain(view.pairs, weights, R, t, MIXTURE, CLUTTER, *out)
+        likelihood.explain(Seen(view.pairs, weights, R, t, MIXTURE, CLUTTER), *out)
         assert np.isfinite(out).all()
         self.r, self.parallax, self.right = out[:, : view.size]
 
@@ -297,8 +298,8 @@ def informed(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss-Newton matrix, the part of it that is noise, and the scatter of the gradient."""
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
-    given = pairs, prior, view.R, view.t, mixture, clutter, False
-    information(*given, normal, noise, scatter)
+    seen = Seen(pairs, prior, view.R, view.t, mixture, clutter)
+    information(seen, False, normal, noise, scatter)
     return normal[:5, :5], noise, scatter
 
 

@@ -13,11 +13,11 @@ from numba.core.runtime.nrt import rtsys
 
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.contest import NEAR, is_rival
-from farpoint._kernels.covariance import PLAIN, Seen, covariance_here, step_by_prediction
+from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
 from farpoint._kernels.likelihood import explain, refine_pose
 from farpoint._kernels.mixture import clutter_density
 from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
-from farpoint._kernels.pose import Pose
+from farpoint._kernels.pose import Pose, Seen
 from farpoint._kernels.search import Effort
 from farpoint.geometry import so3
 
@@ -26,8 +26,8 @@ EFFORT = Effort(tolerance=3.0, confidence=0.99, min_iterations=16, max_iteration
 
 
 @kernel
-def here(seen: Seen, least: float, out: np.ndarray) -> bool:
-    return covariance_here(seen, least, out)
+def here(seen: Seen, right: float, predicted: bool, least: float, out: np.ndarray) -> bool:
+    return covariance_here(seen, right, predicted, least, out)
 
 
 @kernel
@@ -128,18 +128,17 @@ def test_of_many_matches_every_so_manieth_is_searched():
     assert settled[5] == MAX_SEARCHED
 
 
-def seen_by(view: View, found: Found, predicted: bool) -> Seen:
-    prior, *_, right = found.said
+def seen_by(pairs: np.ndarray, found: Found) -> Seen:
     clutter = clutter_density(found.mixture[0], found.mixture[1], SPREAD)
-    given = view.pairs, prior, found.R, found.t, found.mixture, clutter
-    return Seen(*given, right[: view.size].sum(), predicted)
+    return Seen(pairs, found.said[0], found.R, found.t, found.mixture, clutter)
 
 
 def test_how_sure_the_motion_is_goes_by_how_many_are_right():
     view = two_views(6, 60, noise_rad=1e-3, error_rad=1e-3)
     found, _, settled = find(view)
     expected = np.empty((5, 5))
-    assert here(seen_by(view, found, predicted=False), PLAIN, expected)
+    right = found.said[3, :60].sum()
+    assert here(seen_by(view.pairs, found), right, False, PLAIN, expected)
     assert settled[6:] == (False, True, False)
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-12)
 
@@ -150,7 +149,8 @@ def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(le
     found, _, settled = find(view, least_signal=least_signal)
     assert settled[6:] == (True, shows, False)
     expected = np.empty((5, 5))
-    assert here(seen_by(view, found, predicted=True), least_signal, expected) == shows
+    right = found.said[3, :60].sum()
+    assert here(seen_by(view.pairs, found), right, True, least_signal, expected) == shows
     # The noise of those right is known from before the step, when some may have been less so.
     np.testing.assert_allclose(found.covariance, expected, rtol=0.02)
     # What is said of the matches is said of the motion after the step.
@@ -158,11 +158,11 @@ def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(le
     refine_pose(matches_of(view, SPREAD, found.said[0], gives_way=True), 1e-6, 50, pose)
     likeliest = found._replace(R=pose.R, t=pose.t)
     assert so3.angle_between(likeliest.R, found.R) > 2e-5
-    step_by(seen_by(view, likeliest, predicted=True))
+    step_by(seen_by(view.pairs, likeliest))
     assert so3.angle_between(likeliest.R, found.R) < 4e-6
     np.testing.assert_allclose(likeliest.t, found.t, atol=1e-3)
     residual = np.empty(len(found.said[1]))
-    explain(*seen_by(view, found, predicted=True)[:6], residual, *np.empty((2, len(residual))))
+    explain(seen_by(view.pairs, found), residual, *np.empty((2, len(residual))))
     np.testing.assert_allclose(found.said[1], residual, rtol=1e-12)
 
 
@@ -200,10 +200,8 @@ def test_noise_that_grows_with_the_parallax_is_told():
     view = shaken(view, 7, 0.1 * (1.0 + (flow / 0.02) ** 2) ** 0.25)
     found, _, settled = find(view)
     assert settled[8]
-    given = found.grown, found.said[0], found.R, found.t, found.mixture
-    clutter = clutter_density(found.mixture[0], found.mixture[1], SPREAD)
     residual = np.empty(len(found.said[1]))
-    explain(*given, clutter, residual, *np.empty((2, len(residual))))
+    explain(seen_by(found.grown, found), residual, *np.empty((2, len(residual))))
     np.testing.assert_allclose(found.said[1], residual, rtol=1e-12)
 
 

@@ -9,7 +9,7 @@ import pytest
 from kernels_kit import View, matches_of, packed, pose_of, shaken, two_views
 
 from farpoint._kernels import likelihood, mixture, plane
-from farpoint._kernels.pose import Pose
+from farpoint._kernels.pose import Pose, Seen
 from farpoint.geometry import so3, sphere
 
 MIXTURE, SPREAD = np.array([1.2, 0.02, 0.01]), 600.0
@@ -54,7 +54,7 @@ def right_of(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Probability of each match to be right."""
     told, prior = np.empty((3, len(packed(np.ones(view.size))))), packed(np.ones(view.size))
     clutter = mixture.clutter_density(MIXTURE[0], MIXTURE[1], SPREAD)
-    likelihood.explain(view.pairs, prior, R, t, MIXTURE, clutter, *told)
+    likelihood.explain(Seen(view.pairs, prior, R, t, MIXTURE, clutter), *told)
     return told[2, : view.size]
 
 

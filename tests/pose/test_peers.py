@@ -8,6 +8,7 @@ from pose_kit import estimate, point_scene
 
 from farpoint import PoseStatus, TrackLabel
 from farpoint._kernels.likelihood import explain
+from farpoint._kernels.pose import Seen
 from farpoint.geometry import so3, sphere
 from farpoint.pose.matches import matches_from_points
 from farpoint.synthetic import PointScene
@@ -100,8 +101,8 @@ def test_the_residual_is_the_sampson_distance_of_the_textbook(scene):
     matches = matches_from_points(scene.points0, scene.points1, scene.camera, scene.camera)
     everyone = matches.weights()
     residual_px, parallax, right = np.empty((3, len(everyone)))
-    given = (matches.pairs, everyone, R, t, np.array([1.0, 0.1, 0.1]), 0.1)
-    explain(*given, residual_px, parallax, right)
+    seen = Seen(matches.pairs, everyone, R, t, np.array([1.0, 0.1, 0.1]), 0.1)
+    explain(seen, residual_px, parallax, right)
     residual_px = residual_px[:250]
     true = ~scene.is_outlier
     assert np.abs(textbook_px[true]).max() > 0.5

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,13 +11,12 @@ from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.information import information
 from farpoint._kernels.likelihood import add_retreats
 from farpoint._kernels.linear import eigen_five, sandwich, tangent_basis
-from farpoint._kernels.pose import apply_step, take_step
+from farpoint._kernels.pose import Seen, apply_step, take_step
 from farpoint._kernels.scratch import clear, copy, scratch
 from farpoint._kernels.squares import promise, solve_five_spd
 
 __all__ = [
     "PLAIN",
-    "Seen",
     "covariance_around",
     "covariance_beside",
     "covariance_here",
@@ -39,30 +37,11 @@ TELLING = 5.0
 MOST_GROWTH = 8.0
 
 
-class Seen(NamedTuple):
-    """A pose and what it was seen by."""
-
-    pairs: np.ndarray
-    """Panels of matches."""
-    prior: np.ndarray
-    """What is plausible of each match, by where it lies along its epipolar line."""
-    R: np.ndarray
-    """(3, 3) rotation cam1_from_cam0."""
-    t: np.ndarray
-    """(3,) direction cam1_from_cam0."""
-    mixture: np.ndarray
-    """(3,) variance, share of wrong and share of poor matches."""
-    clutter: float
-    """As of `mixture.clutter_density`."""
-    right: float
-    """Matches that were found to share the pose."""
-    predicted: bool
-    """Whether by the flow that is predicted and not by the one measured."""
-
-
 @inner_kernel
-def covariance_here(seen: Seen, least: float, out: np.ndarray) -> bool:
-    """Covariance ``out`` (5, 5) of the pose.
+def covariance_here(
+    seen: Seen, right: float, predicted: bool, least: float, out: np.ndarray
+) -> bool:
+    """Covariance ``out`` (5, 5) of the pose, which so many matches were found to share.
 
     The sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix, as of `information`, less what of it
     is noise, if it is not predicted; V the variance of the gradient: that matrix, and its scatter
@@ -72,8 +51,8 @@ def covariance_here(seen: Seen, least: float, out: np.ndarray) -> bool:
     normal, noise, spare = scratch(6, 6), scratch(5, 5), scratch(5, 5)
     scatter, variance = scratch(5, 5), scratch(5, 5)
     whole = normal[:5, :5]
-    known = _sure(seen.right) * _learn(seen, seen.R, seen.t, normal, noise, scatter)
-    heard, sure = _heard(seen.right), _sure(seen.right)
+    known = _sure(right) * _learn(seen, predicted, normal, noise, scatter)
+    heard, sure = _heard(right), _sure(right)
     for i in range(5):
         for j in range(5):
             whole[i, j] *= known
@@ -82,7 +61,7 @@ def covariance_here(seen: Seen, least: float, out: np.ndarray) -> bool:
     _bound(variance)
     _bound(whole)
     shows = True
-    if seen.predicted:
+    if predicted:
         shows = sandwich(whole, noise, whole, least, spare)
         clear(noise)
     return sandwich(whole, noise, variance, least, out) and shows
@@ -92,7 +71,7 @@ def covariance_here(seen: Seen, least: float, out: np.ndarray) -> bool:
 def step_by_prediction(seen: Seen) -> None:
     """Move the pose by the solution of the normal equations of `information`."""
     normal, noise, scatter, x = scratch(6, 6), scratch(5, 5), scratch(5, 5), scratch(5)
-    _learn(seen, seen.R, seen.t, normal, noise, scatter)
+    _learn(seen, True, normal, noise, scatter)
     _bound(normal)
     if solve_five_spd(normal, 0.0, x):
         take_step(seen.R, seen.t, x, promise(normal, x)[1])
@@ -100,18 +79,12 @@ def step_by_prediction(seen: Seen) -> None:
 
 @inner_kernel
 def _learn(
-    seen: Seen,
-    R: np.ndarray,
-    t: np.ndarray,
-    normal: np.ndarray,
-    noise: np.ndarray,
-    scatter: np.ndarray,
+    seen: Seen, predicted: bool, normal: np.ndarray, noise: np.ndarray, scatter: np.ndarray
 ) -> float:
-    """`information` at a pose; where it is not predicted, with that of the matches that retreat."""
-    given = seen.pairs, seen.prior, R, t, seen.mixture, seen.clutter, seen.predicted
-    known = information(*given, normal, noise, scatter)
-    if not seen.predicted:
-        add_retreats(seen.pairs, seen.prior, R, t, seen.mixture, seen.clutter, normal)
+    """As `information`; where it is not predicted, with that of the matches that retreat."""
+    known = information(seen, predicted, normal, noise, scatter)
+    if not predicted:
+        add_retreats(seen, normal)
     return known
 
 
@@ -143,16 +116,7 @@ def _bound(information: np.ndarray) -> None:
 
 @kernel
 def covariance_around(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
-    right: float,
-    predicted: bool,
-    covariance: np.ndarray,
-    out: np.ndarray,
+    seen: Seen, right: float, predicted: bool, covariance: np.ndarray, out: np.ndarray
 ) -> None:
     """Mean ``out`` (5, 5) of the covariance over the poses that a ``covariance`` allows.
 
@@ -164,8 +128,7 @@ def covariance_around(
     copy(covariance, values)
     eigen_five(values, axes)
     _widest(values, axes, steps)
-    seen = Seen(pairs, prior, R, t, mixture, clutter, right, predicted)
-    _grow(seen, covariance, steps, growth)
+    _grow(seen, right, predicted, covariance, steps, growth)
     # In axes in which the covariance is the identity, growth is what it is times as large.
     for k in range(5):
         sigma = math.sqrt(values[k, k])
@@ -209,7 +172,14 @@ def _widest(values: np.ndarray, axes: np.ndarray, steps: np.ndarray) -> None:
 
 
 @inner_kernel
-def _grow(seen: Seen, covariance: np.ndarray, steps: np.ndarray, out: np.ndarray) -> None:
+def _grow(
+    seen: Seen,
+    right: float,
+    predicted: bool,
+    covariance: np.ndarray,
+    steps: np.ndarray,
+    out: np.ndarray,
+) -> None:
     """How much larger (5, 5) a ``covariance`` is on average around the pose.
 
     It is `MOST_GROWTH` times as large again where hardly anything would be signal.
@@ -220,7 +190,7 @@ def _grow(seen: Seen, covariance: np.ndarray, steps: np.ndarray, out: np.ndarray
         side, weight = (0.0, -2.0) if k == 0 else (1.0 if k < 3 else -1.0, 0.5)
         for i in range(5):
             step[i] = side * steps[k % 2, i]
-        shows = covariance_beside(seen, step, there)
+        shows = covariance_beside(seen, right, predicted, step, there)
         for i in range(5):
             for j in range(5):
                 value = there[i, j] if shows else (1.0 + MOST_GROWTH) * covariance[i, j]
@@ -228,7 +198,9 @@ def _grow(seen: Seen, covariance: np.ndarray, steps: np.ndarray, out: np.ndarray
 
 
 @inner_kernel
-def covariance_beside(seen: Seen, step: np.ndarray, out: np.ndarray) -> bool:
+def covariance_beside(
+    seen: Seen, right: float, predicted: bool, step: np.ndarray, out: np.ndarray
+) -> bool:
     """Covariance ``out`` (5, 5) if the right pose is ``step`` (5,) beside this one.
 
     As `covariance_here`, in the axes of this pose; the residuals there are not those of a fit, and
@@ -240,11 +212,12 @@ def covariance_beside(seen: Seen, step: np.ndarray, out: np.ndarray) -> bool:
     copy(seen.R, moved_R)
     copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
-    known = _sure(seen.right) * _learn(seen, moved_R, moved_t, normal, noise, scatter)
+    moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.clutter)
+    known = _sure(right) * _learn(moved, predicted, normal, noise, scatter)
     for i in range(5):
         for j in range(5):
             whole[i, j] *= known
-            noise[i, j] *= 0.0 if seen.predicted else known
+            noise[i, j] *= 0.0 if predicted else known
     _bound(whole)
     if not sandwich(whole, noise, whole, SIGNAL, there):
         return False

@@ -9,6 +9,7 @@ from farpoint._kernels.epipolar import flow_along, sampson_jacobian, variances
 from farpoint._kernels.formulas import choose, formula, greater, lesser, root
 from farpoint._kernels.mixture import densities, weight_of
 from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0, ray1
+from farpoint._kernels.pose import Seen
 from farpoint._kernels.scratch import room
 from farpoint._kernels.squares import FIVE, SIX, add_square, inverse_square, size2, write_square
 from farpoint._kernels.vectors import (
@@ -42,12 +43,7 @@ TOLD = 18 * LANES
 
 @kernel
 def information(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
+    seen: Seen,
     predicted: bool,
     normal: np.ndarray,
     noise: np.ndarray,
@@ -77,8 +73,8 @@ def information(
     or wrong: what is missing is the variance of the score over these (Louis, J. R. Stat. Soc. B 44,
     1982, DOI 10.1111/j.2517-6161.1982.tb01203.x).
     """
-    told = room(prior.size // LANES * TOLD)
-    _tell(pairs, prior, R, t, mixture, clutter, told)
+    told = room(seen.prior.size // LANES * TOLD)
+    _tell(seen, told)
     if predicted:
         _predict(told)
     _normal_equations(told, normal)
@@ -121,25 +117,17 @@ def _predict(told: np.ndarray) -> None:
                 told[at + row * LANES] += (1.0 - own) * (mean - depth) * change
 
 
-@kernel
-def _tell(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
-    told: np.ndarray,
-) -> None:
+@inner_kernel
+def _tell(seen: Seen, told: np.ndarray) -> None:
     """Write down what each match tells."""
-    turn, towards = matrix(R), vector(t)
+    turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
-    precision, poor = 1.0 / mixture[0], mixture[2]
-    for panel in range(prior.size // LANES):
+    noise = 1.0 / seen.mixture[0], seen.mixture[2], seen.clutter
+    for panel in range(seen.prior.size // LANES):
         for lane in range(LANES):
             at, to = panel * PANEL + lane, panel * TOLD + lane
-            share = prior[panel * LANES + lane]
-            _tell_of(pairs, at, share, turn, towards, basis, (precision, poor, clutter), told, to)
+            share = seen.prior[panel * LANES + lane]
+            _tell_of(seen.pairs, at, share, turn, towards, basis, noise, told, to)
 
 
 @formula

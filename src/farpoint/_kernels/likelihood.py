@@ -27,7 +27,7 @@ from farpoint._kernels.mixture import (
     weight_of,
 )
 from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
-from farpoint._kernels.pose import Matches, Pose, copy_pose, take_step
+from farpoint._kernels.pose import Matches, Pose, Seen, copy_pose, take_step
 from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.squares import (
     SIX,
@@ -48,30 +48,19 @@ CLIMB = 0.5
 
 
 @sum_kernel
-def linearize(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
-    gives_way: bool,
-    normal: np.ndarray,
-    shares: np.ndarray,
-) -> float:
+def linearize(seen: Seen, gives_way: bool, normal: np.ndarray, shares: np.ndarray) -> float:
     """Robust cost of all matches, with its normal equations.
 
-    The cost is ``-sum log(prior (good + poor) + clutter)``, where ``prior`` scales the share of
-    right matches one by one (0 leaves a match out) and ``clutter``, positive, is the density of
-    wrong matches over that of right ones. With J the Jacobian (N, 5) of the residuals r, ``normal``
-    (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the gradient in its last column,
-    the squares in its corner. Where the pose ``gives_way`` to them, the shifts of matches that
-    retreat are residuals, too. ``shares`` (3,) receives the expected number of right matches, of
-    poor ones among them, and of those that are poorer still.
+    The cost is ``-sum log(prior (good + poor) + clutter)``. With J the Jacobian (N, 5) of the
+    residuals r, ``normal`` (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the
+    gradient in its last column, the squares in its corner. Where the pose ``gives_way`` to them,
+    the shifts of matches that retreat are residuals, too. ``shares`` (3,) receives the expected
+    number of right matches, of poor ones among them, and of those that are poorer still.
     """
-    turn, towards = matrix(R), vector(t)
+    pairs, prior, clutter = seen.pairs, seen.prior, seen.clutter
+    turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
-    precision, poor = 1.0 / mixture[0], mixture[2]
+    precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
     cost = used = right = doubtful = poorest = retreating = 0.0
     sums = SIX
     for panel in range(prior.size // LANES):
@@ -92,25 +81,18 @@ def linearize(
             sums = add_square(sums, precision * weight_of(good, fair, bad) * over, row)
     write_square(sums, normal)
     if gives_way and retreating > FEW_RETREATING:
-        add_retreats(pairs, prior, R, t, mixture, clutter, normal)
+        add_retreats(seen, normal)
     shares[0], shares[1], shares[2] = right, doubtful, poorest
     return cost + (prior.size - used) * lane_log(clutter)
 
 
 @inner_kernel
-def add_retreats(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
-    normal: np.ndarray,
-) -> None:
+def add_retreats(seen: Seen, normal: np.ndarray) -> None:
     """Add the matches that retreat to the normal equations of `linearize`, by their shift."""
-    turn, towards = matrix(R), vector(t)
+    pairs, prior, clutter = seen.pairs, seen.prior, seen.clutter
+    turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
-    precision, poor = 1.0 / mixture[0], mixture[2]
+    precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
     for i in range(prior.size):
         at = address(i)
         if not may_retreat(pairs, at, turn, towards, precision):
@@ -173,22 +155,14 @@ def refine_pose(matches: Matches, precision: float, max_iterations: int, pose: P
 def judge_pose(matches: Matches, pose: Pose, shares: np.ndarray) -> float:
     """The negative log likelihood of a pose, with the rest as of `linearize`."""
     variance, wrong = pose.mixture[0], pose.mixture[1]
-    cost = linearize(
-        matches.pairs,
-        matches.prior,
-        pose.R,
-        pose.t,
-        pose.mixture,
-        clutter_density(variance, wrong, matches.spread),
-        matches.gives_way,
-        pose.normal,
-        shares,
-    )
+    clutter = clutter_density(variance, wrong, matches.spread)
+    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, clutter)
+    cost = linearize(seen, matches.gives_way, pose.normal, shares)
     return cost + matches.total * mixture_cost(variance, wrong)
 
 
 @formula
-def _seen(
+def _said_of(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, precision: float, poor: float, prior: float
 ) -> tuple[float, float, float]:
     """Residual and parallax of a match, both for unit noise, and the sum of its `densities`."""
@@ -201,29 +175,20 @@ def _seen(
 
 
 @kernel
-def explain(
-    pairs: np.ndarray,
-    prior: np.ndarray,
-    R: np.ndarray,
-    t: np.ndarray,
-    mixture: np.ndarray,
-    clutter: float,
-    residual: np.ndarray,
-    parallax: np.ndarray,
-    right: np.ndarray,
-) -> None:
+def explain(seen: Seen, residual: np.ndarray, parallax: np.ndarray, right: np.ndarray) -> None:
     """What a pose makes of each match.
 
     ``residual`` receives the Sampson residual, ``parallax`` the signed shift towards the direction
     along the epipolar line in units of its own noise, both for unit noise, and ``right`` the
     probability of being right.
     """
-    turn, towards = matrix(R), vector(t)
-    precision, poor = 1.0 / mixture[0], mixture[2]
+    pairs, prior, clutter = seen.pairs, seen.prior, seen.clutter
+    turn, towards = matrix(seen.R), vector(seen.t)
+    precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, i = panel * PANEL + lane, panel * LANES + lane
-            residual[i], parallax[i], density = _seen(
+            residual[i], parallax[i], density = _said_of(
                 pairs, at, turn, towards, precision, poor, prior[i]
             )
             right[i] = density / (density + clutter)

@@ -9,14 +9,14 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import narrowness
-from farpoint._kernels.covariance import PLAIN, Seen, covariance_here, step_by_prediction
+from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.growth import grow_noise
 from farpoint._kernels.likelihood import explain, refine_pose
 from farpoint._kernels.mixture import clutter_density, mean_variance
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.plausible import plausible_parallax
-from farpoint._kernels.pose import Matches, Pose
+from farpoint._kernels.pose import Matches, Pose, Seen
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.search import Effort, search_pose
@@ -204,9 +204,16 @@ def _settle(searched: Matches, matches: Matches, least_signal: float, found: Fou
 @inner_kernel
 def _explain(matches: Matches, found: Found) -> None:
     """As `likelihood.explain`."""
-    said, R, t, mixture = found.said, found.R, found.t, found.mixture
+    said = found.said
+    explain(_seen(matches, found), said[1], said[2], said[3])
+
+
+@inner_kernel
+def _seen(matches: Matches, found: Found) -> Seen:
+    """The matches as the pose sees them."""
+    mixture = found.mixture
     clutter = clutter_density(mixture[0], mixture[1], matches.spread)
-    explain(matches.pairs, matches.prior, R, t, mixture, clutter, said[1], said[2], said[3])
+    return Seen(matches.pairs, matches.prior, found.R, found.t, mixture, clutter)
 
 
 @inner_kernel
@@ -240,19 +247,16 @@ def _be_sure(matches: Matches, least_signal: float, found: Found) -> tuple[bool,
 
     Returns whether it was predicted, and whether at least so much of it is signal.
     """
-    R, t, mixture, right = found.R, found.t, found.mixture, found.said[3]
-    clutter = clutter_density(mixture[0], mixture[1], matches.spread)
-    total = 0.0
+    right = 0.0
     for i in range(matches.total):
-        total += right[i]
-    found.covariance[:] = math.inf
-    measured = Seen(matches.pairs, matches.prior, R, t, mixture, clutter, total, False)
-    if covariance_here(measured, PLAIN, found.covariance):
+        right += found.said[3, i]
+    seen, covariance = _seen(matches, found), found.covariance
+    covariance[:] = math.inf
+    if covariance_here(seen, right, False, PLAIN, covariance):
         return False, True
-    seen = Seen(matches.pairs, matches.prior, R, t, mixture, clutter, total, True)
     step_by_prediction(seen)
     _explain(matches, found)
-    return True, covariance_here(seen, least_signal, found.covariance)
+    return True, covariance_here(seen, right, True, least_signal, covariance)
 
 
 @inner_kernel

@@ -21,7 +21,7 @@ from farpoint._kernels.linear import add, add_outer
 from farpoint._kernels.mixture import clutter_density
 from farpoint._kernels.motion import MAX_REFINEMENTS
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
-from farpoint._kernels.pose import Matches, Pose
+from farpoint._kernels.pose import Matches, Pose, Seen
 from farpoint._kernels.scratch import clear, copy, room, scratch
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.twins import planar_twin
@@ -82,8 +82,9 @@ def _evidence(matches: Matches, pose: Pose, other: Pose) -> float:
     right, other_right, square, spare = room(size), room(size), room(size), room(size)
     clutter = clutter_density(mixture[0], mixture[1], matches.spread)
     # Nobody asks for residual and parallax.
-    explain(pairs, prior, other.R, other.t, mixture, clutter, square, spare, other_right)
-    explain(pairs, prior, pose.R, pose.t, mixture, clutter, square, spare, right)
+    by_other = Seen(pairs, prior, other.R, other.t, mixture, clutter)
+    explain(by_other, square, spare, other_right)
+    explain(Seen(pairs, prior, pose.R, pose.t, mixture, clutter), square, spare, right)
     _measure(pairs, count, mixture[0], pose.R, pose.t, right, square, spare)
     weight = _weight_near(*_median(square, right, count, OFF_SQUARE, spare))
     evidence = 0.0

@@ -13,7 +13,7 @@ from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.scratch import copy
 from farpoint._kernels.vectors import combine, dot, tangent_columns, vector
 
-__all__ = ["Matches", "Pose", "apply_step", "copy_pose", "take_step"]
+__all__ = ["Matches", "Pose", "Seen", "apply_step", "copy_pose", "take_step"]
 
 
 class Matches(NamedTuple):
@@ -48,6 +48,23 @@ class Pose(NamedTuple):
     """(6, 6) normal equations, as of `likelihood.linearize`."""
     cost: np.ndarray
     """(1,) negative log likelihood."""
+
+
+class Seen(NamedTuple):
+    """Matches as a pose sees them: all that their likelihood is made of."""
+
+    pairs: np.ndarray
+    """Panels of matches."""
+    prior: np.ndarray
+    """As of `Matches`."""
+    R: np.ndarray
+    """(3, 3) rotation cam1_from_cam0."""
+    t: np.ndarray
+    """(3,) direction cam1_from_cam0."""
+    mixture: np.ndarray
+    """As of `Pose`."""
+    clutter: float
+    """Density of wrong matches over that of right ones, positive: `mixture.clutter_density`."""
 
 
 @inner_kernel

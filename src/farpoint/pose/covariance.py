@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.covariance import covariance_around
-from farpoint._kernels.mixture import clutter_density
-from farpoint.pose.fits import MovingFit
+from farpoint.pose.fits import MovingFit, seen_by
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 
@@ -40,19 +39,9 @@ def moving_covariance(fit: MovingFit) -> np.ndarray:
 
 def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:
     """The covariance on average over the poses that it allows."""
-    averaged = np.empty((5, 5))
-    covariance_around(
-        fit.matches.pairs,
-        fit.said[0],
-        fit.R_cam1_from_cam0,
-        fit.direction_cam1_from_cam0,
-        fit.noise.array,
-        clutter_density(fit.noise.variance, fit.noise.wrong, fit.matches.spread),
-        float(fit.probability.sum()),
-        fit.is_predicted,
-        covariance,
-        averaged,
-    )
+    averaged, right = np.empty((5, 5)), float(fit.probability.sum())
+    seen = seen_by(fit, fit.matches.pairs, fit.said[0])
+    covariance_around(seen, right, fit.is_predicted, covariance, averaged)
     return averaged
 
 

@@ -19,6 +19,7 @@ from farpoint._kernels.likelihood import explain
 from farpoint._kernels.mixture import clutter_density, mean_variance
 from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
+from farpoint._kernels.pose import Seen
 from farpoint._kernels.search import Effort
 from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
@@ -33,6 +34,7 @@ __all__ = [
     "fit_turning",
     "refit_moving",
     "residuals",
+    "seen_by",
 ]
 
 # Noise below a thousandth of a pixel is rounding, not information.
@@ -261,18 +263,21 @@ def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
 def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
     """Sampson residuals (N,) of the motion fitted, by the noise of these matches."""
     found, other, right = np.empty((3, packed_length(len(matches))))
-    explain(
-        matches.pairs,
-        matches.weights(),
+    explain(seen_by(fit, matches.pairs, matches.weights()), found, other, right)
+    return found[: len(matches)]
+
+
+def seen_by(fit: MovingFit, pairs: np.ndarray, prior: np.ndarray) -> Seen:
+    """These matches as the motion sees them, for the kernels."""
+    noise = fit.noise
+    return Seen(
+        pairs,
+        prior,
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
-        fit.noise.array,
-        clutter_density(fit.noise.variance, fit.noise.wrong, matches.spread),
-        found,
-        other,
-        right,
+        noise.array,
+        clutter_density(noise.variance, noise.wrong, fit.matches.spread),
     )
-    return found[: len(matches)]
 
 
 def _least_signal(matches: Matches) -> float:
