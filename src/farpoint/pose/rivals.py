@@ -56,7 +56,8 @@ def likelier_met(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
     """The fit, or one to a motion that the search has met if that is likelier; and the rival."""
     if fit.rival is None:
         return fit, None
-    rival = _some_pose()._replace(R=fit.rival[0].copy(), t=fit.rival[1].copy())
+    R, t = (each.copy() for each in fit.rival)
+    rival = Pose(R, t, np.empty(3), np.empty((6, 6)), np.empty(1))
     against = judge_rival(_some(fit, MORE), _pose_of(fit), rival)
     return _likelier(fit, _other(rival, against, ELSEWHERE) if against < np.inf else None)
 
@@ -121,9 +122,8 @@ def _some(fit: MovingFit, most: int) -> Matches:
 
 def _pose_of(fit: MovingFit) -> Pose:
     """The motion, as the kernels take it."""
-    return _some_pose()._replace(
-        R=fit.R_cam1_from_cam0, t=fit.direction_cam1_from_cam0, mixture=fit.noise.array
-    )
+    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    return Pose(R, t, fit.noise.array, np.empty((6, 6)), np.empty(1))
 
 
 def _some_pose() -> Pose:
