@@ -45,25 +45,9 @@ def estimate_closed_form(
     if not fixes_rotation(rotation_covariance):
         return conclusion.unfixed_rotation(matches, course)
     flowing = matches.select(~far)
-    t = np.empty(3)
-    agree = np.zeros(len(flowing), bool)
-    if len(flowing) >= 3:
-        search_direction(
-            flowing.pairs,
-            flowing.weights(),
-            np.arange(len(flowing)),
-            tolerance,
-            DIRECTION_SAMPLES,
-            state,
-            R,
-            t,
-        )
-        agree = _consistent_with(flowing, R, t, tolerance)
-    near = np.zeros(len(matches), bool)
-    near[~far] = agree
+    agree = _flowing_to_one_direction(flowing, R, tolerance, state)
     course.lap("search_s")
     epipole = mean_epipole(flowing, R, options.flow_saturation_px, agree)
-    labels = label_matches(matches, far | near, near)
     chance = 0.5 * tolerance / matches.spread
     seen = is_consensus(int(agree.sum()), len(flowing), 2, chance, options.false_alarm_rate)
     if epipole is None or not seen or largest_sigma(epipole.covariance) > MAX_DIRECTION_SIGMA:
@@ -80,20 +64,33 @@ def estimate_closed_form(
             sigma,
             course,
         )
+    near = np.zeros(len(matches), bool)
+    near[~far] = agree
     covariance = np.zeros((5, 5))
     covariance[:3, :3] = rotation_covariance
     covariance[3:, 3:] = epipole.covariance
-    covariance = positive(covariance)
     course.lap("covariance_s")
     return conclusion.observed(
         R,
         epipole.direction_cam1_from_cam0,
-        covariance,
+        positive(covariance),
         largest_sigma(epipole.covariance),
-        labels,
+        label_matches(matches, far | near, near),
         sigma,
         course,
     )
+
+
+def _flowing_to_one_direction(
+    flowing: Matches, R: np.ndarray, tolerance: float, state: np.ndarray
+) -> np.ndarray:
+    """Mask (N,) of the matches that agree with the direction that most of them flow towards."""
+    everyone, t = np.arange(len(flowing)), np.empty(3)
+    if len(flowing) < 3:
+        return np.zeros(len(flowing), bool)
+    given = flowing.pairs, flowing.weights(), everyone, tolerance, DIRECTION_SAMPLES, state
+    search_direction(*given, R, t)
+    return _consistent_with(flowing, R, t, tolerance)
 
 
 def _scatter_of_rotation(

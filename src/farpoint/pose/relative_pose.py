@@ -182,18 +182,7 @@ def _conclude_moving(
     course.lap("refinement_s")
     if not is_motion(fit, options.false_alarm_rate):
         return conclusion.no_consensus(matches, fit.agreeing, course)
-    covariance = moving_covariance(fit)
-    rival = _nearly_as_likely(other, matches, options)
-    if rival is None and fit.rival is not None:
-        fit, other = likelier_met(fit)
-        # Which of the two is the likelier is in doubt where their noise is.
-        rival = _nearly_as_likely(other, matches, options) if matches.doubt > 1.0 else None
-        covariance = moving_covariance(fit)
-    is_told = rival is None and fit.shows_direction
-    if is_told and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
-        fit, other = likelier_elsewhere(fit, tolerance)
-        rival = _nearly_as_likely(other, matches, options)
-        covariance = moving_covariance(fit)
+    fit, covariance, rival = _held_against_rivals(matches, fit, other, tolerance, options)
     if options.shared_error_px > 0.0:
         covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
@@ -227,6 +216,29 @@ def _conclude_moving(
         fit.noise.mean_sigma,
         course,
     )
+
+
+def _held_against_rivals(
+    matches: Matches,
+    fit: MovingFit,
+    of_plane: OtherMotion | None,
+    tolerance: float,
+    options: RelativePoseOptions,
+) -> tuple[MovingFit, np.ndarray, OtherMotion | None]:
+    """The likeliest motion, its covariance, and another one that is nearly as likely, if any."""
+    best, rival = fit, _nearly_as_likely(of_plane, matches, options)
+    if rival is None and fit.rival is not None:
+        best, other = likelier_met(fit)
+        # Which of the two is the likelier is in doubt where their noise is.
+        rival = _nearly_as_likely(other, matches, options) if matches.doubt > 1.0 else None
+    covariance = moving_covariance(best)
+    is_told = rival is None and best.shows_direction
+    if is_told and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
+        likelier, other = likelier_elsewhere(best, tolerance)
+        rival = _nearly_as_likely(other, matches, options)
+        if likelier is not best:
+            return likelier, moving_covariance(likelier), rival
+    return best, covariance, rival
 
 
 def _nearly_as_likely(
