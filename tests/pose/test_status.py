@@ -20,7 +20,7 @@ from farpoint import (
 )
 from farpoint.camera import Pinhole
 from farpoint.geometry import so3
-from farpoint.pose import failed_pose
+from farpoint.pose import failed_pose, relative_pose
 from farpoint.pose.fits import fit_moving
 from farpoint.pose.matches import matches_from_points
 from farpoint.pose.verdict import DIRECTIONS, is_motion, is_static, shown_translation
@@ -222,6 +222,17 @@ def test_a_rotation_covers_the_motion_that_the_flow_hints_at(noise_px, least):
             held.append(error @ np.linalg.solve(pose.rotation_covariance, error) < 7.81)
     assert len(held) > 190
     assert np.mean(held) > least
+
+
+def test_a_hint_of_a_motion_that_fixes_no_rotation_leaves_one(monkeypatch):
+    options = {"matches": 20, "outliers": 0, "far_share": 0.0, "noise_px": 1.0}
+    drawn = [point_scene(seed, translation_m=(0.02, 0.0, 0.0), **options) for seed in range(40)]
+    turned = [scene for scene in drawn if "only turned" in estimate(scene).reason]
+    assert len(turned) > 20
+    unsure = np.full((5, 5), np.inf)
+    monkeypatch.setattr(relative_pose, "moving_covariance", lambda _: unsure)
+    for scene in turned:
+        assert "only turned" in estimate(scene).reason
 
 
 def test_a_rotation_with_a_hint_of_translation_covers_both_motions():
