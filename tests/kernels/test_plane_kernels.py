@@ -13,6 +13,7 @@ from farpoint._kernels.pose import Pose, Seen
 from farpoint.geometry import so3, sphere
 
 MIXTURE, SPREAD = np.array([1.2, 0.02, 0.01]), 600.0
+CLUTTER = mixture.clutter_density(MIXTURE[0], MIXTURE[1], SPREAD)
 # Median of the sum of the squares of two normal errors.
 MEDIAN = 2.0 * np.log(2.0)
 
@@ -50,42 +51,66 @@ def other_of(view: View, prior: np.ndarray | None = None) -> Other:
     return Other(*found, other.R, other.t)
 
 
-def right_of(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Probability of each match to be right."""
+def said_of(view: View, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Parallax of each match, for unit noise, and its probability to be right."""
     told, prior = np.empty((3, len(packed(np.ones(view.size))))), packed(np.ones(view.size))
-    clutter = mixture.clutter_density(MIXTURE[0], MIXTURE[1], SPREAD)
-    likelihood.explain(Seen(view.pairs, prior, R, t, MIXTURE, clutter), *told)
-    return told[2, : view.size]
+    likelihood.explain(Seen(view.pairs, prior, R, t, MIXTURE, CLUTTER), *told)
+    return told[1, : view.size], told[2, : view.size]
 
 
-def squares_from_plane(view: View, right: np.ndarray) -> np.ndarray:
-    """By robust least squares of the plane in the tangent planes of the later rays."""
-    across = sphere.tangent_basis(view.rays1)
-    still = np.einsum("nik,ni->nk", across, view.rays0 @ view.R.T)
-    moved = np.einsum("nik,i->nk", across, view.t)[:, :, None] * view.rays0[:, None, :]
+def off_plane(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """From where the plane through most has the later rays (N, 3), in units of the noise.
+
+    By robust least squares of the plane in the tangent planes of those rays.
+    """
+    right = said_of(view, R, t)[1] > 0.5
+    axes = sphere.tangent_basis(view.rays1)
+    still = np.einsum("nik,ni->nk", axes, view.rays0 @ R.T)
+    moved = np.einsum("nik,i->nk", axes, t)[:, :, None] * view.rays0[:, None, :]
     traces = np.sum(view.noise0**2, axis=(1, 2)) + np.sum(view.noise1**2, axis=(1, 2))
     precision = 1.0 / (0.5 * traces * MIXTURE[0])
-    weight, square = right.astype(float), np.zeros(view.size)
+    weight, off = right.astype(float), still
     for _ in range(plane.PLANE_ROUNDS):
         M = np.einsum("n,nki,nkj->ij", weight * precision, moved, moved)
         v = np.einsum("n,nki,nk->i", weight * precision, moved, still)
         n = -np.linalg.solve(M + (1e-9 * np.trace(M) + 1e-300) * np.eye(3), v)
-        square = precision * np.sum((still + moved @ n) ** 2, axis=1)
+        off = np.sqrt(precision)[:, None] * (still + moved @ n)
+        square = np.sum(off**2, axis=1)
         typical = max(np.median(square[right]) / MEDIAN, 1.0) if right.any() else 1.0
         weight = right / (1.0 + square / (9.0 * typical)) ** 2
-    return square
+    return np.einsum("nik,nk->ni", axes, off)
 
 
-def expected_evidence(view: View, other: Other) -> tuple[float, float, int]:
-    """Evidence; the weight of what matches near the plane say, and how many are off it."""
-    right = right_of(view, view.R, view.t)
-    gain = np.log1p(-right_of(view, other.R, other.t)) - np.log1p(-right)
-    square = squares_from_plane(view, right > 0.5)
-    off = square > 16.0
-    near = (right > 0.5) & ~off
-    excess = np.median(square[near]) / MEDIAN * (1.0 - near.sum() ** -0.5) - 1.0 if any(near) else 0
-    weight = 2.0 * max(excess, 0.0) / (1.0 + 2.0 * max(excess, 0.0))
-    return gain[off].sum() + weight * gain[~off].sum(), weight, off.sum()
+class Relief(NamedTuple):
+    likelihood: float
+    across: float
+    along: float
+
+
+def likelihood_by(view: View, off: np.ndarray, R: np.ndarray, t: np.ndarray) -> Relief:
+    """Of matches off the plane by noise and, along their lines, by relief; both by EM."""
+    line = sphere.normalize(t - (view.rays1 @ t)[:, None] * view.rays1)
+    a = np.sum(off * line, axis=1)
+    c = np.linalg.norm(np.cross(off, line), axis=1)
+    shift = said_of(view, R, t)[0] / np.sqrt(MIXTURE[0])
+    variance, share = 8.0 ** np.arange(3.0)[:, None], MIXTURE[2]
+    shares = np.array([[1.0 - share], [share * (1.0 - share)], [share**2]])
+    peak = 2.0 * SPREAD / np.sqrt(2.0 * np.pi * MIXTURE[0])
+    across = along = 1.0
+    found = 0.0
+    for _ in range(plane.RELIEF_ROUNDS):
+        retreat = np.where(shift < 0.0, np.maximum(shift**2 / across - 9.0, 0.0), 0.0)
+        exponent = -0.5 * (c**2 / across + retreat) / variance
+        kinds = shares * np.exp(exponent) / np.sqrt(variance * across)
+        about = (1.0 - plane.OFF_SHARE) * peak * np.exp(-0.5 * a**2 / along) / np.sqrt(along)
+        density = kinds.sum(axis=0) * (plane.OFF_SHARE + about) + CLUTTER
+        found = np.log(density).sum()
+        w = kinds[0] * about / density
+        sums = w.sum(), np.sum(w * c**2) + plane.KNOWN, np.sum(w * a**2)
+        across, along = sums[1] / (sums[0] + plane.KNOWN), sums[2] / max(sums[0], 1.0)
+        if along < across:
+            across = along = (sums[1] + sums[2]) / (2.0 * sums[0] + plane.KNOWN)
+    return Relief(found, across, along)
 
 
 @pytest.mark.parametrize(
@@ -99,24 +124,26 @@ def expected_evidence(view: View, other: Other) -> tuple[float, float, int]:
         (320, 1, 0.0, 0, False),
     ],
 )
-def test_what_speaks_for_the_first_motion_is_what_is_off_the_plane(
+def test_what_speaks_for_the_first_motion_is_relief_along_its_lines(
     count, off, relief, wrong, is_rough
 ):
     view = wall(count, off, relief, wrong)
     other = other_of(view)
     assert other.is_rival
-    expected, weight, beyond = expected_evidence(view, other)
-    # Else nothing is tested.
-    assert (weight > 0.02) == is_rough
-    assert beyond >= off
+    expected, motions = 0.0, [(view.R, view.t), (other.R, other.t)]
+    for planar in motions:
+        away = off_plane(view, *planar)
+        first, second = (likelihood_by(view, away, *motion) for motion in motions)
+        expected += 0.5 * (first.likelihood - second.likelihood)
+        if planar is motions[0]:  # else nothing is tested
+            assert (first.along > 1.5 * first.across) == is_rough
     assert abs(expected) > 1.0
-    # Of more matches, what chance makes of them grows with the root of their number.
-    expected /= np.sqrt(max(count / 160.0, 1.0))
-    assert other.against == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert other.against == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
 def test_a_bare_wall_speaks_for_neither():
-    assert other_of(wall(40)).against == 0.0
+    # Where each motion leaves its own lines free, their likelihoods differ by 3.
+    assert abs(other_of(wall(40)).against) < 0.1
 
 
 def test_the_other_motion_is_a_minimum_of_its_own_and_nearly_as_low():

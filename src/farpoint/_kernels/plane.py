@@ -3,8 +3,8 @@
 Two motions move the points of a plane alike (Longuet-Higgins, Proc. R. Soc. B 223, 1984,
 DOI 10.1098/rspb.1984.0088). Their likelihoods differ all the same, by chance: each leaves free
 where a match lies along its own epipolar line, and so counts another part of the same noise. Over N
-matches that makes a difference of about sqrt(N), which says nothing. What says something are points
-off the plane, and by how much the others are nearer or farther than it.
+matches that makes a difference of about sqrt(N), which says nothing. What says something is the
+plane's relief: it moves points along the epipolar lines of the right motion, and of no other one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from farpoint._kernels.contest import GATE_SIGMA
 from farpoint._kernels.formulas import choose, formula, greater, root
 from farpoint._kernels.likelihood import explain, refine_pose
 from farpoint._kernels.linear import add, add_outer
-from farpoint._kernels.mixture import clutter_density
+from farpoint._kernels.mixture import clutter_density, densities
 from farpoint._kernels.motion import MAX_REFINEMENTS
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
 from farpoint._kernels.pose import Matches, Pose, Seen
@@ -29,16 +29,19 @@ from farpoint._kernels.vectors import Matrix, Vector, combine, cross, dot, matri
 
 __all__ = ["other_motion"]
 
-# Log likelihood that the other motion may lack: more than the chance of so many matches makes. That
-# grows with the root of their number, and so does what chance makes of the evidence.
+# Log likelihood that the other motion may lack: more than the chance of so many matches makes.
+# That grows with the root of their number.
 RIVAL = 40.0
 OF_MATCHES = 160.0
 FINE = 0.1
 # Two directions as close as this are one minimum.
 COS_SAME = math.cos(math.radians(10.0))
-# Squared distance from the plane, in units of the noise, at which a match is off it.
-OFF_SQUARE = 4.0**2
+# Share of the right matches that lie anywhere on their lines, and not about the plane.
+OFF_SHARE = 0.1
+# Matches whose noise counts as much as what was found of it before.
+KNOWN = 60.0
 PLANE_ROUNDS = 8
+RELIEF_ROUNDS = 8
 # Median of the sum of the squares of two normal errors.
 MEDIAN = 2.0 * math.log(2.0)
 
@@ -65,73 +68,98 @@ def other_motion(matches: Matches, pose: Pose, other: Pose) -> tuple[bool, float
     is_near = other.cost[0] < own.cost[0] + growth * RIVAL
     if not is_near or dot(vector(pose.t), vector(other.t)) > COS_SAME:
         return False, 0.0
-    return True, _evidence(matches, pose, other) / growth
+    return True, _evidence(matches, pose, other)
 
 
 @inner_kernel
 def _evidence(matches: Matches, pose: Pose, other: Pose) -> float:
-    """Log likelihood of the first motion over the other, but for what chance makes of it.
+    """Log likelihood of the first motion over the other, whatever the relief and the noise.
 
-    Both with the noise of the first. Of a match at the distance z from the plane, both in units of
-    the noise, the part that depends on which line it left the plane along has the weight
-    ``z^2 / (1 + z^2)``: nothing on the plane, all off it. Near it, the weight is that of a typical
-    match, less what chance makes of that.
+    By the plane of either in turn: what one has explained of the noise, it has for its own motion.
     """
-    pairs, prior, count, mixture = matches.pairs, matches.prior, matches.total, pose.mixture
-    size = prior.size
-    right, other_right, square, spare = room(size), room(size), room(size), room(size)
+    mixture, evidence = pose.mixture, 0.0
     clutter = clutter_density(mixture[0], mixture[1], matches.spread)
-    # Nobody asks for residual and parallax.
-    by_other = Seen(pairs, prior, other.R, other.t, mixture, clutter)
-    explain(by_other, square, spare, other_right)
-    explain(Seen(pairs, prior, pose.R, pose.t, mixture, clutter), square, spare, right)
-    _measure(pairs, count, mixture[0], pose.R, pose.t, right, square, spare)
-    weight = _weight_near(*_median(square, right, count, OFF_SQUARE, spare))
-    evidence = 0.0
-    for i in range(count):
-        gain = math.log((1.0 - other_right[i]) / (1.0 - right[i]))
-        evidence += gain if square[i] > OFF_SQUARE else weight * gain
+    off = room(3 * matches.total)
+    for k in range(2):
+        planar = pose if k == 0 else other
+        seen = Seen(matches.pairs, matches.prior, planar.R, planar.t, mixture, clutter)
+        _measure(seen, matches.total, off)
+        evidence += 0.5 * _likelihood_by(pose, matches, off, mixture, clutter)
+        evidence -= 0.5 * _likelihood_by(other, matches, off, mixture, clutter)
     return evidence
 
 
+@inner_kernel
+def _likelihood_by(
+    pose: Pose, matches: Matches, off: np.ndarray, mixture: np.ndarray, clutter: float
+) -> float:
+    """Log likelihood of how far matches are ``off`` the plane, by a motion.
+
+    A match is about the plane, ``off`` by the noise and, along its epipolar line, by the relief; or
+    anywhere on that line; or wrong. The variances across the line and along it are found by EM, the
+    latter no smaller than the former. Where they are alike, so is all that is said by any motion.
+    """
+    pairs, variance, poor = matches.pairs, mixture[0], mixture[2]
+    R, t = matrix(pose.R), vector(pose.t)
+    # Density on a line of a match about the plane, at its place, over that of one anywhere.
+    peak = 2.0 * matches.spread / math.sqrt(2.0 * math.pi * variance)
+    across, along, likelihood = 1.0, 1.0, 0.0
+    for _ in range(RELIEF_ROUNDS):
+        weight = squares_across = squares_along = likelihood = 0.0
+        for i in range(matches.total):
+            at, prior = address(i), matches.prior[i] / math.sqrt(across)
+            across2, along2 = _parts(pairs, i, off, t)
+            residual, precision = math.sqrt(across2 * variance), 1.0 / (variance * across)
+            good, fair, bad = densities(pairs, at, R, t, residual, precision, poor, prior)
+            about = (1.0 - OFF_SHARE) * peak / math.sqrt(along) * math.exp(-0.5 * along2 / along)
+            density = (good + fair + bad) * (OFF_SHARE + about) + clutter
+            likelihood += math.log(density)
+            w = good * about / density
+            weight += w
+            squares_across += w * across2
+            squares_along += w * along2
+        across = (squares_across + KNOWN) / (weight + KNOWN)
+        along = squares_along / greater(weight, 1.0)
+        if along < across:
+            along = (squares_across + squares_along + KNOWN) / (2.0 * weight + KNOWN)
+            across = along
+    return likelihood
+
+
 @formula
-def _weight_near(median: float, count: float) -> float:
-    """Of what so many matches near the plane say; the median of their squared distances."""
-    excess = median / MEDIAN * (1.0 - 1.0 / root(greater(count, 1.0))) - 1.0
-    distance2 = greater(2.0 * excess, 0.0)
-    return distance2 / (1.0 + distance2)
+def _parts(pairs: np.ndarray, i: int, off: np.ndarray, t: Vector) -> tuple[float, float]:
+    """Squares of how far a match is off the plane: across the line towards ``t``, and along it."""
+    b, away = ray1(pairs, address(i)), (off[3 * i], off[3 * i + 1], off[3 * i + 2])
+    # Both lie across the ray, and the latter is turned about it by a quarter.
+    line = combine(1.0, t, -dot(t, b), b)
+    across = dot(away, line)
+    across2 = across * across / (dot(line, line) + 1e-300)
+    return across2, greater(dot(away, away) - across2, 0.0)
 
 
 @inner_kernel
-def _measure(
-    pairs: np.ndarray,
-    count: int,
-    variance: float,
-    R: np.ndarray,
-    t: np.ndarray,
-    right: np.ndarray,
-    square: np.ndarray,
-    spare: np.ndarray,
-) -> None:
-    """Squared distances of the later rays from where the plane through most would have them.
+def _measure(seen: Seen, count: int, off: np.ndarray) -> None:
+    """How far the later rays are ``off`` (3 N,) where the plane through most would have them.
 
-    In units of the noise, over both of its coordinates. The plane ``n . X = 1`` (camera 0, unit of
-    the translation) moves a ray a to ``R a + t (n . a)``. ``spare`` is room for as many.
+    In units of the noise, and turned about the ray by a quarter. The plane ``n . X = 1`` (camera 0,
+    unit of the translation) moves a ray a to ``R a + t (n . a)``.
     """
+    size = seen.prior.size
+    right, square, spare = room(size), room(size), room(size)
+    explain(seen, square, spare, right)
     M, v, n = scratch(3, 3), scratch(3), scratch(3)
-    turn, towards = matrix(R), vector(t)
+    turn, towards, variance = matrix(seen.R), vector(seen.t), seen.mixture[0]
     clear(square)
     typical = MEDIAN
     for _ in range(PLANE_ROUNDS):
         clear(M)
         clear(v)
         for i in range(count):
-            _add_to_plane(pairs, i, turn, towards, right, square, typical, M, v)
+            _add_to_plane(seen.pairs, i, turn, towards, right, square, typical, M, v)
         _solve(M, v, variance, n)
         for i in range(count):
-            square[i] = _square_from(pairs, i, turn, towards, variance, n)
-        median, _ = _median(square, right, count, math.inf, spare)
-        typical = greater(median, MEDIAN)
+            square[i] = _put_off(seen.pairs, i, turn, towards, variance, n, off)
+        typical = greater(_median(square, right, count, spare), MEDIAN)
 
 
 @formula
@@ -175,33 +203,38 @@ def _solve(M: np.ndarray, v: np.ndarray, variance: float, n: np.ndarray) -> None
 
 
 @formula
-def _square_from(
-    pairs: np.ndarray, i: int, R: Matrix, t: Vector, variance: float, n: np.ndarray
+def _put_off(
+    pairs: np.ndarray,
+    i: int,
+    R: Matrix,
+    t: Vector,
+    variance: float,
+    n: np.ndarray,
+    off: np.ndarray,
 ) -> float:
-    """Squared distance from where the plane has the match."""
+    """Write down how far a match is ``off`` the plane; the square of it."""
     a, still, moved = _apart(pairs, address(i), R, t)
-    left = combine(1.0, still, dot(vector(n), a), moved)
-    return dot(left, left) / (variance * flow_variance(pairs, address(i)))
+    over = 1.0 / root(variance * flow_variance(pairs, address(i)))
+    away = combine(over, still, over * dot(vector(n), a), moved)
+    for k in range(3):
+        off[3 * i + k] = away[k]
+    return dot(away, away)
 
 
 @inner_kernel
-def _median(
-    square: np.ndarray, right: np.ndarray, count: int, most: float, found: np.ndarray
-) -> tuple[float, float]:
-    """Median of the squares of right matches up to ``most``, and of how many; 0 of none.
+def _median(square: np.ndarray, right: np.ndarray, count: int, found: np.ndarray) -> float:
+    """Median of the squares of right matches; 0 of none.
 
     ``found`` is room for these, which are sorted as they come: they are few.
     """
     taken = 0
     for i in range(count):
         value = square[i]
-        if right[i] > 0.5 and value <= most:
+        if right[i] > 0.5:
             j = taken
             while j > 0 and found[j - 1] > value:
                 found[j] = found[j - 1]
                 j -= 1
             found[j] = value
             taken += 1
-    if taken == 0:
-        return 0.0, 0.0
-    return 0.5 * (found[(taken - 1) // 2] + found[taken // 2]), float(taken)
+    return 0.5 * (found[(taken - 1) // 2] + found[taken // 2]) if taken > 0 else 0.0
