@@ -119,7 +119,7 @@ def likelihood_by(view: View, off: np.ndarray, R: np.ndarray, t: np.ndarray) -> 
         (40, 1, 0.0, 0, False),
         (41, 0, 0.015, 0, True),
         (40, 0, 0.02, 0, True),
-        (8, 2, 0.0, 0, False),
+        (9, 2, 0.0, 0, False),
         (40, 0, 0.02, 3, True),
         (320, 1, 0.0, 0, False),
     ],

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
-from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
+from farpoint import (
+    Camera,
+    PoseStatus,
+    RelativePose,
+    RelativePoseOptions,
+    estimate_relative_pose,
+)
 from farpoint.geometry import so3, sphere
 from farpoint.metrics import statistics as metrics
+from farpoint.pose.fits import fit_moving
+from farpoint.pose.matches import matches_from_points
+from farpoint.pose.rivals import likelier_of_plane
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 NORMAL = np.array([0.45, -0.25, 1.0]) / 4.0
@@ -90,3 +101,38 @@ def test_the_rotation_before_a_bare_wall_is_as_sure_as_two_motions_leave_it(bare
             errors.append(so3.log(R @ pose.rotation_cam1_from_cam0.T))
             covariances.append(pose.rotation_covariance)
     assert np.mean(metrics.nees(np.array(errors), np.array(covariances)) < 7.81) > 0.9
+
+
+def rough_wall(seed: int, count: int, relief: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pixels of points about any wall 4 m away, seen from 12 cm on in any direction; and that."""
+    rng = np.random.default_rng([seed, count])
+    points0 = rng.uniform((0.0, 0.0), (639.0, 479.0), (count, 2))
+    rays = CAMERA.unproject(points0)
+    depth = 4.0 / (rays @ sphere.normalize(np.r_[rng.normal(0.0, 0.4, 2), 1.0]))
+    depth = np.clip(depth, 0.5, 40.0) * (1.0 + relief * rng.normal(size=count))
+    R = so3.exp(np.radians(rng.uniform(-3.0, 3.0, 3)))
+    direction = sphere.normalize(rng.normal(size=3))
+    points1 = CAMERA.project(depth[:, None] * rays @ R.T + 0.12 * direction)
+    seen = np.isfinite(points1).all(axis=1)
+    noise = rng.normal(0.0, NOISE_PX, (2, seen.sum(), 2))
+    return points0[seen] + noise[0], points1[seen] + noise[1], direction
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="takes minutes")
+def test_the_odds_of_the_two_motions_are_those_of_being_wrong():
+    wrong, chance = [], []
+    for seed in range(360):
+        count, relief = ((40, 0.0), (40, 0.01), (120, 0.0), (120, 0.01))[seed % 4]
+        points0, points1, direction = rough_wall(seed, count, relief)
+        matches = matches_from_points(points0, points1, CAMERA, CAMERA)
+        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        fit, other = likelier_of_plane(fit)
+        if other is not None:
+            off = sphere.angle_between(fit.direction_cam1_from_cam0, direction)
+            wrong.append(off > np.radians(20.0))
+            chance.append(1.0 / (1.0 + np.exp(min(other.against, 50.0))))
+    p = np.array(chance)
+    print(len(p), sum(wrong), p.sum(), np.sqrt(np.sum(p * (1.0 - p))), (p < 0.05).sum())
+    assert len(p) > 200
+    assert abs(sum(wrong) - p.sum()) < 3.0 * np.sqrt(np.sum(p * (1.0 - p)))
+    assert (p < 0.05).sum() > 40
