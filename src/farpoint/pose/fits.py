@@ -43,8 +43,6 @@ MAX_REFINEMENTS = 20
 # Where more than this of the flow, as it is predicted, is noise, along any axis, it shows no
 # direction: points that are all far have such flow, and half of their directions are wrong.
 MOST_NOISE = 0.55
-# Matches times samples that are tried at least.
-FEW_MATCHES = 500
 
 
 class Noise(NamedTuple):
@@ -232,14 +230,13 @@ def fit_moving(
     """
     n = len(matches)
     found = _nothing_found(n)
-    # Few matches leave few samples without a doubtful one: try them all, they cost little.
-    samples = math.comb(n, 5)
-    least = max(options.min_iterations, min(FEW_MATCHES // n, samples))
+    # Of few matches, there are no more samples than these.
+    samples = max(options.min_iterations, math.comb(n, 5))
     effort = Effort(
         tolerance=tolerance,
         confidence=options.confidence,
-        min_iterations=min(least, options.max_iterations),
-        max_iterations=min(max(least, samples), options.max_iterations),
+        min_iterations=options.min_iterations,
+        max_iterations=min(samples, options.max_iterations),
     )
     iterations, is_planar, has_met, settled = fit_motion(
         _judging(matches, found), effort, _least_signal(matches), state, found
