@@ -33,7 +33,8 @@ class RelativePoseOptions:
     confidence : float
         Probability, in (0, 1), that the search has drawn a sample without a wrong match.
     min_iterations, max_iterations : int
-        Bounds on the number of joint hypotheses tried in one search.
+        Bounds on the number of joint hypotheses tried in one search; of few matches, no more than
+        there are samples of five.
     shared_error_px : float
         1-sigma, px, by which all matches may be off in one way: no number of them averages it away,
         and the covariance of the rotation is never less. As `matching_tolerance_px` for rays.
