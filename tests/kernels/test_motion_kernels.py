@@ -14,11 +14,11 @@ from numba.core.runtime.nrt import rtsys
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.contest import NEAR, is_rival
 from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
+from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain, refine_pose
 from farpoint._kernels.mixture import clutter_density
 from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pose import Pose, Seen
-from farpoint._kernels.search import Effort
 from farpoint.geometry import so3
 
 SPREAD, LEAST_SIGNAL = 500.0, 0.4

@@ -138,7 +138,7 @@ def test_what_speaks_for_the_first_motion_is_relief_along_its_lines(
         if planar is motions[0]:  # else nothing is tested
             assert (first.along > 1.5 * first.across) == is_rough
     assert abs(expected) > 1.0
-    assert other.against == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    assert other.against == pytest.approx(expected, rel=1e-9, abs=1e-8)
 
 
 def test_a_bare_wall_speaks_for_neither():

@@ -50,7 +50,8 @@ def iterations_needed(
     flow_rad: float = 0.0,
     contest: np.int64 = RIVAL,
 ) -> int:
-    return five_rays.iterations_needed(wrong, flow_rad, contest, confidence, least, most)
+    effort = five_rays.Effort(3.0, confidence, least, most)
+    return five_rays.iterations_needed(wrong, flow_rad, contest, effort)
 
 
 def constraints(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:

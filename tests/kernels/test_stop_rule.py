@@ -20,7 +20,8 @@ def interpreted(kernel: Callable) -> Callable:
 
 
 def needed(wrong: float, contest: np.int64) -> int:
-    return interpreted(five_rays.iterations_needed)(wrong, FLOW, contest, CONFIDENCE, 0, 10**6)
+    effort = five_rays.Effort(3.0, CONFIDENCE, 0, 10**6)
+    return interpreted(five_rays.iterations_needed)(wrong, FLOW, contest, effort)
 
 
 @pytest.fixture
@@ -63,7 +64,7 @@ def drawn(monkeypatch):
             monkeypatch.setattr(search, name, mock)
         empty = np.ones(9)
         matches = Matches(empty, empty, MATCHES, 100.0, 1e-6, gives_way=True)
-        effort = search.Effort(3.0, CONFIDENCE, least, most)
+        effort = five_rays.Effort(3.0, CONFIDENCE, least, most)
         poses = (Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(2))
         told, *_ = interpreted(search.search_pose)(matches, empty, effort, empty, *poses)
         assert told == len(samples)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from farpoint._kernels.vectors import (
     vector,
 )
 
-__all__ = ["LONG_FLOW", "iterations_needed", "score_pose", "solve_five"]
+__all__ = ["LONG_FLOW", "Effort", "iterations_needed", "score_pose", "solve_five"]
 
 # Flow after the far rotation, rad, from which on Newton's method starts too far away to be trusted.
 LONG_FLOW = 0.05
@@ -42,6 +43,19 @@ LONGEST_STEP = 0.5
 LAST_STEP = 0.01
 
 Row = tuple[float, float, float, float, float, float]
+
+
+class Effort(NamedTuple):
+    """How much is tried to find a pose."""
+
+    tolerance: float
+    """Distance at which a match agrees with a first guess, in units of the noise."""
+    confidence: float
+    """Probability that the pose has been found."""
+    min_iterations: int
+    """Samples that are drawn in any case."""
+    max_iterations: int
+    """Samples that are drawn at the most."""
 
 
 @formula
@@ -154,11 +168,9 @@ def iterations_needed(
     wrong: float,
     flow: float,
     contest: np.int64,
-    confidence: float,
-    min_iterations: int,
-    max_iterations: int,
+    effort: Effort,
 ) -> int:
-    """Samples of five until the pose has been found, with this confidence.
+    """Samples of five until the pose has been found, with the confidence of the ``effort``.
 
     The start already led to it, but for a doubt that was measured on drawn and real pairs: it grows
     with the share of ``wrong`` matches, and with the square of the ``flow`` that the rotation of
@@ -175,6 +187,7 @@ def iterations_needed(
     often = HIT_AMONG_EQUALS if contest == EQUAL else 0.5 / (1.0 + doubt)
     hit = often / away * square * square * right
     if hit <= 0.0:
-        return max_iterations
-    needed = math.log(lesser((1.0 - confidence) / doubt, 1.0)) / math.log(1.0 - hit)
-    return whole(lesser(greater(needed + 1.0, float(min_iterations)), float(max_iterations)))
+        return effort.max_iterations
+    needed = math.log(lesser((1.0 - effort.confidence) / doubt, 1.0)) / math.log(1.0 - hit)
+    least, most = float(effort.min_iterations), float(effort.max_iterations)
+    return whole(lesser(greater(needed + 1.0, least), most))

@@ -11,6 +11,7 @@ from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import narrowness
 from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
+from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.growth import grow_noise
 from farpoint._kernels.likelihood import explain, refine_pose
 from farpoint._kernels.mixture import clutter_density, mean_variance
@@ -19,7 +20,7 @@ from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.pose import Matches, Pose, Seen
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import copy, index_room, room, scratch
-from farpoint._kernels.search import Effort, search_pose
+from farpoint._kernels.search import search_pose
 
 __all__ = ["MAX_SEARCHED", "Found", "Settled", "fit_motion", "settle_motion"]
 
@@ -175,7 +176,8 @@ def settle_motion(matches: Matches, least_signal: float, found: Found) -> Settle
     receives what is plausible of each. Returns the cost, its `contest.narrowness`, what
     `evidence.weigh` and, of the matches searched, `evidence.count_beyond_rotation` do, with the
     rotation of the far matches for another one, whether the flow was predicted for the covariance,
-    and whether at least ``least_signal`` of it is signal, so that it shows a direction.
+    whether at least ``least_signal`` of it is signal, so that it shows a direction, and whether the
+    noise was found to grow with the parallax.
     """
     # A kernel that handed back the array itself would make numba lose count of who holds it.
     few = matches.total <= MAX_SEARCHED

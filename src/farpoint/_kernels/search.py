@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +21,13 @@ from farpoint._kernels.contest import (
     unexplained,
 )
 from farpoint._kernels.direction import intersect_circles
-from farpoint._kernels.five_rays import LONG_FLOW, iterations_needed, score_pose, solve_five
+from farpoint._kernels.five_rays import (
+    LONG_FLOW,
+    Effort,
+    iterations_needed,
+    score_pose,
+    solve_five,
+)
 from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.linear import apply_rotation_step, draw_direction, draw_index, draw_unit
 from farpoint._kernels.pairs import address, ray0, ray1
@@ -32,7 +37,7 @@ from farpoint._kernels.scratch import copy, index_scratch, room, scratch
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import combine, dot, matrix, rotate
 
-__all__ = ["Effort", "search_direction", "search_pose"]
+__all__ = ["search_direction", "search_pose"]
 
 # A hypothesis is still worth refining with so many times the least truncated squares so far, if at
 # least this share of the most matches so far support it.
@@ -40,19 +45,6 @@ PROMISING = 2.0
 SUPPORTED = 0.5
 # Pairs of matches whose directions the search starts from.
 DIRECTIONS = np.int64(16)
-
-
-class Effort(NamedTuple):
-    """How much is tried to find a pose."""
-
-    tolerance: float
-    """Distance at which a match agrees with a first guess, in units of the noise."""
-    confidence: float
-    """Probability that the pose has been found."""
-    min_iterations: int
-    """Samples that are drawn in any case."""
-    max_iterations: int
-    """Samples that are drawn at the most."""
 
 
 @kernel
@@ -167,14 +159,7 @@ def search_pose(
     wrong = unexplained(matches, best, tolerance)
     contest = NO_RIVAL
     iteration = 0
-    while iteration < iterations_needed(
-        wrong,
-        flow,
-        contest,
-        effort.confidence,
-        effort.min_iterations,
-        effort.max_iterations,
-    ):
+    while iteration < iterations_needed(wrong, flow, contest, effort):
         iteration += 1
         _draw_distinct(sample, count, state)
         if not _solve_sample(pairs, sample, iteration % 3, start, flow, state, best, other):

@@ -15,12 +15,12 @@ import numpy as np
 
 from farpoint._kernels import pose as kernels
 from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
+from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain
 from farpoint._kernels.mixture import clutter_density, mean_variance
 from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
 from farpoint._kernels.pose import Seen
-from farpoint._kernels.search import Effort
 from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.information import symmetric_inverse

@@ -89,9 +89,9 @@ def is_plainly_translating(fit: MovingFit) -> bool:
 def shown_translation(matches: Matches, fit: MovingFit, turning: TurningFit, rate: float) -> float:
     """How much of a translation beside the rotation the flow shows: 1 if one, 0 if none.
 
-    Between the two where the false alarms are rarer than all, but not as rare as asked (by the
-    digits of their rate), or the noise would have to be what was told of it, or where a translation
-    is likelier, but not by as much as the best of all directions may be.
+    Between the two where it shows one at a higher false-alarm rate than asked for, or only if the
+    noise is what was told of it, or where a translation is likelier, but not by as much as the best
+    of all directions may be.
     """
     band = BAND_SIGMA * fit.noise.mean_sigma
     unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(
@@ -141,8 +141,10 @@ def _bulk_beyond_noise(n: int, across: float, flow: float, doubt: float, rate: f
     """F test of the distance from the rotation's prediction against noise across epipolar lines.
 
     Over the n matches that both models explain: one wrong match along an epipolar line would decide
-    the test. With many matches the test would find any error in the stated noise: the less such an
-    error explains it, the more of a translation there is, and all of one beyond the largest.
+    the test. What it shows grows with the digits of the false-alarm rate at which it does, up to
+    those of the ``rate`` asked for. With many matches the test would find any error in the stated
+    noise: the less such an error explains it, the more of a translation there is, and all of one
+    beyond the largest.
     """
     if n < MIN_BULK:
         return 0.0
