@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from farpoint._kernels.lucas_kanade import border_px, follow_windows
+from farpoint._kernels.lucas_kanade import Levels, blank_workspace, border_px, follow_windows
+from farpoint._kernels.windows import Patience
 
 HALF = 4
 BORDER = border_px(HALF)
@@ -32,7 +33,9 @@ def follow(image0: np.ndarray, image1: np.ndarray, points: np.ndarray) -> np.nda
     values0, layout = single_level(image0)
     values1, _ = single_level(image1)
     found = np.empty(points.shape)
-    follow_windows(values0, values1, layout, points, points, HALF, 20, 0.01, 1.0, found)
+    levels0, levels1 = Levels(values0, layout), Levels(values1, layout)
+    space = blank_workspace(HALF)
+    follow_windows(levels0, levels1, points, points, Patience(20, 0.01), 1.0, space, found)
     return found
 
 

@@ -12,169 +12,242 @@ normal matrix is built once (Baker and Matthews, "Lucas-Kanade 20 Years On", IJC
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from farpoint._kernels.affine_slopes import (
     PARAMETERS,
+    Nine,
+    Template,
+    blank_template,
     changes,
     linearise,
     normal_matrix,
-    number,
     pulls,
 )
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.warped_window import pixels_for, residual_of
-from farpoint._kernels.window_covariance import bend, covary, influence_of, room_of, solve
-from farpoint._kernels.windows import differentiate, line_px, relaxed, room_px, sample
+from farpoint._kernels.scratch import copy
+from farpoint._kernels.warped_window import Around, blank_around, residual_of
+from farpoint._kernels.window_covariance import (
+    Influence,
+    bend,
+    blank_influence,
+    covary,
+    find_influence,
+    solve,
+)
+from farpoint._kernels.windows import (
+    Image,
+    Patience,
+    differentiate,
+    line_px,
+    relaxed,
+    room,
+    room_px,
+    sample,
+)
 
-__all__ = ["match_windows"]
+__all__ = ["Belief", "Matched", "Workspace", "blank_workspace", "match_windows"]
+
+
+class Belief(NamedTuple):
+    """What is known of a match before."""
+
+    precision: np.ndarray
+    """(8,) inverse variance of each parameter; 0 where nothing is known."""
+    noise_floor: float
+    """The variance of the residual is at least this, grey levels^2."""
+
+
+class Matched(NamedTuple):
+    """Matches, and what is told of them."""
+
+    points: np.ndarray
+    """(N, 2) in the second image, px: in, where to begin; out, the match."""
+    warps: np.ndarray
+    """(N, 2, 2) ``I + M``: in, where to begin, and what is believed; out, the match."""
+    covariances: np.ndarray
+    """(N, 2, 2) of the point, px^2; NaN where there is no match (window outside an image, no
+    texture)."""
+    correlations: np.ndarray
+    """(N,) of the two windows, -1 to 1."""
+    bendings: np.ndarray
+    """(N, 2, 2, 3) what a motion that the model leaves out does to the match, px: ``[a, b, c]`` is
+    the move along axis a for each unit of ``u^2``, ``u v`` or ``v^2`` (c) along axis b."""
+
+
+class Workspace(NamedTuple):
+    """What a match is worked on with, one after the other."""
+
+    pixels: np.ndarray
+    """Those of the first image around the window."""
+    patch: np.ndarray
+    """Values between them, a pixel farther than the window."""
+    patch_line: int
+    """Places from one line of both to the next."""
+    template: Template
+    around: Around
+    """What the second image has there."""
+    residual: np.ndarray
+    """(S + 2 lines,) of the second image, less the first."""
+    explained: np.ndarray
+    """(S,) part of it."""
+    normal: np.ndarray
+    """(8, 8) normal matrix."""
+    factor: np.ndarray
+    """(8, 8) its lower Cholesky factor, with the diagonal inverted."""
+    expected: np.ndarray
+    """(8,) parameters, as they are believed."""
+    theta: np.ndarray
+    """(8,) parameters."""
+    step: np.ndarray
+    """(8,) of them."""
+    influence: Influence
+
+
+def blank_workspace(half: int) -> Workspace:
+    """Room to match windows of ``2 half + 1`` pixels."""
+    width = 2 * half + 1
+    patch_line = line_px(width + 3)
+    template = blank_template(half)
+    size = len(template.u)
+    square = (PARAMETERS, PARAMETERS)
+    return Workspace(
+        pixels=room(room_px(width + 3, patch_line)),
+        patch=room(room_px(width + 2, patch_line)),
+        patch_line=patch_line,
+        template=template,
+        around=blank_around(half),
+        residual=room(size + 2 * template.window.line),
+        explained=room(size),
+        normal=np.zeros(square),
+        factor=np.zeros(square),
+        expected=np.zeros(PARAMETERS),
+        theta=np.zeros(PARAMETERS),
+        step=np.zeros(PARAMETERS),
+        influence=blank_influence(half),
+    )
 
 
 @kernel
 def match_windows(
-    values0, values1, here, points0, half, prior, noise_floor, iterations, tolerance, matches
-):
-    """Refine matches in place and say how certain they are.
-
-    Parameters
-    ----------
-    values0, values1 : ndarray of uint8, shape (V,)
-        Both images.
-    here : ndarray of int64, shape (4,)
-        Where they lie in these; see `farpoint._kernels.windows`.
-    points0 : ndarray of float64, shape (N, 2)
-        Centres of the windows in the first image, px.
-    half : int
-        Windows are ``2 half + 1`` pixels wide and high.
-    prior : ndarray of float64, shape (8,)
-        Inverse prior variance of each parameter; 0 for no prior.
-    noise_floor : float
-        The variance of the residual is at least this, grey levels^2.
-    iterations : int
-        Gauss-Newton steps at most.
-    tolerance : float
-        Stop when a step moves the point by less, px.
-    matches : tuple of ndarray of float64
-        Points in the second image (N, 2), px, and warps ``I + M`` (N, 2, 2): in, where to begin,
-        which for the warp is the prior's mean too; out, the match. And what is told of it: the
-        covariance (N, 2, 2) of the point, px^2, NaN where there is no match (window outside an
-        image, no texture); the correlation (N,) of the two windows, -1 to 1; and what a motion that
-        the model leaves out does to the match (N, 2, 2, 3), px: ``[a, b, c]`` is the move along
-        axis a for each unit of ``u^2``, ``u v`` or ``v^2`` (c) along axis b.
-    """
-    points1, warps, covariances, correlations, bendings = matches
-    width = 2 * half + 1
-    line, patch_line = line_px(width), line_px(width + 3)
-    size = width * line
-    pixels = np.zeros(room_px(width + 3, patch_line), np.float32)
-    patch = np.zeros(room_px(width + 2, patch_line), np.float32)
-    grid = (np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32))
-    number(half, line, grid)
-    slopes = (np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, np.float32))
-    window = (
-        np.zeros(size, np.float32),  # of the first image
-        np.zeros(size + 2 * line, np.float32),  # of the second, less the first
-        pixels_for(half),
-        np.zeros(size, np.float32),
-    )
-    normal, factor = np.zeros((PARAMETERS, PARAMETERS)), np.zeros((PARAMETERS, PARAMETERS))
-    theta, expected = np.zeros(PARAMETERS), np.zeros(PARAMETERS)
-    rows, influence = np.zeros((2, PARAMETERS)), np.zeros((2, size), np.float32)
-    moves = room_of(width)
+    image0: Image,
+    image1: Image,
+    points0: np.ndarray,
+    belief: Belief,
+    patience: Patience,
+    space: Workspace,
+    matched: Matched,
+) -> None:
+    """Refine matches of points0 (N, 2), px, in place, and say how certain they are."""
+    points1, warps, template, theta = matched.points, matched.warps, space.template, space.theta
     for k in range(len(points0)):
-        covariances[k] = np.nan
-        correlations[k] = 0.0
-        x0, y0 = points0[k, 0] - half - 1, points0[k, 1] - half - 1
-        if not _holds(here, x0, y0, width + 2):
+        matched.covariances[k] = np.nan
+        matched.correlations[k] = 0.0
+        _expect(warps[k], space.expected)
+        if not _take_template(image0, points0[k], space):
             continue
-        sample(values0, here, x0, y0, width + 2, patch_line, pixels, patch)
-        differentiate(patch, patch_line, width, line, grid[2], window[0], slopes[0], slopes[1])
-        expected[2], expected[3] = warps[k, 0, 0] - 1.0, warps[k, 0, 1]
-        expected[4], expected[5] = warps[k, 1, 0], warps[k, 1, 1] - 1.0
-        linearise(window[0], grid, expected, width * width, slopes)
-        normal_matrix(slopes, grid, normal)
         x, y = points1[k]
-        variance, correlation = _fit(
-            values1,
-            here,
-            (x, y),
-            half,
-            (prior, expected, noise_floor),
-            (iterations, tolerance),
-            (window, slopes, grid),
-            (normal, factor),
-            theta,
-        )
+        variance, correlation = _fit(image1, (x, y), belief, patience, space)
         if variance < 0.0:
             continue
         points1[k, 0], points1[k, 1] = x + theta[0], y + theta[1]
-        correlations[k] = correlation
         warps[k, 0, 0], warps[k, 0, 1] = 1.0 + theta[2], theta[3]
         warps[k, 1, 0], warps[k, 1, 1] = theta[4], 1.0 + theta[5]
-        influence_of(factor, slopes, grid, rows, influence)
-        bend(slopes, grid, influence, bendings[k])
-        covary(rows, influence, window[1], prior, variance, width, line, moves, covariances[k])
+        matched.correlations[k] = correlation
+        influence, precision = space.influence, belief.precision
+        find_influence(space.factor, template, influence)
+        bend(template, influence, matched.bendings[k])
+        covariance = matched.covariances[k]
+        covary(template, space.residual, variance, precision, influence, covariance)
 
 
 @inner_kernel
-def _holds(here, x, y, width):
+def _expect(warp: np.ndarray, expected: np.ndarray) -> None:
+    """Parameters of a warp ``I + M``, with no displacement and no change of brightness."""
+    expected[2], expected[3] = warp[0, 0] - 1.0, warp[0, 1]
+    expected[4], expected[5] = warp[1, 0], warp[1, 1] - 1.0
+
+
+@inner_kernel
+def _take_template(image: Image, point: np.ndarray, space: Workspace) -> bool:
+    """Read the window around a point of the first image; False if the image has not all of it."""
+    template, patch_line, half = space.template, space.patch_line, space.template.window.half
+    x, y, width = point[0] - half - 1, point[1] - half - 1, 2 * half + 3
+    if not _holds(image, x, y, width):
+        return False
+    sample(image, x, y, width, patch_line, space.pixels, space.patch)
+    differentiate(space.patch, patch_line, template.window)
+    linearise(template, space.expected)
+    normal_matrix(template, space.normal)
+    return True
+
+
+@inner_kernel
+def _holds(image: Image, x: float, y: float, width: int) -> bool:
     """Whether the image has all pixels that a window which begins at (x, y) is made of."""
     left, top = math.floor(x), math.floor(y)  # of NaN, a negative number
-    return left >= 0 and top >= 0 and left + width < here[2] and top + width < here[3]
+    return left >= 0 and top >= 0 and left + width < image.width and top + width < image.height
 
 
 @inner_kernel
-def _fit(values, here, start, half, belief, patience, parts, equations, theta):
+def _fit(
+    image: Image,
+    start: tuple[float, float],
+    belief: Belief,
+    patience: Patience,
+    space: Workspace,
+) -> tuple[float, float]:
     """Gauss-Newton steps to the parameters.
 
     Returns the residual's variance and the correlation of the windows; a variance of -1 where there
     is no match.
     """
-    x, y = start
-    prior, expected, noise_floor = belief
-    iterations, tolerance = patience
-    (template, residual, around, explained), slopes, grid = parts
-    normal, factor = equations
-    count = (2 * half + 1) ** 2
-    step = np.zeros(PARAMETERS)
-    theta[:] = expected
+    (x, y), precision = start, belief.precision
+    template, residual, explained = space.template, space.residual, space.explained
+    normal, factor, expected = space.normal, space.factor, space.expected
+    theta, step = space.theta, space.step
+    count = (2 * template.window.half + 1) ** 2
+    copy(expected, theta)
     variance, correlation = -1.0, 0.0
     before_x, before_y, share = 0.0, 0.0, 1.0
-    for _ in range(iterations):
-        if not residual_of(values, here, x, y, half, template, slopes[2], theta, around, residual):
+    for _ in range(patience.iterations):
+        if not residual_of(image, x, y, template, theta, space.around, residual):
             return -1.0, 0.0
-        sums = pulls(slopes, grid, residual)
+        sums = pulls(template, residual)
         # The prior weighs as much as the noise tells it to; the residual shows the noise.
-        variance = max(sums[8] / count, noise_floor)
-        if not _factorise(normal, prior, variance, factor):
+        variance = max(sums[8] / count, belief.noise_floor)
+        if not _factorise(normal, precision, variance, factor):
             return -1.0, 0.0
         correlation = _correlation(normal[6, 6], sums, theta[6], count)
         for a in range(PARAMETERS):
-            step[a] = sums[a] + variance * prior[a] * (theta[a] - expected[a])
+            step[a] = sums[a] + variance * precision[a] * (theta[a] - expected[a])
         solve(factor, step)
         share = relaxed(share, step[0], step[1], before_x, before_y)
         before_x, before_y = step[0], step[1]
         for a in range(PARAMETERS):
             theta[a] -= share * step[a]
-        if step[0] * step[0] + step[1] * step[1] < tolerance * tolerance:
+        if step[0] * step[0] + step[1] * step[1] < patience.tolerance * patience.tolerance:
             break
     # What is left once the last step is taken; its gradients say how much that is.
-    changes(slopes, grid, step, explained)
+    changes(template, step, explained)
     for i in range(np.uintp(len(explained))):
         residual[i] -= explained[i]
     return variance, correlation
 
 
 @inner_kernel
-def _factorise(normal, prior, variance, factor):
+def _factorise(
+    normal: np.ndarray, precision: np.ndarray, variance: float, factor: np.ndarray
+) -> bool:
     """Lower Cholesky factor of the normal matrix with its prior; False if it has none.
 
     Its diagonal is inverted: what it is used for is to divide by.
     """
     for a in range(PARAMETERS):
         for b in range(a + 1):
-            total = normal[a, b] + (variance * prior[a] if a == b else 0.0)
+            total = normal[a, b] + (variance * precision[a] if a == b else 0.0)
             for c in range(b):
                 total -= factor[a, c] * factor[b, c]
             if b < a:
@@ -187,7 +260,7 @@ def _factorise(normal, prior, variance, factor):
 
 
 @inner_kernel
-def _correlation(contrast_square, sums, gain, count):
+def _correlation(contrast_square: float, sums: Nine, gain: float, count: int) -> float:
     """Correlation of the template with the warped window, from the residual of the match.
 
     ``sums`` are the residual's `_pulls`.

@@ -2,50 +2,79 @@
 
 With the gradients ``gx, gy`` and the contrast ``c = mean - I0``, a pixel ``(u, v)`` of a window has
 the derivatives ``[gx, gy, gx u, gx v, gy u, gy v, c, -1]`` by the parameters of `affine_match`.
-Only what differs from pixel to pixel is kept (``slopes``: gx, gy and c); the products are made
-where they are summed. ``grid`` is u, v, and 1 where the window has a pixel.
+Only what differs from pixel to pixel is kept; the products are made where they are summed.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, sum_kernel
+from farpoint._kernels.windows import Window, blank_window, line_px, room
 
-__all__ = ["PARAMETERS", "changes", "linearise", "normal_matrix", "number", "pulls"]
+__all__ = [
+    "PARAMETERS",
+    "Template",
+    "blank_template",
+    "changes",
+    "linearise",
+    "normal_matrix",
+    "pulls",
+]
 
 PARAMETERS = 8
 
+Nine = tuple[float, float, float, float, float, float, float, float, float]
+
+
+class Template(NamedTuple):
+    """A window of the first image, which the second is compared with."""
+
+    window: Window
+    """With the gradients of the second image, as they are expected, once it is linearised."""
+    contrast: np.ndarray
+    """(S,) mean of the window less its values."""
+    u: np.ndarray
+    """(S,) px to the right of the centre."""
+    v: np.ndarray
+    """(S,) px below it."""
+
+
+def blank_template(half: int) -> Template:
+    """Room for a template, which says where its pixels are."""
+    width = 2 * half + 1
+    window = blank_window(half, line_px(width))
+    size = width * window.line
+    u, v = room(size), room(size)
+    for places, values in zip((v, u), np.mgrid[-half : half + 1, -half : half + 1], strict=True):
+        places.reshape(width, -1)[:, :width] = values
+    return Template(window, room(size), u, v)
+
 
 @inner_kernel
-def number(half, line, grid):
-    """Places of a window's pixels, counted from its centre, and where it has any."""
-    for v in range(2 * half + 1):
-        for u in range(2 * half + 1):
-            i = v * line + u
-            grid[0][i], grid[1][i], grid[2][i] = u - half, v - half, 1.0
-
-
-@inner_kernel
-def linearise(template, grid, expected, count, slopes):
+def linearise(template: Template, expected: np.ndarray) -> None:
     """Turn Scharr's gradients into the second image's, as expected, and set the contrast.
 
     These are ``inv(I + M).T`` times the first's.
     """
+    window, contrast = template.window, template.contrast
+    grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
     a, b, c, d = 1.0 + expected[2], expected[3], expected[4], 1.0 + expected[5]
     scale = 1.0 / (a * d - b * c)
     xx, xy = np.float32(scale * d), np.float32(-scale * c)
     yx, yy = np.float32(-scale * b), np.float32(scale * a)
-    mean = _dot(grid[2], template) / np.float32(count)
-    for i in range(np.uintp(len(template))):
-        dx, dy = slopes[0][i], slopes[1][i]
-        slopes[0][i] = xx * dx + xy * dy
-        slopes[1][i] = yx * dx + yy * dy
-        slopes[2][i] = grid[2][i] * (mean - template[i])
+    mean = _dot(inside, grey) / np.float32((2 * window.half + 1) ** 2)
+    for i in range(np.uintp(len(grey))):
+        dx, dy = gx[i], gy[i]
+        gx[i] = xx * dx + xy * dy
+        gy[i] = yx * dx + yy * dy
+        contrast[i] = inside[i] * (mean - grey[i])
 
 
 @sum_kernel
-def _dot(a, b):
+def _dot(a: np.ndarray, b: np.ndarray) -> np.floating:
     total = np.float32(0.0)
     for i in range(np.uintp(len(a))):
         total += a[i] * b[i]
@@ -53,8 +82,10 @@ def _dot(a, b):
 
 
 @inner_kernel
-def changes(slopes, grid, step, out):
+def changes(template: Template, step: np.ndarray, out: np.ndarray) -> None:
     """What every pixel changes by where the parameters do: its derivatives times a step of them."""
+    window, contrast, us, vs = template.window, template.contrast, template.u, template.v
+    gx, gy, inside = window.gx, window.gy, window.inside
     x, y, xu, xv = (
         np.float32(step[0]),
         np.float32(step[1]),
@@ -68,28 +99,30 @@ def changes(slopes, grid, step, out):
         np.float32(step[7]),
     )
     for i in range(np.uintp(len(out))):
-        u, v = grid[0][i], grid[1][i]
-        along = slopes[0][i] * (x + xu * u + xv * v) + slopes[1][i] * (y + yu * u + yv * v)
-        out[i] = along + c * slopes[2][i] - w * grid[2][i]
+        u, v = us[i], vs[i]
+        along = gx[i] * (x + xu * u + xv * v) + gy[i] * (y + yu * u + yv * v)
+        out[i] = along + c * contrast[i] - w * inside[i]
 
 
 @sum_kernel
-def pulls(slopes, grid, values):
+def pulls(template: Template, values: np.ndarray) -> Nine:
     """Derivatives times values, summed over the window; and last the sum of the values' squares."""
+    window, contrast, us, vs = template.window, template.contrast, template.u, template.v
+    gx, gy, inside = window.gx, window.gy, window.inside
     zero = np.float32(0.0)
     x, y, xu, xv, yu, yv, c, w, square = zero, zero, zero, zero, zero, zero, zero, zero, zero
-    for i in range(np.uintp(len(slopes[0]))):
-        value, u, v = values[i], grid[0][i], grid[1][i]
-        along, down = slopes[0][i] * value, slopes[1][i] * value
+    for i in range(np.uintp(len(gx))):
+        value, u, v = values[i], us[i], vs[i]
+        along, down = gx[i] * value, gy[i] * value
         x += along
         y += down
         xu += along * u
         xv += along * v
         yu += down * u
         yv += down * v
-        c += slopes[2][i] * value
-        w += grid[2][i] * value
-        square += grid[2][i] * value * value
+        c += contrast[i] * value
+        w += inside[i] * value
+        square += inside[i] * value * value
     return (
         float(x),
         float(y),
@@ -104,13 +137,15 @@ def pulls(slopes, grid, values):
 
 
 @sum_kernel
-def _spreads(slopes, grid):
+def _spreads(template: Template) -> Nine:
     """Products of the derivatives by M, summed: xu xu, xu xv, xv xv, xu yu, ... yv yv."""
+    gx, gy, us, vs = template.window.gx, template.window.gy, template.u, template.v
     zero = np.float32(0.0)
     a, b, c, d, e, f, g, h, k = zero, zero, zero, zero, zero, zero, zero, zero, zero
-    for i in range(np.uintp(len(slopes[0]))):
-        xu, xv = slopes[0][i] * grid[0][i], slopes[0][i] * grid[1][i]
-        yu, yv = slopes[1][i] * grid[0][i], slopes[1][i] * grid[1][i]
+    for i in range(np.uintp(len(gx))):
+        u, v = us[i], vs[i]
+        xu, xv = gx[i] * u, gx[i] * v
+        yu, yv = gy[i] * u, gy[i] * v
         a += xu * xu
         b += xu * xv
         c += xv * xv
@@ -124,20 +159,21 @@ def _spreads(slopes, grid):
 
 
 @inner_kernel
-def normal_matrix(slopes, grid, normal):
+def normal_matrix(template: Template, normal: np.ndarray) -> None:
     """Lower triangle of the sums over the window of products of two derivatives."""
-    _fill(pulls(slopes, grid, slopes[0]), 0, 1.0, normal)
-    _fill(pulls(slopes, grid, slopes[1]), 1, 1.0, normal)
-    _fill(pulls(slopes, grid, slopes[2]), 6, 1.0, normal)
-    _fill(pulls(slopes, grid, grid[2]), 7, -1.0, normal)
-    xuxu, xuxv, xvxv, xuyu, xuyv, xvyv, yuyu, yuyv, yvyv = _spreads(slopes, grid)
+    window = template.window
+    _fill(pulls(template, window.gx), 0, 1.0, normal)
+    _fill(pulls(template, window.gy), 1, 1.0, normal)
+    _fill(pulls(template, template.contrast), 6, 1.0, normal)
+    _fill(pulls(template, window.inside), 7, -1.0, normal)
+    xuxu, xuxv, xvxv, xuyu, xuyv, xvyv, yuyu, yuyv, yvyv = _spreads(template)
     normal[2, 2], normal[3, 2], normal[3, 3] = xuxu, xuxv, xvxv
     normal[4, 2], normal[4, 3], normal[5, 2], normal[5, 3] = xuyu, xuyv, xuyv, xvyv
     normal[4, 4], normal[5, 4], normal[5, 5] = yuyu, yuyv, yvyv
 
 
 @inner_kernel
-def _fill(sums, a, sign, normal):
+def _fill(sums: Nine, a: int, sign: float, normal: np.ndarray) -> None:
     """Set row and column ``a``."""
     for b in range(PARAMETERS):
         normal[a, b] = sign * sums[b]

@@ -69,7 +69,7 @@ kernel = partial(_called_by_python, _OPTIONS)
 inner_kernel = njit(**_OPTIONS, **_INNER)
 
 # What the body of a loop is made of: every operation as it is written, and no call, which would
-# count the references of each array.
+# count the references of each array, and hand over all that is known of it, number by number.
 inlined_kernel = njit(**_OPTIONS, **_INNER, forceinline=True)
 
 # A loop over matches that adds several at once. For loops that write to no array: one that does

@@ -2,95 +2,124 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from farpoint._kernels.affine_slopes import Template
 from farpoint._kernels.compile import inlined_kernel, inner_kernel
 from farpoint._kernels.fused import fused
-from farpoint._kernels.windows import line_px, read, room_px
+from farpoint._kernels.windows import Image, line_px, read, room, room_px
 
-__all__ = ["pixels_for", "residual_of"]
+__all__ = ["Around", "blank_around", "residual_of"]
 
 _STEP = 16  # pixels of a line that are read at once
 _WIDE = np.int64(_STEP)  # as a variable's value: a plain number would be a type of its own
 _MOST = 2.0  # a window that is stretched more than that is none
 
 
-@inner_kernel
-def pixels_for(half):
-    """Room for all pixels between which a warped window is read."""
-    return np.zeros(room_px(_span(half), line_px(_span(half))) + _STEP, np.float32)
+class Around(NamedTuple):
+    """The pixels between which a warped window is read."""
+
+    pixels: np.ndarray
+    """All that it may need, by lines."""
+    line: int
+    """Places from one line to the next."""
+
+
+def blank_around(half: int) -> Around:
+    """Room for what is around a window of ``2 half + 1`` pixels."""
+    span = int(2.0 * _MOST * half) + 5
+    line = line_px(span)
+    return Around(room(room_px(span, line) + _STEP), line)
 
 
 @inner_kernel
-def _span(half):
-    return int(2.0 * _MOST * half) + 5
-
-
-@inner_kernel
-def residual_of(values, here, x, y, half, template, contrast, theta, pixels, residual):
+def residual_of(
+    image: Image,
+    x: float,
+    y: float,
+    template: Template,
+    theta: np.ndarray,
+    around: Around,
+    residual: np.ndarray,
+) -> bool:
     """Second image, warped, minus the brightness-corrected template; False if it leaves it."""
+    window, contrast = template.window, template.contrast
+    half, grey = window.half, window.grey
     reach_x = half * (abs(1.0 + theta[2]) + abs(theta[3]))
     reach_y = half * (abs(theta[4]) + abs(1.0 + theta[5]))
     x += theta[0]
     y += theta[1]
     # Written so that a NaN is outside too.
-    if not (reach_x <= x < here[2] - 1 - reach_x and reach_y <= y < here[3] - 1 - reach_y):
+    if not (reach_x <= x < image.width - 1 - reach_x and reach_y <= y < image.height - 1 - reach_y):
         return False
     if max(reach_x, reach_y) > _MOST * half:
         return False
-    left, top, line = int(x - reach_x) - 1, int(y - reach_y) - 1, line_px(_span(half))
-    read(values, here, left, top, int(2.0 * reach_y) + 5, line, pixels)
-    _warp(pixels, line, x - left, y - top, half, theta, len(template) // (2 * half + 1), residual)
+    left, top = int(x - reach_x) - 1, int(y - reach_y) - 1
+    read(image, left, top, int(2.0 * reach_y) + 5, around.line, around.pixels)
+    _warp(around, x - left, y - top, half, theta, window.line, residual)
     gain, offset = np.float32(theta[6]), np.float32(theta[7])
-    for i in range(np.uintp(len(template))):
-        residual[i] += gain * contrast[i] - template[i] - offset
+    for i in range(np.uintp(len(grey))):
+        residual[i] += gain * contrast[i] - grey[i] - offset
     return True
 
 
 @inner_kernel
-def _warp(pixels, pixel_line, x, y, half, theta, line, out):
+def _warp(
+    around: Around,
+    x: float,
+    y: float,
+    half: int,
+    theta: np.ndarray,
+    line: int,
+    out: np.ndarray,
+) -> None:
     """Values of a window around (x, y) between pixels, warped; beyond its lines anything.
 
     Seen from a pixel that moves on as if there were no warp, pixels side by side need the same
     neighbours as long as the warp moves them by a pixel at most. So many are read in one step;
     `_STEP` are written each time, and what is wrong of these is overwritten by the next step.
     """
+    pixels, pixel_line = around.pixels, around.line
     xu, xv, yu, yv = theta[2], theta[3], theta[4], theta[5]
     step = _WIDE
     while (step - 1) * max(abs(xu), abs(yu)) > 1.0:
         step //= 2
     drift_x, drift_y = (step - 1) * min(xu, 0.0), (step - 1) * min(yu, 0.0)
-    slope_x, slope_y = np.float32(xu), np.float32(yu)
+    slope = np.float32(xu), np.float32(yu)
     for v in range(2 * half + 1):
         for part in range(0, 2 * half + 1, step):
             px = x + xv * (v - half) + (1.0 + xu) * (part - half)
             py = y + (1.0 + yv) * (v - half) + yu * (part - half)
             left, top = int(px + drift_x), int(py + drift_y)
             place = np.uintp(top * pixel_line + left)
-            from_x, from_y = np.float32(px - left), np.float32(py - top)
-            _warp_part(
-                pixels, place, pixel_line, from_x, from_y, slope_x, slope_y, v * line + part, out
-            )
+            begin = np.float32(px - left), np.float32(py - top)
+            _warp_part(pixels, place, pixel_line, begin, slope, v * line + part, out)
 
 
 @inlined_kernel
-def _warp_part(pixels, i, stride, x, y, slope_x, slope_y, begin, out):
+def _warp_part(
+    pixels: np.ndarray,
+    i: np.uintp,
+    line: int,
+    begin: tuple[float, float],
+    slope: tuple[float, float],
+    to: int,
+    out: np.ndarray,
+) -> None:
     """Values between three by three pixels that move on along a line, in steps as warped.
 
     Between these pixels, values go up or down along straight lines.
 
-    Parameters
-    ----------
-    i : int
-        Of the pixel at the upper left.
-    x, y : float32
-        Place of the first value from there on, 0 to 2 px.
-    slope_x, slope_y : float32
-        By how much the next one is farther.
+    The pixel at the upper left is the ``i``-th; the first value is (x, y) from it, 0 to 2 px, where
+    they ``begin``, and the next one by a ``slope`` farther. The first is written to the place
+    ``to``.
     """
     zero, one = np.float32(0.0), np.float32(1.0)
-    o = np.uintp(begin)
-    k, m = i + np.uintp(stride), i + np.uintp(2 * stride)
+    (x, y), (slope_x, slope_y) = begin, slope
+    o = np.uintp(to)
+    k, m = i + np.uintp(line), i + np.uintp(2 * line)
     for j in range(np.uintp(_STEP)):
         u = np.float32(np.int32(j))
         to_x, to_y = fused(slope_x, u, x), fused(slope_y, u, y)
@@ -103,7 +132,7 @@ def _warp_part(pixels, i, stride, x, y, slope_x, slope_y, begin, out):
 
 
 @inlined_kernel
-def _along(pixels, i, a, b):
+def _along(pixels: np.ndarray, i: np.uintp, a: float, b: float) -> float:
     """Value at ``a + b`` pixels to the right of the i-th."""
     left, middle, right = pixels[i], pixels[i + np.uintp(1)], pixels[i + np.uintp(2)]
     return fused(b, right - middle, fused(a, middle - left, left))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_slopes import PARAMETERS, changes
+from farpoint._kernels.affine_slopes import PARAMETERS, Template, changes
 from farpoint._kernels.compile import inner_kernel, sum_kernel
 from farpoint._kernels.windows import LANES, line_px
 
-__all__ = ["bend", "covary", "influence_of", "room_of", "solve"]
+__all__ = ["Influence", "bend", "blank_influence", "covary", "find_influence", "solve"]
 
 # Variance of Scharr's gradients over that of the residual, both of white noise sampled between
 # pixels: 0.23 s^2 shrunk to 0.13 s^2, over the two images' 0.88 s^2.
@@ -20,8 +21,30 @@ _GRADIENT_NOISE = 0.15
 _BLOCK = 3
 
 
+class Influence(NamedTuple):
+    """How far a match moves, px, by what it is made of."""
+
+    rows: np.ndarray
+    """(2, 8) those of the inverse normal matrix that belong to the displacement."""
+    pixels: np.ndarray
+    """(2, S) for each grey level that a pixel's residual is lower: the rows times its Jacobian."""
+    moves: np.ndarray
+    """(2, R) what each pixel does to the match, with a border of zeros."""
+    line: int
+    """Places from one line of the moves to the next."""
+
+
+def blank_influence(half: int) -> Influence:
+    """Room for the influence of a window of ``2 half + 1`` pixels."""
+    width, around = 2 * half + 1, 2 * half + 1 + 2 * (_BLOCK - 1)
+    line = line_px(around)
+    pixels = np.zeros((2, width * line_px(width)), np.float32)
+    moves = np.zeros((2, around * line + LANES), np.float32)
+    return Influence(np.zeros((2, PARAMETERS)), pixels, moves, line)
+
+
 @inner_kernel
-def solve(factor, vector):
+def solve(factor: np.ndarray, vector: np.ndarray) -> None:
     """Solve ``F @ F.T @ x = vector`` in place; the factor F has its diagonal inverted."""
     for a in range(PARAMETERS):
         for b in range(a):
@@ -34,40 +57,38 @@ def solve(factor, vector):
 
 
 @inner_kernel
-def influence_of(factor, slopes, grid, rows, influence):
-    """How far the match moves, px, for each grey level that a pixel's residual is lower.
-
-    ``influence`` (2, size) is ``P J``, with the rows ``P`` (2, 8) of the inverse normal matrix
-    that belong to the displacement, which ``rows`` receives.
-    """
+def find_influence(factor: np.ndarray, template: Template, influence: Influence) -> None:
+    """Fill in the rows, and the pixels' influence."""
+    rows, pixels = influence.rows, influence.pixels
     rows[:] = 0.0
     for a in range(2):
         rows[a, a] = 1.0
         solve(factor, rows[a])
-        changes(slopes, grid, rows[a], influence[a])
+        changes(template, rows[a], pixels[a])
 
 
 @inner_kernel
-def bend(slopes, grid, influence, bending):
+def bend(template: Template, influence: Influence, bending: np.ndarray) -> None:
     """What the quadratic part of a window's motion, which is not modelled, does to the match.
 
     A motion that is farther by ``q(w)`` at the pixel w lowers its residual by ``gradient . q``.
     """
     for a in range(2):
-        sums = _quadratic_moves(slopes, grid, influence[a])
+        sums = _quadratic_moves(template, influence.pixels[a])
         for b in range(2):
             for c in range(3):
                 bending[a, b, c] = sums[3 * b + c]
 
 
 @sum_kernel
-def _quadratic_moves(slopes, grid, influence):
+def _quadratic_moves(template: Template, influence: np.ndarray) -> tuple:
     """Influence times each gradient times ``u u``, ``u v`` and ``v v``, summed."""
+    gx, gy, us, vs = template.window.gx, template.window.gy, template.u, template.v
     zero = np.float32(0.0)
     xuu, xuv, xvv, yuu, yuv, yvv = zero, zero, zero, zero, zero, zero
     for i in range(np.uintp(len(influence))):
-        u, v = grid[0][i], grid[1][i]
-        along, down = influence[i] * slopes[0][i], influence[i] * slopes[1][i]
+        u, v = us[i], vs[i]
+        along, down = influence[i] * gx[i], influence[i] * gy[i]
         xuu += along * u * u
         xuv += along * u * v
         xvv += along * v * v
@@ -78,14 +99,14 @@ def _quadratic_moves(slopes, grid, influence):
 
 
 @inner_kernel
-def room_of(width):
-    """Room (2, R) for what each pixel of a window does to the match, with a border of zeros."""
-    margin = _BLOCK - 1
-    return np.zeros((2, (width + 2 * margin) * line_px(width + 2 * margin) + LANES), np.float32)
-
-
-@inner_kernel
-def covary(rows, influence, residual, prior, variance, width, line, moves, covariance):
+def covary(
+    template: Template,
+    residual: np.ndarray,
+    variance: float,
+    prior: np.ndarray,
+    influence: Influence,
+    covariance: np.ndarray,
+) -> None:
     """Sandwich covariance of the displacement: what each pixel's residual did to the answer.
 
     A pixel moves the match by its influence times its residual. Neighbouring residuals are not
@@ -94,14 +115,15 @@ def covary(rows, influence, residual, prior, variance, width, line, moves, covar
     dimensions, with triangular weights out to a lag of 2 px. It is positive semi-definite by
     construction.
     """
-    margin = _BLOCK - 1
-    stride = line_px(width + 2 * margin)
+    half, line = template.window.half, template.window.line
+    rows, pixels, moves = influence.rows, influence.pixels, influence.moves
+    width, margin, moves_line = 2 * half + 1, _BLOCK - 1, influence.line
     for a in range(2):
         for v in range(width):
-            i, out = np.uintp(v * line), np.uintp((v + margin) * stride + margin)
+            i, out = np.uintp(v * line), np.uintp((v + margin) * moves_line + margin)
             for j in range(np.uintp(line)):
-                moves[a, out + j] = influence[a, i + j] * residual[i + j]
-    xx, xy, yy = _block_moments(moves, stride, (width + margin) * stride)
+                moves[a, out + j] = pixels[a, i + j] * residual[i + j]
+    xx, xy, yy = _block_moments(moves, moves_line, (width + margin) * moves_line)
     # The fit has bent the residuals towards zero: of the count / block^2 independent blocks the
     # parameters have taken their share.
     count = width * width
@@ -120,13 +142,13 @@ def covary(rows, influence, residual, prior, variance, width, line, moves, covar
 
 
 @sum_kernel
-def _block_moments(moves, stride, size):
+def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, float, float]:
     """Mean over the block's shifts of the second moments of block sums."""
     zero = np.float32(0.0)
     xx, xy, yy = zero, zero, zero
     one, two = np.uintp(1), np.uintp(2)
     for i in range(np.uintp(size)):
-        j, k = i + np.uintp(stride), i + np.uintp(2 * stride)
+        j, k = i + np.uintp(line), i + np.uintp(2 * line)
         x = moves[0, i] + moves[0, i + one] + moves[0, i + two]
         x += moves[0, j] + moves[0, j + one] + moves[0, j + two]
         x += moves[0, k] + moves[0, k + one] + moves[0, k + two]
@@ -140,7 +162,7 @@ def _block_moments(moves, stride, size):
 
 
 @inner_kernel
-def _undo_attenuation(rows, power, covariance):
+def _undo_attenuation(rows: np.ndarray, power: float, covariance: np.ndarray) -> None:
     """Allow for noise in the gradients, which makes a window seem to hold more than it does.
 
     With ``D`` (2, 2) the information on the displacement and ``nu`` the noise's part of it, the

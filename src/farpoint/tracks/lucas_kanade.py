@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.lucas_kanade import follow_windows
+from farpoint._kernels.lucas_kanade import Levels, blank_workspace, follow_windows
+from farpoint._kernels.windows import Patience
 from farpoint.tracks.options import LucasKanadeOptions
 from farpoint.tracks.pyramid import Pyramid
 
@@ -89,15 +90,13 @@ def _there_and_back(
     """Pixels (N, 2) in the second image; NaN where they do not lead back."""
     points1 = np.empty(points0.shape)
     follow_windows(
-        image0.values,
-        image1.values,
-        image0.layout[: level + 1],
+        Levels(image0.values, image0.layout[: level + 1]),
+        Levels(image1.values, image1.layout[: level + 1]),
         points0,
         start,
-        options.window_px // 2,
-        options.max_iterations,
-        options.tolerance_px,
+        Patience(options.max_iterations, options.tolerance_px),
         options.forward_backward_px,
+        blank_workspace(options.window_px // 2),
         points1,
     )
     return points1

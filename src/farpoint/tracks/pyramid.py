@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint._kernels.lucas_kanade import border_px
+from farpoint._kernels.windows import Image
 from farpoint.errors import optional_import
 from farpoint.tracks.options import LucasKanadeOptions
 
@@ -28,6 +29,10 @@ class Pyramid:
 
     values: np.ndarray
     layout: np.ndarray
+
+    def level(self, k: int) -> Image:
+        """Level k, the finest first, as the kernels take it."""
+        return Image(self.values, *self.layout[k].tolist())
 
     @property
     def image(self) -> np.ndarray:

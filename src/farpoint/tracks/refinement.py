@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.affine_match import match_windows
+from farpoint._kernels.affine_match import Belief, Matched, blank_workspace, match_windows
+from farpoint._kernels.windows import Patience
 from farpoint.tracks.options import RefinementOptions
 from farpoint.tracks.pyramid import Pyramid
 from farpoint.tracks.tracks import Windows
@@ -71,16 +72,13 @@ def refine(
     windows = Windows(warps=np.array(shapes), bending=np.empty((count, 2, 2, 3)))
     covariance_px2, correlation = np.empty((count, 2, 2)), np.empty(count)
     match_windows(
-        image0.values,
-        image1.values,
-        image0.layout[0],
+        image0.level(0),
+        image1.level(0),
         np.ascontiguousarray(points0, dtype=np.float64),
-        options.window_px // 2,
-        _precision(options),
-        options.noise_floor**2,
-        options.max_iterations,
-        options.tolerance_px,
-        (matched, windows.warps, covariance_px2, correlation, windows.bending),
+        Belief(_precision(options), options.noise_floor**2),
+        Patience(options.max_iterations, options.tolerance_px),
+        blank_workspace(options.window_px // 2),
+        Matched(matched, windows.warps, covariance_px2, correlation, windows.bending),
     )
     found = (correlation >= options.min_correlation) & np.isfinite(covariance_px2[:, 0, 0])
     found &= np.linalg.norm(matched - points1, axis=1) <= options.max_shift_px
