@@ -14,7 +14,7 @@ __all__ = ["corner_strength", "strongest_places"]
 
 
 @kernel
-def corner_strength(image, block, strength):
+def corner_strength(image: np.ndarray, block: int, strength: np.ndarray) -> None:
     """Mean square slope in the weakest direction, over blocks of pixels.
 
     Parameters
@@ -49,7 +49,16 @@ def corner_strength(image, block, strength):
 
 
 @inner_kernel
-def _move_on(above, here, below, gx, gy, xx, xy, yy):
+def _move_on(
+    above: np.ndarray,
+    here: np.ndarray,
+    below: np.ndarray,
+    gx: np.ndarray,
+    gy: np.ndarray,
+    xx: np.ndarray,
+    xy: np.ndarray,
+    yy: np.ndarray,
+) -> None:
     """Put a line's gradients in the place of those of a block ago, and their products too."""
     one, two = np.uintp(1), np.uintp(2)
     twice = np.float32(2.0)
@@ -68,7 +77,7 @@ def _move_on(above, here, below, gx, gy, xx, xy, yy):
 
 
 @inner_kernel
-def _sum_along(values, block, sums):
+def _sum_along(values: np.ndarray, block: int, sums: np.ndarray) -> None:
     """Sums of ``block`` neighbours, at the place of the first."""
     count = np.uintp(len(values) - block)
     for i in range(count):
@@ -79,7 +88,14 @@ def _sum_along(values, block, sums):
 
 
 @inner_kernel
-def _weakest(xx, xy, yy, scale, block, line):
+def _weakest(
+    xx: np.ndarray,
+    xy: np.ndarray,
+    yy: np.ndarray,
+    scale: np.floating,
+    block: int,
+    line: np.ndarray,
+) -> None:
     """Smallest eigenvalues, each in the middle of its block."""
     half = np.float32(0.5)
     for i in range(np.uintp(1), np.uintp(len(xx) - block)):
@@ -89,7 +105,14 @@ def _weakest(xx, xy, yy, scale, block, line):
 
 
 @kernel
-def strongest_places(strength, least, reach, border, taken, places):
+def strongest_places(
+    strength: np.ndarray,
+    least: float,
+    reach: int,
+    border: int,
+    taken: np.ndarray,
+    places: np.ndarray,
+) -> int:
     """Pixels that no other within ``reach`` along either axis outdoes; returns how many.
 
     Parameters
@@ -132,7 +155,7 @@ def strongest_places(strength, least, reach, border, taken, places):
 
 
 @inner_kernel
-def _highest(lines, highest):
+def _highest(lines: np.ndarray, highest: np.ndarray) -> None:
     """The largest of each column."""
     for x in range(np.uintp(len(highest))):
         highest[x] = lines[0, x]
@@ -144,7 +167,7 @@ def _highest(lines, highest):
 
 
 @inner_kernel
-def _outdone_by_none(strength, column, row, reach):
+def _outdone_by_none(strength: np.ndarray, column: int, row: int, reach: int) -> bool:
     height, width = strength.shape
     for y in range(max(row - reach, 0), min(row + reach + 1, height)):
         for x in range(max(column - reach, 0), min(column + reach + 1, width)):

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from farpoint._kernels.compile import kernel
 
 __all__ = ["draw_discs"]
 
 
 @kernel
-def draw_discs(pixels, centres, radius, colour):
+def draw_discs(
+    pixels: np.ndarray, centres: np.ndarray, radius: float, colour: tuple[float, float, float]
+) -> None:
     """Blend discs of one colour into (H, W, 3) pixels; parts outside are left out.
 
     A pixel is covered as far as the rim passes it: fully half a pixel inside, not at all half a

@@ -12,6 +12,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import choose, formula, root
+from farpoint._kernels.vectors import Vector
 
 __all__ = [
     "distort",
@@ -69,7 +70,9 @@ def invert_projection(rays: np.ndarray, forward: np.ndarray, jacobian: np.ndarra
 
 
 @formula
-def _distort_point(k, x, y):
+def _distort_point(
+    k: np.ndarray, x: float, y: float
+) -> tuple[float, float, float, float, float, float]:
     """Distorted point (a, b) and its derivatives, a_x, a_y, b_x, b_y."""
     p1, p2 = k[2], k[3]
     xx, yy, xy = x * x, y * y, x * y
@@ -97,7 +100,7 @@ def distort(k: np.ndarray, x: np.ndarray, y: np.ndarray, out: np.ndarray) -> Non
 
 
 @inner_kernel
-def _interpolate(target, arguments, values):
+def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> float:
     """Piecewise linear function through a table of growing arguments, held constant outside."""
     low, high = 0, len(arguments) - 1
     if target >= arguments[high]:
@@ -113,7 +116,7 @@ def _interpolate(target, arguments, values):
 
 
 @inner_kernel
-def _undistort_point(k, a, b, x, y):
+def _undistort_point(k: np.ndarray, a: float, b: float, x: float, y: float) -> tuple[float, float]:
     """Newton's method from (x, y); NaN where it does not settle."""
     for _ in range(NEWTON_ITERATIONS):
         at_a, at_b, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
@@ -209,7 +212,12 @@ def _straight_ray_jacobian(
     _write_tangents((x * over, y * over, z * over), (by_x, by_y), jacobian, i)
 
 
-def _write_tangents(ray, steps, jacobian, i):
+def _write_tangents(
+    ray: Vector,
+    steps: tuple[tuple[float, float], tuple[float, float]],
+    jacobian: np.ndarray,
+    i: int,
+) -> None:
     """Write what is perpendicular to the ray of its steps (x, y, 0), one a column."""
     for column, (x, y) in enumerate(steps):
         along = ray[0] * x + ray[1] * y

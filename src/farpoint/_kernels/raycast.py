@@ -7,6 +7,7 @@ walked by Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing"
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,15 +19,36 @@ from farpoint._kernels.scene_arrays import (
     GROUND,
     NOTHING,
     SKY,
+    Blocks,
+    Hills,
 )
+from farpoint._kernels.vectors import Vector
 
-__all__ = ["TOP_FACE", "cast_rays", "trace"]
+__all__ = ["TOP_FACE", "Hit", "Ray", "cast_rays", "trace"]
 
 TOP_FACE = 4
 
 
+class Ray(NamedTuple):
+    """Where a ray begins, m, and where it goes."""
+
+    origin: Vector
+    direction: Vector
+
+
+class Hit(NamedTuple):
+    """What a ray hits first."""
+
+    distance: float
+    """In lengths of the direction."""
+    surface: int
+    """Number of a shape, or GROUND, SKY, or FIRST_RING and downwards for a ring of hills."""
+    face: int
+    """Of a box: 0-3 the sides -x, +x, -z, +z; 4 top, 5 bottom."""
+
+
 @inlined_kernel
-def slab(origin, direction, half):
+def slab(origin: float, direction: float, half: float) -> tuple[float, float]:
     """Distances at which a coordinate enters and leaves ``[-half, half]``."""
     if direction == 0.0:
         return (-math.inf, math.inf) if abs(origin) <= half else (math.inf, -math.inf)
@@ -35,11 +57,12 @@ def slab(origin, direction, half):
 
 
 @inlined_kernel
-def hit_box(px, py, pz, dx, dy, dz, half_x, half_y, half_z):
-    """Distance and face (0-3 the sides -x, +x, -z, +z; 4 top, 5 bottom); infinity for a miss.
+def hit_box(ray: Ray, half: Vector) -> tuple[float, int]:
+    """Distance and face; infinity for a miss.
 
     The ray is given in the axes of the box, from its centre.
     """
+    (px, py, pz), (dx, dy, dz), (half_x, half_y, half_z) = ray.origin, ray.direction, half
     near_x, far_x = slab(px, dx, half_x)
     near_y, far_y = slab(py, dy, half_y)
     near_z, far_z = slab(pz, dz, half_z)
@@ -54,8 +77,9 @@ def hit_box(px, py, pz, dx, dy, dz, half_x, half_y, half_z):
 
 
 @inlined_kernel
-def hit_round(px, py, pz, dx, dy, dz, radius, half_height, stretch):
+def hit_round(ray: Ray, radius: float, half_height: float, stretch: float) -> float:
     """Distance to the outside of an ellipsoid (stretched to a ball) or a tube (stretch 0)."""
+    (px, py, pz), (dx, dy, dz) = ray.origin, ray.direction
     qy, sy = py * stretch, dy * stretch
     a = dx * dx + sy * sy + dz * dz
     half_b = px * dx + qy * sy + pz * dz
@@ -68,24 +92,27 @@ def hit_round(px, py, pz, dx, dy, dz, radius, half_height, stretch):
 
 
 @inlined_kernel
-def hit_shape(shape, index, ox, oy, oz, dx, dy, dz):
+def hit_shape(shape: np.ndarray, index: int, ray: Ray) -> tuple[float, int]:
     """Distance to a shape and its face."""
+    (ox, oy, oz), (dx, dy, dz) = ray.origin, ray.direction
     x, z = ox - shape[index, 0], oz - shape[index, 1]
     y = oy - 0.5 * (shape[index, 6] + shape[index, 7])
     half_height = 0.5 * (shape[index, 7] - shape[index, 6])
     half_x, half_z = shape[index, 4], shape[index, 5]
     if shape[index, 8] == BOX:
         cos, sin = shape[index, 2], shape[index, 3]
-        px, pz = x * cos + z * sin, z * cos - x * sin
-        qx, qz = dx * cos + dz * sin, dz * cos - dx * sin
-        return hit_box(px, y, pz, qx, dy, qz, half_x, half_height, half_z)
+        origin = x * cos + z * sin, y, z * cos - x * sin
+        direction = dx * cos + dz * sin, dy, dz * cos - dx * sin
+        return hit_box(Ray(origin, direction), (half_x, half_height, half_z))
     stretch = half_x / half_height if shape[index, 8] == ELLIPSOID else 0.0
-    return hit_round(x, y, z, dx, dy, dz, half_x, half_height, stretch), 0
+    return hit_round(Ray((x, y, z), ray.direction), half_x, half_height, stretch), 0
 
 
 @inlined_kernel
-def hit_hills(ring, height, ox, oy, oz, dx, dy, dz):
+def hit_hills(hills: Hills, ray: Ray) -> tuple[float, int]:
     """Distance to the nearest ring of hills, and the ring; the origin lies within all of them."""
+    ring, height = hills.ring, hills.height
+    (ox, oy, oz), (dx, dy, dz) = ray.origin, ray.direction
     a = dx * dx + dz * dz
     steps = height.shape[1]
     for k in range(ring.shape[0]):
@@ -104,7 +131,9 @@ def hit_hills(ring, height, ox, oy, oz, dx, dy, dz):
 
 
 @inlined_kernel
-def first_wall(origin, direction, corner, size):
+def first_wall(
+    origin: float, direction: float, corner: float, size: float
+) -> tuple[int, int, float, float]:
     """Along one axis: the cell of the origin, the step to the next, and distances to walls.
 
     The last two are the distance to the first wall and the one between walls.
@@ -118,8 +147,10 @@ def first_wall(origin, direction, corner, size):
 
 
 @inlined_kernel
-def hit_shapes(shape, cell_start, cell_shape, cell_top, grid, ox, oy, oz, dx, dy, dz, limit):
+def hit_shapes(blocks: Blocks, ray: Ray, limit: float) -> tuple[float, int, int]:
     """Nearest shape closer than ``limit``: distance, shape (NOTHING if none) and face."""
+    shape, cell_shape, grid = blocks.shape, blocks.cell_shape, blocks.grid
+    (ox, oy, oz), (dx, dy, dz) = ray.origin, ray.direction
     nx, nz = int(grid[3]), int(grid[4])
     i, step_i, wall_i, between_i = first_wall(ox, dx, grid[0], grid[2])
     j, step_j, wall_j, between_j = first_wall(oz, dz, grid[1], grid[2])
@@ -127,9 +158,9 @@ def hit_shapes(shape, cell_start, cell_shape, cell_top, grid, ox, oy, oz, dx, dy
     while 0 <= i < nx and 0 <= j < nz and entered < best:
         cell, leaves = j * nx + i, min(wall_i, wall_j)
         lowest = oy + dy * (min(leaves, best) if dy > 0.0 else entered)
-        if lowest >= cell_top[cell]:
-            for k in range(cell_start[cell], cell_start[cell + 1]):
-                t, at = hit_shape(shape, cell_shape[k], ox, oy, oz, dx, dy, dz)
+        if lowest >= blocks.cell_top[cell]:
+            for k in range(blocks.cell_start[cell], blocks.cell_start[cell + 1]):
+                t, at = hit_shape(shape, cell_shape[k], ray)
                 if t < best:
                     best, found, face = t, cell_shape[k], at
         if wall_i < wall_j:
@@ -141,58 +172,40 @@ def hit_shapes(shape, cell_start, cell_shape, cell_top, grid, ox, oy, oz, dx, dy
 
 
 @inlined_kernel
-def trace(shape, cell_start, cell_shape, cell_top, grid, ring, height, ox, oy, oz, dx, dy, dz):
-    """Distance along a ray, the surface it hits first, and the face of that surface."""
+def trace(blocks: Blocks, hills: Hills, ray: Ray) -> Hit:
+    """What a ray hits first."""
+    down, below = ray.direction[1], ray.origin[1]
     reach = math.inf
-    if dy > 0.0:
-        reach = -oy / dy  # the ground
-    elif dy < 0.0:
-        reach = max(0.0, (grid[5] - oy) / dy)  # above all shapes from there on
-    t, surface, face = hit_shapes(
-        shape, cell_start, cell_shape, cell_top, grid, ox, oy, oz, dx, dy, dz, reach
-    )
+    if down > 0.0:
+        reach = -below / down  # the ground
+    elif down < 0.0:
+        reach = max(0.0, (blocks.grid[5] - below) / down)  # above all shapes from there on
+    t, surface, face = hit_shapes(blocks, ray, reach)
     if surface != NOTHING:
-        return t, surface, face
-    t, k = hit_hills(ring, height, ox, oy, oz, dx, dy, dz)
-    if dy > 0.0 and reach <= t:
-        return reach, GROUND, 0
+        return Hit(t, surface, face)
+    t, k = hit_hills(hills, ray)
+    if down > 0.0 and reach <= t:
+        return Hit(reach, GROUND, 0)
     if k >= 0:
-        return t, FIRST_RING - k, 0
-    return math.inf, SKY, 0
+        return Hit(t, FIRST_RING - k, 0)
+    return Hit(math.inf, SKY, 0)
 
 
 @kernel
 def cast_rays(
-    blocks: tuple[np.ndarray, ...],
-    hills: tuple[np.ndarray, ...],
+    blocks: Blocks,
+    hills: Hills,
     origin: np.ndarray,
     directions: np.ndarray,
     distances: np.ndarray,
 ) -> None:
     """Fill ``distances`` (N,) from one origin along ``directions`` (N, 3), in lengths of them.
 
-    Infinite for the sky, NaN where a direction is. ``blocks`` and ``hills`` are the fields of
-    `Blocks` and `Hills`: as plain tuples, so that the cache on disk knows no class of this package.
+    Infinite for the sky, NaN where a direction is.
     """
-    shape, cell_start, cell_shape, cell_top, grid = blocks
-    ring, height = hills
-    ox, oy, oz = origin[0], origin[1], origin[2]
+    start = origin[0], origin[1], origin[2]
     for i in range(len(directions)):
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        direction = directions[i, 0], directions[i, 1], directions[i, 2]
         distances[i] = math.nan
-        if not math.isnan(dx + dy + dz):
-            distances[i] = trace(
-                shape,
-                cell_start,
-                cell_shape,
-                cell_top,
-                grid,
-                ring,
-                height,
-                ox,
-                oy,
-                oz,
-                dx,
-                dy,
-                dz,
-            )[0]
+        if not math.isnan(direction[0] + direction[1] + direction[2]):
+            distances[i] = trace(blocks, hills, Ray(start, direction)).distance

@@ -11,9 +11,10 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel
-from farpoint._kernels.raycast import trace
-from farpoint._kernels.scene_arrays import NOTHING
-from farpoint._kernels.surfaces import ray_grey
+from farpoint._kernels.raycast import Hit, Ray, trace
+from farpoint._kernels.scene_arrays import NOTHING, Scene
+from farpoint._kernels.surfaces import Spread, ray_grey
+from farpoint._kernels.vectors import Vector
 
 __all__ = ["render"]
 
@@ -37,7 +38,7 @@ EDGE_FOOTPRINT = 0.4  # of the pixel's, for one of the samples
 
 
 @inlined_kernel
-def turned(R, x, y, z):
+def turned(R: np.ndarray, x: float, y: float, z: float) -> Vector:
     """``R @ (x, y, z)``."""
     return (
         R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
@@ -47,7 +48,7 @@ def turned(R, x, y, z):
 
 
 @inlined_kernel
-def is_edge(surfaces, row, column):
+def is_edge(surfaces: np.ndarray, row: int, column: int) -> bool:
     """Whether a pixel or one of its eight neighbours shows another face."""
     here = surfaces[row, column]
     if here == 8 * NOTHING:
@@ -60,48 +61,38 @@ def is_edge(surfaces, row, column):
 
 
 @inlined_kernel
-def pixel_grey(blocks, hills, finish, pose, ray, step, offsets, footprint):
+def pixel_grey(
+    scene: Scene,
+    pose: np.ndarray,
+    ray: np.ndarray,
+    step: np.ndarray,
+    offsets: np.ndarray,
+    footprint: float,
+) -> tuple[float, Hit]:
     """Mean grey of the rays at ``offsets`` from the pixel's centre, and what the last one hit."""
-    shape, cell_start, cell_shape, cell_top, grid = blocks
-    ring, height = hills
-    paint, texels, texture = finish
     centre = turned(pose, ray[0], ray[1], ray[2])
     right = turned(pose, step[0, 0], step[1, 0], step[2, 0])
     down = turned(pose, step[0, 1], step[1, 1], step[2, 1])
-    step_x = (footprint * right[0], footprint * right[1], footprint * right[2])
-    step_y = (footprint * down[0], footprint * down[1], footprint * down[2])
-    ox, oy, oz = pose[0, 3], pose[1, 3], pose[2, 3]
-    total, t, surface, face = 0.0, 0.0, NOTHING, 0
+    spread = Spread(
+        (footprint * right[0], footprint * right[1], footprint * right[2]),
+        (footprint * down[0], footprint * down[1], footprint * down[2]),
+    )
+    origin = pose[0, 3], pose[1, 3], pose[2, 3]
+    total, hit = 0.0, Hit(0.0, NOTHING, 0)
     for k in range(len(offsets)):
         a, b = offsets[k, 0], offsets[k, 1]
         dx = centre[0] + a * right[0] + b * down[0]
         dy = centre[1] + a * right[1] + b * down[1]
         dz = centre[2] + a * right[2] + b * down[2]
-        t, surface, face = trace(
-            shape, cell_start, cell_shape, cell_top, grid, ring, height, ox, oy, oz, dx, dy, dz
-        )
-        total += ray_grey(
-            shape,
-            ring,
-            paint,
-            texels,
-            texture,
-            surface,
-            face,
-            t,
-            (ox, oy, oz),
-            (dx, dy, dz),
-            step_x,
-            step_y,
-        )
-    return total / len(offsets), t, 8 * surface + face
+        beam = Ray(origin, (dx, dy, dz))
+        hit = trace(scene.blocks, scene.hills, beam)
+        total += ray_grey(scene.blocks, scene.hills, scene.finish, beam, spread, hit)
+    return total / len(offsets), hit
 
 
 @kernel
 def render(
-    blocks: tuple[np.ndarray, ...],
-    hills: tuple[np.ndarray, ...],
-    finish: tuple[np.ndarray, ...],
+    scene: Scene,
     world_from_cam: np.ndarray,
     rays: np.ndarray,
     steps: np.ndarray,
@@ -113,8 +104,7 @@ def render(
 
     Parameters
     ----------
-    blocks, hills, finish : tuple of ndarray
-        The scene: the fields of `Blocks`, `Hills` and `Finish`, as in `cast_rays`.
+    scene : Scene
     world_from_cam : ndarray, shape (4, 4)
     rays : ndarray, shape (H, W, 3)
         Unit rays of the pixel centres in camera axes; NaN where there is none.
@@ -137,9 +127,8 @@ def render(
                     image[row, column], depth[row, column] = 0.0, math.nan
                     surfaces[row, column] = 8 * NOTHING
                 elif sweep == 0 or is_edge(surfaces, row, column):
-                    grey, t, face = pixel_grey(
-                        blocks, hills, finish, world_from_cam, ray, step, offsets, footprint
-                    )
+                    grey, hit = pixel_grey(scene, world_from_cam, ray, step, offsets, footprint)
                     image[row, column] = grey
                     if sweep == 0:
-                        depth[row, column], surfaces[row, column] = t, face
+                        depth[row, column] = hit.distance
+                        surfaces[row, column] = 8 * hit.surface + hit.face

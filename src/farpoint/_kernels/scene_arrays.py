@@ -17,6 +17,7 @@ __all__ = [
     "Blocks",
     "Finish",
     "Hills",
+    "Scene",
 ]
 
 # Kinds of shapes.
@@ -89,3 +90,11 @@ class Finish(NamedTuple):
     paint: np.ndarray
     texels: np.ndarray
     texture: np.ndarray
+
+
+class Scene(NamedTuple):
+    """All that there is to be seen."""
+
+    blocks: Blocks
+    hills: Hills
+    finish: Finish

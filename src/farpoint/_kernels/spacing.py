@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from farpoint._kernels.compile import inner_kernel, kernel
 
 __all__ = ["cover", "take_places"]
 
 
 @kernel
-def take_places(places, taken, reach, limit, kept):
+def take_places(
+    places: np.ndarray, taken: np.ndarray, reach: int, limit: int, kept: np.ndarray
+) -> int:
     """Accept places that are free, in their order, until there are enough; return how many.
 
     Parameters
@@ -35,14 +39,14 @@ def take_places(places, taken, reach, limit, kept):
 
 
 @kernel
-def cover(places, taken, reach):
+def cover(places: np.ndarray, taken: np.ndarray, reach: int) -> None:
     """Take the pixels within ``reach`` of every place; as for `take_places`."""
     for index in range(len(places)):
         _cover_one(places[index, 0], places[index, 1], taken, reach)
 
 
 @inner_kernel
-def _cover_one(column, row, taken, reach):
+def _cover_one(column: int, row: int, taken: np.ndarray, reach: int) -> None:
     height, width = taken.shape
     for y in range(max(row - reach, 0), min(row + reach + 1, height)):
         for x in range(max(column - reach, 0), min(column + reach + 1, width)):

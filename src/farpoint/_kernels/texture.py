@@ -7,10 +7,14 @@ minor axis, averaged along its major axis (McCormack et al., "Feline", SIGGRAPH 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.scene_arrays import Finish
 
-__all__ = ["filtered"]
+__all__ = ["Footprint", "filtered", "footprint_of", "scaled"]
 
 MOST_TAPS = 12
 # Width of the texels that are read, px, at the minor axis. Each level is blurred by 0.8 of its
@@ -18,8 +22,23 @@ MOST_TAPS = 12
 _TEXEL_PX = 0.6
 
 
+class Footprint(NamedTuple):
+    """The ellipse that a pixel covers of a texture, in its units."""
+
+    u: float
+    """Centre."""
+    v: float
+    major_u: float
+    """Major axis."""
+    major_v: float
+    minor: float
+    """Length of the minor axis."""
+
+
 @inlined_kernel
-def bilinear(texels, start, log2_width, level, u, v):
+def bilinear(
+    texels: np.ndarray, start: int, log2_width: int, level: int, u: float, v: float
+) -> float:
     """Level of a pyramid at ``u, v`` in texels of level 0; repeats endlessly."""
     skipped = ((1 << (2 * log2_width + 2)) - (1 << (2 * (log2_width - level) + 2))) // 3
     width = 1 << (log2_width - level)
@@ -35,7 +54,9 @@ def bilinear(texels, start, log2_width, level, u, v):
 
 
 @inlined_kernel
-def trilinear(texels, start, log2_width, level, u, v):
+def trilinear(
+    texels: np.ndarray, start: int, log2_width: int, level: float, u: float, v: float
+) -> float:
     """Pyramid between its levels."""
     below = min(int(level), log2_width)
     above = min(below + 1, log2_width)
@@ -45,23 +66,32 @@ def trilinear(texels, start, log2_width, level, u, v):
 
 
 @inlined_kernel
-def footprint_axes(ux, uy, vx, vy):
-    """Major axis (u, v) and length of the minor axis of the ellipse that a pixel covers.
-
-    The columns ``(ux, vx)`` and ``(uy, vy)`` are the steps in texture space by one pixel.
-    """
+def footprint_of(
+    u: float, v: float, right: tuple[float, float], down: tuple[float, float]
+) -> Footprint:
+    """What a pixel covers at a place, from the steps (u, v) to the pixels beside and below."""
+    (ux, vx), (uy, vy) = right, down
     uu, uv, vv = ux * ux + uy * uy, ux * vx + uy * vy, vx * vx + vy * vy
     half_sum, half_difference = 0.5 * (uu + vv), 0.5 * (uu - vv)
     root = math.sqrt(half_difference * half_difference + uv * uv)
     major, minor = math.sqrt(half_sum + root), math.sqrt(max(half_sum - root, 0.0))
     angle = 0.5 * math.atan2(uv, half_difference)
-    return major * math.cos(angle), major * math.sin(angle), minor
+    return Footprint(u, v, major * math.cos(angle), major * math.sin(angle), minor)
 
 
 @inlined_kernel
-def filtered(texels, texture, index, u, v, major_u, major_v, minor):
-    """Mean of a texture over a footprint; all lengths in texels."""
+def scaled(footprint: Footprint, u: float, v: float, scale: float) -> Footprint:
+    """The footprint at another place, in units so many of which go into one."""
+    major_u, major_v, minor = footprint.major_u, footprint.major_v, footprint.minor
+    return Footprint(u * scale, v * scale, major_u * scale, major_v * scale, minor * scale)
+
+
+@inlined_kernel
+def filtered(finish: Finish, index: int, footprint: Footprint) -> float:
+    """Mean of a texture over a footprint in texels."""
+    texels, texture = finish.texels, finish.texture
     start, log2_width = texture[index, 0], texture[index, 1]
+    u, v, major_u, major_v, minor = footprint
     major = math.sqrt(major_u * major_u + major_v * major_v)
     width = max(minor, major / MOST_TAPS)
     level = math.log2(max(width * _TEXEL_PX, 1.0))

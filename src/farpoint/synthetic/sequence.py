@@ -121,9 +121,7 @@ class RenderedSequence:
         self._seed = seed
         self._imaging = imaging or ImagingOptions()
         self._rays, self._steps = _ray_tables(camera, camera.size)
-        street = build_street(path.world_from_body[:, :3, 3], seed)
-        self._blocks, self._hills = tuple(street.blocks), tuple(street.hills)
-        self._finish = tuple(street.finish)
+        self._scene = build_street(path.world_from_body[:, :3, 3], seed)
 
     def __len__(self) -> int:
         return len(self.timestamps)
@@ -139,9 +137,7 @@ class RenderedSequence:
         radiance = np.empty(shape, np.float32)
         depth = np.empty(shape)
         render(
-            self._blocks,
-            self._hills,
-            self._finish,
+            self._scene,
             self.world_from_cam[index],
             self._rays,
             self._steps,
@@ -198,9 +194,9 @@ class RenderedSequence:
 
     def _cast(self, index: int, rays: np.ndarray) -> np.ndarray:
         pose = self.world_from_cam[index]
-        distances = np.empty(len(rays))
+        scene, distances = self._scene, np.empty(len(rays))
         directions = np.ascontiguousarray(rays @ pose[:3, :3].T)
-        cast_rays(self._blocks, self._hills, pose[:3, 3].copy(), directions, distances)
+        cast_rays(scene.blocks, scene.hills, pose[:3, 3].copy(), directions, distances)
         return distances
 
     def _expose(self, radiance: np.ndarray, depth: np.ndarray, index: int) -> np.ndarray:

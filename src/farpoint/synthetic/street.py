@@ -9,13 +9,12 @@ drive does not cost more per frame.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import KDTree
 
-from farpoint._kernels.scene_arrays import Blocks, Finish, Hills
+from farpoint._kernels.scene_arrays import Blocks, Finish, Hills, Scene
 from farpoint.synthetic import textures
 from farpoint.synthetic.things import (
     FACADES,
@@ -26,7 +25,7 @@ from farpoint.synthetic.things import (
     plant_tree,
 )
 
-__all__ = ["BLOCK_M", "CELL_M", "LANE_M", "ROAD_M", "Street", "build_street"]
+__all__ = ["BLOCK_M", "CELL_M", "LANE_M", "ROAD_M", "build_street"]
 
 CELL_M = 12.0
 BLOCK_CELLS = 4
@@ -44,15 +43,7 @@ _RINGS_M = ((240.0, 40.0), (600.0, 130.0), (1400.0, 380.0))  # beyond the houses
 _RING_STEPS = 8192
 
 
-class Street(NamedTuple):
-    """A scene for the renderer."""
-
-    blocks: Blocks
-    hills: Hills
-    finish: Finish
-
-
-def build_street(positions: np.ndarray, seed: int) -> Street:
+def build_street(positions: np.ndarray, seed: int) -> Scene:
     """The scene around a path.
 
     Parameters
@@ -115,7 +106,7 @@ def _assemble(
     low: np.ndarray,
     high: np.ndarray,
     seed: int,
-) -> Street:
+) -> Scene:
     rows = np.array(shapes.shape).reshape(-1, 9)[kept]
     hills = _raise_hills(positions, np.random.default_rng((seed, 1)))
     texel_m = BLOCK_M / (1 << _ROAD_LOG2_WIDTH)
@@ -124,7 +115,7 @@ def _assemble(
     paint = np.array([*(shapes.paint[k] for k in kept), ground, *slopes])
     # Cells are centred on multiples of their size, so that a street is one cell wide.
     grid_low, grid_high = (low - 0.5) * CELL_M, (high + 0.5) * CELL_M
-    return Street(
+    return Scene(
         blocks=_sort_into_grid(rows, grid_low, grid_high),
         hills=hills,
         finish=Finish(paint, *_pictures(seed)),
