@@ -130,21 +130,25 @@ def test_a_cell_of_coverage_is_what_its_estimates_say():
     assert cell["pose_95"] is not None
 
 
-def test_an_interruption_leaves_the_finished_tables(tmp_path: Path):
-    def interrupt(what: str, *_: int) -> None:
-        if what == "coverage":
+def test_an_interruption_leaves_what_was_found(tmp_path: Path):
+    def interrupt(what: str, done: int, _: int) -> None:
+        if what == "coverage" and done == 1:
             raise KeyboardInterrupt
 
     shown = []
     with pytest.raises(KeyboardInterrupt):
         run_bench(
-            BenchOptions(tables=("paper", "coverage"), pairs=1),
+            BenchOptions(tables=("paper", "coverage"), pairs=1, grid=SMALL_GRID),
             tmp_path,
             interrupt,
             show=shown.append,
         )
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["bench.txt", "paper.csv"]
-    assert (tmp_path / "bench.txt").read_text() == "\n".join(shown) + "\n"
+    assert sorted(f.name for f in tmp_path.iterdir()) == ["bench.txt", "coverage.csv", "paper.csv"]
+    cells = (tmp_path / "coverage.csv").read_text().splitlines()
+    assert [cell.split(",")[0] for cell in cells] == ["baseline_cm", "0"]
+    found = (tmp_path / "bench.txt").read_text()
+    assert found.startswith("\n".join(shown))
+    assert "Coverage: how often" in found
 
 
 def test_without_peers_farpoint_is_measured_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

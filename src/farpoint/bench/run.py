@@ -1,11 +1,11 @@
-"""The tables one after the other, each on disk before the next begins."""
+"""The tables one after the other, each on disk as it grows."""
 
 from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 
@@ -28,7 +28,8 @@ from farpoint.errors import InputError, MissingExtraError
 
 __all__ = ["BenchReport", "run_bench"]
 
-_Maker = Callable[[BenchOptions, Progress], tuple[Table, ...]]
+# Tables, or one again and again with more of its rows.
+_Maker = Callable[[BenchOptions, Progress], Iterable[Table]]
 _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "paper": (paper_table,),
     "accuracy": (accuracy_table,),
@@ -77,7 +78,8 @@ def run_bench(
     """Make the tables and write them to a folder.
 
     ``bench.txt`` holds them all, ``<table>.csv`` each, ``<table>.svg`` its chart if it has one.
-    Each is written as soon as it is made, so an interruption leaves those that are finished.
+    Each is written as soon as it is made, and those that take hours with every row: an interruption
+    leaves what was found.
 
     Parameters
     ----------
@@ -101,32 +103,29 @@ def run_bench(
     _write(out, "bench.txt", report.to_text())
     for name in options.tables:
         for make in _MAKERS[name]:
-            tables, reason = _made(make, options, progress)
+            before, made, reason = report, {}, None
+            try:
+                for table in make(options, progress):
+                    made[table.name] = table
+                    report = replace(before, tables=(*before.tables, *made.values()))
+                    _write_table(out, table)
+                    _write(out, "bench.txt", report.to_text())
+            except MissingExtraError as error:
+                reason = str(error)
+            if not made:
+                reason = reason or "--data names no files of matches (.npz)"
             skipped = (f"{name}: skipped, {reason}",) if reason else ()
-            report = BenchReport(
-                environment=report.environment,
-                tables=report.tables + tables,
-                skipped=report.skipped + skipped,
-            )
-            for table in tables:
-                _write(out, f"{table.name}.csv", table.to_csv())
-                if table.chart is not None:
-                    _write(out, f"{table.name}.svg", table.chart)
+            report = replace(report, skipped=report.skipped + skipped)
             _write(out, "bench.txt", report.to_text())
-            for text in (*(table.to_text() for table in tables), *skipped):
+            for text in (*(table.to_text() for table in made.values()), *skipped):
                 show("\n\n" + text)
     return report
 
 
-def _made(
-    make: _Maker, options: BenchOptions, progress: Progress
-) -> tuple[tuple[Table, ...], str | None]:
-    """The tables, or why there are none."""
-    try:
-        tables = make(options, progress)
-    except MissingExtraError as error:
-        return (), str(error)
-    return tables, None if tables else "--data names no files of matches (.npz)"
+def _write_table(out: Path, table: Table) -> None:
+    _write(out, f"{table.name}.csv", table.to_csv())
+    if table.chart is not None:
+        _write(out, f"{table.name}.svg", table.chart)
 
 
 def _check_data(places: tuple[Path, ...]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from farpoint.bench.accuracy import bound_ratios, errors_of
@@ -33,29 +35,31 @@ _COLUMNS = (
 )
 
 
-def accuracy_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """Cells of the paper's protocol: 110 matches, 20 of them wrong, noise of 0.22 px."""
+def accuracy_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
+    """Cells of the paper's protocol, as they are filled: 110 matches, 20 wrong, noise 0.22 px."""
     rng = np.random.default_rng(options.seed)
     rows: list[tuple[Cell, ...]] = []
     for baseline_m in _BASELINES_M:
         for far_share in _FAR_SHARES:
             rows += _cell_rows(baseline_m, far_share, options, rng, progress)
-    return (
-        Table(
-            name="accuracy",
-            title="Accuracy: errors over the Cramer-Rao bound (1 is the best), and mean errors",
-            command=options.command("accuracy"),
-            columns=_COLUMNS,
-            rows=tuple(rows),
-            notes=(
-                f"{options.pairs or _PAIRS} pairs a cell, the same for all: 110 matches, 20 of "
-                "them wrong, noise 0.22 px, turns up to 5 deg about every axis; near points at "
-                "1-4 m, far ones at 25-35 m",
-                "over_bound: median of the normalised error over the median of chi; a missing "
-                "answer counts as infinitely wrong",
-                "means are over the answers given, gross ones included; gross: rotation more than "
-                "1 deg or direction more than 30 deg off",
-            ),
+            yield _table(rows, options)
+
+
+def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
+    return Table(
+        name="accuracy",
+        title="Accuracy: errors over the Cramer-Rao bound (1 is the best), and mean errors",
+        command=options.command("accuracy"),
+        columns=_COLUMNS,
+        rows=tuple(rows),
+        notes=(
+            f"{options.pairs or _PAIRS} pairs a cell, the same for all: 110 matches, 20 of them "
+            "wrong, noise 0.22 px, turns up to 5 deg about every axis; near points at 1-4 m, far "
+            "ones at 25-35 m",
+            "over_bound: median of the normalised error over the median of chi; a missing answer "
+            "counts as infinitely wrong",
+            "means are over the answers given, gross ones included; gross: rotation more than "
+            "1 deg or direction more than 30 deg off",
         ),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
 
 import numpy as np
@@ -39,8 +39,8 @@ _COLUMNS = (
 )
 
 
-def coverage_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """A row for each cell of the grid."""
+def coverage_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
+    """A row for each cell of the grid, as they are filled."""
     grid = CoverageGrid.whole() if options.full else options.grid
     cells = list(
         product(
@@ -68,21 +68,23 @@ def coverage_table(options: BenchOptions, progress: Progress) -> tuple[Table, ..
             matches,
         )
         rows.append((*cell, *_figures(scenes, options.seed)))
+        yield _table(rows, grid, options)
     progress("coverage", len(cells), len(cells))
-    return (
-        Table(
-            name="coverage",
-            title="Coverage: how often the 68 % and 95 % regions of the covariances hold the truth",
-            command=options.command("coverage"),
-            columns=_COLUMNS,
-            rows=tuple(rows),
-            notes=(
-                f"{grid.trials} scenes a cell; low, high: 95 % binomial interval of the coverage",
-                "pose: rotation and direction where the status is OK, 5 degrees of freedom; "
-                "rotation: all but FAILED, 3; nees: mean, ideally the degrees of freedom",
-                "sigma_over_error: above 1 the sigmas are too large by this factor (median)",
-                "at baseline 0 nothing moves, so OK is a false alarm and the pose has no truth",
-            ),
+
+
+def _table(rows: Sequence[tuple[Cell, ...]], grid: CoverageGrid, options: BenchOptions) -> Table:
+    return Table(
+        name="coverage",
+        title="Coverage: how often the 68 % and 95 % regions of the covariances hold the truth",
+        command=options.command("coverage"),
+        columns=_COLUMNS,
+        rows=tuple(rows),
+        notes=(
+            f"{grid.trials} scenes a cell; low, high: 95 % binomial interval of the coverage",
+            "pose: rotation and direction where the status is OK, 5 degrees of freedom; "
+            "rotation: all but FAILED, 3; nees: mean, ideally the degrees of freedom",
+            "sigma_over_error: above 1 the sigmas are too large by this factor (median)",
+            "at baseline 0 nothing moves, so OK is a false alarm and the pose has no truth",
         ),
     )
 

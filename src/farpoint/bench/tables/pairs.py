@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -36,30 +36,30 @@ _COLUMNS = (
 )
 
 
-def pairs_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """Rows for every file of matches in the data; none where there is no such file."""
+def pairs_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
+    """Rows for every file of matches in the data, file by file."""
     rows: list[tuple[Cell, ...]] = []
     for path in find_match_files(options.data):
         found = read_matches(path)
         views = found.views if options.full else _spread(found.views, options.pairs or _PAIRS)
         if views:
             rows += _file_rows(found.name, views, options.seed, progress)
-    if not rows:
-        return ()
-    return (
-        Table(
-            name="pairs",
-            title="Real pairs: errors against the truth, and time",
-            command=options.command("pairs"),
-            columns=_COLUMNS,
-            rows=tuple(rows),
-            notes=(
-                "pairs spread evenly over each file, the same for all; times interleaved, on one "
-                "thread; peers are given points without lens distortion, outside of their time",
-                "gross: rotation more than 1 deg or direction more than 30 deg off",
-                "the truth is noisy itself: KITTI's by some 0.02-0.04 deg from frame to frame",
-                f"a true motion under {100 * _MIN_TRANSLATION_M:g} cm has no direction to compare",
-            ),
+            yield _table(rows, options)
+
+
+def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
+    return Table(
+        name="pairs",
+        title="Real pairs: errors against the truth, and time",
+        command=options.command("pairs"),
+        columns=_COLUMNS,
+        rows=tuple(rows),
+        notes=(
+            "pairs spread evenly over each file, the same for all; times interleaved, on one "
+            "thread; peers are given points without lens distortion, outside of their time",
+            "gross: rotation more than 1 deg or direction more than 30 deg off",
+            "the truth is noisy itself: KITTI's by some 0.02-0.04 deg from frame to frame",
+            f"a true motion under {100 * _MIN_TRANSLATION_M:g} cm has no direction to compare",
         ),
     )
 
