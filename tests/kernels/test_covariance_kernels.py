@@ -20,9 +20,11 @@ from farpoint._kernels.covariance import (
     covariance_here,
     step_by_prediction,
 )
+from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.information import information
+from farpoint._kernels.pairs import address
 from farpoint._kernels.pose import Seen
-from farpoint._kernels.vectors import tangent_columns
+from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
 
 MIXTURE, CLUTTER, RIGHT = np.array([1.3, 0.1, 0.2]), 0.05, 50.0
@@ -109,6 +111,20 @@ def test_few_matches_are_hardly_sure_of_anything():
     whole, noise, scatter = told(view, sure=(4.0 - 2.0 - 10.0 * heard**2) / 4.0)
     V = heard * scatter + (1.0 - heard) * whole + SPHERE
     assert_covariances(out, sandwich(whole + SPHERE - noise, V))
+
+
+@pytest.mark.parametrize("predicted", [False, True])
+def test_matches_that_may_all_be_right_or_wrong_leave_the_pose_open(predicted):
+    # Some three sigma off, each is as likely wrong as right: scores vary by more than they tell.
+    view, out = two_views(5, 200, error_rad=2e-3), np.zeros((5, 5))
+    R, t = matrix(view.R), vector(view.t)
+    off = np.array([abs(sampson(view.pairs, address(i), R, t)) for i in range(view.size)])
+    doubtful = packed((off > 2.5) & (off < 3.0))
+    seen = Seen(view.pairs, doubtful, view.R, view.t, np.array([1.0, 0.1, 0.01]), 0.02)
+    spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
+    assert information(seen, predicted, *spare) < 0.0
+    assert not here_by(seen, RIGHT, predicted, SIGNAL, out)
+    assert np.isposinf(out).all()
 
 
 @pytest.mark.parametrize("predicted", [False, True])

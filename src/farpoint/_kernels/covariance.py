@@ -46,7 +46,8 @@ def covariance_here(
     The sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix, as of `information`, less what of it
     is noise, if it is not predicted; V the variance of the gradient: that matrix, and its scatter
     over the matches, the more, the more there are. False where less than ``least`` of the matrix is
-    signal; then, if it is not predicted, or if the matches fix no rotation, ``out`` has no meaning.
+    signal; then, if it is not predicted, and where the matches tell nothing, ``out`` is infinite:
+    if none of them is known to be right or wrong, less than nothing is known of the pose.
     """
     normal, noise, spare = scratch(6, 6), scratch(5, 5), scratch(5, 5)
     scatter, variance = scratch(5, 5), scratch(5, 5)
@@ -64,7 +65,10 @@ def covariance_here(
     if predicted:
         shows = sandwich(whole, noise, whole, least, spare)
         clear(noise)
-    return sandwich(whole, noise, variance, least, out) and shows
+    if sandwich(whole, noise, variance, least, out):
+        return shows
+    out[:] = math.inf
+    return False
 
 
 @inner_kernel

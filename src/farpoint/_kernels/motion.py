@@ -253,7 +253,6 @@ def _be_sure(matches: Matches, least_signal: float, found: Found) -> tuple[bool,
     for i in range(matches.total):
         right += found.said[3, i]
     seen, covariance = _seen(matches, found), found.covariance
-    covariance[:] = math.inf
     if covariance_here(seen, right, False, PLAIN, covariance):
         return False, True
     step_by_prediction(seen)
