@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from farpoint._kernels import evidence, plausible
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.plausible import FADE, LEAST_TAIL
+from farpoint._kernels.plausible import FADE, LEAST_TAIL, NONE
 from farpoint.geometry import so3, sphere
 
 
@@ -129,6 +129,16 @@ def test_how_far_on_a_match_may_lie_tells_how_the_others_thin_out(sizes, last, t
     np.testing.assert_allclose(prior[-2:], prior[0] * np.exp([-0.5, -12.5]), rtol=1e-3)
 
 
+@pytest.mark.parametrize("sigma", [1.0, 2.5])
+def test_nothing_is_plausible_beyond_its_end(sigma):
+    sizes, wrong = np.linspace(1.0, 60.0, 60), np.full(20, -100.0)
+    parallax, right = sigma * np.r_[sizes, wrong], np.r_[np.ones(60), np.zeros(20)]
+    end = plausible.plausible_parallax(parallax, right, 80, sigma, 300.0 * sigma, np.empty(80))
+    prior, parallax[-1] = np.empty(80), end
+    plausible.plausible_parallax(parallax, right, 80, sigma, 300.0 * sigma, prior)
+    assert prior[-1] == pytest.approx(np.exp(-0.5 * NONE**2) * prior[0], rel=1e-3)
+
+
 def test_where_no_match_is_wrong_none_is_implausible():
     prior = prior_of(np.r_[np.zeros(40), 150.0], np.ones(41))
     np.testing.assert_allclose(prior, prior[0])
@@ -137,6 +147,8 @@ def test_where_no_match_is_wrong_none_is_implausible():
 def test_where_nearly_all_may_be_captured_nothing_is_known():
     prior = prior_of(np.array([1.0, 2.0, 50.0, 3.0, 9.0]), np.array([1.0, 1.0, 0.0, 0.0, 0.0]))
     np.testing.assert_array_equal(prior, np.ones(5))
+    whatever = np.full(3, 9.0), np.zeros(3), 3, 1.0, 300.0, np.empty(3)
+    assert plausible.plausible_parallax(*whatever) == np.inf
 
 
 def test_a_few_wrong_matches_do_not_drag_the_rotation_from_the_others():

@@ -38,6 +38,8 @@ WIDENINGS = 8
 # Log likelihood to which the result is refined: a thirtieth of a sigma.
 FINE = 1e-3
 MAX_REFINEMENTS = np.int64(20)
+# How often what is plausible is asked again, at the pose that it has led to.
+MAX_ROUNDS = 4
 
 # Cost, what it grows by when averaged over poses, matches that agree, log odds of the sign of the
 # direction; of the right matches searched, those that no rotation explains, and all; whether the
@@ -192,7 +194,6 @@ def _settle(searched: Matches, matches: Matches, least_signal: float, found: Fou
     _leave_out_none(matches.prior, count)
     _explain(matches, found)
     _refine(matches, found, normal)
-    _explain(matches, found)
     residual, parallax, right = found.said[1], found.said[2], found.said[3]
     variance, grown = found.mixture[0], found.grown
     if not grow_noise(matches.pairs, residual, parallax, right, count, variance, grown):
@@ -220,12 +221,31 @@ def _seen(matches: Matches, found: Found) -> Seen:
 
 @inner_kernel
 def _refine(matches: Matches, found: Found, normal: np.ndarray) -> float:
-    """As `likelihood.refine_pose`, by what the pose as it was makes plausible of the matches."""
-    sigma, parallax, right = math.sqrt(found.mixture[0]), found.said[2], found.said[3]
-    plausible_parallax(parallax, right, matches.total, sigma, matches.spread, matches.prior)
+    """As `likelihood.refine_pose`, by what the pose as it was makes plausible of the matches.
+
+    Again where it ends at a pose that some of them made, and from which they lie too far away.
+    """
+    parallax, right = found.said[2], found.said[3]
     pose = Pose(found.R, found.t, found.mixture, normal, scratch(1))
-    refine_pose(matches, FINE, MAX_REFINEMENTS, pose)
+    for _ in range(MAX_ROUNDS):
+        sigma = math.sqrt(found.mixture[0])
+        end = plausible_parallax(
+            parallax, right, matches.total, sigma, matches.spread, matches.prior
+        )
+        refine_pose(matches, FINE, MAX_REFINEMENTS, pose)
+        _explain(matches, found)
+        if not _beyond(end, parallax, right):
+            break
     return pose.cost[0]
+
+
+@inner_kernel
+def _beyond(end: float, parallax: np.ndarray, right: np.ndarray) -> int:
+    """Right matches of more parallax."""
+    count = 0
+    for i in range(right.size):
+        count += 1 if right[i] > 0.5 and parallax[i] > end else 0
+    return count
 
 
 @inner_kernel
@@ -235,7 +255,6 @@ def _conclude(
     """Refine the pose once more, now that its noise is known, and hear all matches on it."""
     normal = scratch(6, 6)
     cost = _refine(matches, found, normal)
-    _explain(matches, found)
     predicted, shows = _be_sure(matches, least_signal, found)
     parallax, right = found.said[2], found.said[3]
     agreeing, odds = weigh(parallax, right, math.sqrt(found.mixture[0]), found.labels)

@@ -10,7 +10,7 @@ from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import greater, lesser
 from farpoint._kernels.scratch import room
 
-__all__ = ["FADE", "LEAST_TAIL", "largest", "plausible_parallax"]
+__all__ = ["FADE", "LEAST_TAIL", "NONE", "largest", "plausible_parallax"]
 
 # Half-width of the band in which a match agrees with its epipolar line, in sigma.
 BAND_SIGMA = 3.0
@@ -18,6 +18,8 @@ BAND_SIGMA = 3.0
 # and in what share of that distance it fades out.
 LEAST_TAIL = 0.1
 FADE = 0.3
+# How often it fades until nothing is left.
+NONE = 3.0
 
 
 @inner_kernel
@@ -47,8 +49,8 @@ def plausible_parallax(
     sigma: float,
     spread: float,
     prior: np.ndarray,
-) -> None:
-    """Prior of each match from where it lies along its epipolar line.
+) -> float:
+    """Prior of each match from where it lies along its epipolar line; the parallax that ends it.
 
     A wrong match lies anywhere in the image; a right one not far beyond the others. Up to there the
     prior is flat: it scales the density of right matches from the strip ``2 spread`` to the length
@@ -72,7 +74,7 @@ def plausible_parallax(
     if bulk <= captured:
         for i in range(count):
             prior[i] = 1.0
-        return
+        return math.inf
     last = greater(largest(sizes, captured + 1), BAND_SIGMA)
     nearer = greater(largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
     tail = greater(greater(1.0 / (nearer * nearer) - 1.0, LEAST_TAIL) * last, BAND_SIGMA)
@@ -80,3 +82,4 @@ def plausible_parallax(
     for i in range(count):
         beyond = (parallax[i] / sigma - last) / tail
         prior[i] = flat * math.exp(-0.5 * (greater(beyond - 1.0, 0.0) / FADE) ** 2)
+    return (last + (1.0 + NONE * FADE) * tail) * sigma
