@@ -64,10 +64,14 @@ def information(
     what of it varies with the noise all the same; and the solution of the normal equations is one
     step from the likelihood's maximum to an estimate with less variance.
 
+    A match that tells more than all others together vouches for itself: none would say if it were
+    wrong, and near the epipole its line turns with every step of the pose. It is heard with
+    ``1 - h^3`` of its weight, h its leverage, the share of it in what is told along its own axis.
+
     ``scatter`` (5, 5) is the variance of the gradient as the residuals show it, which is the matrix
     where their noise is the one that was stated. A match draws the pose towards itself, and so
-    shows a smaller square than it had: by ``1 - h`` with h its leverage (MacKinnon and White, J.
-    Econom. 29, 1985, HC2, DOI 10.1016/0304-4076(85)90158-7).
+    shows a smaller square than it had: by ``1 - h`` (MacKinnon and White, J. Econom. 29, 1985, HC2,
+    DOI 10.1016/0304-4076(85)90158-7).
 
     Returns the share of this information that there is without knowing which matches are good, poor
     or wrong: what is missing is the variance of the score over these (Louis, J. R. Stat. Soc. B 44,
@@ -78,8 +82,9 @@ def information(
     if predicted:
         _predict(told)
     _normal_equations(told, normal)
+    _weigh_by_leverage(told, normal[:5, :5])
+    _normal_equations(told, normal)
     _gram(told, CHANGE, SHARE, noise)
-    _without_leverage(told, normal[:5, :5])
     _gram(told, JACOBIAN, SCATTER, scatter)
     known, missing = _total(told, KNOWN), _total(told, MISSING)
     return 1.0 - missing / known if known > 0.0 else 1.0
@@ -168,16 +173,19 @@ def _tell_of(
 
 
 @inner_kernel
-def _without_leverage(told: np.ndarray, whole: np.ndarray) -> None:
-    """Make up for what of its residual each match has taken by drawing the pose."""
+def _weigh_by_leverage(told: np.ndarray, whole: np.ndarray) -> None:
+    """Hear a match the less the more it tells, and make up for what it took of its residual."""
     inverse, positive = inverse_square(whole)
     if not positive:
         return
     for panel in range(told.size // TOLD):
         for lane in range(LANES):
             at = panel * TOLD + lane
-            drawn = told[at + WEIGHT * LANES] * size2(inverse, _five(told, at))
-            told[at + SCATTER * LANES] /= 1.0 - lesser(drawn, MOST_LEVERAGE)
+            drawn = lesser(told[at + WEIGHT * LANES] * size2(inverse, _five(told, at)), 1.0)
+            heard = 1.0 - drawn * drawn * drawn
+            told[at + WEIGHT * LANES] *= heard
+            told[at + SHARE * LANES] *= heard
+            told[at + SCATTER * LANES] *= heard / (1.0 - lesser(drawn, MOST_LEVERAGE))
 
 
 @sum_kernel
