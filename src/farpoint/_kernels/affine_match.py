@@ -40,10 +40,10 @@ from farpoint._kernels.window_covariance import (
 from farpoint._kernels.windows import (
     Image,
     Patience,
+    blank_values,
     differentiate,
     line_px,
     relaxed,
-    room,
     room_px,
     sample,
 )
@@ -114,13 +114,13 @@ def blank_workspace(half: int) -> Workspace:
     size = len(template.u)
     square = (PARAMETERS, PARAMETERS)
     return Workspace(
-        pixels=room(room_px(width + 3, patch_line)),
-        patch=room(room_px(width + 2, patch_line)),
+        pixels=blank_values(room_px(width + 3, patch_line)),
+        patch=blank_values(room_px(width + 2, patch_line)),
         patch_line=patch_line,
         template=template,
         around=blank_around(half),
-        residual=room(size + 2 * template.window.line),
-        explained=room(size),
+        residual=blank_values(size + 2 * template.window.line),
+        explained=blank_values(size),
         normal=np.zeros(square),
         factor=np.zeros(square),
         expected=np.zeros(PARAMETERS),

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, sum_kernel
-from farpoint._kernels.windows import Window, blank_window, line_px, room
+from farpoint._kernels.windows import Window, blank_values, blank_window, line_px
 
 __all__ = [
     "PARAMETERS",
@@ -47,10 +47,10 @@ def blank_template(half: int) -> Template:
     width = 2 * half + 1
     window = blank_window(half, line_px(width))
     size = width * window.line
-    u, v = room(size), room(size)
+    u, v = blank_values(size), blank_values(size)
     for places, values in zip((v, u), np.mgrid[-half : half + 1, -half : half + 1], strict=True):
         places.reshape(width, -1)[:, :width] = values
-    return Template(window, room(size), u, v)
+    return Template(window, blank_values(size), u, v)
 
 
 @inner_kernel

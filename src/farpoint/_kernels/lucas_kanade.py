@@ -24,12 +24,12 @@ from farpoint._kernels.windows import (
     Patience,
     Weights,
     Window,
+    blank_values,
     blank_window,
     differentiate,
     line_px,
     read,
     relaxed,
-    room,
     room_px,
     sample,
     value_at,
@@ -68,7 +68,9 @@ def blank_workspace(half: int) -> Workspace:
     reach = width + 1 + 2 * int(_SLACK)
     line = line_px(reach)
     return Workspace(
-        room(room_px(reach, line)), room(room_px(width + 2, line)), blank_window(half, line)
+        blank_values(room_px(reach, line)),
+        blank_values(room_px(width + 2, line)),
+        blank_window(half, line),
     )
 
 

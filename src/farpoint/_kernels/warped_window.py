@@ -9,7 +9,7 @@ import numpy as np
 from farpoint._kernels.affine_slopes import Template
 from farpoint._kernels.compile import inlined_kernel, inner_kernel
 from farpoint._kernels.fused import fused
-from farpoint._kernels.windows import Image, line_px, read, room, room_px
+from farpoint._kernels.windows import Image, blank_values, line_px, read, room_px
 
 __all__ = ["Around", "blank_around", "residual_of"]
 
@@ -31,7 +31,7 @@ def blank_around(half: int) -> Around:
     """Room for what is around a window of ``2 half + 1`` pixels."""
     span = int(2.0 * _MOST * half) + 5
     line = line_px(span)
-    return Around(room(room_px(span, line) + _STEP), line)
+    return Around(blank_values(room_px(span, line) + _STEP), line)
 
 
 @inner_kernel

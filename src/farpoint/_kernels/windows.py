@@ -21,12 +21,12 @@ __all__ = [
     "Patience",
     "Weights",
     "Window",
+    "blank_values",
     "blank_window",
     "differentiate",
     "line_px",
     "read",
     "relaxed",
-    "room",
     "room_px",
     "sample",
     "value_at",
@@ -89,7 +89,7 @@ def room_px(rows: int, line: int) -> int:
     return (rows + 1) * line + LANES
 
 
-def room(size: int) -> np.ndarray:
+def blank_values(size: int) -> np.ndarray:
     """Room for so many values, zeros at first."""
     return np.zeros(size, np.float32)
 
@@ -98,9 +98,9 @@ def blank_window(half: int, line: int) -> Window:
     """Room for a window with lines of this length, which says where it has pixels."""
     width = 2 * half + 1
     size = width * line
-    inside = room(size)
+    inside = blank_values(size)
     inside.reshape(width, line)[:, :width] = 1.0
-    return Window(half, line, room(size), room(size), room(size), inside)
+    return Window(half, line, blank_values(size), blank_values(size), blank_values(size), inside)
 
 
 @inner_kernel
