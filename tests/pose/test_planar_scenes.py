@@ -132,7 +132,6 @@ def test_the_odds_of_the_two_motions_are_those_of_being_wrong():
             wrong.append(off > np.radians(20.0))
             chance.append(1.0 / (1.0 + np.exp(min(other.against, 50.0))))
     p = np.array(chance)
-    print(len(p), sum(wrong), p.sum(), np.sqrt(np.sum(p * (1.0 - p))), (p < 0.05).sum())
     assert len(p) > 200
     assert abs(sum(wrong) - p.sum()) < 3.0 * np.sqrt(np.sum(p * (1.0 - p)))
     assert (p < 0.05).sum() > 40

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
@@ -103,23 +103,32 @@ def run_bench(
     _write(out, "bench.txt", report.to_text())
     for name in options.tables:
         for make in _MAKERS[name]:
-            before, made, reason = report, {}, None
-            try:
-                for table in make(options, progress):
-                    made[table.name] = table
-                    report = replace(before, tables=(*before.tables, *made.values()))
+            before = report
+            for report in _growing(before, name, lambda make=make: make(options, progress)):
+                for table in report.tables[len(before.tables) :]:
                     _write_table(out, table)
-                    _write(out, "bench.txt", report.to_text())
-            except MissingExtraError as error:
-                reason = str(error)
-            if not made:
-                reason = reason or "--data names no files of matches (.npz)"
-            skipped = (f"{name}: skipped, {reason}",) if reason else ()
-            report = replace(report, skipped=report.skipped + skipped)
-            _write(out, "bench.txt", report.to_text())
-            for text in (*(table.to_text() for table in made.values()), *skipped):
-                show("\n\n" + text)
+                _write(out, "bench.txt", report.to_text())
+            for table in report.tables[len(before.tables) :]:
+                show("\n\n" + table.to_text())
+            for reason in report.skipped[len(before.skipped) :]:
+                show("\n\n" + reason)
     return report
+
+
+def _growing(
+    report: BenchReport, name: TableName, make: Callable[[], Iterable[Table]]
+) -> Iterator[BenchReport]:
+    """The report with each table, or more of its rows; at last with the reason if there is none."""
+    made: dict[str, Table] = {}
+    reason = "--data names no files of matches (.npz)"
+    try:
+        for table in make():
+            made[table.name] = table
+            yield replace(report, tables=(*report.tables, *made.values()))
+    except MissingExtraError as error:
+        reason = str(error)
+    if not made:
+        yield replace(report, skipped=(*report.skipped, f"{name}: skipped, {reason}"))
 
 
 def _write_table(out: Path, table: Table) -> None:
