@@ -28,3 +28,17 @@ def test_a_pose_is_asked_again_what_is_plausible(scenes, index):
     error = pose_error(pose, scene)
     assert error @ np.linalg.solve(pose.covariance, error) < 15.0
     assert np.count_nonzero(scene.is_outlier & (pose.labels > 0)) <= 1
+
+
+@pytest.mark.parametrize("index", [7, 12])
+def test_what_was_implausible_once_is_counted_again(index):
+    # 10 of 20 matches wrong. Asked twice of what is left, these two have no motion: the nearest
+    # match is taken from the near ones, then the next.
+    rng = np.random.default_rng(2)
+    grid = {"baseline_m": 0.2, "far_share": 0.5, "matches": 20, "outliers": 10, "noise_px": 0.22}
+    scene = draw_scenes(20, rng, **grid)[index]
+    pose = estimate(scene)
+    assert pose.status is PoseStatus.OK
+    error = pose_error(pose, scene)
+    assert error @ np.linalg.solve(pose.covariance, error) < 15.0
+    assert np.count_nonzero(~scene.is_outlier & (pose.labels > 0)) >= 8

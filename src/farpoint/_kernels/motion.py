@@ -225,12 +225,12 @@ def _refine(matches: Matches, found: Found, normal: np.ndarray) -> float:
 
     Again where it ends at a pose that some of them made, and from which they lie too far away.
     """
-    parallax, right = found.said[2], found.said[3]
+    residual, parallax, right = found.said[1], found.said[2], found.said[3]
     pose = Pose(found.R, found.t, found.mixture, normal, scratch(1))
     for _ in range(MAX_ROUNDS):
         sigma = math.sqrt(found.mixture[0])
         end = plausible_parallax(
-            parallax, right, matches.total, sigma, matches.spread, matches.prior
+            residual, parallax, matches.total, sigma, matches.spread, matches.prior
         )
         refine_pose(matches, FINE, MAX_REFINEMENTS, pose)
         _explain(matches, found)
