@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from kernels_kit import View, moved, packed, rays_only, two_views
 
 from farpoint._kernels import five_rays, search, twins
-from farpoint._kernels.contest import EQUAL, NO_RIVAL, RIVAL
+from farpoint._kernels.compile import kernel
+from farpoint._kernels.contest import EQUAL, NO_RIVAL, RIVAL, noise_of, start_noise
+from farpoint._kernels.pose import Matches, Pose
 from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=30, deadline=None)
@@ -299,3 +301,24 @@ def test_two_layers_can_change_places(wrong):
     # The near layer now stands still, and the far one flows towards the twin's direction.
     assert np.linalg.norm(flow[near], axis=1).max() < 0.1 * parallax
     assert (flow[far] @ twin_t > 0.9 * parallax).all()
+
+
+@kernel
+def start_from(
+    matches: Matches, best: Pose, tolerance: float, nothing: np.ndarray, found: np.ndarray
+) -> None:
+    start_noise(tolerance, nothing)
+    noise_of(matches, best, tolerance, found)
+
+
+@pytest.mark.parametrize(
+    ("best", "is_known"),
+    # Noise of 0.3 units or of three, where two thirds of 20 matches are right, or only a sample.
+    [((0.09, 1 / 3, 0.1), True), ((9.0, 1 / 3, 0.1), False), ((0.09, 0.7, 0.1), False)],
+)
+def test_no_hypothesis_starts_from_more_noise_than_where_nothing_is_known(best, is_known):
+    nothing, found = np.empty((2, 3))
+    matches = Matches(np.empty(0), np.empty(0), 20, 100.0, 1e-6, gives_way=True)
+    pose = Pose(np.eye(3), np.zeros(3), np.array(best), np.zeros((6, 6)), np.zeros(1))
+    start_from(matches, pose, 3.0, nothing, found)
+    assert found.tolist() == (list(best) if is_known else nothing.tolist())

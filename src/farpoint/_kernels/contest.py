@@ -87,11 +87,15 @@ def start_noise(tolerance: float, mixture: np.ndarray) -> None:
 
 @inner_kernel
 def noise_of(matches: Matches, best: Pose, tolerance: float, mixture: np.ndarray) -> None:
-    """What EM starts from: the noise of the best pose, if it explains more than a sample."""
-    if (1.0 - best.mixture[1]) * matches.total > BY_CHANCE:
+    """What EM starts from: the noise of the best pose, if it explains more than a sample.
+
+    A wrong minimum calls all matches right and noisy: from so much noise none comes down to another
+    one. So it is no more than when nothing is known.
+    """
+    start_noise(tolerance, mixture)
+    explains = (1.0 - best.mixture[1]) * matches.total > BY_CHANCE
+    if explains and best.mixture[0] < mixture[0]:
         copy(best.mixture, mixture)
-    else:
-        start_noise(tolerance, mixture)
 
 
 @inner_kernel

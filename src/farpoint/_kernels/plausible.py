@@ -60,8 +60,8 @@ def plausible_parallax(
     the band by chance, and two more that the direction could have chosen to pass through, may not
     vouch for one another. How far beyond the last of the others one may lie, up to twice as far,
     tells by how much they have thinned out there, from the last but as many: they may end at once.
-    All in the band count, whatever was plausible of them before: what was taken from them once would
-    be taken from those that are left, again and again.
+    All in the band count, whatever was plausible of them before: as many would be taken from those
+    that are left, again and again.
     """
     sizes = room(count)
     bulk = 0
