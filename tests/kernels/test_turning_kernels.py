@@ -7,7 +7,12 @@ import pytest
 from kernels_kit import packed, shaken, two_views
 
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
-from farpoint._kernels.turning import fit_rotation, flow_beside_rotation, likelier_moving
+from farpoint._kernels.turning import (
+    Judged,
+    fit_rotation,
+    flow_beside_rotation,
+    likelier_moving,
+)
 from farpoint.geometry import so3
 
 SPREAD = 10.0
@@ -69,25 +74,41 @@ def test_no_match_at_all_says_nothing():
     assert flow_beside_rotation(none, none, none, none, 3.0) == (0, 0, 0.0, 0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("bulk", [1e-6, 0.3])
-def test_what_speaks_for_a_motion_are_matches_that_only_it_explains(bulk):
-    rng, n, sigma, lift, wrong = np.random.default_rng(1), 60, 0.7, 40.0, -0.4
-    parallax, right = 3.0 * rng.normal(size=n), rng.uniform(0.01, 0.99, n)
-    turned, prior = rng.uniform(0.01, 0.99, n), rng.uniform(1.0, 5.0, n)
-    # With a small doubt of the rotation, what both explain is against the motion.
-    turned[:20] = 1.0 - bulk
-    right[:20] = 0.9
-    found = likelier_moving(prior, parallax, right, turned, sigma, lift, wrong)
-
-    near = right / (1.0 - right)  # anywhere on the line, over wrong
-    far = near * lift / prior.max() * np.exp(-0.5 * (parallax / sigma) ** 2)
+def gains(judged: Judged, sigma, lift, wrong, middle, variance) -> tuple[np.ndarray, np.ndarray]:
+    """Of each match, the log likelihood ratio of a motion; which ones the rotation explains too."""
+    near = judged.right / (1.0 - judged.right)  # anywhere on the line, over wrong
+    shift2 = (judged.parallax / sigma - middle) ** 2
+    far = near * lift / judged.prior.max() * np.exp(-0.5 * shift2 / variance) / np.sqrt(variance)
     odds = 0.5 * near + 0.5 * far
-    gain = wrong + np.log(1.0 + odds) + np.log(1.0 - turned)
-    both = (odds > 1.0) & (turned > 0.5)
-    assert (gain[both].sum() < 0.0) == (bulk < 0.1)
-    assert found == pytest.approx(gain[~both].sum() + min(gain[both].sum(), 0.0), rel=1e-12)
+    gain = wrong + np.log(1.0 + odds) + np.log(1.0 - judged.turned_right)
+    return gain, (odds > 1.0) & (judged.turned_right > 0.5)
+
+
+@pytest.mark.parametrize("bulk", [1e-6, 0.3])
+@pytest.mark.parametrize("middle", [0.0, 25.0])
+def test_what_speaks_for_a_motion_are_matches_that_only_it_explains(bulk, middle):
+    rng, n, sigma, lift, wrong = np.random.default_rng(1), 60, 0.7, 400.0, -0.4
+    parallax, right = 3.0 * rng.normal(size=n), rng.uniform(0.01, 0.99, n)
+    turned, prior = rng.uniform(0.01, 0.45, n), rng.uniform(1.0, 5.0, n)
+    # With a small doubt of the rotation, what both explain is against the motion. It lies together,
+    # at infinity or nearer, where the rotation takes its shift for its own.
+    turned[:20], right[:20] = 1.0 - bulk, 0.9
+    parallax[:20] = sigma * (middle + rng.normal(size=20))
+    judged = Judged(prior, parallax, right, turned)
+    found = likelier_moving(judged, sigma, lift, wrong)
+
+    shift, expected = parallax[:20] / sigma, []
+    variance = 1.0 + shift.var()
+    places = np.sqrt(2.0 * np.pi * 20.0 / variance) * lift / prior.max()
+    for there in ((0.0, 1.0, 1.0), (shift.mean(), variance, places)):
+        gain, both = gains(judged, sigma, lift, wrong, *there[:2])
+        expected.append(gain[~both].sum() + min(gain[both].sum(), 0.0) - np.log(there[2]))
+        assert (gain[both].sum() < 0.0) == (bulk < 0.1)
+    assert found == pytest.approx(max(expected), rel=1e-12)
+    if bulk < 0.1:  # else both places leave it out
+        assert np.argmax(expected) == (middle > 0.0)
 
 
 def test_matches_beyond_doubt_leave_a_number():
     ones = np.ones(5)
-    assert np.isfinite(likelier_moving(ones, 0.0 * ones, ones, ones, 1.0, 40.0, 0.0))
+    assert np.isfinite(likelier_moving(Judged(ones, 0.0 * ones, ones, ones), 1.0, 40.0, 0.0))

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
+from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
 from farpoint._kernels.scratch import room
 from farpoint._kernels.vectors import matrix
 
-__all__ = ["fit_rotation", "flow_beside_rotation", "likelier_moving"]
+__all__ = ["Judged", "fit_rotation", "flow_beside_rotation", "likelier_moving"]
 
 # No less of the information is there without knowing which matches are wrong.
 LEAST_KNOWN = 0.1
@@ -118,29 +119,35 @@ def flow_beside_rotation(
     return unexplained, near, chance, bulk, across, flow
 
 
+class Judged(NamedTuple):
+    """What a motion and a rotation make of each match (N,)."""
+
+    prior: np.ndarray
+    """What was plausible of it by the motion."""
+    parallax: np.ndarray
+    """Shift along the epipolar line for unit noise."""
+    right: np.ndarray
+    """Probability of being right by the motion."""
+    turned_right: np.ndarray
+    """Probability of being right by the rotation."""
+
+
 @kernel
-def likelier_moving(
-    prior: np.ndarray,
-    parallax: np.ndarray,
-    right: np.ndarray,
-    turned_right: np.ndarray,
-    sigma: float,
-    lift: float,
-    wrong: float,
-) -> float:
-    """By how much the log likelihood of the matches (N,) is larger by a motion than by a rotation.
+def likelier_moving(judged: Judged, sigma: float, lift: float, wrong: float) -> float:
+    """By how much the log likelihood of the matches is larger by a motion than by a rotation.
 
     Of matches that both explain, only if they are against the motion: how they are off the rotation
     is for another test to say.
 
+    The motion took right matches to be anywhere on their lines. Here a share of them is far, and
+    there as often as the noise puts them: at infinity, or together somewhere else, where a rotation
+    takes what they all shift by for its own. Where that is, and how far they spread, is found from
+    those that both explain, and costs what one place is of all (Laplace's method; its ``2 pi`` is
+    left to pay for the spread).
+
     Parameters
     ----------
-    prior, parallax, right
-        What the motion makes of each match: what was plausible, shift along the epipolar line for
-        unit noise, and the probability of being right. That took matches to be anywhere on their
-        lines; here a share of them is far, and there as often as the noise puts them.
-    turned_right
-        Probability of being right by the rotation.
+    judged : Judged
     sigma : float
         Noise of the motion.
     lift : float
@@ -149,16 +156,46 @@ def likelier_moving(
         Log of the share of wrong matches by the motion, over that by the rotation.
     """
     flat = 0.0
-    for i in range(parallax.size):
-        flat = greater(flat, prior[i])
+    for i in range(judged.prior.size):
+        flat = greater(flat, judged.prior[i])
+    at_infinity = _likelier(judged, sigma, lift / flat, wrong, 0.0, 1.0)
+    count, middle, variance = _far_together(judged, sigma)
+    if count < 2.0:
+        return at_infinity
+    together = _likelier(judged, sigma, lift / flat, wrong, middle, variance)
+    length = math.sqrt(2.0 * math.pi) * lift / flat
+    places = greater(length * math.sqrt(count / variance), 1.0)
+    return greater(at_infinity, together - math.log(places))
+
+
+@inner_kernel
+def _likelier(
+    judged: Judged, sigma: float, lift: float, wrong: float, middle: float, variance: float
+) -> float:
+    """As `likelier_moving`, if the far matches lie about there, in sigma."""
     both = only = 0.0
-    for i in range(parallax.size):
-        p = parallax[i] / sigma
-        far = FAR_SHARE * lift / flat * math.exp(-0.5 * p * p)
-        odds = right[i] / greater(1.0 - right[i], LEAST_DOUBT) * (1.0 - FAR_SHARE + far)
-        gain = wrong + math.log1p(odds) + math.log(greater(1.0 - turned_right[i], LEAST_DOUBT))
-        if odds > 1.0 and turned_right[i] > 0.5:
+    for i in range(judged.parallax.size):
+        p = judged.parallax[i] / sigma - middle
+        far = FAR_SHARE * lift * math.exp(-0.5 * p * p / variance) / math.sqrt(variance)
+        right, turned_right = judged.right[i], judged.turned_right[i]
+        odds = right / greater(1.0 - right, LEAST_DOUBT) * (1.0 - FAR_SHARE + far)
+        gain = wrong + math.log1p(odds) + math.log(greater(1.0 - turned_right, LEAST_DOUBT))
+        if odds > 1.0 and turned_right > 0.5:
             both += gain
         else:
             only += gain
     return only + lesser(both, 0.0)
+
+
+@inner_kernel
+def _far_together(judged: Judged, sigma: float) -> tuple[float, float, float]:
+    """Number of matches that both explain; mean of their parallax and its variance, in sigma."""
+    count = middle = square = 0.0
+    for i in range(judged.parallax.size):
+        if judged.right[i] > 0.5 and judged.turned_right[i] > 0.5:
+            p = judged.parallax[i] / sigma
+            count += 1.0
+            middle += p
+            square += p * p
+    middle /= greater(count, 1.0)
+    return count, middle, 1.0 + greater(square / greater(count, 1.0) - middle * middle, 0.0)

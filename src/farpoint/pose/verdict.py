@@ -20,7 +20,7 @@ import scipy  # its parts load on first use
 
 from farpoint._kernels.evidence import NEAR_SIGMA
 from farpoint._kernels.motion import MAX_SEARCHED
-from farpoint._kernels.turning import flow_beside_rotation, likelier_moving
+from farpoint._kernels.turning import Judged, flow_beside_rotation, likelier_moving
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit
 from farpoint.pose.matches import Matches
 from farpoint.pose.small import size2
@@ -113,10 +113,7 @@ def _likelier_than_turning(fit: MovingFit, turning: TurningFit) -> float:
         return 0.0
     sigma, spread = fit.noise.sigma, fit.matches.spread
     gain = likelier_moving(
-        fit.said[0],
-        fit.parallax,
-        fit.probability,
-        turning.probability,
+        Judged(fit.said[0], fit.parallax, fit.probability, turning.probability),
         sigma,
         2.0 * spread / (math.sqrt(2.0 * math.pi) * sigma),
         math.log(fit.noise.wrong / turning.noise.wrong),
