@@ -7,7 +7,8 @@
 2. *Translation*: does the distance of the matches from the rotation's prediction exceed what the
    noise across the epipolar lines explains? An F test over the bulk of the matches; or more matches
    with large parallax towards one direction than wrong matches would send there; or a motion that
-   is likelier than a rotation by more than the best of all directions makes it.
+   makes the matches more than 1 / rate times as likely as a rotation does, each averaged over all
+   poses: as above, at most at that rate by chance.
 3. *Rotation*: is the rotation distinguishable from none?
 """
 
@@ -90,8 +91,7 @@ def shown_translation(matches: Matches, fit: MovingFit, turning: TurningFit, rat
     """How much of a translation beside the rotation the flow shows: 1 if one, 0 if none.
 
     Between the two where it shows one at a higher false-alarm rate than asked for, or only if the
-    noise is what was told of it, or where a translation is likelier, but not by as much as the best
-    of all directions may be.
+    noise is what was told of it, or where a translation is likelier, but not by as much.
     """
     band = BAND_SIGMA * fit.noise.mean_sigma
     unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(
@@ -101,7 +101,7 @@ def shown_translation(matches: Matches, fit: MovingFit, turning: TurningFit, rat
     if near and is_consensus(near, unexplained, 2, by_chance / unexplained, rate):
         return 1.0
     shown = _bulk_beyond_noise(bulk, across, flow, matches.doubt, rate)
-    return max(shown, _likelier_than_turning(fit, turning) / math.log(DIRECTIONS / rate))
+    return max(shown, _likelier_than_turning(fit, turning) / -math.log(rate))
 
 
 def _likelier_than_turning(fit: MovingFit, turning: TurningFit) -> float:
