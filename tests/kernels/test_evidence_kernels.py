@@ -94,17 +94,18 @@ def test_the_kth_largest_of_some_values():
         assert largest(values, k) == pytest.approx(expected, abs=1e-5)
 
 
-def prior_of(parallax: np.ndarray, agrees: np.ndarray, spread: float = 300.0) -> np.ndarray:
-    prior, residual = np.full(len(parallax), np.nan), np.where(agrees, 2.9, -3.1)
-    plausible.plausible_parallax(residual, parallax, len(parallax), 1.0, spread, prior)
+def prior_of(parallax: np.ndarray, right: np.ndarray, spread: float = 300.0) -> np.ndarray:
+    prior = np.full(len(parallax), np.nan)
+    plausible.plausible_parallax(parallax, right, len(parallax), 1.0, spread, prior)
     return prior
 
 
 def test_a_match_much_farther_along_its_line_than_the_others_is_implausible():
     parallax = np.r_[np.linspace(0.0, 20.0, 40), 150.0]
-    agrees = np.arange(41) % 5 > 0
-    agrees[-1] = True
-    prior = prior_of(parallax, agrees)
+    right = np.ones(41)
+    right[::5] = 0.0
+    right[-1] = 1.0
+    prior = prior_of(parallax, right)
     np.testing.assert_allclose(prior[:40], prior[0])
     # The strip of wrong matches over the length of the flat part of right ones.
     assert 10.0 < prior[0] < 600.0 / 23.0 + 1.0
@@ -123,7 +124,7 @@ def test_a_match_much_farther_along_its_line_than_the_others_is_implausible():
 )
 def test_how_far_on_a_match_may_lie_tells_how_the_others_thin_out(sizes, last, tail):
     probes = last + tail * np.array([0.99, 1.0 + FADE, 1.0 + 5.0 * FADE])
-    prior = prior_of(np.r_[sizes, np.full(20, -100.0), probes], np.arange(83) < 60)
+    prior = prior_of(np.r_[sizes, np.full(20, -100.0), probes], np.r_[np.ones(60), np.zeros(23)])
     assert prior[-3] == prior[0]
     np.testing.assert_allclose(prior[-2:], prior[0] * np.exp([-0.5, -12.5]), rtol=1e-3)
 
@@ -131,22 +132,22 @@ def test_how_far_on_a_match_may_lie_tells_how_the_others_thin_out(sizes, last, t
 @pytest.mark.parametrize("sigma", [1.0, 2.5])
 def test_nothing_is_plausible_beyond_its_end(sigma):
     sizes, wrong = np.linspace(1.0, 60.0, 60), np.full(20, -100.0)
-    parallax, residual = sigma * np.r_[sizes, wrong], sigma * np.repeat([2.9, 3.1], [60, 20])
-    end = plausible.plausible_parallax(residual, parallax, 80, sigma, 300.0 * sigma, np.empty(80))
+    parallax, right = sigma * np.r_[sizes, wrong], np.r_[np.ones(60), np.zeros(20)]
+    end = plausible.plausible_parallax(parallax, right, 80, sigma, 300.0 * sigma, np.empty(80))
     prior, parallax[-1] = np.empty(80), end
-    plausible.plausible_parallax(residual, parallax, 80, sigma, 300.0 * sigma, prior)
+    plausible.plausible_parallax(parallax, right, 80, sigma, 300.0 * sigma, prior)
     assert prior[-1] == pytest.approx(np.exp(-0.5 * NONE**2) * prior[0], rel=1e-3)
 
 
 def test_where_no_match_is_wrong_none_is_implausible():
-    prior = prior_of(np.r_[np.zeros(40), 150.0], np.ones(41, bool))
+    prior = prior_of(np.r_[np.zeros(40), 150.0], np.ones(41))
     np.testing.assert_allclose(prior, prior[0])
 
 
 def test_where_nearly_all_may_be_captured_nothing_is_known():
-    prior = prior_of(np.array([1.0, 2.0, 50.0, 3.0, 9.0]), np.arange(5) < 2)
+    prior = prior_of(np.array([1.0, 2.0, 50.0, 3.0, 9.0]), np.array([1.0, 1.0, 0.0, 0.0, 0.0]))
     np.testing.assert_array_equal(prior, np.ones(5))
-    whatever = np.full(3, 9.0), np.ones(3), 3, 1.0, 300.0, np.empty(3)
+    whatever = np.full(3, 9.0), np.zeros(3), 3, 1.0, 300.0, np.empty(3)
     assert plausible.plausible_parallax(*whatever) == np.inf
 
 

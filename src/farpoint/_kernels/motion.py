@@ -191,8 +191,6 @@ def settle_motion(matches: Matches, least_signal: float, found: Found) -> Settle
 def _settle(searched: Matches, matches: Matches, least_signal: float, found: Found) -> Settled:
     """As `settle_motion`; the prior of those searched is then 1 only for the right ones."""
     normal, count = scratch(6, 6), matches.total
-    _leave_out_none(matches.prior, count)
-    _explain(matches, found)
     _refine(matches, found, normal)
     residual, parallax, right = found.said[1], found.said[2], found.said[3]
     variance, grown = found.mixture[0], found.grown
@@ -200,7 +198,6 @@ def _settle(searched: Matches, matches: Matches, least_signal: float, found: Fou
         return _conclude(searched, matches, least_signal, False, found)
     spread, least, gives_way = matches.spread, matches.min_variance, matches.gives_way
     doubted = Matches(grown, matches.prior, count, spread, least, gives_way)
-    _explain(doubted, found)
     return _conclude(searched, doubted, least_signal, True, found)
 
 
@@ -225,18 +222,23 @@ def _refine(matches: Matches, found: Found, normal: np.ndarray) -> float:
 
     Again where it ends at a pose that some of them made, and from which they lie too far away.
     """
-    residual, parallax, right = found.said[1], found.said[2], found.said[3]
     pose = Pose(found.R, found.t, found.mixture, normal, scratch(1))
     for _ in range(MAX_ROUNDS):
-        sigma = math.sqrt(found.mixture[0])
-        end = plausible_parallax(
-            residual, parallax, matches.total, sigma, matches.spread, matches.prior
-        )
+        end = _plausible(matches, found)
         refine_pose(matches, FINE, MAX_REFINEMENTS, pose)
         _explain(matches, found)
-        if not _beyond(end, parallax, right):
+        if not _beyond(end, found.said[2], found.said[3]):
             break
     return pose.cost[0]
+
+
+@inner_kernel
+def _plausible(matches: Matches, found: Found) -> float:
+    """As `plausible.plausible_parallax`, of all matches alike."""
+    _leave_out_none(matches.prior, matches.total)
+    _explain(matches, found)
+    parallax, right, sigma = found.said[2], found.said[3], math.sqrt(found.mixture[0])
+    return plausible_parallax(parallax, right, matches.total, sigma, matches.spread, matches.prior)
 
 
 @inner_kernel

@@ -43,8 +43,8 @@ def largest(values: np.ndarray, k: int) -> float:
 
 @kernel
 def plausible_parallax(
-    residual: np.ndarray,
     parallax: np.ndarray,
+    right: np.ndarray,
     count: int,
     sigma: float,
     spread: float,
@@ -60,14 +60,15 @@ def plausible_parallax(
     the band by chance, and two more that the direction could have chosen to pass through, may not
     vouch for one another. How far beyond the last of the others one may lie, up to twice as far,
     tells by how much they have thinned out there, from the last but as many: they may end at once.
-    All in the band count, whatever was plausible of them before: as many would be taken from those
-    that are left, again and again.
+
+    Who is ``right`` is asked without a prior: of those that are left when some were implausible, as
+    many again would not vouch for one another.
     """
     sizes = room(count)
     bulk = 0
     for i in range(count):
         p = parallax[i] / sigma
-        belongs = abs(residual[i]) < BAND_SIGMA * sigma and p > -BAND_SIGMA
+        belongs = right[i] > 0.5 and p > -BAND_SIGMA
         sizes[i] = abs(p) if belongs else -1.0
         bulk += 1 if belongs else 0
     wrong = count - bulk
