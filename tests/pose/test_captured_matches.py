@@ -16,7 +16,7 @@ def scenes() -> list[PointScene]:
     """2 cm, half a pixel, half of 500 matches wrong: in 1 of 100 a few have bent the pose."""
     rng = np.random.default_rng(1)
     grid = {"baseline_m": 0.02, "far_share": 0.0, "matches": 500, "outliers": 250, "noise_px": 0.5}
-    return draw_scenes(131, rng, **grid)
+    return draw_scenes(126, rng, **grid)
 
 
 @pytest.fixture(scope="module")
@@ -27,9 +27,9 @@ def few() -> list[PointScene]:
     return draw_scenes(120, rng, **grid)
 
 
-@pytest.mark.parametrize("index", [64, 75, 125, 130])
+@pytest.mark.parametrize("index", [64, 75, 125])
 def test_a_pose_is_asked_again_what_is_plausible(scenes, index):
-    # Asked once, these four have no direction: wrong matches far out outweigh all others.
+    # Asked once, these three have no direction: wrong matches far out outweigh all others.
     scene = scenes[index]
     pose = estimate(scene)
     assert pose.status is PoseStatus.OK

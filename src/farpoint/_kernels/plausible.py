@@ -14,6 +14,10 @@ __all__ = ["FADE", "LEAST_TAIL", "NONE", "largest", "plausible_parallax"]
 
 # Half-width of the band in which a match agrees with its epipolar line, in sigma.
 BAND_SIGMA = 3.0
+# Wrong matches that a direction may have been drawn through; and how many times as many as by
+# chance may lie on their lines besides.
+CHOSEN = 3
+MANIFOLD = 4.0
 # How far beyond the last match that others vouch for one may lie at least, of the way to that one,
 # and in what share of that distance it fades out.
 LEAST_TAIL = 0.1
@@ -56,10 +60,11 @@ def plausible_parallax(
     prior is flat: it scales the density of right matches from the strip ``2 spread`` to the length
     of the flat part.
 
-    A wrong match far along the line outweighs all right ones. As many as can be expected to lie in
-    the band by chance, and two more that the direction could have chosen to pass through, may not
-    vouch for one another. How far beyond the last of the others one may lie, up to twice as far,
-    tells by how much they have thinned out there, from the last but as many: they may end at once.
+    A wrong match far along the line outweighs all right ones. `MANIFOLD` times as many as can be
+    expected to lie in the band by chance, and `CHOSEN` that the direction may have been drawn
+    through, may not vouch for one another. How far beyond the last of the others one may lie, up to
+    twice as far, tells by how much they have thinned out there, from the last but as many: they may
+    end at once.
 
     Who is ``right`` is asked without a prior: of those that are left when some were implausible, as
     many again would not vouch for one another.
@@ -73,7 +78,8 @@ def plausible_parallax(
         bulk += 1 if belongs else 0
     wrong = count - bulk
     # Where no match is off the lines, none is on one by chance.
-    captured = lesser(wrong, 3 + math.ceil(2.0 * wrong * BAND_SIGMA * sigma / spread))
+    by_chance = wrong * BAND_SIGMA * sigma / spread
+    captured = lesser(wrong, CHOSEN + math.floor(MANIFOLD * by_chance + 0.5))
     if bulk <= captured:
         for i in range(count):
             prior[i] = 1.0
