@@ -118,6 +118,22 @@ def rough_wall(seed: int, count: int, relief: float) -> tuple[np.ndarray, np.nda
     return points0[seen] + noise[0], points1[seen] + noise[1], direction
 
 
+@pytest.mark.parametrize("wrong_share", [0.2, 0.5])
+def test_wrong_matches_do_not_hide_that_a_wall_allows_two_motions(wrong_share):
+    # Of one that goes exactly through a wrong match, the plane was that of this match.
+    given, wrong = 0, 0
+    for seed in range(150):
+        points0, points1, direction = rough_wall(seed, 40, 0.005)
+        rng, bad = np.random.default_rng(seed), round(wrong_share * len(points1))
+        points1[:bad] = rng.uniform((0.0, 0.0), (639.0, 479.0), (bad, 2))
+        pose = estimate_relative_pose(points0, points1, CAMERA, seed=seed)
+        if pose.direction_cam1_from_cam0 is not None:
+            given += 1
+            wrong += not is_right(pose, direction)
+    assert given > 20
+    assert wrong <= 0.04 * given
+
+
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="takes minutes")
 def test_the_odds_of_the_two_motions_are_those_of_being_wrong():
     wrong, chance = [], []

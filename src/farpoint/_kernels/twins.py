@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
+from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.epipolar import flow_along, sampson
 from farpoint._kernels.formulas import formula, greater
 from farpoint._kernels.linear import add, add_outer, apply_rotation_step, kabsch, put
@@ -15,6 +15,7 @@ from farpoint._kernels.plausible import largest
 from farpoint._kernels.scratch import clear, room, scratch
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.vectors import (
+    Matrix,
     Vector,
     cross,
     dot,
@@ -48,26 +49,11 @@ def planar_twin(
     then ``tau . a``; where most of these are negative, both change their signs. Matches with a
     residual beyond ``gate`` are left out.
     """
-    M, v, n = scratch(3, 3), scratch(3), scratch(3)
-    clear(M)
-    clear(v)
+    inverse, accuracy, n = room(count), room(count), scratch(3)
     turn, towards = matrix(R), vector(t)
     tau = rotate_back(turn, towards)
-    ahead = 0
-    for i in range(count):
-        at = address(i)
-        if abs(sampson(pairs, at, turn, towards)) > gate:
-            continue
-        a = ray0(pairs, at)
-        inverse_distance, square = _inverse_distance(a, rotate_back(turn, ray1(pairs, at)), tau)
-        if not square > 1e-12:
-            continue
-        ahead += 1 if dot(tau, a) > 0.0 else -1
-        # Each weighs by its own accuracy; a wrong one is bounded by its own size.
-        weight = square / (1.0 + inverse_distance * inverse_distance)
-        add_outer(a, a, weight, M)
-        add(weight * inverse_distance, a, v)
-    if not solve_three_spd(M, v, 1e-9, n):
+    ahead = _tell_distances(pairs, gate, turn, towards, inverse, accuracy)
+    if not _fit_plane(pairs, inverse, accuracy, n):
         return False
     plane = vector(n)
     if not norm(plane) > 1e-9:
@@ -79,6 +65,30 @@ def planar_twin(
     return True
 
 
+@inner_kernel
+def _tell_distances(
+    pairs: np.ndarray,
+    gate: float,
+    R: Matrix,
+    t: Vector,
+    inverse: np.ndarray,
+    accuracy: np.ndarray,
+) -> int:
+    """Inverse distance of each match and its accuracy, which is 0 of those that disagree.
+
+    Returns how many more of the others lie ahead than behind.
+    """
+    tau, ahead = rotate_back(R, t), 0
+    for i in range(inverse.size):
+        at = address(i)
+        a = ray0(pairs, at)
+        inverse[i], square = _inverse_distance(a, rotate_back(R, ray1(pairs, at)), tau)
+        agrees = abs(sampson(pairs, at, R, t)) <= gate and square > 1e-12
+        accuracy[i] = square if agrees else 0.0
+        ahead += (1 if dot(tau, a) > 0.0 else -1) if agrees else 0
+    return ahead
+
+
 @formula
 def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, float]:
     """Inverse distance of a match, and the square of the sine that tells it."""
@@ -86,6 +96,31 @@ def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, floa
     across = cross(back, tau)
     square = dot(across, across)
     return dot(cross(a, back), across) / square, square
+
+
+@inner_kernel
+def _fit_plane(pairs: np.ndarray, inverse: np.ndarray, accuracy: np.ndarray, n: np.ndarray) -> bool:
+    """The plane through the matches, whose inverse distances are ``n . a``; False if there is none.
+
+    Each weighs by its accuracy. Those much nearer than most, ahead or behind, weigh the less the
+    nearer they are: a motion before a plane can go exactly through a wrong match or two, wherever
+    these lie.
+    """
+    sizes, agreeing = room(inverse.size), 0
+    for i in range(inverse.size):
+        sizes[i] = abs(inverse[i]) if accuracy[i] > 0.0 else -1.0
+        agreeing += 1 if accuracy[i] > 0.0 else 0
+    typical = largest(sizes, (agreeing + 1) // 2)
+    M, v = scratch(3, 3), scratch(3)
+    clear(M)
+    clear(v)
+    for i in range(inverse.size):
+        if accuracy[i] > 0.0:
+            a = ray0(pairs, address(i))
+            weight = accuracy[i] / (typical * typical + inverse[i] * inverse[i] + 1e-300)
+            add_outer(a, a, weight, M)
+            add(weight * inverse[i], a, v)
+    return solve_three_spd(M, v, 1e-9, n)
 
 
 @kernel
