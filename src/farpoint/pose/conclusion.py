@@ -103,9 +103,10 @@ def fixes_rotation(rotation_covariance: np.ndarray) -> bool:
 
 
 def unfixed_rotation(matches: Matches, course: Course) -> RelativePose:
-    """Matches at one point, or on a line, that leave a rotation free."""
+    """Matches at one point, or on a line, or of which hardly any is backed by others."""
     return failed_pose(
-        f"The {len(matches)} matches lie too close together to fix a rotation.",
+        f"Those of the {len(matches)} matches that agree are too few, or lie too close together, "
+        "to fix a rotation.",
         matches.total,
         course,
     )
