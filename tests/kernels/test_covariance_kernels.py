@@ -28,8 +28,6 @@ from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
 
 MIXTURE, CLUTTER, RIGHT = np.array([1.3, 0.1, 0.2]), 0.05, 50.0
-HEARD = RIGHT / (RIGHT + STATED)
-SURE = (RIGHT - 5.0 - 2.0 - 10.0 * HEARD**2) / (RIGHT - 5.0)
 SPHERE = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 
 
@@ -59,17 +57,21 @@ def here(
 
 
 class Told(NamedTuple):
+    """What is told of a pose: Gauss-Newton matrix, the part of it that is noise, and V."""
+
     whole: np.ndarray
     noise: np.ndarray
-    scatter: np.ndarray
+    variance: np.ndarray
 
 
-def told(view: View, predicted: bool = False, sure: float = SURE) -> Told:
-    """Gauss-Newton matrix, the part of it that is noise, and the scatter of the gradient."""
+def told(view: View, predicted: bool = False, freedom: float = RIGHT - 5.0) -> Told:
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
-    known = information(seen_of(view), predicted, normal, noise, scatter)
-    known *= sure
-    return Told(known * normal[:5, :5], known * noise, sure * scatter)
+    share, alike = information(seen_of(view), predicted, normal, noise, scatter)
+    heard = alike / (alike + STATED)
+    sure = 1.0 - 2.0 / freedom - 10.0 / alike * heard**2
+    whole = share * sure * normal[:5, :5]
+    variance = heard * sure * scatter + (1.0 - heard) * whole + SPHERE
+    return Told(whole, share * sure * noise, variance)
 
 
 def sandwich(H: np.ndarray, V: np.ndarray) -> np.ndarray:
@@ -98,19 +100,16 @@ def assert_covariances(actual: np.ndarray, expected: np.ndarray) -> None:
 def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen(predicted):
     view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
     assert here(view, PLAIN, out, predicted)
-    whole, noise, scatter = told(view, predicted)
-    V = HEARD * scatter + (1.0 - HEARD) * whole + SPHERE
+    whole, noise, variance = told(view, predicted)
     # What is predicted is no noise.
-    assert_covariances(out, sandwich(whole + SPHERE - (0.0 if predicted else noise), V))
+    assert_covariances(out, sandwich(whole + SPHERE - (0.0 if predicted else noise), variance))
 
 
 def test_few_matches_are_hardly_sure_of_anything():
     view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
     here(view, PLAIN, out, right=5.0)
-    heard = 5.0 / (5.0 + STATED)
-    whole, noise, scatter = told(view, sure=(4.0 - 2.0 - 10.0 * heard**2) / 4.0)
-    V = heard * scatter + (1.0 - heard) * whole + SPHERE
-    assert_covariances(out, sandwich(whole + SPHERE - noise, V))
+    whole, noise, variance = told(view, freedom=4.0)
+    assert_covariances(out, sandwich(whole + SPHERE - noise, variance))
 
 
 @pytest.mark.parametrize("predicted", [False, True])
@@ -122,7 +121,7 @@ def test_matches_that_may_all_be_right_or_wrong_leave_the_pose_open(predicted):
     doubtful = packed((off > 2.5) & (off < 3.0))
     seen = Seen(view.pairs, doubtful, view.R, view.t, np.array([1.0, 0.1, 0.01]), 0.02)
     spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
-    assert information(seen, predicted, *spare) < 0.0
+    assert information(seen, predicted, *spare)[0] < 0.0
     assert not here_by(seen, RIGHT, predicted, SIGNAL, out)
     assert np.isposinf(out).all()
 
@@ -161,9 +160,8 @@ def test_predicted_flow_has_a_covariance_whatever_it_shows():
     assert share > share_of(view) + 0.1
     assert here(view, share - 0.01, out, predicted=True)
     assert not here(view, share + 0.01, out, predicted=True)
-    whole, _, scatter = told(view, predicted=True)
-    V = HEARD * scatter + (1.0 - HEARD) * whole + SPHERE
-    assert_covariances(out, sandwich(whole + SPHERE, V))
+    whole, _, variance = told(view, predicted=True)
+    assert_covariances(out, sandwich(whole + SPHERE, variance))
     assert beside_by(seen_of(view), True, np.zeros(5), out)
 
 

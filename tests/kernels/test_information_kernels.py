@@ -32,6 +32,7 @@ def told_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
 
 class Informed(NamedTuple):
     known: float
+    alike: float
     normal: np.ndarray
     noise: np.ndarray
     scatter: np.ndarray
@@ -44,7 +45,7 @@ class Informed(NamedTuple):
 def informed(view: View, prior: np.ndarray, predicted: bool = False) -> Informed:
     told = np.full((6, 6), np.nan), *np.full((2, 5, 5), np.nan)
     seen = Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER)
-    return Informed(information(seen, predicted, *told), *told)
+    return Informed(*information(seen, predicted, *told), *told)
 
 
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -106,8 +107,20 @@ def test_a_match_that_vouches_for_itself_is_hardly_heard():
     assert leverage[0] > 0.9
     heard = weight * (1.0 - leverage**3)
     expected = (heard[:, None] * J).T @ J
-    normal = informed(view, np.ones(10)).normal
-    np.testing.assert_allclose(normal, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max())
+    found = informed(view, np.ones(10))
+    atol = 1e-9 * np.abs(expected).max()
+    np.testing.assert_allclose(found.normal, expected, rtol=1e-6, atol=atol)
+    # Five axes: as many matches of equal leverage.
+    assert found.alike == pytest.approx(25.0 / np.sum(leverage**2), rel=1e-6)
+    assert found.alike < 8.5
+
+
+def test_every_match_twice_tells_as_twice_as_many():
+    view = two_views(3, 60, error_rad=2e-3)
+    twice = View(*(np.concatenate((each, each)) for each in view[:4]), view.R, view.t)
+    alike = informed(view, np.ones(60)).alike
+    assert 5.0 < alike < 60.0
+    assert informed(twice, np.ones(120)).alike == pytest.approx(2.0 * alike, rel=1e-9)
 
 
 def test_not_to_know_which_match_is_good_costs_the_variance_of_the_score():

@@ -29,7 +29,7 @@ PLAIN = 0.85
 # Where less than this is, a pose beside the one that was found has no covariance.
 SIGNAL = 0.25
 # Matches whose residuals weigh as much as the noise that was found, in saying how the gradient
-# varies: few residuals tell little of it.
+# varies: few residuals, or a few that most depends on, tell little of it.
 STATED = 60.0
 # Matches of which one tells of the pose along a given axis.
 TELLING = 5.0
@@ -52,8 +52,9 @@ def covariance_here(
     normal, noise, spare = scratch(6, 6), scratch(5, 5), scratch(5, 5)
     scatter, variance = scratch(5, 5), scratch(5, 5)
     whole = normal[:5, :5]
-    known = _sure(right) * _learn(seen, predicted, normal, noise, scatter)
-    heard, sure = _heard(right), _sure(right)
+    share, alike = _learn(seen, predicted, normal, noise, scatter)
+    heard, sure = _heard(alike), _sure(right, alike)
+    known = sure * share
     for i in range(5):
         for j in range(5):
             whole[i, j] *= known
@@ -84,22 +85,22 @@ def step_by_prediction(seen: Seen) -> None:
 @inner_kernel
 def _learn(
     seen: Seen, predicted: bool, normal: np.ndarray, noise: np.ndarray, scatter: np.ndarray
-) -> float:
+) -> tuple[float, float]:
     """As `information`; where it is not predicted, with that of the matches that retreat."""
-    known = information(seen, predicted, normal, noise, scatter)
+    share, alike = information(seen, predicted, normal, noise, scatter)
     if not predicted:
         add_retreats(seen, normal)
-    return known
+    return share, alike
 
 
 @formula
-def _heard(right: float) -> float:
-    """How much the scatter of the residuals counts, of 1."""
-    return right / (right + STATED)
+def _heard(alike: float) -> float:
+    """How much the scatter of the residuals counts, of 1, where so many matches tell alike."""
+    return alike / (alike + STATED)
 
 
 @formula
-def _sure(right: float) -> float:
+def _sure(right: float, alike: float) -> float:
     """What is left of the information for having estimated the noise and the scatter, too.
 
     From few matches both are known roughly. The inverse of the noise is too large on average by
@@ -107,8 +108,8 @@ def _sure(right: float) -> float:
     that tell most of it: of one in `TELLING`, and so much larger is what its variance, 2 over their
     number, adds to the inverse, by the square of how far it is heard.
     """
-    freedom, heard = greater(right - 5.0, 4.0), _heard(right)
-    return (freedom - 2.0 - 2.0 * TELLING * heard * heard) / freedom
+    freedom, heard = greater(right - 5.0, 4.0), _heard(alike)
+    return 1.0 - 2.0 / freedom - 2.0 * TELLING * heard * heard / greater(alike, TELLING)
 
 
 @formula
@@ -217,7 +218,8 @@ def covariance_beside(
     copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
     moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.clutter)
-    known = _sure(right) * _learn(moved, predicted, normal, noise, scatter)
+    share, alike = _learn(moved, predicted, normal, noise, scatter)
+    known = _sure(right, alike) * share
     for i in range(5):
         for j in range(5):
             whole[i, j] *= known

@@ -48,7 +48,7 @@ def information(
     normal: np.ndarray,
     noise: np.ndarray,
     scatter: np.ndarray,
-) -> float:
+) -> tuple[float, float]:
     """Normal equations ``normal`` (6, 6) of the cost, and the part of them that is ``noise``.
 
     The Gauss-Newton matrix (5, 5), with the gradient in the last column. The Jacobian of a match
@@ -75,19 +75,20 @@ def information(
 
     Returns the share of this information that there is without knowing which matches are good, poor
     or wrong: what is missing is the variance of the score over these (Louis, J. R. Stat. Soc. B 44,
-    1982, DOI 10.1111/j.2517-6161.1982.tb01203.x).
+    1982, DOI 10.1111/j.2517-6161.1982.tb01203.x). And as how many matches they tell: all of them if
+    all have the same leverage, the fewer the more of it a few have.
     """
     told = room(seen.prior.size // LANES * TOLD)
     _tell(seen, told)
     if predicted:
         _predict(told)
     _normal_equations(told, normal)
-    _weigh_by_leverage(told, normal[:5, :5])
+    alike = _weigh_by_leverage(told, normal[:5, :5])
     _normal_equations(told, normal)
     _gram(told, CHANGE, SHARE, noise)
     _gram(told, JACOBIAN, SCATTER, scatter)
     known, missing = _total(told, KNOWN), _total(told, MISSING)
-    return 1.0 - missing / known if known > 0.0 else 1.0
+    return 1.0 - missing / known if known > 0.0 else 1.0, alike
 
 
 @inner_kernel
@@ -173,19 +174,26 @@ def _tell_of(
 
 
 @inner_kernel
-def _weigh_by_leverage(told: np.ndarray, whole: np.ndarray) -> None:
-    """Hear a match the less the more it tells, and make up for what it took of its residual."""
+def _weigh_by_leverage(told: np.ndarray, whole: np.ndarray) -> float:
+    """Hear a match the less the more it tells, and make up for what it took of its residual.
+
+    Returns as how many matches of the same leverage they tell.
+    """
     inverse, positive = inverse_square(whole)
     if not positive:
-        return
+        return 0.0
+    total = squares = 0.0
     for panel in range(told.size // TOLD):
         for lane in range(LANES):
             at = panel * TOLD + lane
             drawn = lesser(told[at + WEIGHT * LANES] * size2(inverse, _five(told, at)), 1.0)
+            total += drawn
+            squares += drawn * drawn
             heard = 1.0 - drawn * drawn * drawn
             told[at + WEIGHT * LANES] *= heard
             told[at + SHARE * LANES] *= heard
             told[at + SCATTER * LANES] *= heard / (1.0 - lesser(drawn, MOST_LEVERAGE))
+    return total * total / greater(squares, 1e-300)
 
 
 @sum_kernel
