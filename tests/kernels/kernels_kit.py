@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.pairs import LANES, PANEL, pack_pairs, packed_length
-from farpoint._kernels.pose import Matches, Pose
+from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry import so3, sphere
 
 UNIT = np.eye(2)[None]
@@ -49,10 +49,10 @@ def packed(values: np.ndarray) -> np.ndarray:
 
 def matches_of(
     view: View, spread: float, prior: np.ndarray | None = None, *, gives_way: bool
-) -> Matches:
+) -> PackedMatches:
     """What a pose is judged by; of all matches alike, unless a packed ``prior`` is given."""
     prior = packed(np.ones(view.size)) if prior is None else prior
-    return Matches(view.pairs, prior, view.size, spread, 1e-6, gives_way)
+    return PackedMatches(view.pairs, prior, view.size, spread, 1e-6, gives_way)
 
 
 def pose_of(R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> Pose:

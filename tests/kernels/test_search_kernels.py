@@ -13,7 +13,7 @@ from kernels_kit import View, moved, packed, rays_only, two_views
 from farpoint._kernels import five_rays, search, twins
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.contest import EQUAL, NO_RIVAL, RIVAL, noise_of, start_noise
-from farpoint._kernels.pose import Matches, Pose
+from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=30, deadline=None)
@@ -307,7 +307,7 @@ def test_two_layers_can_change_places(wrong):
 
 @kernel
 def start_from(
-    matches: Matches, best: Pose, tolerance: float, nothing: np.ndarray, found: np.ndarray
+    matches: PackedMatches, best: Pose, tolerance: float, nothing: np.ndarray, found: np.ndarray
 ) -> None:
     start_noise(tolerance, nothing)
     noise_of(matches, best, tolerance, found)
@@ -320,7 +320,7 @@ def start_from(
 )
 def test_no_hypothesis_starts_from_more_noise_than_where_nothing_is_known(best, is_known):
     nothing, found = np.empty((2, 3))
-    matches = Matches(np.empty(0), np.empty(0), 20, 100.0, 1e-6, gives_way=True)
+    matches = PackedMatches(np.empty(0), np.empty(0), 20, 100.0, 1e-6, gives_way=True)
     pose = Pose(np.eye(3), np.zeros(3), np.array(best), np.zeros((6, 6)), np.zeros(1))
     start_from(matches, pose, 3.0, nothing, found)
     assert found.tolist() == (list(best) if is_known else nothing.tolist())

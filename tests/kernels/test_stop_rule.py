@@ -9,7 +9,7 @@ import pytest
 
 from farpoint._kernels import five_rays, search
 from farpoint._kernels.contest import EQUAL, NEAR, NO_RIVAL, RIVAL
-from farpoint._kernels.pose import Matches, Pose
+from farpoint._kernels.pose import PackedMatches, Pose
 
 FLOW, CONFIDENCE, MATCHES = 0.01, 0.99, 60
 
@@ -63,7 +63,7 @@ def drawn(monkeypatch):
         for name, mock in mocks.items():
             monkeypatch.setattr(search, name, mock)
         empty = np.ones(9)
-        matches = Matches(empty, empty, MATCHES, 100.0, 1e-6, gives_way=True)
+        matches = PackedMatches(empty, empty, MATCHES, 100.0, 1e-6, gives_way=True)
         effort = five_rays.Effort(3.0, CONFIDENCE, least, most)
         poses = (Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(2))
         told, *_ = interpreted(search.search_pose)(matches, empty, effort, empty, *poses)

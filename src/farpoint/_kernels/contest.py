@@ -11,7 +11,7 @@ from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.formulas import formula, greater
 from farpoint._kernels.likelihood import judge_pose, refine_pose
 from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.pose import Matches, Pose, copy_pose, take_step
+from farpoint._kernels.pose import PackedMatches, Pose, copy_pose, take_step
 from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.squares import determinant_beside_one, promise, solve_five_spd
 from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
@@ -71,7 +71,7 @@ def narrowness(normal: np.ndarray) -> float:
 
 
 @inner_kernel
-def refine(matches: Matches, steps: int, pose: Pose) -> None:
+def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
     """Improve a pose and judge it by the likelihood of the matches with the noise that it needs."""
     refine_pose(matches, COARSE, steps, pose)
     pose.cost[0] += narrowness(pose.normal)
@@ -86,7 +86,7 @@ def start_noise(tolerance: float, mixture: np.ndarray) -> None:
 
 
 @inner_kernel
-def noise_of(matches: Matches, best: Pose, tolerance: float, mixture: np.ndarray) -> None:
+def noise_of(matches: PackedMatches, best: Pose, tolerance: float, mixture: np.ndarray) -> None:
     """What EM starts from: the noise of the best pose, if it explains more than a sample.
 
     A wrong minimum calls all matches right and noisy: from so much noise none comes down to another
@@ -99,7 +99,7 @@ def noise_of(matches: Matches, best: Pose, tolerance: float, mixture: np.ndarray
 
 
 @inner_kernel
-def unexplained(matches: Matches, best: Pose, tolerance: float) -> float:
+def unexplained(matches: PackedMatches, best: Pose, tolerance: float) -> float:
     """Share of matches that the best pose leaves unexplained: by its mixture, or by the tolerance.
 
     A wrong minimum calls all matches right and noisy: only the tolerance gives it away.
@@ -138,7 +138,7 @@ def _apart(
 
 
 @inner_kernel
-def _is_twisted(matches: Matches, pose: Pose) -> bool:
+def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
     """Whether most matches lie on the other side of the direction: a half turn about it too much.
 
     The epipolar constraint cannot tell the two.
@@ -153,7 +153,7 @@ def _is_twisted(matches: Matches, pose: Pose) -> bool:
 
 
 @inner_kernel
-def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
+def _may_compete(matches: PackedMatches, challenger: Pose, best: Pose) -> bool:
     """Whether one step promises to bring a hypothesis about as far as the best, and elsewhere.
 
     The first promise is a modest one: with each step more matches come within reach.
@@ -173,7 +173,7 @@ def _may_compete(matches: Matches, challenger: Pose, best: Pose) -> bool:
 
 
 @inner_kernel
-def challenge(matches: Matches, challenger: Pose, best: Pose, rival: Pose) -> np.int64:
+def challenge(matches: PackedMatches, challenger: Pose, best: Pose, rival: Pose) -> np.int64:
     """Refine a hypothesis that may compete, and keep it if it is better.
 
     Returns `NO_RIVAL`; or `RIVAL` if it comes near the best, or is better; or `EQUAL` if the two

@@ -27,7 +27,7 @@ from farpoint._kernels.mixture import (
     weight_of,
 )
 from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
-from farpoint._kernels.pose import Matches, Pose, Seen, copy_pose, take_step
+from farpoint._kernels.pose import PackedMatches, Pose, Seen, copy_pose, take_step
 from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.squares import (
     SIX,
@@ -107,7 +107,7 @@ def add_retreats(seen: Seen, normal: np.ndarray) -> None:
 
 
 @kernel
-def refine_pose(matches: Matches, precision: float, max_iterations: int, pose: Pose) -> None:
+def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, pose: Pose) -> None:
     """Maximum-likelihood pose, with its noise by EM.
 
     Gauss-Newton with the full derivative of the residual, and where the pose gives way to matches
@@ -152,7 +152,7 @@ def refine_pose(matches: Matches, precision: float, max_iterations: int, pose: P
 
 
 @inner_kernel
-def judge_pose(matches: Matches, pose: Pose, shares: np.ndarray) -> float:
+def judge_pose(matches: PackedMatches, pose: Pose, shares: np.ndarray) -> float:
     """The negative log likelihood of a pose, with the rest as of `linearize`."""
     variance, wrong = pose.mixture[0], pose.mixture[1]
     clutter = clutter_density(variance, wrong, matches.spread)

@@ -17,7 +17,7 @@ from farpoint._kernels.likelihood import explain, refine_pose
 from farpoint._kernels.mixture import clutter_density, mean_variance
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.plausible import plausible_parallax
-from farpoint._kernels.pose import Matches, Pose, Seen
+from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.search import search_pose
@@ -75,7 +75,7 @@ class Found(NamedTuple):
 
 @kernel
 def fit_motion(
-    matches: Matches, effort: Effort, least_signal: float, state: np.ndarray, found: Found
+    matches: PackedMatches, effort: Effort, least_signal: float, state: np.ndarray, found: Found
 ) -> tuple[int, bool, bool, Settled]:
     """Search for a pose by some of the matches, and settle it by all.
 
@@ -109,12 +109,14 @@ def _every_so_manieth(pairs: np.ndarray, count: int) -> np.ndarray:
 
 
 @inner_kernel
-def _searched(some: np.ndarray, matches: Matches) -> Matches:
+def _searched(some: np.ndarray, matches: PackedMatches) -> PackedMatches:
     """Those of the matches, with nothing known of them."""
     total = matches.total if matches.total < MAX_SEARCHED else MAX_SEARCHED
     prior = room(some.size // PANEL * LANES)
     _leave_out_none(prior, total)
-    return Matches(some, prior, total, matches.spread, matches.min_variance, matches.gives_way)
+    return PackedMatches(
+        some, prior, total, matches.spread, matches.min_variance, matches.gives_way
+    )
 
 
 @inner_kernel
@@ -126,7 +128,7 @@ def _leave_out_none(prior: np.ndarray, count: int) -> None:
 
 @inner_kernel
 def _candidates(
-    searched: Matches, tolerance: float, state: np.ndarray, R_far: np.ndarray
+    searched: PackedMatches, tolerance: float, state: np.ndarray, R_far: np.ndarray
 ) -> np.ndarray:
     """Find the rotation of the far matches; which others may carry translation."""
     pairs, count = searched.pairs, searched.total
@@ -171,7 +173,7 @@ def _widen(
 
 
 @kernel
-def settle_motion(matches: Matches, least_signal: float, found: Found) -> Settled:
+def settle_motion(matches: PackedMatches, least_signal: float, found: Found) -> Settled:
     """Refine a pose by all matches, with what parallax they make plausible, and hear them on it.
 
     As `likelihood.refine_pose`; the prior of ``matches``, the first row of what is ``said``,
@@ -188,7 +190,9 @@ def settle_motion(matches: Matches, least_signal: float, found: Found) -> Settle
 
 
 @inner_kernel
-def _settle(searched: Matches, matches: Matches, least_signal: float, found: Found) -> Settled:
+def _settle(
+    searched: PackedMatches, matches: PackedMatches, least_signal: float, found: Found
+) -> Settled:
     """As `settle_motion`; the prior of those searched is then 1 only for the right ones."""
     normal, count = scratch(6, 6), matches.total
     _refine(matches, found, normal)
@@ -197,19 +201,19 @@ def _settle(searched: Matches, matches: Matches, least_signal: float, found: Fou
     if not grow_noise(matches.pairs, residual, parallax, right, count, variance, grown):
         return _conclude(searched, matches, least_signal, False, found)
     spread, least, gives_way = matches.spread, matches.min_variance, matches.gives_way
-    doubted = Matches(grown, matches.prior, count, spread, least, gives_way)
+    doubted = PackedMatches(grown, matches.prior, count, spread, least, gives_way)
     return _conclude(searched, doubted, least_signal, True, found)
 
 
 @inner_kernel
-def _explain(matches: Matches, found: Found) -> None:
+def _explain(matches: PackedMatches, found: Found) -> None:
     """As `likelihood.explain`."""
     said = found.said
     explain(_seen(matches, found), said[1], said[2], said[3])
 
 
 @inner_kernel
-def _seen(matches: Matches, found: Found) -> Seen:
+def _seen(matches: PackedMatches, found: Found) -> Seen:
     """The matches as the pose sees them."""
     mixture = found.mixture
     clutter = clutter_density(mixture[0], mixture[1], matches.spread)
@@ -217,7 +221,7 @@ def _seen(matches: Matches, found: Found) -> Seen:
 
 
 @inner_kernel
-def _refine(matches: Matches, found: Found, normal: np.ndarray) -> float:
+def _refine(matches: PackedMatches, found: Found, normal: np.ndarray) -> float:
     """As `likelihood.refine_pose`, by what the pose as it was makes plausible of the matches.
 
     Again where it ends at a pose that some of them made, and from which they lie too far away.
@@ -233,7 +237,7 @@ def _refine(matches: Matches, found: Found, normal: np.ndarray) -> float:
 
 
 @inner_kernel
-def _plausible(matches: Matches, found: Found) -> float:
+def _plausible(matches: PackedMatches, found: Found) -> float:
     """As `plausible.plausible_parallax`, of all matches alike."""
     _leave_out_none(matches.prior, matches.total)
     _explain(matches, found)
@@ -252,7 +256,7 @@ def _beyond(end: float, parallax: np.ndarray, right: np.ndarray) -> int:
 
 @inner_kernel
 def _conclude(
-    searched: Matches, matches: Matches, least_signal: float, grows: bool, found: Found
+    searched: PackedMatches, matches: PackedMatches, least_signal: float, grows: bool, found: Found
 ) -> Settled:
     """Refine the pose once more, now that its noise is known, and hear all matches on it."""
     normal = scratch(6, 6)
@@ -265,7 +269,7 @@ def _conclude(
 
 
 @inner_kernel
-def _be_sure(matches: Matches, least_signal: float, found: Found) -> tuple[bool, bool]:
+def _be_sure(matches: PackedMatches, least_signal: float, found: Found) -> tuple[bool, bool]:
     """Covariance of the pose; where much of the flow is noise, by predicted flow, as is the pose.
 
     Returns whether it was predicted, and whether at least so much of it is signal.
@@ -283,7 +287,7 @@ def _be_sure(matches: Matches, least_signal: float, found: Found) -> tuple[bool,
 
 @inner_kernel
 def _count_beyond(
-    searched: Matches, right: np.ndarray, count: int, found: Found
+    searched: PackedMatches, right: np.ndarray, count: int, found: Found
 ) -> tuple[int, int]:
     """Of the right matches searched, those that no rotation explains, and all."""
     for j in range(searched.prior.size):

@@ -21,7 +21,7 @@ from farpoint._kernels.linear import add, add_outer
 from farpoint._kernels.mixture import clutter_density, densities
 from farpoint._kernels.motion import MAX_REFINEMENTS
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
-from farpoint._kernels.pose import Matches, Pose, Seen
+from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.scratch import clear, copy, room, scratch
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.twins import planar_twin
@@ -47,7 +47,7 @@ MEDIAN = 2.0 * math.log(2.0)
 
 
 @kernel
-def other_motion(matches: Matches, pose: Pose, other: Pose) -> tuple[bool, float]:
+def other_motion(matches: PackedMatches, pose: Pose, other: Pose) -> tuple[bool, float]:
     """Whether another motion is a rival, and by how much the log likelihood of this one is larger.
 
     As far as that is not chance. ``other`` receives the rival, with the noise that it needs;
@@ -72,7 +72,7 @@ def other_motion(matches: Matches, pose: Pose, other: Pose) -> tuple[bool, float
 
 
 @inner_kernel
-def _evidence(matches: Matches, pose: Pose, other: Pose) -> float:
+def _evidence(matches: PackedMatches, pose: Pose, other: Pose) -> float:
     """Log likelihood of the first motion over the other, whatever the relief and the noise.
 
     By the plane of either in turn: what one has explained of the noise, it has for its own motion.
@@ -91,7 +91,7 @@ def _evidence(matches: Matches, pose: Pose, other: Pose) -> float:
 
 @inner_kernel
 def _likelihood_by(
-    pose: Pose, matches: Matches, off: np.ndarray, mixture: np.ndarray, clutter: float
+    pose: Pose, matches: PackedMatches, off: np.ndarray, mixture: np.ndarray, clutter: float
 ) -> float:
     """Log likelihood of how far matches are ``off`` the plane, by a motion.
 

@@ -13,11 +13,11 @@ from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.scratch import copy
 from farpoint._kernels.vectors import combine, dot, tangent_columns, vector
 
-__all__ = ["Matches", "Pose", "Seen", "apply_step", "copy_pose", "take_step"]
+__all__ = ["PackedMatches", "Pose", "Seen", "apply_step", "copy_pose", "take_step"]
 
 
-class Matches(NamedTuple):
-    """What a pose is judged by."""
+class PackedMatches(NamedTuple):
+    """What a pose is judged by: matches as the kernels take them, with what is known of all."""
 
     pairs: np.ndarray
     """Panels of matches."""
@@ -56,7 +56,7 @@ class Seen(NamedTuple):
     pairs: np.ndarray
     """Panels of matches."""
     prior: np.ndarray
-    """As of `Matches`."""
+    """As of `PackedMatches`."""
     R: np.ndarray
     """(3, 3) rotation cam1_from_cam0."""
     t: np.ndarray

@@ -13,7 +13,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import REFINEMENTS, refine
-from farpoint._kernels.pose import Matches, Pose, copy_pose
+from farpoint._kernels.pose import PackedMatches, Pose, copy_pose
 from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.vectors import dot, vector
 
@@ -27,7 +27,7 @@ COS_ELSEWHERE = math.cos(math.radians(30.0))
 
 
 @kernel
-def nearest_rival(matches: Matches, pose: Pose, start_R: np.ndarray, rival: Pose) -> float:
+def nearest_rival(matches: PackedMatches, pose: Pose, start_R: np.ndarray, rival: Pose) -> float:
     """By how much the likeliest motion elsewhere is less likely than this one, in log likelihood.
 
     Both averaged over the poses nearby. It is looked for from the rotation ``start_R`` (3, 3), with
@@ -48,7 +48,7 @@ def nearest_rival(matches: Matches, pose: Pose, start_R: np.ndarray, rival: Pose
 
 
 @kernel
-def judge_rival(matches: Matches, pose: Pose, rival: Pose) -> float:
+def judge_rival(matches: PackedMatches, pose: Pose, rival: Pose) -> float:
     """What `nearest_rival` does, of a rival that is known, and refined in place."""
     own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
@@ -58,7 +58,7 @@ def judge_rival(matches: Matches, pose: Pose, rival: Pose) -> float:
 
 @inner_kernel
 def _refine_from(
-    matches: Matches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose
+    matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose
 ) -> None:
     """The motion that this one leads to, with the noise that it needs."""
     copy(R, pose.R)

@@ -32,7 +32,7 @@ from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.linear import apply_rotation_step, draw_direction, draw_index, draw_unit
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
-from farpoint._kernels.pose import Matches, Pose
+from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.scratch import copy, index_scratch, room, scratch
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import combine, dot, matrix, rotate
@@ -124,7 +124,7 @@ def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
 
 @kernel
 def search_pose(
-    matches: Matches,
+    matches: PackedMatches,
     candidates: np.ndarray,
     effort: Effort,
     state: np.ndarray,
@@ -182,7 +182,7 @@ def search_pose(
 
 
 @inner_kernel
-def _search_twins(matches: Matches, best: Pose, other: Pose, rival: Pose) -> bool:
+def _search_twins(matches: PackedMatches, best: Pose, other: Pose, rival: Pose) -> bool:
     """Challenge the best pose by those that look like it; whether a plane's was a rival."""
     gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     is_planar = planar_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t)

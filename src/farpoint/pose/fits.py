@@ -13,14 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels import pose as kernels
 from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain
 from farpoint._kernels.mixture import clutter_density, mean_variance
 from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
-from farpoint._kernels.pose import Seen
+from farpoint._kernels.pose import PackedMatches, Seen
 from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.information import symmetric_inverse
@@ -286,10 +285,10 @@ def _least_signal(matches: Matches) -> float:
     return 1.0 - MOST_NOISE / (sigma * sigma)
 
 
-def _judging(matches: Matches, found: Found) -> kernels.Matches:
+def _judging(matches: Matches, found: Found) -> PackedMatches:
     """The matches as the kernels take them, which tell in ``found`` what is plausible of each."""
     n, spread = len(matches), matches.spread
-    return kernels.Matches(matches.pairs, found.said[0], n, spread, MIN_VARIANCE, gives_way=True)
+    return PackedMatches(matches.pairs, found.said[0], n, spread, MIN_VARIANCE, gives_way=True)
 
 
 def _nothing_found(n: int) -> Found:

@@ -9,7 +9,7 @@ import numpy as np
 
 from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint._kernels.plane import other_motion
-from farpoint._kernels.pose import Matches, Pose
+from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.rivals import judge_rival, nearest_rival
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, fit_turning, refit_moving
 
@@ -110,12 +110,12 @@ def _other(pose: Pose, against: float, because: str) -> OtherMotion:
     return OtherMotion(pose.R, pose.t, against, because)
 
 
-def _some(fit: MovingFit, most: int) -> Matches:
+def _some(fit: MovingFit, most: int) -> PackedMatches:
     """Every so manieth match, as the kernels take them: no motion gives way to any."""
     seen, total = fit.matches, len(fit.matches)
     if total > most:
         seen = seen.select(np.arange(most) * total // most)
-    return Matches(
+    return PackedMatches(
         seen.pairs, seen.weights(), len(seen), seen.spread, MIN_VARIANCE, gives_way=False
     )
 
