@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pose_kit import estimate, pose_error
+from pose_kit import estimate, pose_error, rotation_error
 
 from farpoint import PoseStatus
 from farpoint.bench.scenes import draw_scenes
@@ -16,7 +16,7 @@ def scenes() -> list[PointScene]:
     """2 cm, half a pixel, half of 500 matches wrong: in 1 of 100 a few have bent the pose."""
     rng = np.random.default_rng(1)
     grid = {"baseline_m": 0.02, "far_share": 0.0, "matches": 500, "outliers": 250, "noise_px": 0.5}
-    return draw_scenes(126, rng, **grid)
+    return draw_scenes(131, rng, **grid)
 
 
 @pytest.fixture(scope="module")
@@ -30,12 +30,15 @@ def few() -> list[PointScene]:
 @pytest.mark.parametrize("index", [64, 75, 125])
 def test_a_pose_is_asked_again_what_is_plausible(scenes, index):
     # Asked once, these three have no direction: wrong matches far out outweigh all others.
-    scene = scenes[index]
-    pose = estimate(scene)
-    assert pose.status is PoseStatus.OK
-    error = pose_error(pose, scene)
-    assert error @ np.linalg.solve(pose.covariance, error) < 15.0
-    assert np.count_nonzero(scene.is_outlier & (pose.labels > 0)) <= 1
+    assert_found(scenes[index], most_captured=1)
+
+
+def test_a_pose_that_a_wrong_match_has_bent_for_good_claims_no_direction(scenes):
+    # Asked again and again, one wrong match stays with this one and has most of its direction.
+    pose = estimate(scenes[130])
+    assert pose.status is PoseStatus.ROTATION_ONLY
+    error = rotation_error(pose, scenes[130].rotation_cam1_from_cam0)
+    assert error @ np.linalg.solve(pose.rotation_covariance, error) < 11.0
 
 
 @pytest.mark.parametrize("index", [7, 12])
@@ -52,9 +55,11 @@ def test_a_noisy_wrong_motion_hides_no_better_one(few, index):
     assert_found(few[index])
 
 
-def assert_found(scene: PointScene) -> None:
+def assert_found(scene: PointScene, most_captured: int = 2) -> None:
+    """The right motion, from all but two of the right matches and hardly a wrong one."""
     pose = estimate(scene)
     assert pose.status is PoseStatus.OK
     error = pose_error(pose, scene)
     assert error @ np.linalg.solve(pose.covariance, error) < 15.0
-    assert np.count_nonzero(~scene.is_outlier & (pose.labels > 0)) >= 8
+    assert np.count_nonzero(~scene.is_outlier & (pose.labels == 0)) <= 2
+    assert np.count_nonzero(scene.is_outlier & (pose.labels > 0)) <= most_captured
