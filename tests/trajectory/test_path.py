@@ -205,14 +205,15 @@ def test_options_out_of_their_range_are_refused(name, value):
         PathOptions(**{name: value})
 
 
-def test_a_translation_that_known_points_deny_neither_moves_the_camera_nor_breaks_the_scale():
+def test_a_translation_that_known_points_deny_moves_the_camera_as_far_as_these_say():
     steps = np.concatenate([forward(8), np.zeros((1, 3)), forward(4, seed=1)])
     poses = poses_of(steps, np.zeros((13, 3)))
     pairs = list(cloud(poses, count=3000, noise_px=0.1).tracks())
     builder = PathBuilder(estimate, INDEPENDENT)
     for tracks in pairs[:8]:
         before = builder.add(CAMERA, tracks, motion_of(tracks), 0.1)
-    # A false alarm: backwards, by a camera that stands.
+    # A false alarm: ahead, by a camera that all but stands. Points shrink as they do half a
+    # hundredth of a step back.
     lie = dataclasses.replace(
         motion_of(pairs[7]),
         rotation_cam1_from_cam0=np.eye(3),
@@ -221,8 +222,9 @@ def test_a_translation_that_known_points_deny_neither_moves_the_camera_nor_break
     still = dataclasses.replace(pairs[8], points1=pairs[8].points0 * 0.9995 + 0.15)
     point = builder.add(CAMERA, still, lie, 0.1)
     assert point.segment == 0
-    assert point.scale is None
-    np.testing.assert_array_equal(point.world_from_cam[:3, 3], before.world_from_cam[:3, 3])
+    way = point.world_from_cam[:3, 3] - before.world_from_cam[:3, 3]
+    assert np.linalg.norm(way) < 0.01
+    assert way[2] < 0.0
     for tracks in pairs[9:]:
         after = builder.add(CAMERA, tracks, motion_of(tracks), 0.1)
     assert after.segment == 0

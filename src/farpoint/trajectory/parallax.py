@@ -12,7 +12,7 @@ from farpoint.pose import RelativePose, TrackLabel
 from farpoint.tracks import Tracks
 from farpoint.trajectory.vectors import cross
 
-__all__ = ["InverseDistances", "Parallax", "measure_parallax"]
+__all__ = ["InverseDistances", "Parallax", "displacement_noise_px2", "measure_parallax"]
 
 _NEAR_EPIPOLE = 1e-3  # rad: no parallax can be seen this near to the direction of travel
 
@@ -149,11 +149,11 @@ def measure_parallax(camera: Camera, tracks: Tracks, motion: RelativePose) -> Pa
         cos=cos,
         sin=sin,
         angle=np.arctan2(np.sum(rays1 * towards, axis=1), np.sum(rays1 * turned, axis=1)),
-        variance=np.einsum("ni,nij,nj->n", per_px, _noise_px2(tracks, motion), per_px),
+        variance=np.einsum("ni,nij,nj->n", per_px, displacement_noise_px2(tracks, motion), per_px),
     )
 
 
-def _noise_px2(tracks: Tracks, motion: RelativePose) -> np.ndarray:
+def displacement_noise_px2(tracks: Tracks, motion: RelativePose) -> np.ndarray:
     """Covariances (N, 2, 2) of the displacements, with the noise that the motion has found."""
     covariance = tracks.covariance_px2
     if motion.noise_px is None or not len(tracks):

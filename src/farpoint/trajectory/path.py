@@ -16,6 +16,7 @@ from farpoint.trajectory.links import Keyframe, Link, Moved, good_tracks, is_fir
 from farpoint.trajectory.options import PathOptions
 from farpoint.trajectory.parallax import Parallax, measure_parallax
 from farpoint.trajectory.point import PathPoint
+from farpoint.trajectory.resection import resect
 from farpoint.trajectory.scale import ScaleFit, can_fit, fit_scale
 from farpoint.trajectory.uncertainty import (
     SharedErrors,
@@ -154,18 +155,12 @@ class PathBuilder:
         steps: int,
         seconds: float,
     ) -> Link:
-        key, moved, segment = self._key, None, self._key.segment
+        key, moved = self._key, None
         if motion.status is PoseStatus.OK:
-            assert motion.covariance is not None
-            parallax = measure_parallax(camera, tracks, motion)
-            fit = fit_scale(key.depths, parallax, motion.covariance)
-            if fit is not None:
-                moved = Moved(parallax=parallax, fit=fit)
-            elif not can_fit(key.depths, parallax):
-                moved = self._set_scale(parallax, motion, seconds)
-                begins = self._has_scale and moved is not None and not moved.fit.is_guess
-                segment += int(begins)
-                key = key if segment == key.segment else _keyframe_at(key.world_from_cam, segment)
+            key, moved = self._measured(camera, tracks, motion, seconds)
+        if moved is None and (placed := resect(camera, tracks, motion, key.depths)) is not None:
+            motion, fit = placed
+            moved = Moved(parallax=measure_parallax(camera, tracks, motion), fit=fit)
         pose, covariance = self._end_of(key, motion, moved)
         return Link(
             key=key,
@@ -177,8 +172,24 @@ class PathBuilder:
             moved=moved,
             world_from_cam=pose,
             covariance=covariance,
-            segment=segment,
+            segment=key.segment,
         )
+
+    def _measured(
+        self, camera: Camera, tracks: Tracks, motion: RelativePose, seconds: float
+    ) -> tuple[Keyframe, Moved | None]:
+        """The motion with its length, from the keyframe or from the one that begins a segment."""
+        assert motion.covariance is not None
+        key, parallax = self._key, measure_parallax(camera, tracks, motion)
+        fit = fit_scale(key.depths, parallax, motion.covariance)
+        if fit is not None:
+            return key, Moved(parallax=parallax, fit=fit)
+        if can_fit(key.depths, parallax.ids):
+            return key, None
+        moved = self._set_scale(parallax, motion, seconds)
+        if self._has_scale and moved is not None and not moved.fit.is_guess:
+            key = _keyframe_at(key.world_from_cam, key.segment + 1)
+        return key, moved
 
     def _set_scale(self, parallax: Parallax, motion: RelativePose, seconds: float) -> Moved | None:
         """The scale begins with this motion, or the last speed carries it on.

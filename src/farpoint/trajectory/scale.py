@@ -17,6 +17,8 @@ MIN_POINTS = 6
 """Fewer points of known distance say nothing of the length of a motion."""
 
 _DOF = 5.0  # of the t distribution of deviations: matches have heavier tails than the normal
+_MEDIAN = 0.455  # of chi-square with one degree of freedom
+_DENIED = 10.0  # times the variance they may have: known points this far off deny a motion
 _MAX_STEPS = 15
 _TOLERANCE = 1e-5
 
@@ -69,9 +71,9 @@ class ScaleFit:
         return self.points == 0 and self.gain == 1.0
 
 
-def can_fit(depths: Depths, parallax: Parallax) -> bool:
-    """Whether enough of the points have known distances."""
-    return int(np.count_nonzero(depths.carry_scale(parallax.ids))) >= MIN_POINTS
+def can_fit(depths: Depths, ids: np.ndarray) -> bool:
+    """Whether enough of the tracks ``ids`` (N,) have known distances."""
+    return int(np.count_nonzero(depths.carry_scale(ids))) >= MIN_POINTS
 
 
 def fit_scale(depths: Depths, parallax: Parallax, covariance: np.ndarray) -> ScaleFit | None:
@@ -94,10 +96,10 @@ def fit_scale(depths: Depths, parallax: Parallax, covariance: np.ndarray) -> Sca
     Returns
     -------
     ScaleFit or None
-        None where fewer than `MIN_POINTS` distances are known (`can_fit`), or the known points did
-        not move along the direction: then only the noise has made the translation.
+        None where fewer than `MIN_POINTS` distances are known (`can_fit`), or where these deny the
+        motion: the points did not move along the direction, or most lie far from where they should.
     """
-    if not can_fit(depths, parallax):
+    if not can_fit(depths, parallax.ids):
         return None
     parallax = parallax.select(depths.carry_scale(parallax.ids))
     inverse, variance = depths.of(parallax.ids)
@@ -116,6 +118,8 @@ def fit_scale(depths: Depths, parallax: Parallax, covariance: np.ndarray) -> Sca
         equations = _equations(inverse, variance, parallax, log_scale, x)
         if abs(step[0]) < _TOLERANCE:
             break
+    if equations.excess > _DENIED:
+        return None
     # Fisher information of the t distribution is less than the weights' sum says.
     information = (_DOF + 1.0) / (_DOF + 3.0) * equations.H + prior
     return ScaleFit(
@@ -128,11 +132,14 @@ def fit_scale(depths: Depths, parallax: Parallax, covariance: np.ndarray) -> Sca
 
 
 class _Equations(NamedTuple):
-    """Information (6, 6) and gradient (6,) by ``[log(scale), x]``, and the gain."""
+    """Information (6, 6) and gradient (6,) by ``[log(scale), x]``; the gain; and how many times
+    larger than their variance the squares of the deviations typically are.
+    """
 
     H: np.ndarray
     g: np.ndarray
     gain: float
+    excess: float
 
 
 def _equations(
@@ -150,7 +157,10 @@ def _equations(
     share = weighted[:, 0] * J[:, 0]
     taken = scale**2 * variance / total
     return _Equations(
-        H=J.T @ weighted, g=weighted.T @ off, gain=float(share @ taken / np.sum(share))
+        H=J.T @ weighted,
+        g=weighted.T @ off,
+        gain=float(share @ taken / np.sum(share)),
+        excess=float(np.median(off**2 / total)) / _MEDIAN,
     )
 
 
