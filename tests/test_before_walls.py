@@ -1,0 +1,71 @@
+"""A drone before house fronts: where two views leave the direction open, the path goes on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from farpoint import Camera, Odometry, OdometryResult, PoseStatus
+from farpoint.metrics.path_consistency import PathSamples, evaluate_path
+from farpoint.synthetic import RenderedSequence
+from farpoint.trajectory.files import Trajectory, read_tum
+
+STREET_FROM_HALL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+
+
+@pytest.fixture(scope="module")
+def flight(shared_data: Path) -> RenderedSequence:
+    """70 frames, 30 a second, of a racing drone, its camera ahead, low over the street."""
+    body = read_tum(shared_data / "trajectories" / "indoor_forward_7_snapdragon_with_gt.txt")
+    times = body.timestamps - body.timestamps[0]
+    rows = np.searchsorted(times, 11.0 + np.arange(70) / 30.0)
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, :3] = STREET_FROM_HALL @ body.world_from_body[rows, :3, :3] @ STREET_FROM_HALL.T
+    ways = body.world_from_body[rows, :3, 3] @ STREET_FROM_HALL.T
+    ways -= [ways[:, 0].mean(), ways[:, 1].max() + 1.0, ways[:, 2].mean()]
+    poses[:, :3, 3] = ways + np.array([1.9, 0.0, 20.0])
+    camera = Camera.pinhole(320, 240, 200.0, 200.0, 159.5, 119.5)
+    path = Trajectory(timestamps=times[rows], world_from_body=poses)
+    return RenderedSequence(camera, path, seed=1)
+
+
+@pytest.fixture(scope="module")
+def results(flight: RenderedSequence) -> list[OdometryResult]:
+    return list(Odometry(flight.camera).run(flight))
+
+
+def lengths_of(world_from_cam: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(np.diff(world_from_cam[:, :3, 3], axis=0), axis=1)
+
+
+def test_two_views_leave_many_of_the_motions_open(results: list[OdometryResult]):
+    statuses = [result.pose.status for result in results if result.pose is not None]
+    assert statuses.count(PoseStatus.ROTATION_ONLY) > 0.2 * len(statuses)
+    assert PoseStatus.FAILED not in statuses
+
+
+def test_the_path_goes_on_at_its_scale(flight: RenderedSequence, results: list[OdometryResult]):
+    found = np.array([result.world_from_cam for result in results])
+    ratios = lengths_of(found) / lengths_of(flight.world_from_cam)
+    assert ratios.min() > 0.0
+    assert np.abs(np.log(ratios / np.median(ratios))).max() < 0.1
+
+
+def test_the_path_is_as_sure_as_stated(flight: RenderedSequence, results: list[OdometryResult]):
+    count = len(results)
+    figures = evaluate_path(
+        PathSamples(
+            segments=np.array([result.segment for result in results]),
+            world_from_cam=np.array([result.world_from_cam for result in results]),
+            covariances=np.array([result.world_covariance for result in results]),
+            truth=flight.world_from_cam,
+            lengths=np.array([result.scale or np.nan for result in results]),
+            length_sigmas=np.array([result.scale_sigma or np.nan for result in results]),
+            length_from=np.maximum(np.arange(count) - 1, 0),
+        )
+    )
+    assert figures is not None
+    assert figures.orientation.kept
+    assert figures.position_any_scale.kept
