@@ -12,7 +12,7 @@ from drive_kit import CAMERA, Cloud, estimate, motion_of, poses_of
 from farpoint import Camera, PoseStatus, RelativePose, TrackLabel, Tracks
 from farpoint.camera import KannalaBrandt
 from farpoint.geometry import so3
-from farpoint.trajectory.depths import Depths
+from farpoint.trajectory.depths import BENDS, Depths
 from farpoint.trajectory.options import PathOptions
 from farpoint.trajectory.parallax import measure_parallax
 from farpoint.trajectory.path import PathBuilder
@@ -83,7 +83,8 @@ def seen_again(
         covariance_px2=np.tile(2.0 * max(noise_px, 0.01) ** 2 * np.eye(2), (count, 1, 1)),
     )
     variance = (max(depth_error, 1e-4) * inverse) ** 2
-    return Seen(tracks, Depths(ids=tracks.ids, inverse=told, variance=variance), camera, R, step)
+    depths = Depths(ids=tracks.ids, inverse=told, variance=variance, bend=np.zeros((count, BENDS)))
+    return Seen(tracks, depths, camera, R, step)
 
 
 def error_of(found: Resection, seen: Seen) -> np.ndarray:
@@ -153,8 +154,7 @@ def test_a_camera_that_only_turns_has_no_translation():
 )
 def test_of_too_few_known_points_there_is_none(rows):
     seen = seen_again(0)
-    few = seen.depths
-    few = Depths(ids=few.ids[rows], inverse=few.inverse[rows], variance=few.variance[rows])
+    few = Depths(**{name: value[rows] for name, value in vars(seen.depths).items()})
     assert seen._replace(depths=few).resected() is None
 
 
@@ -183,6 +183,11 @@ def test_points_all_in_one_place_fix_nothing(spread):
     tracks = replace(seen.tracks, points0=points0, points1=points0 + 3.0)
     depths = replace(seen.depths, inverse=np.full(len(points0), 0.1))
     assert seen._replace(tracks=tracks, depths=depths).resected() is None
+
+
+INDEPENDENT = PathOptions(
+    persistent_motion_share=0.0, persistent_length_share=0.0, fading_motion_share=0.0
+)
 
 
 class AlongAWall(NamedTuple):
@@ -220,7 +225,7 @@ def along_a_wall(seed: int) -> AlongAWall:
     wall[:, 2] = 5.0 + 0.15 * wall[:, 0] - 0.25 * wall[:, 1]
     things = rng.uniform([-3.0, -2.0, 2.5], [1.0, 2.0, 4.0], (80, 3))
     scene = Cloud(poses=poses, points=np.vstack([wall, things]), noise_px=0.5, seed=seed)
-    builder = PathBuilder(estimate, PathOptions())
+    builder = PathBuilder(estimate, INDEPENDENT)
     motions, points = [], [builder.now]
     for tracks in scene.tracks():
         motions.append(motion_of(tracks))
@@ -230,7 +235,7 @@ def along_a_wall(seed: int) -> AlongAWall:
 
 @pytest.fixture(scope="module")
 def walks() -> list[AlongAWall]:
-    return [along_a_wall(seed) for seed in range(30)]
+    return [along_a_wall(seed) for seed in range(60)]
 
 
 def test_a_path_goes_on_along_a_wall(walks):
@@ -238,7 +243,7 @@ def test_a_path_goes_on_along_a_wall(walks):
     ratios = np.array([walk.length_ratios() for walk in walks])
     assert np.mean(is_open) > 0.2
     # None stands still, and none goes the other motion's way, though one of seed 12 was found OK.
-    assert np.abs(np.log(ratios)).max() < 0.25
+    assert np.abs(np.log(ratios)).max() < 0.35
     assert abs(np.median(ratios[is_open]) - 1.0) < 0.02
 
 
@@ -247,5 +252,6 @@ def test_a_path_along_a_wall_is_as_sure_as_stated(walks):
         walk.end_error() @ np.linalg.solve(walk.points[-1].covariance[3:6, 3:6], walk.end_error())
         for walk in walks
     ]
-    # 3 degrees of freedom, and rotations and directions that take their noise for 12 % shared.
-    assert 1.9 < np.mean(nees) < 5.5
+    # 3 degrees of freedom. Few matches with much noise: heavier tails than a normal error's.
+    assert 2.0 < np.median(nees) < 3.2
+    assert 2.5 < np.mean(nees) < 5.2

@@ -12,12 +12,16 @@ from scipy.stats import chi2
 
 from farpoint.geometry import so3, sphere
 from farpoint.trajectory.chain import chain
+from farpoint.trajectory.depths import BENDS
+from farpoint.trajectory.moved import Moved
 from farpoint.trajectory.scale import ScaleFit
 from farpoint.trajectory.uncertainty import (
     SharedErrors,
     advance_moving,
     advance_turning,
+    condense,
     covariance_at_rest,
+    length_variance_shared,
 )
 
 STEPS, TURNS = 12, 3
@@ -38,13 +42,28 @@ def motions():
     return found
 
 
-def length_fit(k: int, motion) -> ScaleFit:
+def moved(k: int, motion) -> Moved:
+    """A length whose distances err together, and have corrected half of the motion's variance."""
+    rng = np.random.default_rng((k, 1))
     joint = np.zeros((6, 6))
     joint[0, 0] = (0.004 + 0.002 * (k % 3)) ** 2
-    joint[1:, 1:] = motion.covariance
-    return ScaleFit(
-        scale=0.5 + 0.1 * k, correction=np.zeros(5), covariance=joint, gain=GAIN, points=9
+    joint[1:, 1:] = 0.5 * motion.covariance
+    fit = ScaleFit(
+        scale=0.5 + 0.1 * k,
+        correction=np.zeros(5),
+        covariance=joint,
+        gain=GAIN,
+        ids=np.arange(9),
+        by_inverse=np.zeros((6, 9)),
     )
+    inherited = 1e-3 * rng.normal(size=(6, BENDS))
+    return Moved(parallax=None, fit=fit, inherited=inherited, is_resected=k % 4 == 1)
+
+
+def axes_after(k: int) -> np.ndarray:
+    """Those of the errors of distances that are kept after a motion."""
+    square = np.random.default_rng((k, 2)).normal(size=(BENDS + 6, BENDS + 6))
+    return np.linalg.qr(square).Q[:, :BENDS]
 
 
 def shared_error(motion, white: np.ndarray, *, moves: bool) -> np.ndarray:
@@ -63,13 +82,19 @@ def drawn_path(motions, shared: SharedErrors, rng: np.random.Generator) -> np.nd
     """Error (7,) at the end of a path whose motions err as the shares say."""
     true, found = np.eye(4), np.eye(4)
     persistent, fading, scale_error = rng.normal(size=7), rng.normal(size=6), 0.0
+    bends = rng.normal(size=BENDS)
     alone = 1.0 - shared.persistent_motion - shared.fading_motion
     left = np.array([1.0 - shared.persistent_length, *[alone] * 5])
     kept = np.exp(-1.0 / shared.fading_motions)
     for k, motion in enumerate(motions):
-        fit = length_fit(k, motion)
-        moves = k < STEPS - TURNS
-        error = np.sqrt(left) * (np.linalg.cholesky(fit.covariance) @ rng.normal(size=6))
+        step, moves = moved(k, motion), k < STEPS - TURNS
+        fit, own = step.fit, rng.normal(size=6)
+        corrected = np.array(
+            [0.0, *np.linalg.cholesky(0.5 * motion.covariance) @ rng.normal(size=5)]
+        )
+        if not moves:
+            own[1:], corrected[1:] = 0.0, np.sqrt(2.0) * corrected[1:]
+        error = np.sqrt(left) * (fit.root @ own + corrected)
         error[0] += np.sqrt(shared.persistent_length * fit.covariance[0, 0]) * persistent[0]
         for share, white in (
             (shared.persistent_motion, persistent[1:]),
@@ -77,6 +102,8 @@ def drawn_path(motions, shared: SharedErrors, rng: np.random.Generator) -> np.nd
         ):
             error[1:] += np.sqrt(share) * shared_error(motion, white, moves=moves)
         fading = kept * fading + np.sqrt(1.0 - kept**2) * rng.normal(size=6)
+        if moves and step.is_resected:
+            error[1:] += step.inherited[1:] @ bends
         truth = replace(
             motion,
             rotation_cam1_from_cam0=so3.exp(error[1:4]) @ motion.rotation_cam1_from_cam0,
@@ -85,8 +112,10 @@ def drawn_path(motions, shared: SharedErrors, rng: np.random.Generator) -> np.nd
             ),
         )
         if moves:
+            scale_error += step.inherited[0] @ bends
             length = fit.scale * np.exp(scale_error + error[0])
             scale_error += GAIN * error[0]
+            bends = axes_after(k).T @ np.concatenate([bends, own])
         true = chain(true, truth, length if moves else None)
         found = chain(found, motion, fit.scale if moves else None)
     turned = so3.log(true[:3, :3] @ found[:3, :3].T)
@@ -107,9 +136,10 @@ def test_the_covariance_is_that_of_what_it_supposes(motions, motion, length, fad
     covariance, pose = covariance_at_rest(), np.eye(4)
     for k, one in enumerate(motions):
         if k < STEPS - TURNS:
-            fit = length_fit(k, one)
-            covariance = advance_moving(covariance, pose, one, fit, shared)
-            pose = chain(pose, one, fit.scale)
+            step = moved(k, one)
+            covariance = advance_moving(covariance, pose, one, step, shared)
+            covariance = condense(covariance, axes_after(k))
+            pose = chain(pose, one, step.fit.scale)
         else:
             covariance = advance_turning(covariance, pose, one, shared)
             pose = chain(pose, one, None)
@@ -122,6 +152,23 @@ def test_the_covariance_is_that_of_what_it_supposes(motions, motion, length, fad
         dof = rows.shape[1]
         low, high = chi2.ppf([0.0005, 0.9995], dof * len(nees)) / len(nees)
         assert low < nees.mean() < high, part
+
+
+def test_what_a_length_shares_with_the_next_ones_is_the_error_of_the_scale(motions):
+    shared = SharedErrors(
+        persistent_motion=0.2, persistent_length=0.02, fading_motion=0.3, fading_motions=12.0
+    )
+    covariance = covariance_at_rest()
+    for k in range(3):
+        covariance = condense(
+            advance_moving(covariance, np.eye(4), motions[k], moved(k, motions[k]), shared),
+            axes_after(k),
+        )
+    step = moved(3, motions[3])
+    step = replace(step, fit=replace(step.fit, gain=0.0))  # whose own error nothing takes over
+    after = advance_moving(covariance, np.eye(4), motions[3], step, shared)
+    assert length_variance_shared(covariance, step) == pytest.approx(after[6, 6], rel=1e-9)
+    assert length_variance_shared(covariance, step) > 1.01 * covariance[6, 6]
 
 
 def turned_by(motion, count: int, shared: SharedErrors) -> float:

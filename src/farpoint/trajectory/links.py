@@ -9,10 +9,10 @@ import numpy as np
 from farpoint.pose import PoseStatus, RelativePose, TrackLabel
 from farpoint.tracks import Tracks
 from farpoint.trajectory.depths import Depths
-from farpoint.trajectory.parallax import Parallax
-from farpoint.trajectory.scale import ScaleFit
+from farpoint.trajectory.moved import Moved
+from farpoint.trajectory.uncertainty import condense
 
-__all__ = ["Keyframe", "Link", "Moved", "good_tracks", "is_firm", "join_tracks"]
+__all__ = ["Keyframe", "Link", "good_tracks", "is_firm", "join_tracks"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,7 +23,7 @@ class Keyframe:
     ----------
     world_from_cam : ndarray, shape (4, 4)
         Its pose.
-    covariance : ndarray, shape (20, 20)
+    covariance : ndarray, shape (26, 26)
         As `farpoint.trajectory.uncertainty` has it.
     depths : Depths
         What is known of the tracks that it sees.
@@ -35,22 +35,6 @@ class Keyframe:
     covariance: np.ndarray
     depths: Depths
     segment: int
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Moved:
-    """A motion with its length.
-
-    Attributes
-    ----------
-    parallax : Parallax
-        Of its points.
-    fit : ScaleFit
-        Its length.
-    """
-
-    parallax: Parallax
-    fit: ScaleFit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,8 +59,8 @@ class Link:
         None where no translation was observed, or none of known length.
     world_from_cam : ndarray, shape (4, 4)
         Pose of the other frame.
-    covariance : ndarray, shape (20, 20)
-        As that of `Keyframe`.
+    covariance : ndarray, shape (26, 26) or (32, 32)
+        As that of `Keyframe`; of a moved camera with the errors of the motion.
     segment : int
         That of the keyframe, or the next one where the motion began it.
     """
@@ -99,17 +83,15 @@ class Link:
 
     def end(self) -> Keyframe:
         """The other frame as the keyframe of what follows."""
-        if self.moved is None:
-            depths = self.key.depths  # turning leaves distances as they are
-        else:
-            fit, direction = self.moved.fit, self.motion.direction_cam1_from_cam0
+        depths, covariance = self.key.depths, self.covariance
+        if self.moved is not None:  # turning leaves distances as they are
+            direction = self.motion.direction_cam1_from_cam0
             assert direction is not None
-            depths = self.key.depths.seen_again(
-                self.moved.parallax, fit.scale, fit.correction, fit.scale * direction
-            )
+            depths, axes = self.moved.carry_on(depths, direction).condense()
+            covariance = condense(covariance, axes)
         return Keyframe(
             world_from_cam=self.world_from_cam,
-            covariance=self.covariance,
+            covariance=covariance,
             depths=depths,
             segment=self.segment,
         )

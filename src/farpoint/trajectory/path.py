@@ -12,7 +12,8 @@ from farpoint.pose import PoseStatus, RelativePose
 from farpoint.tracks import Tracks
 from farpoint.trajectory.chain import chain
 from farpoint.trajectory.depths import Depths
-from farpoint.trajectory.links import Keyframe, Link, Moved, good_tracks, is_firm, join_tracks
+from farpoint.trajectory.links import Keyframe, Link, good_tracks, is_firm, join_tracks
+from farpoint.trajectory.moved import Moved
 from farpoint.trajectory.options import PathOptions
 from farpoint.trajectory.parallax import Parallax, measure_parallax
 from farpoint.trajectory.point import PathPoint
@@ -23,6 +24,7 @@ from farpoint.trajectory.uncertainty import (
     advance_moving,
     advance_turning,
     covariance_at_rest,
+    length_variance_shared,
 )
 
 __all__ = ["PathBuilder"]
@@ -160,7 +162,8 @@ class PathBuilder:
             key, moved = self._measured(camera, tracks, motion, seconds)
         if moved is None and (placed := resect(camera, tracks, motion, key.depths)) is not None:
             motion, fit = placed
-            moved = Moved(parallax=measure_parallax(camera, tracks, motion), fit=fit)
+            parallax = measure_parallax(camera, tracks, motion)
+            moved = Moved.by(fit, parallax, key.depths, is_resected=True)
         pose, covariance = self._end_of(key, motion, moved)
         return Link(
             key=key,
@@ -183,7 +186,7 @@ class PathBuilder:
         key, parallax = self._key, measure_parallax(camera, tracks, motion)
         fit = fit_scale(key.depths, parallax, motion.covariance)
         if fit is not None:
-            return key, Moved(parallax=parallax, fit=fit)
+            return key, Moved.by(fit, parallax, key.depths)
         if can_fit(key.depths, parallax.ids):
             return key, None
         moved = self._set_scale(parallax, motion, seconds)
@@ -206,16 +209,14 @@ class PathBuilder:
             fit = ScaleFit.guess(length, sigma, motion.covariance)
         else:
             fit = ScaleFit.unit(length if length > 0.0 else 1.0, motion.covariance)
-        return Moved(parallax=parallax, fit=fit)
+        return Moved.by(fit, parallax, self._key.depths)
 
     def _end_of(
         self, key: Keyframe, motion: RelativePose, moved: Moved | None
     ) -> tuple[np.ndarray, np.ndarray]:
         if moved is not None:
             pose = chain(key.world_from_cam, motion, moved.fit.scale)
-            after = advance_moving(
-                key.covariance, key.world_from_cam, motion, moved.fit, self._shared
-            )
+            after = advance_moving(key.covariance, key.world_from_cam, motion, moved, self._shared)
             return pose, after
         # The camera stays where it was last seen; small motions since the keyframe stay in.
         pose = chain(key.world_from_cam, motion, None)
@@ -243,7 +244,7 @@ class PathBuilder:
         """Length of the last step, from frame to frame, and its 1-sigma."""
         assert link.moved is not None
         fit, last = link.moved.fit, self._last
-        shared = float(link.key.covariance[6, 6])
+        shared = length_variance_shared(link.key.covariance, link.moved)
         own = fit.scale**2 * float(fit.covariance[0, 0])
         if last is None:
             return fit.scale, math.sqrt(own + fit.scale**2 * shared)

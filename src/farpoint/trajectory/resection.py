@@ -76,6 +76,7 @@ def resect(
     if not can_fit(depths, good.ids):
         return None
     points = _Points(
+        ids=good.ids,
         rays0=camera.unproject(good.points0),
         inverse=depths.of(good.ids)[0],
         variance=depths.of(good.ids)[1],
@@ -97,10 +98,11 @@ def resect(
 
 
 class _Points(NamedTuple):
-    """Rays of camera 0 (N, 3) and inverse distances along them (N,) with their variances, and
-    pixels of camera 1 (N, 2) with the covariances (N, 2, 2) of their noise.
+    """Tracks (N,), their rays of camera 0 (N, 3) and inverse distances along them (N,) with their
+    variances, and pixels of camera 1 (N, 2) with the covariances (N, 2, 2) of their noise.
     """
 
+    ids: np.ndarray
     rays0: np.ndarray
     inverse: np.ndarray
     variance: np.ndarray
@@ -109,11 +111,13 @@ class _Points(NamedTuple):
 
 
 class _Reprojected(NamedTuple):
-    """Errors of reprojection (N, 2), px, with the covariances (N, 2, 2) of their noise, and what
-    they change by with ``dtheta`` (N, 2, 3), with the translation for a unit of the inverse
-    distance (N, 2, 3), and with that distance (N, 2), known as ``inverse`` with its ``variance``.
+    """Tracks (N,), their errors of reprojection (N, 2), px, with the covariances (N, 2, 2) of their
+    noise, and what they change by with ``dtheta`` (N, 2, 3), with the translation for a unit of the
+    inverse distance (N, 2, 3), and with that distance (N, 2), known as ``inverse`` with its
+    ``variance``.
     """
 
+    ids: np.ndarray
     off: np.ndarray
     noise: np.ndarray
     by_turn: np.ndarray
@@ -130,12 +134,14 @@ class _Reprojected(NamedTuple):
 
 
 class _Equations(NamedTuple):
-    """Information (6, 6) and gradient (6,) by ``[dtheta, dT]``, and squared Mahalanobis distances
-    (N,) of the points from where they are expected.
+    """Information (6, 6) and gradient (6,) by ``[dtheta, dT]``, with its derivative by the inverse
+    distances (6, N), and squared Mahalanobis distances (N,) of the points from where they are
+    expected.
     """
 
     H: np.ndarray
     g: np.ndarray
+    g_by_inverse: np.ndarray
     distance2: np.ndarray
 
 
@@ -147,6 +153,7 @@ def _reproject(camera: Camera, points: _Points, R: np.ndarray, T: np.ndarray) ->
     seen = np.isfinite(off).all(axis=1) & np.isfinite(by_point).all(axis=(1, 2))
     by_point = by_point[seen]
     return _Reprojected(
+        ids=points.ids[seen],
         off=off[seen],
         noise=points.noise_px2[seen],
         by_turn=by_point @ _by_turn(turned[seen]),
@@ -175,6 +182,9 @@ def _equations(seen: _Reprojected, wide: float) -> _Equations:
     return _Equations(
         H=np.einsum("n,nia,nij,njb->ab", share, J, weight, J, optimize=True),
         g=np.einsum("n,nia,ni->a", share, J, weighted_off),
+        g_by_inverse=np.einsum(
+            "n,nia,nij,nj->an", share, J, weight, seen.by_inverse, optimize=True
+        ),
         distance2=distance2,
     )
 
@@ -187,7 +197,15 @@ def _concluded(
         return None
     t = T / length
     basis = tangent_basis(t)
-    covariance = _covariance(seen, length, t, basis)
+    by_pose = np.zeros((6, 6))  # [log(length), dtheta, dbeta] by [dtheta, dT]
+    by_pose[0, 3:], by_pose[1:4, :3], by_pose[4:, 3:] = t / length, np.eye(3), basis.T / length
+    equations = _equations(seen, 1.0)
+    by_gradient = by_pose @ np.linalg.inv(equations.H)
+    # Points that lie farther off than their errors let them say less than these errors do.
+    excess = max(float(np.median(equations.distance2)) / _MEDIAN, 1.0)
+    # Fisher information of the t distribution is less than the weights' sum says.
+    less = (_DOF + 4.0) / (_DOF + 2.0)
+    covariance = less * excess * by_gradient @ by_pose.T
     if np.linalg.eigvalsh(covariance[4:, 4:])[-1] > _MAX_DIRECTION_SIGMA**2:
         return None
     moved = replace(
@@ -204,21 +222,10 @@ def _concluded(
         correction=np.zeros(5),
         covariance=covariance,
         gain=_gain(seen, t),
-        points=len(seen.off),
+        ids=seen.ids,
+        by_inverse=-by_gradient @ equations.g_by_inverse,
     )
     return Resection(motion=moved, fit=fit)
-
-
-def _covariance(seen: _Reprojected, length: float, t: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Covariance (6, 6) of ``[log(length), dtheta, dbeta]``."""
-    equations = _equations(seen, 1.0)
-    # Points that lie farther off than their errors let them say less than these errors do.
-    excess = max(float(np.median(equations.distance2)) / _MEDIAN, 1.0)
-    # Fisher information of the t distribution is less than the weights' sum says.
-    less = (_DOF + 4.0) / (_DOF + 2.0)
-    by_pose = np.zeros((6, 6))
-    by_pose[0, 3:], by_pose[1:4, :3], by_pose[4:, 3:] = t / length, np.eye(3), basis.T / length
-    return less * excess * by_pose @ np.linalg.inv(equations.H) @ by_pose.T
 
 
 def _gain(seen: _Reprojected, t: np.ndarray) -> float:

@@ -38,22 +38,29 @@ class ScaleFit:
         Of the errors of ``[log(scale), dtheta, dbeta]``, given the distances.
     gain : float
         Share, 0 to 1, of an error of the scale that the distances take over from this motion.
-    points : int
-        Number of distances behind it.
+    ids : ndarray of int64, shape (M,)
+        Points whose distances are behind it.
+    by_inverse : ndarray, shape (6, M)
+        By how much ``[log(scale), dtheta, dbeta]`` would be larger had an inverse distance been
+        told larger than it is.
     """
 
     scale: float
     correction: np.ndarray
     covariance: np.ndarray
     gain: float
-    points: int
+    ids: np.ndarray
+    by_inverse: np.ndarray
+
+    @property
+    def points(self) -> int:
+        """Number of distances behind it."""
+        return len(self.ids)
 
     @classmethod
     def unit(cls, scale: float, covariance: np.ndarray) -> ScaleFit:
         """A motion that defines the scale; ``covariance`` (5, 5) is its own."""
-        joint = np.zeros((6, 6))
-        joint[1:, 1:] = covariance
-        return cls(scale=scale, correction=np.zeros(5), covariance=joint, gain=0.0, points=0)
+        return cls._without_points(scale, 0.0, covariance, gain=0.0)
 
     @classmethod
     def guess(cls, scale: float, sigma: float, covariance: np.ndarray) -> ScaleFit:
@@ -61,9 +68,28 @@ class ScaleFit:
 
         All distances to come are measured by it, so its error becomes that of the scale.
         """
+        return cls._without_points(scale, sigma, covariance, gain=1.0)
+
+    @classmethod
+    def _without_points(
+        cls, scale: float, sigma: float, covariance: np.ndarray, gain: float
+    ) -> ScaleFit:
         joint = np.zeros((6, 6))
         joint[0, 0], joint[1:, 1:] = sigma**2, covariance
-        return cls(scale=scale, correction=np.zeros(5), covariance=joint, gain=1.0, points=0)
+        return cls(
+            scale=scale,
+            correction=np.zeros(5),
+            covariance=joint,
+            gain=gain,
+            ids=np.empty(0, np.int64),
+            by_inverse=np.empty((6, 0)),
+        )
+
+    @property
+    def root(self) -> np.ndarray:
+        """Matrix (6, 6) that makes these errors of white ones."""
+        values, axes = np.linalg.eigh(self.covariance)
+        return axes * np.sqrt(np.maximum(values, 0.0))
 
     @property
     def is_guess(self) -> bool:
@@ -122,22 +148,26 @@ def fit_scale(depths: Depths, parallax: Parallax, covariance: np.ndarray) -> Sca
         return None
     # Fisher information of the t distribution is less than the weights' sum says.
     information = (_DOF + 1.0) / (_DOF + 3.0) * equations.H + prior
+    scale = math.exp(log_scale)
     return ScaleFit(
-        scale=float(np.exp(log_scale)),
+        scale=scale,
         correction=x,
         covariance=np.linalg.inv(information),
         gain=equations.gain,
-        points=len(parallax),
+        ids=parallax.ids,
+        by_inverse=scale * np.linalg.solve(equations.H + prior, equations.weighted.T),
     )
 
 
 class _Equations(NamedTuple):
-    """Information (6, 6) and gradient (6,) by ``[log(scale), x]``; the gain; and how many times
-    larger than their variance the squares of the deviations typically are.
+    """Information (6, 6) and gradient (6,) by ``[log(scale), x]``, with the weighted derivatives
+    (N, 6) of the deviations; the gain; and how many times larger than their variance the squares of
+    the deviations typically are.
     """
 
     H: np.ndarray
     g: np.ndarray
+    weighted: np.ndarray
     gain: float
     excess: float
 
@@ -159,6 +189,7 @@ def _equations(
     return _Equations(
         H=J.T @ weighted,
         g=weighted.T @ off,
+        weighted=weighted,
         gain=float(share @ taken / np.sum(share)),
         excess=float(np.median(off**2 / total)) / _MEDIAN,
     )
