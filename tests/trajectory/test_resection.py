@@ -10,7 +10,7 @@ import pytest
 from drive_kit import CAMERA, Cloud, estimate, motion_of, poses_of
 
 from farpoint import Camera, PoseStatus, RelativePose, TrackLabel, Tracks
-from farpoint.camera import KannalaBrandt
+from farpoint.camera import Equirectangular, KannalaBrandt
 from farpoint.geometry import so3
 from farpoint.trajectory.depths import BENDS, Depths
 from farpoint.trajectory.options import PathOptions
@@ -23,6 +23,7 @@ from farpoint.trajectory.scale import fit_scale
 FISHEYE = Camera(
     model=KannalaBrandt(fx=200.0, fy=200.0, cx=319.5, cy=239.5, k1=0.02), size=(640, 480)
 )
+PANORAMA = Camera(model=Equirectangular(width=1024, height=512), size=(1024, 512))
 STEP = np.array([0.6, -0.2, 1.5])
 TURN = np.array([0.02, 0.08, -0.03])
 
@@ -69,7 +70,9 @@ def seen_again(
     """Points 8 to 40 units off, whose distances are known to a share."""
     rng = np.random.default_rng((seed, 11))
     R = so3.exp(TURN)
-    rays = camera.unproject(rng.uniform([40.0, 40.0], [600.0, 440.0], (count, 2)))
+    margin = 1.0 if camera is PANORAMA else 40.0  # points may go out on the left, in on the right
+    size = np.array(camera.size) - margin
+    rays = camera.unproject(rng.uniform([margin, margin], size, (count, 2)))
     inverse = 1.0 / rng.uniform(8.0, 40.0, count)
     points1 = camera.project(rays @ R.T + inverse[:, None] * step)
     points1 += np.sqrt(2.0) * noise_px * rng.normal(size=points1.shape)
@@ -99,9 +102,11 @@ def error_of(found: Resection, seen: Seen) -> np.ndarray:
     )
 
 
-@pytest.mark.parametrize("camera", [CAMERA, FISHEYE], ids=["pinhole", "fisheye"])
+@pytest.mark.parametrize(
+    "camera", [CAMERA, FISHEYE, PANORAMA], ids=["pinhole", "fisheye", "panorama"]
+)
 def test_without_noise_the_motion_is_exact(camera):
-    seen = seen_again(0, noise_px=0.0, depth_error=0.0, camera=camera)
+    seen = seen_again(2, noise_px=0.0, depth_error=0.0, camera=camera)
     found = seen.resected(noise_px=0.01)
     assert found is not None
     assert found.motion.status is PoseStatus.OK

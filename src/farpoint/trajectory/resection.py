@@ -75,18 +75,11 @@ def resect(
     good = good.select(np.isfinite(depths.of(good.ids)[1]))
     if not can_fit(depths, good.ids):
         return None
-    points = _Points(
-        ids=good.ids,
-        rays0=camera.unproject(good.points0),
-        inverse=depths.of(good.ids)[0],
-        variance=depths.of(good.ids)[1],
-        points1=good.points1,
-        noise_px2=displacement_noise_px2(good, motion),
-    )
+    points = _known_points(camera, good, motion, depths)
     assert motion.rotation_cam1_from_cam0 is not None
     R, T, wide = motion.rotation_cam1_from_cam0, np.zeros(3), _WIDE
     for _ in range(_MAX_STEPS):
-        equations = _equations(_reproject(camera, points, R, T), wide)
+        equations = _equations(_reproject(points, R, T), wide)
         if np.linalg.matrix_rank(equations.H) < len(equations.g):
             return None  # too few in view, or on one line
         step = -np.linalg.solve(equations.H, equations.g)
@@ -94,20 +87,36 @@ def resect(
         if wide == 1.0 and float(np.linalg.norm(step[:3])) < _TOLERANCE_RAD:
             break
         wide = max(wide / _NARROWING, 1.0)
-    return _concluded(motion, R, T, _reproject(camera, points, R, T))
+    return _concluded(motion, R, T, _reproject(points, R, T))
 
 
 class _Points(NamedTuple):
-    """Tracks (N,), their rays of camera 0 (N, 3) and inverse distances along them (N,) with their
-    variances, and pixels of camera 1 (N, 2) with the covariances (N, 2, 2) of their noise.
+    """Tracks (N,), their rays of both cameras (N, 3), inverse distances from camera 0 (N,) with
+    their variances, what makes pixels of small changes of a ray of camera 1 (N, 2, 3), and the
+    covariances (N, 2, 2) of the noise, px^2.
     """
 
     ids: np.ndarray
     rays0: np.ndarray
+    rays1: np.ndarray
     inverse: np.ndarray
     variance: np.ndarray
-    points1: np.ndarray
+    to_px: np.ndarray
     noise_px2: np.ndarray
+
+
+def _known_points(camera: Camera, tracks: Tracks, motion: RelativePose, depths: Depths) -> _Points:
+    inverse, variance = depths.of(tracks.ids)
+    rays1 = camera.unproject(tracks.points1)
+    return _Points(
+        ids=tracks.ids,
+        rays0=camera.unproject(tracks.points0),
+        rays1=rays1,
+        inverse=inverse,
+        variance=variance,
+        to_px=np.linalg.pinv(camera.unproject_jacobian(rays1)),
+        noise_px2=displacement_noise_px2(tracks, motion),
+    )
 
 
 class _Reprojected(NamedTuple):
@@ -145,16 +154,19 @@ class _Equations(NamedTuple):
     distance2: np.ndarray
 
 
-def _reproject(camera: Camera, points: _Points, R: np.ndarray, T: np.ndarray) -> _Reprojected:
-    """Those that the lens sees."""
+def _reproject(points: _Points, R: np.ndarray, T: np.ndarray) -> _Reprojected:
+    """Those that are not behind; about the rays that were seen, where any image is smooth."""
     turned = points.rays0 @ R.T
     at = turned + points.inverse[:, None] * T
-    off, by_point = camera.project(at) - points.points1, camera.model.project_jacobian(at)
-    seen = np.isfinite(off).all(axis=1) & np.isfinite(by_point).all(axis=(1, 2))
+    distance = np.linalg.norm(at, axis=1)
+    ahead = at / distance[:, None]
+    across = np.eye(3) - ahead[:, :, None] * ahead[:, None, :]
+    by_point = points.to_px @ across / distance[:, None, None]
+    seen = np.sum(ahead * points.rays1, axis=1) > 0.0
     by_point = by_point[seen]
     return _Reprojected(
         ids=points.ids[seen],
-        off=off[seen],
+        off=np.einsum("nij,nj->ni", points.to_px[seen], ahead[seen]),
         noise=points.noise_px2[seen],
         by_turn=by_point @ _by_turn(turned[seen]),
         by_point=by_point,
