@@ -57,7 +57,13 @@ def moved(k: int, motion) -> Moved:
         by_inverse=np.zeros((6, 9)),
     )
     inherited = 1e-3 * rng.normal(size=(6, BENDS))
-    return Moved(parallax=None, fit=fit, inherited=inherited, is_resected=k % 4 == 1)
+    return Moved(
+        direction=motion.direction_cam1_from_cam0,
+        parallax=None,
+        fit=fit,
+        inherited=inherited,
+        is_resected=k % 4 == 1,
+    )
 
 
 def axes_after(k: int) -> np.ndarray:

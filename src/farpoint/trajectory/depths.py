@@ -140,6 +140,19 @@ class Depths:
             bend=(slope[:, None] * bend)[agree],
         )
 
+    def left_behind(self, ids: np.ndarray, rays: np.ndarray, sigma: float) -> Depths:
+        """What is known of ``ids`` (M,), seen along ``rays`` (M, 3), after a translation unseen.
+
+        Nothing is known of it but its 1-sigma in each direction, in the unit of the trajectory: its
+        three parts are errors in common, the last ones.
+        """
+        inverse, variance = self.of(ids)
+        bend = np.hstack([self.bend_of(ids), -sigma * inverse[:, None] ** 2 * rays])
+        known = np.isfinite(variance)
+        return Depths(
+            ids=ids[known], inverse=inverse[known], variance=variance[known], bend=bend[known]
+        )
+
     def condense(self) -> tuple[Depths, np.ndarray]:
         """With the `BENDS` errors in common that matter most, and these (M, BENDS) in terms of all.
 

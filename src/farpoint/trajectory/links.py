@@ -9,7 +9,7 @@ import numpy as np
 from farpoint.pose import PoseStatus, RelativePose, TrackLabel
 from farpoint.tracks import Tracks
 from farpoint.trajectory.depths import Depths
-from farpoint.trajectory.moved import Moved
+from farpoint.trajectory.moved import Moved, MovedUnseen
 from farpoint.trajectory.uncertainty import condense
 
 __all__ = ["Keyframe", "Link", "good_tracks", "is_firm", "join_tracks"]
@@ -55,11 +55,11 @@ class Link:
         Time since the keyframe.
     motion : RelativePose
         Not FAILED.
-    moved : Moved or None
-        None where no translation was observed, or none of known length.
+    moved : Moved or MovedUnseen or None
+        None where there was no translation, or none is known to have been.
     world_from_cam : ndarray, shape (4, 4)
         Pose of the other frame.
-    covariance : ndarray, shape (26, 26) or (32, 32)
+    covariance : ndarray, shape (26, 26), (29, 29) or (32, 32)
         As that of `Keyframe`; of a moved camera with the errors of the motion.
     segment : int
         That of the keyframe, or the next one where the motion began it.
@@ -71,7 +71,7 @@ class Link:
     steps: int
     seconds: float
     motion: RelativePose
-    moved: Moved | None
+    moved: Moved | MovedUnseen | None
     world_from_cam: np.ndarray
     covariance: np.ndarray
     segment: int
@@ -79,15 +79,13 @@ class Link:
     @property
     def is_guess(self) -> bool:
         """Whether its length is guessed."""
-        return self.moved is not None and self.moved.fit.is_guess
+        return isinstance(self.moved, Moved) and self.moved.fit.is_guess
 
     def end(self) -> Keyframe:
         """The other frame as the keyframe of what follows."""
         depths, covariance = self.key.depths, self.covariance
         if self.moved is not None:  # turning leaves distances as they are
-            direction = self.motion.direction_cam1_from_cam0
-            assert direction is not None
-            depths, axes = self.moved.carry_on(depths, direction).condense()
+            depths, axes = self.moved.carry_on(depths).condense()
             covariance = condense(covariance, axes)
         return Keyframe(
             world_from_cam=self.world_from_cam,

@@ -8,12 +8,12 @@ from collections.abc import Callable
 import numpy as np
 
 from farpoint.camera import Camera
-from farpoint.pose import PoseStatus, RelativePose
+from farpoint.pose import PoseStatus, RelativePose, TrackLabel
 from farpoint.tracks import Tracks
 from farpoint.trajectory.chain import chain
 from farpoint.trajectory.depths import Depths
 from farpoint.trajectory.links import Keyframe, Link, good_tracks, is_firm, join_tracks
-from farpoint.trajectory.moved import Moved
+from farpoint.trajectory.moved import Moved, MovedUnseen
 from farpoint.trajectory.options import PathOptions
 from farpoint.trajectory.parallax import Parallax, measure_parallax
 from farpoint.trajectory.point import PathPoint
@@ -23,6 +23,7 @@ from farpoint.trajectory.uncertainty import (
     SharedErrors,
     advance_moving,
     advance_turning,
+    advance_unseen,
     covariance_at_rest,
     length_variance_shared,
 )
@@ -38,7 +39,9 @@ class PathBuilder:
     Motions well observed are strung as they are. Where the camera moves little from frame to frame,
     each frame is compared with a keyframe some frames back, until the direction of travel since
     then is known well: slow motion gets a baseline worth measuring, and a camera at rest does not
-    wander. The length of a motion is that which fits the distances of points seen before.
+    wander. The length of a motion is that which fits the distances of points seen before, and where
+    two views leave its direction open, so is the motion. Where that does not help either, the
+    camera stays where it was, and may be anywhere that its last speed takes it to.
 
     Cost and memory for a frame do not depend on the number of frames.
 
@@ -114,7 +117,7 @@ class PathBuilder:
         return point
 
     def _makes_keyframe(self, link: Link) -> bool:
-        if link.moved is not None and not link.moved.fit.points:
+        if isinstance(link.moved, Moved) and not link.moved.fit.points:
             return True  # it has set the scale
         return (
             self._is_firm(link.motion)
@@ -163,7 +166,9 @@ class PathBuilder:
         if moved is None and (placed := resect(camera, tracks, motion, key.depths)) is not None:
             motion, fit = placed
             parallax = measure_parallax(camera, tracks, motion)
-            moved = Moved.by(fit, parallax, key.depths, is_resected=True)
+            moved = Moved.by(fit, motion, parallax, key.depths, is_resected=True)
+        if moved is None:
+            moved = self._unseen(camera, good_tracks(tracks, motion), motion, seconds)
         pose, covariance = self._end_of(key, motion, moved)
         return Link(
             key=key,
@@ -186,7 +191,7 @@ class PathBuilder:
         key, parallax = self._key, measure_parallax(camera, tracks, motion)
         fit = fit_scale(key.depths, parallax, motion.covariance)
         if fit is not None:
-            return key, Moved.by(fit, parallax, key.depths)
+            return key, Moved.by(fit, motion, parallax, key.depths)
         if can_fit(key.depths, parallax.ids):
             return key, None
         moved = self._set_scale(parallax, motion, seconds)
@@ -209,28 +214,40 @@ class PathBuilder:
             fit = ScaleFit.guess(length, sigma, motion.covariance)
         else:
             fit = ScaleFit.unit(length if length > 0.0 else 1.0, motion.covariance)
-        return Moved.by(fit, parallax, self._key.depths)
+        return Moved.by(fit, motion, parallax, self._key.depths)
+
+    def _unseen(
+        self, camera: Camera, tracks: Tracks, motion: RelativePose, seconds: float
+    ) -> MovedUnseen | None:
+        """As fast as it came, anywhere; None if it has not moved, for all that is known."""
+        if self._speed is None or not np.any(motion.labels == TrackLabel.NEAR):
+            return None
+        tracks = tracks.select(np.argsort(tracks.ids))
+        rays = camera.unproject(tracks.points1)
+        return MovedUnseen(ids=tracks.ids, rays=rays, sigma=self._speed * seconds)
 
     def _end_of(
-        self, key: Keyframe, motion: RelativePose, moved: Moved | None
+        self, key: Keyframe, motion: RelativePose, moved: Moved | MovedUnseen | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        if moved is not None:
+        before = key.covariance, key.world_from_cam, motion
+        if isinstance(moved, Moved):
             pose = chain(key.world_from_cam, motion, moved.fit.scale)
-            after = advance_moving(key.covariance, key.world_from_cam, motion, moved, self._shared)
-            return pose, after
+            return pose, advance_moving(*before, moved, self._shared)
         # The camera stays where it was last seen; small motions since the keyframe stay in.
         pose = chain(key.world_from_cam, motion, None)
         pose[:3, 3] = self._now.world_from_cam[:3, 3]
-        return pose, advance_turning(key.covariance, key.world_from_cam, motion, self._shared)
+        if moved is None:
+            return pose, advance_turning(*before, self._shared)
+        return pose, advance_unseen(*before, moved, self._shared)
 
     def _point(self, link: Link, motion: RelativePose, seconds: float) -> PathPoint:
         scale = sigma = None
-        if link.moved is not None:
+        if isinstance(link.moved, Moved):
             self._has_scale = True
-        if link.moved is not None and motion.status is PoseStatus.OK:
-            scale, sigma = self._length(link)
-            if seconds > 0.0 and scale > 0.0:
-                self._speed = scale / seconds
+            if motion.status is PoseStatus.OK:
+                scale, sigma = self._length(link, link.moved)
+                if seconds > 0.0 and scale > 0.0:
+                    self._speed = scale / seconds
         return PathPoint(
             world_from_cam=link.world_from_cam,
             covariance=link.covariance[:7, :7],
@@ -240,11 +257,10 @@ class PathBuilder:
             scale_is_guessed=link.is_guess,
         )
 
-    def _length(self, link: Link) -> tuple[float, float]:
+    def _length(self, link: Link, moved: Moved) -> tuple[float, float]:
         """Length of the last step, from frame to frame, and its 1-sigma."""
-        assert link.moved is not None
-        fit, last = link.moved.fit, self._last
-        shared = length_variance_shared(link.key.covariance, link.moved)
+        fit, last = moved.fit, self._last
+        shared = length_variance_shared(link.key.covariance, moved)
         own = fit.scale**2 * float(fit.covariance[0, 0])
         if last is None:
             return fit.scale, math.sqrt(own + fit.scale**2 * shared)

@@ -20,7 +20,7 @@ import numpy as np
 from farpoint.geometry.so3 import skew
 from farpoint.pose import RelativePose
 from farpoint.trajectory.depths import BENDS, ERRORS
-from farpoint.trajectory.moved import Moved
+from farpoint.trajectory.moved import Moved, MovedUnseen
 from farpoint.trajectory.scale import ScaleFit
 
 __all__ = [
@@ -106,7 +106,7 @@ def advance_moving(
 def condense(covariance: np.ndarray, axes: np.ndarray) -> np.ndarray:
     """Covariance (26, 26) of that after a motion, with `Depths.condense` of what it has measured.
 
-    ``axes`` (12, BENDS) are the errors of the distances that are kept, in terms of those there are.
+    ``axes`` (9 or 12, BENDS) are the errors of the distances that are kept, in terms of all.
     """
     to_few = np.zeros((len(covariance), _STATE))
     to_few[: _BENDS.start, : _BENDS.start] = np.eye(_BENDS.start)
@@ -138,6 +138,24 @@ def advance_turning(
     alone = 1.0 - shared.persistent_motion - shared.fading_motion
     none = np.zeros((_POSE, BENDS))
     return _advanced(covariance, np.eye(_POSE), by_motion, alone * own, by_white, none, shared)
+
+
+def advance_unseen(
+    covariance: np.ndarray,
+    world_from_cam0: np.ndarray,
+    motion: RelativePose,
+    moved: MovedUnseen,
+    shared: SharedErrors,
+) -> np.ndarray:
+    """Covariance (29, 29) after a motion with a translation that nobody has seen.
+
+    Its three parts, white ones in camera axes, are added at the end: see `condense`.
+    """
+    turned = advance_turning(covariance, world_from_cam0, motion, shared)
+    assert motion.rotation_cam1_from_cam0 is not None
+    by_unseen = np.zeros((_STATE, 3))
+    by_unseen[3:6] = -moved.sigma * world_from_cam0[:3, :3] @ motion.rotation_cam1_from_cam0.T
+    return np.block([[turned + by_unseen @ by_unseen.T, by_unseen], [by_unseen.T, np.eye(3)]])
 
 
 def _derivatives(
