@@ -176,6 +176,17 @@ def test_a_wall_straight_ahead_allows_one_motion():
     assert not other_of(wall(60, towards=R @ normal)).is_rival
 
 
+@pytest.mark.parametrize("degrees", [2.0, 5.0, 9.0])
+def test_of_a_wall_nearly_straight_ahead_the_other_motion_is_as_near(degrees):
+    normal = sphere.normalize(np.array([0.3, -0.2, 1.0]))
+    R, aside = so3.exp(np.array([0.04, -0.03, 0.05])), so3.exp(np.radians([0.0, degrees, 0.0]))
+    other = other_of(wall(60, towards=R @ aside @ normal))
+    assert other.is_rival
+    assert abs(other.against) < 1.0
+    # Translation and normal change places.
+    np.testing.assert_allclose(other.t, R @ normal, atol=0.05)
+
+
 def test_where_no_match_is_right_nothing_speaks_for_either():
     other = other_of(wall(40, off=1), prior=1e-12 * packed(np.ones(40)))
     assert other.is_rival

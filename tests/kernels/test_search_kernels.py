@@ -245,6 +245,25 @@ def test_a_plane_allows_another_motion(wrong, captured):
     assert np.abs(constraints(view, view.R, twin_t)[right]).max() > 0.2 * flow
 
 
+@pytest.mark.parametrize("metres", [0.1, 1.0, 2.5])
+@pytest.mark.parametrize("towards", [(1.0, 0.2, 0.3), (0.1, 0.4, -1.0), (0.2, -0.1, 1.0)])
+def test_the_other_motion_of_a_plane_moves_every_point_of_it_alike(metres, towards):
+    """However far the camera went, towards the plane and away from it."""
+    rng = np.random.default_rng(1)
+    rays0 = sphere.normalize(np.c_[rng.uniform(-0.5, 0.5, (40, 2)), np.ones(40)])
+    normal, t = np.array([0.3, -0.2, 1.0]) / 4.0, sphere.normalize(np.array(towards))
+    R = so3.exp(np.array([0.4, -0.3, 0.5]))
+    seen = (rays0 / (rays0 @ normal)[:, None]) @ R.T - metres * t
+    noise = 1e-4 * sphere.tangent_basis(rays0)
+    view = View(rays0, sphere.normalize(seen), noise, noise, R, -t)
+    twin_R, twin_t = np.empty((3, 3)), np.empty(3)
+    assert twins.planar_twin(view.pairs, view.size, 3.0, R, -t, twin_R, twin_t)
+    np.testing.assert_allclose(twin_R @ twin_R.T, np.eye(3), rtol=0.0, atol=1e-12)
+    assert np.linalg.norm(twin_t) == pytest.approx(1.0)
+    assert sphere.angle_between(twin_t, view.t) > 0.1
+    assert np.abs(constraints(view, twin_R, twin_t)).max() < 1e-7
+
+
 @pytest.mark.parametrize("towards", [(0.2, 0.1, 1.0), (0.2, 0.1, -1.0), (-0.4, 0.1, -0.9)])
 def test_matches_flow_towards_the_twin_whichever_way_the_camera_went(towards):
     view = on_a_plane(towards=so3.exp(np.array([0.4, -0.3, 0.5])) @ np.array(towards))

@@ -18,7 +18,7 @@ from farpoint.geometry import so3, sphere
 from farpoint.metrics import statistics as metrics
 from farpoint.pose.fits import fit_moving
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.rivals import likelier_of_plane
+from farpoint.pose.rivals import OtherMotion, doubt_between, likelier_of_plane
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 NORMAL = np.array([0.45, -0.25, 1.0]) / 4.0
@@ -151,3 +151,45 @@ def test_the_odds_of_the_two_motions_are_those_of_being_wrong():
     assert len(p) > 200
     assert abs(sum(wrong) - p.sum()) < 3.0 * np.sqrt(np.sum(p * (1.0 - p)))
     assert (p < 0.05).sum() > 40
+
+
+@pytest.mark.parametrize("degrees", [0.0, 3.0, 6.0, 9.0])
+def test_straight_to_a_wall_the_direction_is_as_sure_as_the_other_motion_lets_it_be(degrees):
+    """The other motion is as far from the first as that from the normal of the wall."""
+    nees = []
+    for seed in range(80):
+        rng = np.random.default_rng([seed, 7])
+        points0 = rng.uniform((0.0, 0.0), (639.0, 479.0), (100, 2))
+        rays = CAMERA.unproject(points0)
+        R = so3.exp(np.radians(rng.uniform(-3.0, 3.0, 3)))
+        axis = sphere.normalize(np.cross(NORMAL, rng.normal(size=3)))
+        direction = R @ so3.exp(np.radians(degrees) * axis) @ -sphere.normalize(NORMAL)
+        points1 = CAMERA.project(rays / (rays @ NORMAL)[:, None] @ R.T + 0.3 * direction)
+        noise = rng.normal(0.0, 0.05, (2, len(points0), 2))
+        seen = np.isfinite(points1).all(axis=1)
+        pose = estimate_relative_pose(
+            points0[seen] + noise[0, seen], points1[seen] + noise[1, seen], CAMERA
+        )
+        if pose.status is PoseStatus.OK:
+            tilt = pose.direction_basis.T @ direction
+            nees.append(tilt @ np.linalg.solve(pose.covariance[3:, 3:], tilt))
+    assert len(nees) > 50
+    # 2 degrees of freedom. Held for the only one, half of the directions were 4 sigma off and more.
+    assert np.mean(np.array(nees) < 5.99) > 0.85
+    assert np.mean(np.array(nees) > 18.0) < 0.03
+
+
+def test_a_motion_that_may_be_the_other_one_errs_by_nothing_or_by_what_lies_between():
+    points0, points1 = wall(0, np.array([1.0, 0.0, 0.0]), 0)
+    matches = matches_from_points(points0, points1, CAMERA, CAMERA)
+    fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+    turn, tilt = np.array([0.01, -0.02, 0.005]), np.array([0.03, 0.05])
+    basis = sphere.tangent_basis(fit.direction_cam1_from_cam0)
+    other = OtherMotion(
+        so3.exp(turn) @ fit.R_cam1_from_cam0,
+        sphere.retract(fit.direction_cam1_from_cam0, basis, tilt),
+        0.0,
+        "",
+    )
+    errors = np.array([np.zeros(5), [*turn, *tilt]])
+    np.testing.assert_allclose(doubt_between(fit, other), errors.T @ errors / 2.0, atol=1e-5)

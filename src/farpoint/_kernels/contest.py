@@ -26,7 +26,9 @@ __all__ = [
     "START_POOR",
     "START_WRONG",
     "challenge",
+    "comes_near",
     "is_rival",
+    "is_same",
     "narrowness",
     "noise_of",
     "refine",
@@ -112,7 +114,7 @@ def unexplained(matches: PackedMatches, best: Pose, tolerance: float) -> float:
 
 
 @inner_kernel
-def _is_same(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
+def is_same(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
     """Whether a pose is within the uncertainty of the best: the same minimum, on its way."""
     if dot(vector(t), vector(best.t)) < 0.5:
         return False
@@ -169,7 +171,14 @@ def _may_compete(matches: PackedMatches, challenger: Pose, best: Pose) -> bool:
     copy(challenger.R, R)
     copy(challenger.t, t)
     take_step(R, t, x, length2)
-    return not _is_same(R, t, best)
+    return not is_same(R, t, best)
+
+
+@inner_kernel
+def comes_near(matches: PackedMatches, pose: Pose, best: Pose) -> bool:
+    """Whether a pose, as it is, comes near the best."""
+    cost = judge_pose(matches, pose, scratch(3)) + narrowness(pose.normal)
+    return cost < best.cost[0] + NEAR
 
 
 @inner_kernel
@@ -183,12 +192,12 @@ def challenge(matches: PackedMatches, challenger: Pose, best: Pose, rival: Pose)
     if not _may_compete(matches, challenger, best):
         return NO_RIVAL
     refine(matches, GLANCE, challenger)
-    if _is_same(challenger.R, challenger.t, best):
+    if is_same(challenger.R, challenger.t, best):
         return NO_RIVAL
     refine(matches, REFINEMENTS, challenger)
     if not challenger.cost[0] < best.cost[0] + NEAR:
         return NO_RIVAL
-    if _is_same(challenger.R, challenger.t, best):
+    if is_same(challenger.R, challenger.t, best):
         return NO_RIVAL
     is_equal = best.cost[0] < challenger.cost[0] + NEAR and _is_elsewhere(challenger, best)
     contest = EQUAL if is_equal else RIVAL

@@ -14,9 +14,9 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.contest import GATE_SIGMA
+from farpoint._kernels.contest import GATE_SIGMA, is_same
 from farpoint._kernels.formulas import choose, formula, greater, root
-from farpoint._kernels.likelihood import explain, refine_pose
+from farpoint._kernels.likelihood import explain, judge_pose, refine_pose
 from farpoint._kernels.linear import add, add_outer
 from farpoint._kernels.mixture import clutter_density, densities
 from farpoint._kernels.motion import MAX_REFINEMENTS
@@ -34,8 +34,6 @@ __all__ = ["other_motion"]
 RIVAL = 40.0
 OF_MATCHES = 160.0
 FINE = 0.1
-# Two directions as close as this are one minimum.
-COS_SAME = math.cos(math.radians(10.0))
 # Share of the right matches that lie anywhere on their lines, and not about the plane.
 OFF_SHARE = 0.1
 # Matches whose noise counts as much as what was found of it before.
@@ -55,20 +53,31 @@ def other_motion(matches: PackedMatches, pose: Pose, other: Pose) -> tuple[bool,
     """
     count = matches.total
     gate = GATE_SIGMA * math.sqrt(pose.mixture[0])
-    if not planar_twin(matches.pairs, count, gate, pose.R, pose.t, other.R, other.t):
+    twin_R, twin_t = scratch(3, 3), scratch(3)
+    if not planar_twin(matches.pairs, count, gate, pose.R, pose.t, twin_R, twin_t):
         return False, 0.0
     own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
-    copy(pose.R, own.R)
-    copy(pose.t, own.t)
-    copy(pose.mixture, own.mixture)
-    copy(pose.mixture, other.mixture)
+    _put(own, pose.R, pose.t, pose.mixture)
     refine_pose(matches, FINE, MAX_REFINEMENTS, own)
+    _put(other, twin_R, twin_t, pose.mixture)
     refine_pose(matches, FINE, MAX_REFINEMENTS, other)
+    if is_same(other.R, other.t, own):
+        # By chance there may be no minimum. The matches are explained as well for all that.
+        _put(other, twin_R, twin_t, own.mixture)
+        other.cost[0] = judge_pose(matches, other, scratch(3))
     growth = math.sqrt(greater(count / OF_MATCHES, 1.0))
     is_near = other.cost[0] < own.cost[0] + growth * RIVAL
-    if not is_near or dot(vector(pose.t), vector(other.t)) > COS_SAME:
+    if not is_near or is_same(other.R, other.t, own):
         return False, 0.0
     return True, _evidence(matches, pose, other)
+
+
+@inner_kernel
+def _put(pose: Pose, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> None:
+    """Make the pose this one."""
+    copy(R, pose.R)
+    copy(t, pose.t)
+    copy(mixture, pose.mixture)
 
 
 @inner_kernel

@@ -14,6 +14,7 @@ from farpoint._kernels.contest import (
     REFINEMENTS,
     RIVAL,
     challenge,
+    comes_near,
     is_rival,
     noise_of,
     refine,
@@ -188,7 +189,10 @@ def _search_twins(matches: PackedMatches, best: Pose, other: Pose, rival: Pose) 
     is_planar = planar_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t)
     if is_planar:
         copy(best.mixture, other.mixture)
-        is_planar = challenge(matches, other, best, rival) != NO_RIVAL
+        # The best may lie between the two: it goes to one of them when it is refined.
+        is_planar = comes_near(matches, other, best)
+        if challenge(matches, other, best, rival) != NO_RIVAL:
+            is_planar = True
         gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     if layer_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
         copy(best.mixture, other.mixture)

@@ -9,7 +9,7 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.epipolar import flow_along, sampson
 from farpoint._kernels.formulas import formula, greater
-from farpoint._kernels.linear import add, add_outer, apply_rotation_step, kabsch, put
+from farpoint._kernels.linear import add, add_outer, kabsch, put, turn
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
 from farpoint._kernels.scratch import clear, room, scratch
@@ -17,6 +17,7 @@ from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
+    combine,
     cross,
     dot,
     matrix,
@@ -42,27 +43,42 @@ def planar_twin(
     """The other motion that a plane through the matches would allow; False where there is none.
 
     The plane ``n . X = 1`` (camera 0, unit of the translation) is fitted to the inverse distances
-    ``n . a`` of the matches. With ``tau = R^T t`` the plane induces ``R (I + tau n^T)``, and since
-    ``tau n^T - n tau^T = [n x tau]x`` the twin exchanges translation and normal and turns by
-    ``n x tau``: exact for small motions (Longuet-Higgins, Proc. R. Soc. B 223, 1984,
-    DOI 10.1098/rspb.1984.0088), a start for the refinement otherwise. The inverse distances are
-    then ``tau . a``; where most of these are negative, both change their signs. Matches with a
-    residual beyond ``gate`` are left out.
+    ``n . a`` of the matches. With ``tau = R^T t`` it induces ``R (I + tau n^T)``, and so does the
+    motion that turns first by the quaternion ``(2 + n . tau, n x tau)`` and goes along
+    ``R (2 n + n . n tau)``, of the plane along ``n + 2 tau``: for small motions translation and
+    normal change places (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI 10.1098/rspb.1984.0088;
+    the relations of Malis and Vargas, INRIA RR-6303, 2007, in short). The plane is before the
+    camera; where most matches lie behind it, it and the direction change their signs. Matches with
+    a residual beyond ``gate`` are left out.
     """
     inverse, accuracy, n = room(count), room(count), scratch(3)
-    turn, towards = matrix(R), vector(t)
-    tau = rotate_back(turn, towards)
-    ahead = _tell_distances(pairs, gate, turn, towards, inverse, accuracy)
+    towards = vector(t)
+    tau = rotate_back(matrix(R), towards)
+    _tell_distances(pairs, gate, matrix(R), towards, inverse, accuracy)
     if not _fit_plane(pairs, inverse, accuracy, n):
         return False
     plane = vector(n)
-    if not norm(plane) > 1e-9:
+    square = dot(plane, plane)
+    if not square > 1e-18:
         return False
-    # R Exp(turn) = Exp(R turn) R.
-    x, y, z = rotate(turn, cross(plane, tau))
-    apply_rotation_step(R, x, y, z, twin_R)
-    put(math.copysign(1.0, ahead) / norm(plane), rotate(matrix(twin_R), plane), twin_t)
+    # To turn first by an axis a is to turn at last by R a.
+    w, (x, y, z) = 2.0 + dot(plane, tau), rotate(matrix(R), cross(plane, tau))
+    over = 1.0 / math.sqrt(w * w + x * x + y * y + z * z + 1e-300)
+    turn(over * w, over * x, over * y, over * z, R, twin_R)
+    ahead = _ahead_of(pairs, accuracy, combine(1.0, plane, 2.0, tau))
+    way = rotate(matrix(R), combine(2.0, plane, square, tau))
+    put(math.copysign(1.0, ahead) / (norm(way) + 1e-300), way, twin_t)
     return True
+
+
+@inner_kernel
+def _ahead_of(pairs: np.ndarray, accuracy: np.ndarray, normal: Vector) -> int:
+    """How many more matches of any accuracy look along a direction than against it."""
+    ahead = 0
+    for i in range(accuracy.size):
+        along = dot(normal, ray0(pairs, address(i)))
+        ahead += (1 if along > 0.0 else -1) if accuracy[i] > 0.0 else 0
+    return ahead
 
 
 @inner_kernel
@@ -73,20 +89,15 @@ def _tell_distances(
     t: Vector,
     inverse: np.ndarray,
     accuracy: np.ndarray,
-) -> int:
-    """Inverse distance of each match and its accuracy, which is 0 of those that disagree.
-
-    Returns how many more of the others lie ahead than behind.
-    """
-    tau, ahead = rotate_back(R, t), 0
+) -> None:
+    """Inverse distance of each match and its accuracy, which is 0 of those that disagree."""
+    tau = rotate_back(R, t)
     for i in range(inverse.size):
         at = address(i)
         a = ray0(pairs, at)
         inverse[i], square = _inverse_distance(a, rotate_back(R, ray1(pairs, at)), tau)
         agrees = abs(sampson(pairs, at, R, t)) <= gate and square > 1e-12
         accuracy[i] = square if agrees else 0.0
-        ahead += (1 if dot(tau, a) > 0.0 else -1) if agrees else 0
-    return ahead
 
 
 @formula
@@ -141,13 +152,12 @@ def layer_twin(
     """
     M, nearness = scratch(3, 3), room(count)
     clear(M)
-    turn, towards = matrix(R), vector(t)
-    agreeing = 0
+    towards, agreeing = vector(t), 0
     for i in range(count):
         at = address(i)
-        m, b = rotate(turn, ray0(pairs, at)), ray1(pairs, at)
+        m, b = rotate(matrix(R), ray0(pairs, at)), ray1(pairs, at)
         flow, reach2 = flow_along(m, b, towards)
-        agrees = abs(sampson(pairs, at, turn, towards)) <= gate
+        agrees = abs(sampson(pairs, at, matrix(R), towards)) <= gate
         # Inverse distance, and nothing at the epipole.
         nearness[i] = greater(flow, 0.0) / greater(reach2, 1e-6) if agrees else -1.0
         agreeing += 1 if agrees else 0

@@ -29,7 +29,14 @@ from farpoint.pose.matches import Matches, matches_from_points, matches_from_ray
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
-from farpoint.pose.rivals import OtherMotion, likelier_elsewhere, likelier_met, likelier_of_plane
+from farpoint.pose.rivals import (
+    OtherMotion,
+    doubt_between,
+    is_nearby,
+    likelier_elsewhere,
+    likelier_met,
+    likelier_of_plane,
+)
 from farpoint.pose.small import angle2
 from farpoint.pose.verdict import (
     is_consensus,
@@ -226,12 +233,16 @@ def _held_against_rivals(
     options: RelativePoseOptions,
 ) -> tuple[MovingFit, np.ndarray, OtherMotion | None]:
     """The likeliest motion, its covariance, and another one that is nearly as likely, if any."""
-    best, rival = fit, _nearly_as_likely(of_plane, matches, options)
+    best, rival, nearby = fit, _nearly_as_likely(of_plane, matches, options), None
+    if rival is not None and is_nearby(rival, fit):
+        rival, nearby = None, rival
     if rival is None and fit.rival is not None:
         best, other = likelier_met(fit)
         # Which of the two is the likelier is in doubt where their noise is.
         rival = _nearly_as_likely(other, matches, options) if matches.doubt > 1.0 else None
     covariance = moving_covariance(best)
+    if nearby is not None and best is fit:
+        covariance += doubt_between(fit, nearby)
     is_told = rival is None and best.shows_direction
     if is_told and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
         likelier, other = likelier_elsewhere(best, tolerance)

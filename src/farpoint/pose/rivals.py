@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,15 +12,27 @@ from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint._kernels.plane import other_motion
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.rivals import judge_rival, nearest_rival
+from farpoint.geometry import so3
+from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, fit_turning, refit_moving
 
-__all__ = ["OtherMotion", "likelier_elsewhere", "likelier_met", "likelier_of_plane"]
+__all__ = [
+    "OtherMotion",
+    "doubt_between",
+    "is_nearby",
+    "likelier_elsewhere",
+    "likelier_met",
+    "likelier_of_plane",
+]
 
 # Motions elsewhere that are gone to, each likelier than the one before.
 ROUNDS = 3
 # Log likelihood by which some of the matches must be against a motion, or more of them are asked.
 DOUBT = 20.0
 MORE = 4 * MAX_SEARCHED
+
+# Two motions whose directions are as near as this are one, the less sure.
+COS_NEARBY = math.cos(math.radians(10.0))
 
 PLANE = "A plane explains the matches and allows two motions"
 ELSEWHERE = "Two motions explain the matches"
@@ -42,6 +55,20 @@ class OtherMotion(NamedTuple):
     direction_cam1_from_cam0: np.ndarray
     against: float
     because: str
+
+
+def is_nearby(other: OtherMotion, fit: MovingFit) -> bool:
+    """Whether it goes about the same way."""
+    cosine = float(other.direction_cam1_from_cam0 @ fit.direction_cam1_from_cam0)
+    return cosine > COS_NEARBY
+
+
+def doubt_between(fit: MovingFit, other: OtherMotion) -> np.ndarray:
+    """Covariance (5, 5), rad^2, of a motion that may as well be the other one."""
+    turn = so3.log(other.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T)
+    tilt = tangent_basis(fit.direction_cam1_from_cam0).T @ other.direction_cam1_from_cam0
+    apart = np.concatenate([turn, tilt])
+    return 0.5 * np.outer(apart, apart)
 
 
 def likelier_of_plane(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
