@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from farpoint import Camera, Odometry, OdometryResult, PoseStatus
+from farpoint.geometry import so3, sphere
 from farpoint.metrics.path_consistency import PathSamples, evaluate_path
 from farpoint.synthetic import RenderedSequence
 from farpoint.trajectory.files import Trajectory, read_tum
@@ -44,6 +45,23 @@ def test_two_views_leave_many_of_the_motions_open(results: list[OdometryResult])
     statuses = [result.pose.status for result in results if result.pose is not None]
     assert statuses.count(PoseStatus.ROTATION_ONLY) > 0.2 * len(statuses)
     assert PoseStatus.FAILED not in statuses
+
+
+def test_a_direction_that_is_given_is_the_right_one(
+    flight: RenderedSequence, results: list[OdometryResult]
+):
+    nees = []
+    for result in results[1:]:
+        assert result.pose is not None
+        if result.pose.status is PoseStatus.OK:
+            motion = flight.cam1_from_cam0(result.frame0, result.frame1)
+            turn = so3.log(motion[:3, :3] @ result.pose.rotation_cam1_from_cam0.T)
+            tilt = result.pose.direction_basis.T @ sphere.normalize(motion[:3, 3])
+            error = np.array([*turn, *tilt])
+            nees.append(error @ np.linalg.solve(result.pose.covariance, error))
+    # 5 degrees of freedom. One direction in six was that of the other motion, a thousand sigma off.
+    assert np.max(nees) < 40.0
+    assert np.mean(np.array(nees) < 11.07) > 0.85
 
 
 def test_the_path_goes_on_at_its_scale(flight: RenderedSequence, results: list[OdometryResult]):

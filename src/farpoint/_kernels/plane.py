@@ -31,7 +31,7 @@ __all__ = ["other_motion"]
 
 # Log likelihood that the other motion may lack: more than the chance of so many matches makes.
 # That grows with the root of their number.
-RIVAL = 40.0
+RIVAL = 100.0
 OF_MATCHES = 160.0
 FINE = 0.1
 # Share of the right matches that lie anywhere on their lines, and not about the plane.

@@ -132,7 +132,7 @@ class MovingFit:
     iterations : int
         Joint hypotheses tried.
     is_planar : bool
-        Whether the second motion that a plane allows explained the matches searched nearly as well.
+        Whether the second motion that a plane allows may explain the matches nearly as well.
     rival : tuple of ndarray, shapes (3, 3) and (3,), or None
         Rotation and direction, cam1_from_cam0, of another motion that did, if one was met.
     cost : float

@@ -5,6 +5,7 @@ both refined together, and a verdict on what the matches can tell.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -167,7 +168,8 @@ def _find(
     floor = noise_floor(matches, moving)
     if floor and matches.told is not None:
         matches = matches.told.with_floor(floor)
-        moving = refit_moving(matches, moving)
+        # What the search made of a plane, it did with noise that was told wrong.
+        moving = replace(refit_moving(matches, moving), is_planar=True)
         course.lap("refinement_s")
     if is_plainly_translating(moving):
         return _conclude_moving(matches, moving, tolerance, options, course)
