@@ -49,5 +49,6 @@ def test_a_path_carried_through_a_room_goes_on_before_walls(
     assert farpoint("run", folder, *arguments, "--no-report").code == 0
     told = farpoint("evaluate", tmp_path, "--truth", folder / "poses.txt", "--json")
     trajectory = json.loads(told.out)["trajectory"]
-    assert trajectory["ate_sim3"]["rmse"] <= 0.1  # m, of 7.4; 0.30 where walls stop the path
-    assert abs(trajectory["scale_drift"]) <= 0.15
+    # Of 7.4 m. Where walls stop the path it is 0.30 m, and the scale grows by a half.
+    assert trajectory["ate_sim3"]["rmse"] <= 0.15
+    assert abs(trajectory["scale_drift"]) <= 0.3
