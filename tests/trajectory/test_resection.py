@@ -195,6 +195,32 @@ INDEPENDENT = PathOptions(
 )
 
 
+def test_whatever_is_told_there_is_a_motion_with_a_covariance_or_none():
+    found = 0
+    for seed in range(300):
+        rng = np.random.default_rng((seed, 17))
+        seen = seen_again(
+            seed, count=int(rng.integers(6, 40)), noise_px=rng.choice([0.0, 0.2, 30.0])
+        )
+        count, points0, points1 = len(seen.tracks), seen.tracks.points0, seen.tracks.points1
+        if seed % 2:
+            points1 = rng.uniform(0.0, 400.0, (count, 2))
+        if seed % 5 == 0:
+            points1 = np.repeat(points1[:1], count, axis=0)
+        if seed % 7 == 0:
+            points0 = np.repeat(points0[:1], count, axis=0)
+        inverse = seen.depths.inverse * 10.0 ** rng.uniform(-9.0, 9.0, count if seed % 3 else 1)
+        variance = (10.0 ** rng.uniform(-12.0, 0.0) * inverse) ** 2
+        tracks = replace(seen.tracks, points0=points0, points1=points1)
+        depths = replace(seen.depths, inverse=inverse, variance=variance)
+        resected = seen._replace(tracks=tracks, depths=depths).resected()
+        if resected is not None:
+            found += 1
+            assert resected.fit.scale > 0.0
+            assert np.linalg.eigvalsh(resected.fit.covariance)[0] > -1e-12
+    assert 20 < found < 280
+
+
 class AlongAWall(NamedTuple):
     """A path that leaves things before a wall behind, until it sees nothing but the wall."""
 

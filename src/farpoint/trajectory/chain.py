@@ -1,4 +1,4 @@
-"""From one pose of the camera in the world to the next."""
+"""From one pose of the camera in the world to the next, by a motion."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from farpoint.pose import RelativePose
 
-__all__ = ["chain"]
+__all__ = ["chain", "parts_of"]
 
 
 def chain(world_from_cam0: np.ndarray, pose: RelativePose, scale: float | None) -> np.ndarray:
@@ -32,3 +32,16 @@ def chain(world_from_cam0: np.ndarray, pose: RelativePose, scale: float | None) 
     cam0_from_cam1[:3, :3] = cam1_from_cam0[:3, :3].T
     cam0_from_cam1[:3, 3] = -cam1_from_cam0[:3, :3].T @ cam1_from_cam0[:3, 3]
     return world_from_cam0 @ cam0_from_cam1
+
+
+def parts_of(motion: RelativePose) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and direction (3,) cam1_from_cam0, and the basis (3, 2) of its tangent plane.
+
+    Of a motion of status OK, which has all three.
+    """
+    R, t = motion.rotation_cam1_from_cam0, motion.direction_cam1_from_cam0
+    basis = motion.direction_basis
+    assert R is not None
+    assert t is not None
+    assert basis is not None
+    return R, t, basis

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.pose import RelativePose
+from farpoint.trajectory.chain import parts_of
 from farpoint.trajectory.depths import Depths
 from farpoint.trajectory.parallax import Parallax
 from farpoint.trajectory.scale import ScaleFit
@@ -50,8 +51,7 @@ class Moved:
         is_resected: bool = False,
     ) -> Moved:
         """With the length that was fitted to these distances, as known before."""
-        direction = motion.direction_cam1_from_cam0
-        assert direction is not None
+        _, direction, _ = parts_of(motion)
         return cls(
             direction=direction,
             parallax=parallax,

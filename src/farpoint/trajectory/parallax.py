@@ -10,6 +10,7 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.pose import RelativePose, TrackLabel
 from farpoint.tracks import Tracks
+from farpoint.trajectory.chain import parts_of
 from farpoint.trajectory.vectors import cross
 
 __all__ = ["InverseDistances", "Parallax", "displacement_noise_px2", "measure_parallax"]
@@ -114,14 +115,7 @@ def measure_parallax(camera: Camera, tracks: Tracks, motion: RelativePose) -> Pa
     motion : RelativePose
         Of status OK.
     """
-    R, t, basis = (
-        motion.rotation_cam1_from_cam0,
-        motion.direction_cam1_from_cam0,
-        motion.direction_basis,
-    )
-    assert R is not None
-    assert t is not None
-    assert basis is not None
+    R, t, basis = parts_of(motion)
     tracks = tracks.select(motion.labels != TrackLabel.OUTLIER)
     tracks = tracks.select(np.argsort(tracks.ids))
     rays1 = camera.unproject(tracks.points1)

@@ -80,8 +80,8 @@ def resect(
     R, T, wide = motion.rotation_cam1_from_cam0, np.zeros(3), _WIDE
     for _ in range(_MAX_STEPS):
         equations = _equations(_reproject(points, R, T), wide)
-        if np.linalg.matrix_rank(equations.H) < len(equations.g):
-            return None  # too few in view, or on one line
+        if not _fix_a_motion(equations):
+            return None
         step = -np.linalg.solve(equations.H, equations.g)
         R, T = exp(step[:3]) @ R, T + step[3:]
         if wide == 1.0 and float(np.linalg.norm(step[:3])) < _TOLERANCE_RAD:
@@ -190,15 +190,20 @@ def _equations(seen: _Reprojected, wide: float) -> _Equations:
     likely = seen.inverse - seen.variance * np.sum(seen.by_inverse * weighted_off, axis=1)
     J = np.concatenate([seen.by_turn, seen.by_point * likely[:, None, None]], axis=2)
     distance2 = np.sum(seen.off * weighted_off, axis=1)
-    share = (_DOF + 2.0) / (_DOF + distance2)
+    heard = (_DOF + 2.0) / (_DOF + distance2)
+    weighted = heard[:, None, None] * (weight @ J)
     return _Equations(
-        H=np.einsum("n,nia,nij,njb->ab", share, J, weight, J, optimize=True),
-        g=np.einsum("n,nia,ni->a", share, J, weighted_off),
-        g_by_inverse=np.einsum(
-            "n,nia,nij,nj->an", share, J, weight, seen.by_inverse, optimize=True
-        ),
+        H=np.einsum("nia,nib->ab", J, weighted),
+        g=np.einsum("nia,ni->a", weighted, seen.off),
+        g_by_inverse=np.einsum("nia,ni->an", weighted, seen.by_inverse),
         distance2=distance2,
     )
+
+
+def _fix_a_motion(equations: _Equations) -> bool:
+    """Whether the points do: not where too few are in view, or all on one line."""
+    H = equations.H
+    return bool(np.isfinite(H).all()) and int(np.linalg.matrix_rank(H)) == len(H)
 
 
 def _concluded(
@@ -212,6 +217,8 @@ def _concluded(
     by_pose = np.zeros((6, 6))  # [log(length), dtheta, dbeta] by [dtheta, dT]
     by_pose[0, 3:], by_pose[1:4, :3], by_pose[4:, 3:] = t / length, np.eye(3), basis.T / length
     equations = _equations(seen, 1.0)
+    if not _fix_a_motion(equations):
+        return None
     by_gradient = by_pose @ np.linalg.inv(equations.H)
     # Points that lie farther off than their errors let them say less than these errors do.
     excess = max(float(np.median(equations.distance2)) / _MEDIAN, 1.0)

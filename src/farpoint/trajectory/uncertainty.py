@@ -19,6 +19,7 @@ import numpy as np
 
 from farpoint.geometry.so3 import skew
 from farpoint.pose import RelativePose
+from farpoint.trajectory.chain import parts_of
 from farpoint.trajectory.depths import BENDS, ERRORS
 from farpoint.trajectory.moved import Moved, MovedUnseen
 from farpoint.trajectory.scale import ScaleFit
@@ -27,6 +28,8 @@ __all__ = [
     "SharedErrors",
     "advance_moving",
     "advance_turning",
+    "advance_unseen",
+    "condense",
     "covariance_at_rest",
     "length_variance_shared",
 ]
@@ -79,8 +82,7 @@ def advance_moving(
     measured against the same points, are correlated. The motion's own errors, six white ones, are
     added at the end, for they are in the distances now: see `condense`.
     """
-    fit, basis = moved.fit, motion.direction_basis
-    assert basis is not None
+    fit, (_, _, basis) = moved.fit, parts_of(motion)
     by_pose, by_motion = _derivatives(world_from_cam0, motion, fit)
     own = fit.covariance.copy()
     own[1:, 1:] = motion.covariance  # which the distances have not corrected
@@ -162,14 +164,7 @@ def _derivatives(
     world_from_cam0: np.ndarray, motion: RelativePose, fit: ScaleFit
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of the next pose (7,) by the one before (7, 7), and by length and motion (7, 6)."""
-    R, t, basis = (
-        motion.rotation_cam1_from_cam0,
-        motion.direction_cam1_from_cam0,
-        motion.direction_basis,
-    )
-    assert R is not None
-    assert t is not None
-    assert basis is not None
+    R, t, basis = parts_of(motion)
     R_world_from_cam1 = world_from_cam0[:3, :3] @ R.T
     step = -fit.scale * R_world_from_cam1 @ t
     by_pose = np.eye(_POSE)
