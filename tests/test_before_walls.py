@@ -59,7 +59,7 @@ def test_a_direction_that_is_given_is_the_right_one(
             tilt = result.pose.direction_basis.T @ sphere.normalize(motion[:3, 3])
             error = np.array([*turn, *tilt])
             nees.append(error @ np.linalg.solve(result.pose.covariance, error))
-    # 5 degrees of freedom. One direction in six was that of the other motion, a thousand sigma off.
+    # 5 degrees of freedom. Four of fifty were those of the other motion, a thousand sigma off.
     assert np.max(nees) < 40.0
     assert np.mean(np.array(nees) < 11.07) > 0.85
 

@@ -123,7 +123,7 @@ def test_lengths_are_as_sure_as_stated_of_a_camera_that_moves_sideways():
             abs(e) < 1.96 * p.scale_sigma / p.scale
             for e, p in zip(errors[1:], points[1:], strict=True)
         ]
-    # Without what distances share it is 0.75.
+    # Without what distances share it is 0.72.
     assert 0.9 < np.mean(covered) < 0.99
 
 

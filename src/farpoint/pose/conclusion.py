@@ -120,8 +120,12 @@ def observed(
     labels: np.ndarray,
     noise: float,
     course: Course,
+    because: str = "",
 ) -> RelativePose:
-    """Rotation and direction, each with covariance; the worst 1-sigma of the direction, rad."""
+    """Rotation and direction, each with covariance; the worst 1-sigma of the direction, rad.
+
+    ``because`` is a sentence of what makes it so.
+    """
     stats = _stats(labels, course)
     sigma_deg = math.degrees(direction_sigma)
     first, second = tangent_columns(direction.tolist())
@@ -129,7 +133,7 @@ def observed(
         status=PoseStatus.OK,
         reason=(
             f"{stats.near} near and {stats.far} far matches agree on one motion; "
-            f"its direction is known to {sigma_deg:.2g} deg."
+            f"its direction is known to {sigma_deg:.2g} deg. {because}".rstrip()
         ),
         rotation_cam1_from_cam0=R,
         rotation_covariance=covariance[:3, :3].copy(),

@@ -202,11 +202,10 @@ def _conclude_moving(
     sign = 1.0 / (1.0 + math.exp(-min(max(fit.sign_log_odds, -700.0), 700.0)))
     course.cost, course.sign_probability = fit.cost, sign
     rotation_covariance = covariance[:3, :3]
-    if rival is not None:
-        apart = angle_between(rival.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
-        reason = f"{rival.because}, whose directions are {math.degrees(apart):.0f} deg apart."
+    between = "" if rival is None else _said_of(rival, fit)
+    if rival is not None and not is_nearby(rival, fit):
         other_R = rival.R_cam1_from_cam0
-        return _rotation_alone(fit, reason, rotation_covariance, other_R, labels, course)
+        return _rotation_alone(fit, between, rotation_covariance, other_R, labels, course)
     is_vague = direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate
     if is_vague or not fit.shows_direction:
         reason = (
@@ -224,7 +223,13 @@ def _conclude_moving(
         labels,
         fit.noise.mean_sigma,
         course,
+        between,
     )
+
+
+def _said_of(rival: OtherMotion, fit: MovingFit) -> str:
+    apart = angle_between(rival.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
+    return f"{rival.because}, whose directions are {math.degrees(apart):.0f} deg apart."
 
 
 def _held_against_rivals(
@@ -234,7 +239,10 @@ def _held_against_rivals(
     tolerance: float,
     options: RelativePoseOptions,
 ) -> tuple[MovingFit, np.ndarray, OtherMotion | None]:
-    """The likeliest motion, its covariance, and another one that is nearly as likely, if any."""
+    """The likeliest motion, its covariance, and another one that is nearly as likely, if any.
+
+    The covariance allows for one nearby.
+    """
     best, rival, nearby = fit, _nearly_as_likely(of_plane, matches, options), None
     if rival is not None and is_nearby(rival, fit):
         rival, nearby = None, rival
@@ -243,7 +251,8 @@ def _held_against_rivals(
         # Which of the two is the likelier is in doubt where their noise is.
         rival = _nearly_as_likely(other, matches, options) if matches.doubt > 1.0 else None
     covariance = moving_covariance(best)
-    if nearby is not None and best is fit:
+    nearby = nearby if best is fit else None
+    if nearby is not None:
         covariance += doubt_between(fit, nearby)
     is_told = rival is None and best.shows_direction
     if is_told and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
@@ -251,7 +260,7 @@ def _held_against_rivals(
         rival = _nearly_as_likely(other, matches, options)
         if likelier is not best:
             return likelier, moving_covariance(likelier), rival
-    return best, covariance, rival
+    return best, covariance, nearby if rival is None else rival
 
 
 def _nearly_as_likely(
