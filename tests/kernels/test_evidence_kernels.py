@@ -1,4 +1,4 @@
-"""What the matches say once a pose is found: labels, sign, plausible parallax, rotation alone."""
+"""What the matches say once a pose is found: labels, sign, rotation alone."""
 
 from __future__ import annotations
 
@@ -9,15 +9,8 @@ import pytest
 from kernels_kit import View, packed, shaken, two_views
 from scipy.stats import norm
 
-from farpoint._kernels import evidence, plausible
-from farpoint._kernels.compile import kernel
-from farpoint._kernels.plausible import FADE, LEAST_TAIL, NONE
+from farpoint._kernels import evidence
 from farpoint.geometry import so3, sphere
-
-
-@kernel
-def largest(values: np.ndarray, k: int) -> float:
-    return plausible.largest(values, k)
 
 
 def weigh(parallax: list[float], right: list[float], sigma: float = 1.0):
@@ -86,69 +79,6 @@ def test_near_matches_are_beyond_any_rotation_and_wrong_ones_do_not_count():
     still = two_views(2, 60, noise_rad=1e-4, baseline_m=0.0)
     view.rays1[10:] = still.rays1[10:]
     assert beyond(view, (np.arange(60) >= 10).astype(float), 6.0) == (0, 50)
-
-
-def test_the_kth_largest_of_some_values():
-    values = np.array([0.0, 5.0, 1.0, -1.0, 3.0, 2.0])
-    for k, expected in enumerate([5.0, 3.0, 2.0, 1.0], start=1):
-        assert largest(values, k) == pytest.approx(expected, abs=1e-5)
-
-
-def prior_of(parallax: np.ndarray, right: np.ndarray, spread: float = 300.0) -> np.ndarray:
-    prior = np.full(len(parallax), np.nan)
-    plausible.plausible_parallax(parallax, right, len(parallax), 1.0, spread, prior)
-    return prior
-
-
-def test_a_match_much_farther_along_its_line_than_the_others_is_implausible():
-    parallax = np.r_[np.linspace(0.0, 20.0, 40), 150.0]
-    right = np.ones(41)
-    right[::5] = 0.0
-    right[-1] = 1.0
-    prior = prior_of(parallax, right)
-    np.testing.assert_allclose(prior[:40], prior[0])
-    # The strip of wrong matches over the length of the flat part of right ones.
-    assert 10.0 < prior[0] < 600.0 / 23.0 + 1.0
-    assert prior[-1] < 1e-6 * prior[0]
-
-
-@pytest.mark.parametrize(
-    ("sizes", "last", "tail"),
-    # The fifth from the end is the last that others vouch for; the tenth is a little nearer, as
-    # far off, or less than half as far.
-    [
-        (np.arange(1.0, 61.0), 56.0, (56.0**2 / 51.0**2 - 1.0) * 56.0),
-        (np.full(60, 50.0), 50.0, LEAST_TAIL * 50.0),
-        (1.3 ** np.arange(60.0), 1.3**55, 1.3**55),
-    ],
-)
-def test_how_far_on_a_match_may_lie_tells_how_the_others_thin_out(sizes, last, tail):
-    probes = last + tail * np.array([0.99, 1.0 + FADE, 1.0 + 5.0 * FADE])
-    prior = prior_of(np.r_[sizes, np.full(20, -100.0), probes], np.r_[np.ones(60), np.zeros(23)])
-    assert prior[-3] == prior[0]
-    np.testing.assert_allclose(prior[-2:], prior[0] * np.exp([-0.5, -12.5]), rtol=1e-3)
-
-
-@pytest.mark.parametrize("sigma", [1.0, 2.5])
-def test_nothing_is_plausible_beyond_its_end(sigma):
-    sizes, wrong = np.linspace(1.0, 60.0, 60), np.full(20, -100.0)
-    parallax, right = sigma * np.r_[sizes, wrong], np.r_[np.ones(60), np.zeros(20)]
-    end = plausible.plausible_parallax(parallax, right, 80, sigma, 300.0 * sigma, np.empty(80))
-    prior, parallax[-1] = np.empty(80), end
-    plausible.plausible_parallax(parallax, right, 80, sigma, 300.0 * sigma, prior)
-    assert prior[-1] == pytest.approx(np.exp(-0.5 * NONE**2) * prior[0], rel=1e-3)
-
-
-def test_where_no_match_is_wrong_none_is_implausible():
-    prior = prior_of(np.r_[np.zeros(40), 150.0], np.ones(41))
-    np.testing.assert_allclose(prior, prior[0])
-
-
-def test_where_nearly_all_may_be_captured_nothing_is_known():
-    prior = prior_of(np.array([1.0, 2.0, 50.0, 3.0, 9.0]), np.array([1.0, 1.0, 0.0, 0.0, 0.0]))
-    np.testing.assert_array_equal(prior, np.ones(5))
-    whatever = np.full(3, 9.0), np.zeros(3), 3, 1.0, 300.0, np.empty(3)
-    assert plausible.plausible_parallax(*whatever) == np.inf
 
 
 def test_a_few_wrong_matches_do_not_drag_the_rotation_from_the_others():

@@ -8,22 +8,27 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import greater, lesser
-from farpoint._kernels.scratch import room
+from farpoint._kernels.scratch import clear, room
 
 __all__ = ["FADE", "LEAST_TAIL", "NONE", "largest", "plausible_parallax"]
 
 # Half-width of the band in which a match agrees with its epipolar line, in sigma.
 BAND_SIGMA = 3.0
-# Wrong matches that a direction may have been drawn through; and how many times as many as by
-# chance may lie on their lines besides.
-CHOSEN = 3
-MANIFOLD = 4.0
+# Chance that more wrong matches than are counted for it lie on the lines of any direction.
+LEVEL = 0.05
 # How far beyond the last match that others vouch for one may lie at least, of the way to that one,
 # and in what share of that distance it fades out.
 LEAST_TAIL = 0.1
 FADE = 0.3
 # How often it fades until nothing is left.
 NONE = 3.0
+# Bins of parallax, of this width where it is told by its `_rank`: a factor of 1.5 beyond the noise.
+BINS = 64
+BIN = 0.4
+# Right matches, beside those that are seen, that lie anywhere up to there: half a one, of which no
+# more is known (Krichevsky and Trofimov, IEEE Trans. Inf. Theory 27, 1981,
+# DOI 10.1109/TIT.1981.1056331).
+ANYWHERE = 0.5
 
 
 @inner_kernel
@@ -56,15 +61,15 @@ def plausible_parallax(
 ) -> float:
     """Prior of each match from where it lies along its epipolar line; the parallax that ends it.
 
-    A wrong match lies anywhere in the image; a right one not far beyond the others. Up to there the
-    prior is flat: it scales the density of right matches from the strip ``2 spread`` to the length
-    of the flat part.
+    A wrong match lies anywhere in the image, a right one where others lie, and not far beyond. The
+    prior is the density of right matches there over that of wrong ones, which lie anywhere in the
+    strip ``2 spread``.
 
-    A wrong match far along the line outweighs all right ones. `MANIFOLD` times as many as can be
-    expected to lie in the band by chance, and `CHOSEN` that the direction may have been drawn
-    through, may not vouch for one another. How far beyond the last of the others one may lie, up to
-    twice as far, tells by how much they have thinned out there, from the last but as many: they may
-    end at once.
+    A wrong match far along the line outweighs all right ones. Two of them fix a direction: as many
+    as lie on the lines of the best of these by chance, and the two, may not vouch for one another.
+    How far beyond the last of the others one may lie, up to twice as far, tells by how much they
+    have thinned out there, from the last but as many: they may end at once. Up to there the others
+    say where right matches are many, and where few; no match says so of itself.
 
     Who is ``right`` is asked without a prior: of those that are left when some were implausible, as
     many again would not vouch for one another.
@@ -77,9 +82,9 @@ def plausible_parallax(
         sizes[i] = abs(p) if belongs else -1.0
         bulk += 1 if belongs else 0
     wrong = count - bulk
-    # Where no match is off the lines, none is on one by chance.
-    by_chance = wrong * BAND_SIGMA * sigma / spread
-    captured = lesser(wrong, CHOSEN + math.floor(MANIFOLD * by_chance + 0.5))
+    # Where no match is off the lines, none is on one by chance. Half of those flow backwards.
+    by_chance = 0.5 * wrong * BAND_SIGMA * sigma / spread
+    captured = lesser(wrong, 2 + _most_by_chance(by_chance, 0.5 * wrong * (wrong - 1)))
     if bulk <= captured:
         for i in range(count):
             prior[i] = 1.0
@@ -87,8 +92,80 @@ def plausible_parallax(
     last = greater(largest(sizes, captured + 1), BAND_SIGMA)
     nearer = greater(largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
     tail = greater(greater(1.0 / (nearer * nearer) - 1.0, LEAST_TAIL) * last, BAND_SIGMA)
-    flat = greater(2.0 * spread / ((last + tail + BAND_SIGMA) * sigma), 1.0)
+    anywhere = ANYWHERE / ((last + tail + BAND_SIGMA) * sigma)
+    ranks, bins = room(count), room(BINS)
+    total = _count(parallax, right, sizes, sigma, ranks, bins)
     for i in range(count):
+        own = right[i] if sizes[i] >= 0.0 else 0.0
+        there = _at(bins, ranks[i], own) * _slope(parallax[i] / sigma) / sigma
+        density = (anywhere + there) / (ANYWHERE + total - own)
         beyond = (parallax[i] / sigma - last) / tail
-        prior[i] = flat * math.exp(-0.5 * (greater(beyond - 1.0, 0.0) / FADE) ** 2)
+        fading = math.exp(-0.5 * (greater(beyond - 1.0, 0.0) / FADE) ** 2)
+        prior[i] = 2.0 * spread * density * fading
     return (last + (1.0 + NONE * FADE) * tail) * sigma
+
+
+@inner_kernel
+def _most_by_chance(expected: float, directions: float) -> int:
+    """Most matches that, where so many are expected of each direction, any of them may have.
+
+    With a chance of `LEVEL`, for all directions together, that it is more: the tail of Poisson's
+    distribution, bounded by a geometric series.
+    """
+    k, chance = 0, math.exp(-expected)
+    while k <= expected or directions * chance * (k + 1.0) / (k + 1.0 - expected) > LEVEL:
+        k += 1
+        chance *= expected / k
+    return k - 1 if k > 0 else 0
+
+
+@inner_kernel
+def _count(
+    parallax: np.ndarray,
+    right: np.ndarray,
+    sizes: np.ndarray,
+    sigma: float,
+    ranks: np.ndarray,
+    bins: np.ndarray,
+) -> float:
+    """Count the right matches, by their parallax, in the two ``bins`` about each; all of them.
+
+    Those of a negative size are none.
+    """
+    clear(bins)
+    total = 0.0
+    for i in range(ranks.size):
+        ranks[i] = _rank(parallax[i] / sigma)
+        if sizes[i] >= 0.0:
+            k = int(ranks[i])
+            share = ranks[i] - k
+            bins[k] += right[i] * (1.0 - share)
+            bins[k + 1] += right[i] * share
+            total += right[i]
+    return total
+
+
+@inner_kernel
+def _at(bins: np.ndarray, rank: float, own: float) -> float:
+    """Matches in a bin about this rank, without that one which counts as ``own``."""
+    k = int(rank)
+    share = rank - k
+    others = (1.0 - share) * bins[k] + share * bins[k + 1]
+    return others - own * ((1.0 - share) * (1.0 - share) + share * share)
+
+
+@inner_kernel
+def _rank(p: float) -> float:
+    """Bin of a parallax, in sigma: even steps within the noise, equal ratios beyond.
+
+    The inverse hyperbolic sine (Burbidge, Magee and Robb, J. Am. Stat. Assoc. 83, 1988,
+    DOI 10.1080/01621459.1988.10478575).
+    """
+    rank = (math.asinh(p / BAND_SIGMA) - math.asinh(-1.0)) / BIN
+    return lesser(greater(rank, 0.0), BINS - 1.5)
+
+
+@inner_kernel
+def _slope(p: float) -> float:
+    """Derivative of `_rank`."""
+    return 1.0 / (BIN * math.sqrt(p * p + BAND_SIGMA * BAND_SIGMA))
