@@ -18,7 +18,7 @@ from farpoint.geometry import so3, sphere
 from farpoint.metrics import statistics as metrics
 from farpoint.pose.fits import fit_moving
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.rivals import OtherMotion, doubt_between, likelier_of_plane
+from farpoint.pose.rivals import OtherMotion, likelier_of_plane
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 NORMAL = np.array([0.45, -0.25, 1.0]) / 4.0
@@ -194,4 +194,4 @@ def test_a_motion_that_may_be_the_other_one_errs_by_nothing_or_by_what_lies_betw
         "",
     )
     errors = np.array([np.zeros(5), [*turn, *tilt]])
-    np.testing.assert_allclose(doubt_between(fit, other), errors.T @ errors / 2.0, atol=1e-5)
+    np.testing.assert_allclose(other.doubt_of(fit), errors.T @ errors / 2.0, atol=1e-5)

@@ -100,7 +100,7 @@ def test_a_motion_that_the_search_has_met_is_judged(fit, met):
 def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_elsewhere):
     """The same noise told of all matches is no more than what is assumed, but may be wrong."""
     if not looks_elsewhere:  # those that were met are still known
-        monkeypatch.setattr(relative_pose, "likelier_elsewhere", lambda fit, _: (fit, None))
+        monkeypatch.setattr(rivals, "likelier_elsewhere", lambda fit, _: (fit, None))
     told = np.tile(np.eye(2), (40, 1, 1))
     firm, doubted, because = 0, 0, 0
     for seed in range(60):

@@ -10,7 +10,8 @@ import numpy as np
 
 from farpoint._kernels.search import search_direction
 from farpoint.pose import conclusion
-from farpoint.pose.conclusion import Course, fixes_rotation, label_matches, largest_sigma
+from farpoint.pose.certainty import fixes_rotation, largest_sigma
+from farpoint.pose.conclusion import Course, label_matches
 from farpoint.pose.epipole import mean_epipole
 from farpoint.pose.far_rotation import FarRotation
 from farpoint.pose.fits import MIN_VARIANCE

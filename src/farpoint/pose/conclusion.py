@@ -12,17 +12,11 @@ from farpoint._kernels.vectors import tangent_columns
 from farpoint.pose.matches import Matches
 from farpoint.pose.result import PoseStats, PoseStatus, RelativePose, TrackLabel
 
-# A rotation less certain than this (1 sigma, rad) is none.
-MAX_ROTATION_SIGMA = 0.2
-
 __all__ = [
     "Course",
     "failed_pose",
-    "fixes_rotation",
     "given_labels",
     "label_matches",
-    "largest_sigma",
-    "largest_sigma2",
     "no_consensus",
     "observed",
     "turned",
@@ -72,17 +66,6 @@ def given_labels(matches: Matches, labels: np.ndarray) -> np.ndarray:
     return given
 
 
-def largest_sigma2(xx: float, xy: float, yy: float) -> float:
-    """As `largest_sigma` of a covariance (2, 2), from its elements."""
-    half = 0.5 * (xx - yy)
-    return math.sqrt(max(0.5 * (xx + yy) + math.sqrt(half * half + xy * xy), 0.0))
-
-
-def largest_sigma(covariance: np.ndarray) -> float:
-    """Square root of the largest eigenvalue: the 1-sigma of the worst direction."""
-    return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0.0)))
-
-
 def no_consensus(matches: Matches, agreeing: int, course: Course) -> RelativePose:
     """The best motion found is one that chance alone could have made."""
     return failed_pose(
@@ -91,15 +74,6 @@ def no_consensus(matches: Matches, agreeing: int, course: Course) -> RelativePos
         matches.total,
         course,
     )
-
-
-def fixes_rotation(rotation_covariance: np.ndarray) -> bool:
-    """Whether a covariance (3, 3), rad^2, leaves the rotation anything but open."""
-    xx, yy, zz = rotation_covariance.diagonal().tolist()
-    trace = xx + yy + zz
-    if trace < MAX_ROTATION_SIGMA**2:  # the sum of all eigenvalues
-        return True
-    return math.isfinite(trace) and largest_sigma(rotation_covariance) < MAX_ROTATION_SIGMA
 
 
 def unfixed_rotation(matches: Matches, course: Course) -> RelativePose:

@@ -13,16 +13,10 @@ from farpoint._kernels.compile import announced_compilation
 from farpoint._kernels.motion import fit_motion
 from farpoint.camera import Camera
 from farpoint.errors import InputError
-from farpoint.geometry.sphere import angle_between
 from farpoint.pose import conclusion
+from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma, fixes_rotation
 from farpoint.pose.closed_form import estimate_closed_form
-from farpoint.pose.conclusion import (
-    Course,
-    fixes_rotation,
-    given_labels,
-    label_matches,
-    largest_sigma2,
-)
+from farpoint.pose.conclusion import Course, given_labels, label_matches
 from farpoint.pose.covariance import moving_covariance, shared_covariance
 from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning, refit_moving
@@ -30,14 +24,7 @@ from farpoint.pose.matches import Matches, matches_from_points, matches_from_ray
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
-from farpoint.pose.rivals import (
-    OtherMotion,
-    doubt_between,
-    is_nearby,
-    likelier_elsewhere,
-    likelier_met,
-    likelier_of_plane,
-)
+from farpoint.pose.rivals import hold_against_rivals, likelier_of_plane
 from farpoint.pose.small import angle2
 from farpoint.pose.verdict import (
     is_consensus,
@@ -54,10 +41,6 @@ MIN_MATCHES = 8
 # A motion that leaves so much less noise than a rotation may be the truth, be there ever so few
 # matches to say so.
 FAR_LESS_NOISE = 0.5
-# A direction less certain than this (1 sigma, rad) is none: half of the sphere would be in reach.
-MAX_DIRECTION_SIGMA = math.radians(20.0)
-# One less certain than this may have a rival, which is looked for.
-DOUBTED_SIGMA = math.radians(2.5)
 
 
 def estimate_relative_pose(
@@ -189,96 +172,45 @@ def _conclude_moving(
 ) -> RelativePose:
     fit, other = likelier_of_plane(fit)
     course.lap("refinement_s")
-    if not is_motion(fit, options.false_alarm_rate):
+    rate = options.false_alarm_rate
+    if not is_motion(fit, rate):
         return conclusion.no_consensus(matches, fit.agreeing, course)
-    fit, covariance, rival = _held_against_rivals(matches, fit, other, tolerance, options)
+    fit, covariance, rival = hold_against_rivals(fit, other, tolerance, rate)
     if options.shared_error_px > 0.0:
         covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.unfixed_rotation(matches, course)
     labels = given_labels(matches, fit.labels)
-    direction_sigma = _direction_sigma(covariance)
+    sigma = direction_sigma(covariance)
     sign = 1.0 / (1.0 + math.exp(-min(max(fit.sign_log_odds, -700.0), 700.0)))
     course.cost, course.sign_probability = fit.cost, sign
     rotation_covariance = covariance[:3, :3]
-    between = "" if rival is None else _said_of(rival, fit)
-    if rival is not None and not is_nearby(rival, fit):
+    between = "" if rival is None else rival.said_beside(fit)
+    if rival is not None and not rival.is_nearby(fit):
         other_R = rival.R_cam1_from_cam0
         return _rotation_alone(fit, between, rotation_covariance, other_R, labels, course)
-    is_vague = direction_sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - options.false_alarm_rate
+    is_vague = sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - rate
     if is_vague or not fit.shows_direction:
-        reason = (
-            "The flow beyond the rotation is too short or too parallel: "
-            f"its direction is uncertain by {math.degrees(direction_sigma):.0f} deg, "
-            f"its sign right with {100 * sign:.0f} %."
-        )
+        reason = "The flow beyond the rotation is too short: most of it is noise."
+        if is_vague:
+            reason = (
+                "The flow beyond the rotation is too short or too parallel: "
+                f"its direction is uncertain by {math.degrees(sigma):.0f} deg, "
+                f"its sign right with {100 * sign:.0f} %."
+            )
         other_R = fit_turning(matches, fit.far_rotation_cam1_from_cam0, tolerance).R_cam1_from_cam0
         return _rotation_alone(fit, reason, rotation_covariance, other_R, labels, course)
     return conclusion.observed(
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
         covariance,
-        direction_sigma,
+        sigma,
         labels,
         fit.noise.mean_sigma,
         course,
         between,
     )
-
-
-def _said_of(rival: OtherMotion, fit: MovingFit) -> str:
-    apart = angle_between(rival.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
-    return f"{rival.because}, whose directions are {math.degrees(apart):.0f} deg apart."
-
-
-def _held_against_rivals(
-    matches: Matches,
-    fit: MovingFit,
-    of_plane: OtherMotion | None,
-    tolerance: float,
-    options: RelativePoseOptions,
-) -> tuple[MovingFit, np.ndarray, OtherMotion | None]:
-    """The likeliest motion, its covariance, and another one that is nearly as likely, if any.
-
-    The covariance allows for one nearby.
-    """
-    best, rival, nearby = fit, _nearly_as_likely(of_plane, matches, options), None
-    if rival is not None and is_nearby(rival, fit):
-        rival, nearby = None, rival
-    if rival is None and fit.rival is not None:
-        best, other = likelier_met(fit)
-        # Which of the two is the likelier is in doubt where their noise is.
-        rival = _nearly_as_likely(other, matches, options) if matches.doubt > 1.0 else None
-    covariance = moving_covariance(best)
-    nearby = nearby if best is fit else None
-    if nearby is not None:
-        covariance += doubt_between(fit, nearby)
-    is_told = rival is None and best.shows_direction
-    if is_told and DOUBTED_SIGMA < _direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
-        likelier, other = likelier_elsewhere(best, tolerance)
-        rival = _nearly_as_likely(other, matches, options)
-        if likelier is not best:
-            return likelier, moving_covariance(likelier), rival
-    return best, covariance, nearby if rival is None else rival
-
-
-def _nearly_as_likely(
-    other: OtherMotion | None, matches: Matches, options: RelativePoseOptions
-) -> OtherMotion | None:
-    """The other motion, if there is no telling it from the first one.
-
-    Where the variance of the noise may be misstated, so may be the logarithm of a likelihood.
-    """
-    if other is None or other.against >= -matches.doubt * math.log(options.false_alarm_rate):
-        return None
-    return other
-
-
-def _direction_sigma(covariance: np.ndarray) -> float:
-    """The worst 1-sigma of the direction, rad."""
-    (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
-    return largest_sigma2(xx, xy, yy)
 
 
 def _rotation_alone(
@@ -294,14 +226,14 @@ def _rotation_alone(
         PoseStatus.ROTATION_ONLY,
         reason,
         fit.R_cam1_from_cam0,
-        covariance + _doubt_between(fit.R_cam1_from_cam0, other_R),
+        covariance + _doubt_of_rotation(fit.R_cam1_from_cam0, other_R),
         labels,
         fit.noise.mean_sigma,
         course,
     )
 
 
-def _doubt_between(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
+def _doubt_of_rotation(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
     """Covariance (3, 3), rad^2, of a rotation that may as well be the other one.
 
     About which axis the two differ depends on a direction that is not known.
@@ -311,7 +243,7 @@ def _doubt_between(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
 
 def _doubt_if_moving(fit: TurningFit, moving: MovingFit) -> np.ndarray:
     """Covariance (3, 3), rad^2, of a rotation that may as well be that of a motion."""
-    doubt = _doubt_between(fit.R_cam1_from_cam0, moving.R_cam1_from_cam0)
+    doubt = _doubt_of_rotation(fit.R_cam1_from_cam0, moving.R_cam1_from_cam0)
     own = moving_covariance(moving)[:3, :3]
     return doubt + own if fixes_rotation(own) else doubt
 

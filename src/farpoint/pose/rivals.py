@@ -13,17 +13,22 @@ from farpoint._kernels.plane import other_motion
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.rivals import judge_rival, nearest_rival
 from farpoint.geometry import so3
-from farpoint.geometry.sphere import tangent_basis
+from farpoint.geometry.sphere import angle_between, tangent_basis
+from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma
+from farpoint.pose.covariance import moving_covariance
 from farpoint.pose.fits import MIN_VARIANCE, MovingFit, fit_turning, refit_moving
 
 __all__ = [
+    "Held",
     "OtherMotion",
-    "doubt_between",
-    "is_nearby",
+    "hold_against_rivals",
     "likelier_elsewhere",
     "likelier_met",
     "likelier_of_plane",
 ]
+
+# A direction less certain than this (1 sigma, rad) may have a rival, which is looked for.
+DOUBTED_SIGMA = math.radians(2.5)
 
 # Motions elsewhere that are gone to, each likelier than the one before.
 ROUNDS = 3
@@ -56,19 +61,77 @@ class OtherMotion(NamedTuple):
     against: float
     because: str
 
+    def is_nearby(self, fit: MovingFit) -> bool:
+        """Whether it goes about the same way."""
+        cosine = float(self.direction_cam1_from_cam0 @ fit.direction_cam1_from_cam0)
+        return cosine > COS_NEARBY
 
-def is_nearby(other: OtherMotion, fit: MovingFit) -> bool:
-    """Whether it goes about the same way."""
-    cosine = float(other.direction_cam1_from_cam0 @ fit.direction_cam1_from_cam0)
-    return cosine > COS_NEARBY
+    def said_beside(self, fit: MovingFit) -> str:
+        """A sentence of why there are two, and how far they are apart."""
+        apart = angle_between(self.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
+        return f"{self.because}, whose directions are {math.degrees(apart):.0f} deg apart."
+
+    def doubt_of(self, fit: MovingFit) -> np.ndarray:
+        """Covariance (5, 5), rad^2, of a motion that may as well be this one."""
+        turn = so3.log(self.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T)
+        tilt = tangent_basis(fit.direction_cam1_from_cam0).T @ self.direction_cam1_from_cam0
+        apart = np.concatenate([turn, tilt])
+        return 0.5 * np.outer(apart, apart)
 
 
-def doubt_between(fit: MovingFit, other: OtherMotion) -> np.ndarray:
-    """Covariance (5, 5), rad^2, of a motion that may as well be the other one."""
-    turn = so3.log(other.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T)
-    tilt = tangent_basis(fit.direction_cam1_from_cam0).T @ other.direction_cam1_from_cam0
-    apart = np.concatenate([turn, tilt])
-    return 0.5 * np.outer(apart, apart)
+class Held(NamedTuple):
+    """The likeliest motion, held against the others.
+
+    Attributes
+    ----------
+    fit : MovingFit
+    covariance : ndarray, shape (5, 5)
+        Of its rotation and direction, rad^2; it allows for a rival nearby.
+    rival : OtherMotion, optional
+        One that cannot be told from it.
+    """
+
+    fit: MovingFit
+    covariance: np.ndarray
+    rival: OtherMotion | None
+
+
+def hold_against_rivals(
+    fit: MovingFit, of_plane: OtherMotion | None, tolerance: float, rate: float
+) -> Held:
+    """Hold a motion against that of a plane, that which the search has met, and one looked for.
+
+    The last only where the direction is in doubt. Two motions are told apart at this false-alarm
+    ``rate``.
+    """
+    best, rival, nearby = fit, _nearly_as_likely(fit, of_plane, rate), None
+    if rival is not None and rival.is_nearby(fit):
+        rival, nearby = None, rival
+    if rival is None and fit.rival is not None:
+        best, other = likelier_met(fit)
+        # Which of the two is the likelier is in doubt where their noise is.
+        rival = _nearly_as_likely(fit, other, rate) if fit.matches.doubt > 1.0 else None
+    covariance = moving_covariance(best)
+    nearby = nearby if best is fit else None
+    if nearby is not None:
+        covariance += nearby.doubt_of(fit)
+    is_told = rival is None and best.shows_direction
+    if is_told and DOUBTED_SIGMA < direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
+        likelier, other = likelier_elsewhere(best, tolerance)
+        rival = _nearly_as_likely(fit, other, rate)
+        if likelier is not best:
+            return Held(likelier, moving_covariance(likelier), rival)
+    return Held(best, covariance, nearby if rival is None else rival)
+
+
+def _nearly_as_likely(fit: MovingFit, other: OtherMotion | None, rate: float) -> OtherMotion | None:
+    """The other motion, if there is no telling it from the first one.
+
+    Where the variance of the noise may be misstated, so may be the logarithm of a likelihood.
+    """
+    if other is None or other.against >= -fit.matches.doubt * math.log(rate):
+        return None
+    return other
 
 
 def likelier_of_plane(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:

@@ -1,0 +1,35 @@
+"""How sure is sure enough: the worst sigma of a covariance, and the most that is allowed of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+__all__ = ["MAX_DIRECTION_SIGMA", "direction_sigma", "fixes_rotation", "largest_sigma"]
+
+# A rotation less certain than this (1 sigma, rad) is none.
+MAX_ROTATION_SIGMA = 0.2
+# A direction less certain than this (1 sigma, rad) is none: half of the sphere would be in reach.
+MAX_DIRECTION_SIGMA = math.radians(20.0)
+
+
+def largest_sigma(covariance: np.ndarray) -> float:
+    """Square root of the largest eigenvalue: the 1-sigma of the worst direction."""
+    return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0.0)))
+
+
+def direction_sigma(covariance: np.ndarray) -> float:
+    """The worst 1-sigma, rad, of the direction of a motion with this covariance (5, 5)."""
+    (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
+    half = 0.5 * (xx - yy)
+    return math.sqrt(max(0.5 * (xx + yy) + math.sqrt(half * half + xy * xy), 0.0))
+
+
+def fixes_rotation(rotation_covariance: np.ndarray) -> bool:
+    """Whether a covariance (3, 3), rad^2, leaves the rotation anything but open."""
+    xx, yy, zz = rotation_covariance.diagonal().tolist()
+    trace = xx + yy + zz
+    if trace < MAX_ROTATION_SIGMA**2:  # the sum of all eigenvalues
+        return True
+    return math.isfinite(trace) and largest_sigma(rotation_covariance) < MAX_ROTATION_SIGMA
