@@ -42,8 +42,8 @@ def beside_by(seen: Seen, predicted: bool, step: np.ndarray, out: np.ndarray) ->
 
 
 @kernel
-def step_by(seen: Seen) -> float:
-    return step_by_prediction(seen)
+def step_by(seen: Seen) -> None:
+    step_by_prediction(seen)
 
 
 def seen_of(view: View) -> Seen:
@@ -172,8 +172,7 @@ def test_the_step_is_that_of_the_predicted_normal_equations():
     information(seen_of(view), True, normal, *told_beside)
     x = -np.linalg.solve(normal[:5, :5] + SPHERE, normal[:5, 5])
     assert 1e-4 < np.linalg.norm(x) < 0.3
-    promised = step_by(seen_of(view))
-    assert promised == pytest.approx(-x @ normal[:5, 5], rel=1e-6)
+    step_by(seen_of(view))
     np.testing.assert_allclose(view.R, so3.exp(x[:3]) @ R, atol=1e-10)
     np.testing.assert_allclose(view.t, sphere.normalize(t + basis_of(t) @ x[3:]), atol=1e-10)
 

@@ -31,8 +31,8 @@ def here(seen: Seen, right: float, predicted: bool, least: float, out: np.ndarra
 
 
 @kernel
-def step_by(seen: Seen) -> float:
-    return step_by_prediction(seen)
+def step_by(seen: Seen) -> None:
+    step_by_prediction(seen)
 
 
 def nothing_found(view: View) -> Found:
@@ -151,21 +151,19 @@ def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(le
     expected = np.empty((5, 5))
     right = found.said[3, :60].sum()
     assert here(seen_by(view.pairs, found), right, True, least_signal, expected) == shows
-    # The noise of those right is known from before the steps, when some may have been less so.
+    # The noise of those right is known from before the step, when some may have been less so.
     np.testing.assert_allclose(found.covariance, expected, rtol=0.02)
-    # What is said of the matches is said of the motion after the steps, the last of which is short.
+    # What is said of the matches is said of the motion after the step.
     pose = pose_of(found.R, found.t, found.mixture)
     refine_pose(matches_of(view, SPREAD, found.said[0], gives_way=True), 1e-6, 50, pose)
     likeliest = found._replace(R=pose.R, t=pose.t)
     assert so3.angle_between(likeliest.R, found.R) > 2e-5
-    promised = [step_by(seen_by(view.pairs, likeliest)) for _ in range(8)]
-    assert promised[0] > 1e-3 > promised[-1]
+    step_by(seen_by(view.pairs, likeliest))
     assert so3.angle_between(likeliest.R, found.R) < 4e-6
     np.testing.assert_allclose(likeliest.t, found.t, atol=1e-3)
     residual = np.empty(len(found.said[1]))
     explain(seen_by(view.pairs, found), residual, *np.empty((2, len(residual))))
     np.testing.assert_allclose(found.said[1], residual, rtol=1e-12)
-    assert step_by(seen_by(view.pairs, found)) < 1e-3
 
 
 @pytest.mark.parametrize("matches", [60, 2 * MAX_SEARCHED])

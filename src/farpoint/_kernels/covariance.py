@@ -73,19 +73,13 @@ def covariance_here(
 
 
 @inner_kernel
-def step_by_prediction(seen: Seen) -> float:
-    """Move the pose by the solution of the normal equations of `information`.
-
-    Returns what the step promised, as of `squares.promise`.
-    """
+def step_by_prediction(seen: Seen) -> None:
+    """Move the pose by the solution of the normal equations of `information`."""
     normal, noise, scatter, x = scratch(6, 6), scratch(5, 5), scratch(5, 5), scratch(5)
     _learn(seen, True, normal, noise, scatter)
     _bound(normal)
-    if not solve_five_spd(normal, 0.0, x):
-        return 0.0
-    decrease, size2 = promise(normal, x)
-    take_step(seen.R, seen.t, x, size2)
-    return decrease
+    if solve_five_spd(normal, 0.0, x):
+        take_step(seen.R, seen.t, x, promise(normal, x)[1])
 
 
 @inner_kernel

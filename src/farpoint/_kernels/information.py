@@ -61,8 +61,8 @@ def information(
     its flow may be ``predicted``: the best guess of its inverse depth lies between its own and the
     mean of all, by their variances (the best linear unbiased prediction: Robinson, Stat. Sci. 6,
     1991, DOI 10.1214/ss/1177011926). Then all of the matrix is signal on average, and ``noise``
-    what of it varies with the noise all the same; and the solution of the normal equations is a
-    step from the likelihood's maximum towards an estimate with less variance.
+    what of it varies with the noise all the same; and the solution of the normal equations is one
+    step from the likelihood's maximum to an estimate with less variance.
 
     A match that tells more than all others together vouches for itself: none would say if it were
     wrong, and near the epipole its line turns with every step of the pose. It is heard with

@@ -40,8 +40,6 @@ FINE = 1e-3
 MAX_REFINEMENTS = np.int64(20)
 # How often what is plausible is asked again, at the pose that it has led to.
 MAX_ROUNDS = 4
-# Steps by predicted flow, which is predicted anew after each.
-MAX_PREDICTIONS = 8
 
 # Cost, what it grows by when averaged over poses, matches that agree, log odds of the sign of the
 # direction; of the right matches searched, those that no rotation explains, and all; whether the
@@ -282,9 +280,7 @@ def _be_sure(matches: PackedMatches, least_signal: float, found: Found) -> tuple
     seen, covariance = _seen(matches, found), found.covariance
     if covariance_here(seen, right, False, PLAIN, covariance):
         return False, True
-    for _ in range(MAX_PREDICTIONS):
-        if step_by_prediction(seen) < FINE:
-            break
+    step_by_prediction(seen)
     _explain(matches, found)
     return True, covariance_here(seen, right, True, least_signal, covariance)
 
