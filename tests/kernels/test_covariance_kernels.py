@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import scipy.linalg
 from kernels_kit import View, packed, two_views
+from scipy.stats import chi2, f
 
+from farpoint._kernels import covariance
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.covariance import (
     MOST_GROWTH,
@@ -46,6 +48,11 @@ def step_by(seen: Seen) -> None:
     step_by_prediction(seen)
 
 
+@kernel
+def sure_by(right: float, alike: float) -> float:
+    return covariance._sure(right, alike)
+
+
 def seen_of(view: View) -> Seen:
     return Seen(view.pairs, packed(np.ones(view.size)), view.R, view.t, MIXTURE, CLUTTER)
 
@@ -68,7 +75,7 @@ def told(view: View, predicted: bool = False, freedom: float = RIGHT - 5.0) -> T
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
     share, alike = information(seen_of(view), predicted, normal, noise, scatter)
     heard = alike / (alike + STATED)
-    sure = 1.0 - 2.0 / freedom - 10.0 / alike * heard**2
+    sure = sure_by(freedom + 5.0, 0.0) - 10.0 / alike * heard**2
     whole = share * sure * normal[:5, :5]
     variance = heard * sure * scatter + (1.0 - heard) * whole + SPHERE
     return Told(whole, share * sure * noise, variance)
@@ -165,6 +172,13 @@ def test_predicted_flow_has_a_covariance_whatever_it_shows():
     assert beside_by(seen_of(view), True, np.zeros(5), out)
 
 
+@pytest.mark.parametrize("freedom", [4.0, 5.0, 11.0, 15.0, 40.0, 85.0, 1000.0])
+def test_noise_that_few_matches_tell_makes_errors_larger(freedom):
+    mean = freedom / (freedom - 2.0)
+    held = 5.0 * f.ppf(0.95, 5, freedom) / chi2.ppf(0.95, 5)
+    assert 1.0 / sure_by(freedom + 5.0, 0.0) == pytest.approx(0.5 * (mean + held), rel=0.02)
+
+
 def test_the_step_is_that_of_the_predicted_normal_equations():
     view = two_views(5, 60, baseline_m=0.1, error_rad=1e-3)
     R, t = view.R.copy(), view.t.copy()
@@ -196,7 +210,7 @@ def around(view: View, covariance: np.ndarray, predicted: bool = False) -> np.nd
     ("seed", "times", "least", "most"),
     # As it is, a little less sure along an axis; much wider; with one of four sides where hardly
     # anything is signal; and with two.
-    [(6, 1.0, 1.0, 1.03), (5, 20.0, 1.01, 1.04), (6, 1e3, 5.51, 5.61), (5, 1e3, 9.0, 9.0)],
+    [(6, 1.0, 1.0, 1.03), (5, 20.0, 1.01, 1.04), (6, 1e3, 5.51, 5.64), (5, 1e3, 9.0, 9.0)],
 )
 def test_the_covariance_grows_by_half_its_second_difference(seed, times, least, most):
     view = two_views(seed, 60, error_rad=2e-3)
