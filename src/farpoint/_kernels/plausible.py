@@ -75,12 +75,7 @@ def plausible_parallax(
     many again would not vouch for one another.
     """
     sizes = room(count)
-    bulk = 0
-    for i in range(count):
-        p = parallax[i] / sigma
-        belongs = right[i] > 0.5 and p > -BAND_SIGMA
-        sizes[i] = abs(p) if belongs else -1.0
-        bulk += 1 if belongs else 0
+    bulk = _tell_sizes(parallax, right, sigma, sizes)
     wrong = count - bulk
     # Where no match is off the lines, none is on one by chance. Half of those flow backwards.
     by_chance = 0.5 * wrong * BAND_SIGMA * sigma / spread
@@ -89,20 +84,36 @@ def plausible_parallax(
         for i in range(count):
             prior[i] = 1.0
         return math.inf
-    last = greater(largest(sizes, captured + 1), BAND_SIGMA)
-    nearer = greater(largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
-    tail = greater(greater(1.0 / (nearer * nearer) - 1.0, LEAST_TAIL) * last, BAND_SIGMA)
-    anywhere = ANYWHERE / ((last + tail + BAND_SIGMA) * sigma)
+    last, tail = _reach(sizes, captured)
     ranks, bins = room(count), room(BINS)
     total = _count(parallax, right, sizes, sigma, ranks, bins)
     for i in range(count):
-        own = right[i] if sizes[i] >= 0.0 else 0.0
-        there = _at(bins, ranks[i], own) * _slope(parallax[i] / sigma) / sigma
-        density = (anywhere + there) / (ANYWHERE + total - own)
-        beyond = (parallax[i] / sigma - last) / tail
-        fading = math.exp(-0.5 * (greater(beyond - 1.0, 0.0) / FADE) ** 2)
-        prior[i] = 2.0 * spread * density * fading
+        p, own = parallax[i] / sigma, right[i] if sizes[i] >= 0.0 else 0.0
+        there = _at(bins, ranks[i], own) * _slope(p)
+        density = (ANYWHERE / (last + tail + BAND_SIGMA) + there) / (ANYWHERE + total - own)
+        fading = math.exp(-0.5 * (greater((p - last) / tail - 1.0, 0.0) / FADE) ** 2)
+        prior[i] = 2.0 * spread / sigma * density * fading
     return (last + (1.0 + NONE * FADE) * tail) * sigma
+
+
+@inner_kernel
+def _tell_sizes(parallax: np.ndarray, right: np.ndarray, sigma: float, sizes: np.ndarray) -> int:
+    """Parallax of right matches, in sigma, -1 of others; how many are right."""
+    bulk = 0
+    for i in range(sizes.size):
+        p = parallax[i] / sigma
+        belongs = right[i] > 0.5 and p > -BAND_SIGMA
+        sizes[i] = abs(p) if belongs else -1.0
+        bulk += 1 if belongs else 0
+    return bulk
+
+
+@inner_kernel
+def _reach(sizes: np.ndarray, captured: int) -> tuple[float, float]:
+    """The last match that the others vouch for, and how far beyond one may lie, in sigma."""
+    last = greater(largest(sizes, captured + 1), BAND_SIGMA)
+    nearer = greater(largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
+    return last, greater(greater(1.0 / (nearer * nearer) - 1.0, LEAST_TAIL) * last, BAND_SIGMA)
 
 
 @inner_kernel
