@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import greater, lesser
+from farpoint._kernels.exponential import lane_log
+from farpoint._kernels.formulas import formula, greater, lesser, root
 from farpoint._kernels.scratch import clear, room
 
 __all__ = ["FADE", "LEAST_TAIL", "NONE", "largest", "plausible_parallax"]
@@ -29,6 +30,7 @@ BIN = 0.4
 # more is known (Krichevsky and Trofimov, IEEE Trans. Inf. Theory 27, 1981,
 # DOI 10.1109/TIT.1981.1056331).
 ANYWHERE = 0.5
+_FIRST = math.asinh(-1.0)
 
 
 @inner_kernel
@@ -91,7 +93,8 @@ def plausible_parallax(
         p, own = parallax[i] / sigma, right[i] if sizes[i] >= 0.0 else 0.0
         there = _at(bins, ranks[i], own) * _slope(p)
         density = (ANYWHERE / (last + tail + BAND_SIGMA) + there) / (ANYWHERE + total - own)
-        fading = math.exp(-0.5 * (greater((p - last) / tail - 1.0, 0.0) / FADE) ** 2)
+        beyond = (p - last) / tail - 1.0
+        fading = math.exp(-0.5 * (beyond / FADE) ** 2) if beyond > 0.0 else 1.0
         prior[i] = 2.0 * spread / sigma * density * fading
     return (last + (1.0 + NONE * FADE) * tail) * sigma
 
@@ -147,6 +150,7 @@ def _count(
     total = 0.0
     for i in range(ranks.size):
         ranks[i] = _rank(parallax[i] / sigma)
+    for i in range(ranks.size):
         if sizes[i] >= 0.0:
             k = int(ranks[i])
             share = ranks[i] - k
@@ -165,18 +169,19 @@ def _at(bins: np.ndarray, rank: float, own: float) -> float:
     return others - own * ((1.0 - share) * (1.0 - share) + share * share)
 
 
-@inner_kernel
+@formula
 def _rank(p: float) -> float:
     """Bin of a parallax, in sigma: even steps within the noise, equal ratios beyond.
 
     The inverse hyperbolic sine (Burbidge, Magee and Robb, J. Am. Stat. Assoc. 83, 1988,
-    DOI 10.1080/01621459.1988.10478575).
+    DOI 10.1080/01621459.1988.10478575) from that of the end of the band on.
     """
-    rank = (math.asinh(p / BAND_SIGMA) - math.asinh(-1.0)) / BIN
+    u = greater(p / BAND_SIGMA, -1.0)
+    rank = (lane_log(u + root(u * u + 1.0)) - _FIRST) / BIN
     return lesser(greater(rank, 0.0), BINS - 1.5)
 
 
-@inner_kernel
+@formula
 def _slope(p: float) -> float:
     """Derivative of `_rank`."""
-    return 1.0 / (BIN * math.sqrt(p * p + BAND_SIGMA * BAND_SIGMA))
+    return 1.0 / (BIN * root(p * p + BAND_SIGMA * BAND_SIGMA))
