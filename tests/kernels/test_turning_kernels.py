@@ -76,9 +76,9 @@ def test_no_match_at_all_says_nothing():
 
 def gains(judged: Judged, sigma, lift, wrong, middle, variance) -> tuple[np.ndarray, np.ndarray]:
     """Of each match, the log likelihood ratio of a motion; which ones the rotation explains too."""
-    near = judged.right / (1.0 - judged.right)  # anywhere on the line, over wrong
+    near = judged.right / (1.0 - judged.right)  # where others are, over wrong
     shift2 = (judged.parallax / sigma - middle) ** 2
-    far = near * lift / judged.prior.max() * np.exp(-0.5 * shift2 / variance) / np.sqrt(variance)
+    far = near * lift / judged.prior * np.exp(-0.5 * shift2 / variance) / np.sqrt(variance)
     odds = 0.5 * near + 0.5 * far
     gain = wrong + np.log(1.0 + odds) + np.log(1.0 - judged.turned_right)
     return gain, (odds > 1.0) & (judged.turned_right > 0.5)
@@ -88,7 +88,7 @@ def gains(judged: Judged, sigma, lift, wrong, middle, variance) -> tuple[np.ndar
 @pytest.mark.parametrize("middle", [0.0, 25.0])
 def test_what_speaks_for_a_motion_are_matches_that_only_it_explains(bulk, middle):
     rng, n, sigma, lift, wrong = np.random.default_rng(1), 60, 0.7, 400.0, -0.4
-    parallax, right = 3.0 * rng.normal(size=n), rng.uniform(0.01, 0.99, n)
+    parallax, right = 90.0 * rng.normal(size=n), rng.uniform(0.01, 0.99, n)
     turned, prior = rng.uniform(0.01, 0.45, n), rng.uniform(1.0, 5.0, n)
     # With a small doubt of the rotation, what both explain is against the motion. It lies together,
     # at infinity or nearer, where the rotation takes its shift for its own.
@@ -99,7 +99,7 @@ def test_what_speaks_for_a_motion_are_matches_that_only_it_explains(bulk, middle
 
     shift, expected = parallax[:20] / sigma, []
     variance = 1.0 + shift.var()
-    places = np.sqrt(2.0 * np.pi * 20.0 / variance) * lift / prior.max()
+    places = np.sqrt(20.0 / variance) * parallax[right > 0.5].max() / sigma
     for there in ((0.0, 1.0, 1.0), (shift.mean(), variance, places)):
         gain, both = gains(judged, sigma, lift, wrong, *there[:2])
         expected.append(gain[~both].sum() + min(gain[both].sum(), 0.0) - np.log(there[2]))

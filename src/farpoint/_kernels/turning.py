@@ -21,6 +21,8 @@ LEAST_KNOWN = 0.1
 FAR_SHARE = 0.5
 # No match is right, or wrong, beyond this doubt.
 LEAST_DOUBT = 1e-15
+# A match of less was not plausible of the motion at all.
+LEAST_PRIOR = 1e-12
 
 
 @kernel
@@ -139,8 +141,8 @@ def likelier_moving(judged: Judged, sigma: float, lift: float, wrong: float) -> 
     Of matches that both explain, only if they are against the motion: how they are off the rotation
     is for another test to say.
 
-    The motion took right matches to be anywhere on their lines. Here a share of them is far, and
-    there as often as the noise puts them: at infinity, or together somewhere else, where a rotation
+    The motion took right matches to be where others are. Here a share of them is far, and there as
+    often as the noise puts them: at infinity, or together somewhere else, where a rotation
     takes what they all shift by for its own. Where that is, and how far they spread, is found from
     those that both explain, and costs what one place is of all (Laplace's method; its ``2 pi`` is
     left to pay for the spread).
@@ -155,16 +157,12 @@ def likelier_moving(judged: Judged, sigma: float, lift: float, wrong: float) -> 
     wrong : float
         Log of the share of wrong matches by the motion, over that by the rotation.
     """
-    flat = 0.0
-    for i in range(judged.prior.size):
-        flat = greater(flat, judged.prior[i])
-    at_infinity = _likelier(judged, sigma, lift / flat, wrong, 0.0, 1.0)
+    at_infinity = _likelier(judged, sigma, lift, wrong, 0.0, 1.0)
     count, middle, variance = _far_together(judged, sigma)
     if count < 2.0:
         return at_infinity
-    together = _likelier(judged, sigma, lift / flat, wrong, middle, variance)
-    length = math.sqrt(2.0 * math.pi) * lift / flat
-    places = greater(length * math.sqrt(count / variance), 1.0)
+    together = _likelier(judged, sigma, lift, wrong, middle, variance)
+    places = greater(_reach(judged, sigma) * math.sqrt(count / variance), 1.0)
     return greater(at_infinity, together - math.log(places))
 
 
@@ -177,6 +175,7 @@ def _likelier(
     for i in range(judged.parallax.size):
         p = judged.parallax[i] / sigma - middle
         far = FAR_SHARE * lift * math.exp(-0.5 * p * p / variance) / math.sqrt(variance)
+        far /= greater(judged.prior[i], LEAST_PRIOR)
         right, turned_right = judged.right[i], judged.turned_right[i]
         odds = right / greater(1.0 - right, LEAST_DOUBT) * (1.0 - FAR_SHARE + far)
         gain = wrong + math.log1p(odds) + math.log(greater(1.0 - turned_right, LEAST_DOUBT))
@@ -185,6 +184,16 @@ def _likelier(
         else:
             only += gain
     return only + lesser(both, 0.0)
+
+
+@inner_kernel
+def _reach(judged: Judged, sigma: float) -> float:
+    """The largest parallax of a right match, in sigma."""
+    reach = 0.0
+    for i in range(judged.parallax.size):
+        if judged.right[i] > 0.5:
+            reach = greater(reach, judged.parallax[i] / sigma)
+    return reach
 
 
 @inner_kernel
