@@ -30,7 +30,8 @@ BIN = 0.4
 # more is known (Krichevsky and Trofimov, IEEE Trans. Inf. Theory 27, 1981,
 # DOI 10.1109/TIT.1981.1056331).
 ANYWHERE = 0.5
-_FIRST = math.asinh(-1.0)
+# Where the first bin begins: at the end of the band.
+FIRST = math.asinh(-1.0)
 
 
 @inner_kernel
@@ -177,7 +178,7 @@ def _rank(p: float) -> float:
     DOI 10.1080/01621459.1988.10478575) from that of the end of the band on.
     """
     u = greater(p / BAND_SIGMA, -1.0)
-    rank = (lane_log(u + root(u * u + 1.0)) - _FIRST) / BIN
+    rank = (lane_log(u + root(u * u + 1.0)) - FIRST) / BIN
     return lesser(greater(rank, 0.0), BINS - 1.5)
 
 

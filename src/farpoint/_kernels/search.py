@@ -190,9 +190,8 @@ def _search_twins(matches: PackedMatches, best: Pose, other: Pose, rival: Pose) 
     if is_planar:
         copy(best.mixture, other.mixture)
         # The best may lie between the two: it goes to one of them when it is refined.
-        is_planar = comes_near(matches, other, best)
-        if challenge(matches, other, best, rival) != NO_RIVAL:
-            is_planar = True
+        is_near = comes_near(matches, other, best)
+        is_planar = challenge(matches, other, best, rival) != NO_RIVAL or is_near
         gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     if layer_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
         copy(best.mixture, other.mixture)

@@ -142,10 +142,10 @@ def likelier_moving(judged: Judged, sigma: float, lift: float, wrong: float) -> 
     is for another test to say.
 
     The motion took right matches to be where others are. Here a share of them is far, and there as
-    often as the noise puts them: at infinity, or together somewhere else, where a rotation
-    takes what they all shift by for its own. Where that is, and how far they spread, is found from
-    those that both explain, and costs what one place is of all (Laplace's method; its ``2 pi`` is
-    left to pay for the spread).
+    often as the noise puts them: at infinity, or together somewhere else, where a rotation takes
+    what they all shift by for its own. Where that is, and how far they spread, is found from those
+    that both explain, and costs what one place is of all, up to the nearest right match (Laplace's
+    method; its ``2 pi`` is left to pay for the spread).
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def likelier_moving(judged: Judged, sigma: float, lift: float, wrong: float) -> 
     if count < 2.0:
         return at_infinity
     together = _likelier(judged, sigma, lift, wrong, middle, variance)
-    places = greater(_reach(judged, sigma) * math.sqrt(count / variance), 1.0)
+    places = greater(_largest_parallax(judged, sigma) * math.sqrt(count / variance), 1.0)
     return greater(at_infinity, together - math.log(places))
 
 
@@ -187,13 +187,13 @@ def _likelier(
 
 
 @inner_kernel
-def _reach(judged: Judged, sigma: float) -> float:
-    """The largest parallax of a right match, in sigma."""
-    reach = 0.0
+def _largest_parallax(judged: Judged, sigma: float) -> float:
+    """Of the right matches, in sigma."""
+    largest = 0.0
     for i in range(judged.parallax.size):
         if judged.right[i] > 0.5:
-            reach = greater(reach, judged.parallax[i] / sigma)
-    return reach
+            largest = greater(largest, judged.parallax[i] / sigma)
+    return largest
 
 
 @inner_kernel

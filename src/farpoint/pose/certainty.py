@@ -20,7 +20,10 @@ def largest_sigma(covariance: np.ndarray) -> float:
 
 
 def direction_sigma(covariance: np.ndarray) -> float:
-    """The worst 1-sigma, rad, of the direction of a motion with this covariance (5, 5)."""
+    """The worst 1-sigma, rad, of the direction of a motion with this covariance (5, 5).
+
+    As `largest_sigma`, in plain numbers: it is asked of every motion.
+    """
     (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
     half = 0.5 * (xx - yy)
     return math.sqrt(max(0.5 * (xx + yy) + math.sqrt(half * half + xy * xy), 0.0))

@@ -24,7 +24,8 @@ from farpoint.pose.verdict import is_consensus, is_static
 __all__ = ["estimate_closed_form"]
 
 DIRECTION_SAMPLES = 200
-MAX_DIRECTION_SIGMA = 0.5
+# A mean epipole less certain than this (1 sigma, rad) is none.
+MAX_EPIPOLE_SIGMA = 0.5
 
 
 def estimate_closed_form(
@@ -51,7 +52,7 @@ def estimate_closed_form(
     epipole = mean_epipole(flowing, R, options.flow_saturation_px, agree)
     chance = 0.5 * tolerance / matches.spread
     seen = is_consensus(int(agree.sum()), len(flowing), 2, chance, options.false_alarm_rate)
-    if epipole is None or not seen or largest_sigma(epipole.covariance) > MAX_DIRECTION_SIGMA:
+    if epipole is None or not seen or largest_sigma(epipole.covariance) > MAX_EPIPOLE_SIGMA:
         still = is_static(R, rotation_covariance, options.false_alarm_rate)
         return conclusion.turned(
             PoseStatus.STATIC if still else PoseStatus.ROTATION_ONLY,

@@ -192,13 +192,13 @@ def _conclude_moving(
         return _rotation_alone(fit, between, rotation_covariance, other_R, labels, course)
     is_vague = sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - rate
     if is_vague or not fit.shows_direction:
-        reason = "The flow beyond the rotation is too short: most of it is noise."
-        if is_vague:
-            reason = (
-                "The flow beyond the rotation is too short or too parallel: "
-                f"its direction is uncertain by {math.degrees(sigma):.0f} deg, "
-                f"its sign right with {100 * sign:.0f} %."
-            )
+        reason = (
+            "The flow beyond the rotation is too short or too parallel: "
+            f"its direction is uncertain by {math.degrees(sigma):.0f} deg, "
+            f"its sign right with {100 * sign:.0f} %."
+            if is_vague
+            else "The flow beyond the rotation is too short: most of it is noise."
+        )
         other_R = fit_turning(matches, fit.far_rotation_cam1_from_cam0, tolerance).R_cam1_from_cam0
         return _rotation_alone(fit, reason, rotation_covariance, other_R, labels, course)
     return conclusion.observed(

@@ -104,13 +104,15 @@ def hold_against_rivals(
     The last only where the direction is in doubt. Two motions are told apart at this false-alarm
     ``rate``.
     """
-    best, rival, nearby = fit, _nearly_as_likely(fit, of_plane, rate), None
+    # Where the variance of the noise may be misstated, so may be the logarithm of a likelihood.
+    limit = -fit.matches.doubt * math.log(rate)
+    best, rival, nearby = fit, _within(limit, of_plane), None
     if rival is not None and rival.is_nearby(fit):
         rival, nearby = None, rival
     if rival is None and fit.rival is not None:
         best, other = likelier_met(fit)
         # Which of the two is the likelier is in doubt where their noise is.
-        rival = _nearly_as_likely(fit, other, rate) if fit.matches.doubt > 1.0 else None
+        rival = _within(limit, other) if fit.matches.doubt > 1.0 else None
     covariance = moving_covariance(best)
     nearby = nearby if best is fit else None
     if nearby is not None:
@@ -118,20 +120,15 @@ def hold_against_rivals(
     is_told = rival is None and best.shows_direction
     if is_told and DOUBTED_SIGMA < direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
         likelier, other = likelier_elsewhere(best, tolerance)
-        rival = _nearly_as_likely(fit, other, rate)
+        rival = _within(limit, other)
         if likelier is not best:
             return Held(likelier, moving_covariance(likelier), rival)
     return Held(best, covariance, nearby if rival is None else rival)
 
 
-def _nearly_as_likely(fit: MovingFit, other: OtherMotion | None, rate: float) -> OtherMotion | None:
-    """The other motion, if there is no telling it from the first one.
-
-    Where the variance of the noise may be misstated, so may be the logarithm of a likelihood.
-    """
-    if other is None or other.against >= -fit.matches.doubt * math.log(rate):
-        return None
-    return other
+def _within(limit: float, other: OtherMotion | None) -> OtherMotion | None:
+    """The other motion, if no more of a log likelihood is against it."""
+    return other if other is not None and other.against < limit else None
 
 
 def likelier_of_plane(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
