@@ -48,7 +48,8 @@ def test_a_noisy_wrong_motion_hides_no_better_one(few, index):
 
 
 def test_a_match_where_no_right_one_lies_is_wrong():
-    # 1.5 of 250 wrong matches are taken for right ones where all parallax is told alike.
+    # Of 250 wrong matches 1.4 to 1.5 are taken for right ones, by the seed, where all parallax is
+    # told alike, and 1.1 to 1.2 where it is not.
     rng = np.random.default_rng(1)
     grid = {"baseline_m": 0.2, "far_share": 0.0, "matches": 500, "outliers": 250, "noise_px": 1.0}
     captured, lost = [], []
@@ -56,7 +57,7 @@ def test_a_match_where_no_right_one_lies_is_wrong():
         agrees = estimate(scene).labels > 0
         captured.append(np.count_nonzero(agrees & scene.is_outlier))
         lost.append(np.count_nonzero(~agrees & ~scene.is_outlier))
-    assert 0.8 < np.mean(captured) < 1.3
+    assert np.mean(captured) < 1.3
     assert np.mean(lost) < 0.5
 
 

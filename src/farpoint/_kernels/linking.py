@@ -9,118 +9,33 @@ and only that is optimised and becomes machine code.
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from typing import Any, Literal
 
-import llvmlite.binding as llvm
 from numba import types
 from numba._dynfunc import make_function  # pyright: ignore[reportMissingModuleSource]
 from numba.core import compiler, errors, ir, typed_passes, untyped_passes
-from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_machinery import PassManager, register_pass
-from numba.core.datamodel.models import OpaqueModel
 from numba.core.ir_utils import check_and_legalize_ir
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
-from numba.core.typing.context import Context
-from numba.extending import register_model
 
+from farpoint._kernels.known_types import RememberingContext
+from farpoint._kernels.libraries import DoorLibrary, FormulaLibrary, InnerLibrary, SumLibrary
 from farpoint._kernels.scratch import index_scratch, scratch
 
 __all__ = ["InnerCompiler", "inner_library", "with_door"]
 
 _errors: Any = errors  # of which the type hints lack a part
 # Where a numba has no such inner parts, it fails here and not in the middle of an estimate.
-_RELIED_ON = (
-    JITCodeLibrary._finalize_dynamic_globals,
-    JITCodeLibrary._get_module_for_linking,
-    JITCodeLibrary._optimize_final_module,
-    _errors._termcolor_inst,
-)
+_RELIED_ON = (_errors._termcolor_inst,)
 
 
-class _InnerLibrary(JITCodeLibrary):
-    """Code for callers alone."""
-
-    def finalize(self) -> None:
-        """Make it ready to be taken in, which is less than ready to run."""
-        self._finalize_dynamic_globals()
-        for function in self._final_module.functions:
-            if not function.is_declaration and function.linkage.name == "external":
-                function.linkage = "linkonce_odr"  # several callers may hold it
-        self._shared_module = self._final_module
-        self._finalized = True
-
-    def _optimize_functions(self, ll_module: Any) -> None:
-        """Only what makes it small: callers optimise it together with themselves."""
-        ll_module.data_layout = self._codegen._data_layout
-        passes, settings = llvm.create_new_function_pass_manager(), self._codegen._pass_builder()
-        passes.add_sroa_pass()
-        passes.add_simplify_cfg_pass()
-        for function in ll_module.functions:
-            if not function.is_declaration:
-                passes.run(function, settings)
-
-    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002 - numba's interface
-        """None: there is no machine code."""
-        return 0
-
-
-class _FormulaLibrary(_InnerLibrary):
-    """Code for callers alone, written as small as they would make it."""
-
-    def _optimize_functions(self, ll_module: Any) -> None:
-        ll_module.data_layout = self._codegen._data_layout
-
-
-def inner_library(codegen: Any, name: str) -> JITCodeLibrary:
+def inner_library(codegen: Any, name: str) -> FormulaLibrary:
     """Room for the code of a formula."""
-    return _FormulaLibrary(codegen, name)
-
-
-class _SumLibrary(_InnerLibrary):
-    """Code that may add in any order: optimised by itself, so that all callers get one order."""
-
-    def finalize(self) -> None:
-        """Take in all that it calls, and optimise that."""
-        for library in _taken_in(self):
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-        self._optimize_final_module()
-        super().finalize()
-        self._linking_libraries = []
-
-
-class _DoorLibrary(JITCodeLibrary):
-    """Code that Python calls."""
-
-    def _optimize_functions(self, ll_module: Any) -> None:
-        """Nothing yet: unpacking arguments holds no loop, and waits for the whole."""
-        ll_module.data_layout = self._codegen._data_layout
-
-    def finalize(self) -> None:
-        """Take in all that it calls, optimise that, and make machine code of it."""
-        self._linking_libraries = list(_taken_in(self))
-        super().finalize()
-
-    def _optimize_final_module(self) -> None:
-        """Once: numba does so twice, for references that would be counted between functions."""
-        passes, settings = self._codegen._module_pass_manager()
-        passes.run(self._final_module, settings)
-
-
-def _taken_in(library: JITCodeLibrary) -> Iterable[JITCodeLibrary]:
-    """Every library that this one calls, directly or by way of others, once."""
-    found: dict[JITCodeLibrary, None] = {}
-    waiting = list(library._linking_libraries)
-    while waiting:
-        other = waiting.pop(0)
-        if other not in found:
-            found[other] = None
-            if isinstance(other, _InnerLibrary):
-                waiting.extend(other._linking_libraries)
-    return found
+    return FormulaLibrary(codegen, name)
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -154,7 +69,7 @@ class _InnerLowering(typed_passes.NativeLowering):
 
     def run_pass(self, state: Any) -> Literal[True]:
         """Lower, and tell numba under which name callers find the function."""
-        kind = _SumLibrary if state.flags.fastmath else _InnerLibrary
+        kind = SumLibrary if state.flags.fastmath else InnerLibrary
         library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library = library
         state.flags.no_compile = True
@@ -197,59 +112,6 @@ def _makes_array(signatures: dict[Any, Any], kinds: dict[str, Any]) -> bool:
     )
 
 
-class _Known(types.Function):
-    """A function of numba's own that is asked once for what it returns.
-
-    It asks some dozen rules, of strings or dates, whenever two numbers are added. What kernels that
-    add in any order are told, with functions made for them, is theirs alone.
-    """
-
-    def __init__(self, function: types.Function, any_order: bool) -> None:
-        self._any_order = any_order
-        self._answers: dict[Any, Any] = {}
-        super().__init__(function.templates)
-
-    @property
-    def key(self) -> Any:
-        """What numba tells types apart by."""
-        return *super().key, self._any_order
-
-    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-        """Signature of a call."""
-        if kws:
-            return super().get_call_type(context, args, kws)
-        if args not in self._answers:
-            self._answers[args] = super().get_call_type(context, args, kws)
-        return self._answers[args]
-
-
-register_model(_Known)(OpaqueModel)  # a value of nothing, as before
-
-# For the life of the process.
-_KNOWN: dict[tuple[types.Function, bool], _Known] = {}
-
-
-class _Remembering(Context):
-    """The types that numba knows, another view of the same table."""
-
-    _any_order: bool
-
-    def __init__(self, table: Context, any_order: bool) -> None:
-        self.__dict__ = table.__dict__ | {"_any_order": any_order}
-
-    def refresh(self) -> None:
-        """Nothing: the table itself has been."""
-
-    def _lookup_global(self, gv: Any) -> Any:
-        found = super()._lookup_global(gv)
-        if type(found) is not types.Function:
-            return found
-        key = found, self._any_order
-        if key not in _KNOWN:
-            _KNOWN[key] = _Known(*key)
-        return _KNOWN[key]
-
-
 # What kernels need of numba's passes. Others look for what no kernel has (closures, exceptions,
 # loops over tuples of several types, arguments that are None, variables that change their type),
 # and take their time to find that out.
@@ -268,7 +130,7 @@ class InnerCompiler(compiler.CompilerBase):
 
     def __init__(self, typingctx: Any, *arguments: Any) -> None:
         super().__init__(typingctx, *arguments)
-        table = _Remembering(typingctx, bool(self.state.flags.fastmath))
+        table = RememberingContext(typingctx, bool(self.state.flags.fastmath))
         self.state.typingctx = self.state.targetctx.typing_context = table
         # As for types: it looks for new registries whenever one has no answer.
         self.state.targetctx.refresh = table.refresh
@@ -295,7 +157,7 @@ class _DoorCompiler(compiler.CompilerBase):
             arguments, context = tuple(self.state.args), self.state.targetctx
             self._inner.compile(arguments)
             kernel = self._inner.overloads[arguments]
-            library = _DoorLibrary(context.codegen(), func.__qualname__)
+            library = DoorLibrary(context.codegen(), func.__qualname__)
             library.enable_object_caching()
             library.add_linking_library(kernel.library)
             with context.push_code_library(library):
