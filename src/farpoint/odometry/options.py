@@ -21,7 +21,7 @@ class OdometryOptions:
         How points are found and followed.
     pose : RelativePoseOptions
         How the motion is estimated from them. By default `shared_error_px` is 0.002: what the
-        tracker's windows were seen to have in common on rendered streets.
+        tracker's windows were seen to have in common on rendered streets; and `half_deals` is 8.
     path : PathOptions
         How motions are strung together.
     seed : int
@@ -30,7 +30,7 @@ class OdometryOptions:
 
     tracker: TrackerOptions = field(default_factory=TrackerOptions)
     pose: RelativePoseOptions = field(
-        default_factory=lambda: RelativePoseOptions(shared_error_px=0.002)
+        default_factory=lambda: RelativePoseOptions(shared_error_px=0.002, half_deals=8)
     )
     path: PathOptions = field(default_factory=PathOptions)
     seed: int = 0

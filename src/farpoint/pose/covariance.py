@@ -7,15 +7,21 @@ import math
 import numpy as np
 
 from farpoint._kernels.covariance import covariance_around
-from farpoint.pose.fits import MovingFit, seen_by
+from farpoint._kernels.halves import disagreement
+from farpoint._kernels.pose import PackedMatches, Pose
+from farpoint.pose.fits import MIN_VARIANCE, MovingFit, seen_by
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 
-__all__ = ["moving_covariance", "shared_covariance"]
+__all__ = ["growth_by_halves", "moving_covariance", "shared_covariance"]
 
 # Up to this sigma of the direction over both axes, rad, all poses that the covariance allows tell
 # about the same.
 STRAIGHT_SIGMA = math.radians(1.5)
+# Degrees of freedom that the covariance as computed counts, beside what halves show of it.
+COMPUTED = 20.0
+# Fewer matches make no halves.
+LEAST_MATCHES = 30
 
 
 def moving_covariance(fit: MovingFit) -> np.ndarray:
@@ -35,6 +41,27 @@ def moving_covariance(fit: MovingFit) -> np.ndarray:
     if STRAIGHT_SIGMA**2 < covariance[3, 3] + covariance[4, 4] < math.inf:
         covariance = _averaged(fit, covariance)
     return positive(covariance)
+
+
+def growth_by_halves(fit: MovingFit, deals: int) -> float:
+    """How much larger a covariance is than computed, as halves of the matches show it.
+
+    Tracks of one surface err together: some surfaces ask for another motion than others, and which
+    of them a pose follows is decided by few. Then half of the tracks lead to a pose farther from
+    that of the other half than their noise would take it (delete-d jackknife: Shao and Wu, Ann.
+    Stat. 17, 1989, DOI 10.1214/aos/1176347263). 1 without ``deals``, and for few matches.
+    """
+    matches = fit.matches
+    if deals == 0 or len(matches) < LEAST_MATCHES or not math.isfinite(fit.covariance[0, 0]):
+        return 1.0
+    packed = PackedMatches(
+        matches.pairs, fit.said[0], len(matches), matches.spread, MIN_VARIANCE, gives_way=True
+    )
+    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    pose = Pose(R, t, fit.noise.array, np.empty((6, 6)), np.empty(1))
+    shown = disagreement(packed, pose, fit.covariance, deals, np.zeros(1, np.uint64))
+    freedom = 5.0 * deals
+    return (COMPUTED + freedom * shown) / (COMPUTED + freedom)
 
 
 def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:

@@ -38,6 +38,9 @@ class RelativePoseOptions:
     shared_error_px : float
         1-sigma, px, by which all matches may be off in one way: no number of them averages it away,
         and the covariance of the rotation is never less. As `matching_tolerance_px` for rays.
+    half_deals : int
+        How often the matches are dealt into two halves, by whose poses the covariance is corrected.
+        For tracks: those of one surface err together.
     false_alarm_rate : float
         Probability, in (0, 1), with which a camera that only turned may be said to have moved, one
         that stood still to have turned, and chance to have been a consensus.
@@ -50,6 +53,7 @@ class RelativePoseOptions:
     min_iterations: int = 16
     max_iterations: int = 2000
     shared_error_px: float = 0.0
+    half_deals: int = 0
     false_alarm_rate: float = 1e-3
 
     def __post_init__(self) -> None:
@@ -58,7 +62,7 @@ class RelativePoseOptions:
         for name in ("confidence", "false_alarm_rate"):
             _check(self, name, float, "a probability in (0, 1)", lambda value: 0 < value < 1)
         _check(self, "shared_error_px", float, "0 px or more", lambda value: value >= 0)
-        for name in ("min_iterations", "max_iterations"):
+        for name in ("min_iterations", "max_iterations", "half_deals"):
             _check(self, name, int, "a whole number, 0 or more", lambda value: value >= 0)
         if self.min_iterations > self.max_iterations:
             raise InputError(

@@ -17,7 +17,7 @@ from farpoint.pose import conclusion
 from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma, fixes_rotation
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import Course, given_labels, label_matches
-from farpoint.pose.covariance import moving_covariance, shared_covariance
+from farpoint.pose.covariance import growth_by_halves, moving_covariance, shared_covariance
 from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning, refit_moving
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
@@ -176,6 +176,7 @@ def _conclude_moving(
     if not is_motion(fit, rate):
         return conclusion.no_consensus(matches, fit.agreeing, course)
     fit, covariance, rival = hold_against_rivals(fit, other, tolerance, rate)
+    covariance *= growth_by_halves(fit, options.half_deals)
     if options.shared_error_px > 0.0:
         covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
@@ -188,8 +189,8 @@ def _conclude_moving(
     rotation_covariance = covariance[:3, :3]
     between = "" if rival is None else rival.said_beside(fit)
     if rival is not None and not rival.is_nearby(fit):
-        other_R = rival.R_cam1_from_cam0
-        return _rotation_alone(fit, between, rotation_covariance, other_R, labels, course)
+        doubtful = rotation_covariance + rival.doubt_of_rotation(fit)
+        return _rotation_alone(fit, between, doubtful, labels, course)
     is_vague = sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - rate
     if is_vague or not fit.shows_direction:
         reason = (
@@ -200,7 +201,8 @@ def _conclude_moving(
             else "The flow beyond the rotation is too short: most of it is noise."
         )
         other_R = fit_turning(matches, fit.far_rotation_cam1_from_cam0, tolerance).R_cam1_from_cam0
-        return _rotation_alone(fit, reason, rotation_covariance, other_R, labels, course)
+        doubtful = rotation_covariance + _doubt_of_rotation(fit.R_cam1_from_cam0, other_R)
+        return _rotation_alone(fit, reason, doubtful, labels, course)
     return conclusion.observed(
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
@@ -217,16 +219,15 @@ def _rotation_alone(
     fit: MovingFit,
     reason: str,
     covariance: np.ndarray,
-    other_R: np.ndarray,
     labels: np.ndarray,
     course: Course,
 ) -> RelativePose:
-    """The rotation of a motion whose direction cannot be told, and that may be the other one."""
+    """The rotation of a motion whose direction cannot be told."""
     return conclusion.turned(
         PoseStatus.ROTATION_ONLY,
         reason,
         fit.R_cam1_from_cam0,
-        covariance + _doubt_of_rotation(fit.R_cam1_from_cam0, other_R),
+        covariance,
         labels,
         fit.noise.mean_sigma,
         course,
