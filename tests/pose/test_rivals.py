@@ -6,14 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pose_kit import estimate, point_scene
+from pose_kit import estimate, point_scene, rotation_error
+from scipy.stats import chi2
 
-from farpoint import PoseStatus, RelativePoseOptions
+from farpoint import PoseStatus, RelativePose, RelativePoseOptions
 from farpoint._kernels.pose import Pose
 from farpoint._kernels.twins import layer_twin
+from farpoint.bench.scenes import draw_scenes
+from farpoint.geometry import so3
 from farpoint.pose import relative_pose, rivals
 from farpoint.pose.fits import fit_moving, refit_moving
 from farpoint.pose.matches import matches_from_points
+from farpoint.synthetic import PointScene
 
 AHEAD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 
@@ -94,6 +98,44 @@ def test_a_motion_that_the_search_has_met_is_judged(fit, met):
     np.testing.assert_array_equal(other.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
     assert met(np.inf)[1] is None
     assert rivals.likelier_met(replace(fit, rival=None))[1] is None
+
+
+def test_a_rotation_with_a_rival_is_doubted_most_about_the_axis_between_them(fit):
+    turn = np.radians([0.3, -0.2, 0.1])
+    R = so3.exp(turn) @ fit.R_cam1_from_cam0
+    doubt = rivals.OtherMotion(R, UP, 3.0, "").doubt_of_rotation(fit)
+    values, axes = np.linalg.eigh(doubt)
+    square = turn @ turn
+    # The mean square error is that of two that are as likely.
+    assert np.trace(doubt) == pytest.approx(0.5 * square)
+    np.testing.assert_allclose(values[:2], 0.5 * 0.1 / 3.0 * square)
+    assert abs(axes[:, 2] @ turn) == pytest.approx(np.sqrt(square))
+
+
+@pytest.fixture(scope="module")
+def ambiguous() -> list[tuple[PointScene, RelativePose]]:
+    """Of 500 scenes with 90 matches and 2 px, 5 cm: those that allow two motions."""
+    grid = {"far_share": 0.0, "matches": 90, "outliers": 18, "noise_px": 2.0}
+    scenes = draw_scenes(500, np.random.default_rng(2), baseline_m=0.05, **grid)
+    poses = [(scene, estimate(scene)) for scene in scenes]
+    # A second motion nearby is in the covariance of the first.
+    return [
+        (scene, pose)
+        for scene, pose in poses
+        if "two motions" in pose.reason and pose.status is PoseStatus.ROTATION_ONLY
+    ]
+
+
+def test_rotations_with_a_rival_are_as_doubtful_as_said(ambiguous):
+    nees = []
+    for scene, pose in ambiguous:
+        error = rotation_error(pose, scene.rotation_cam1_from_cam0)
+        nees.append(error @ np.linalg.solve(pose.rotation_covariance, error))
+    # 0.99 and 0.92; without the doubt 0.8 and 0.6, and 0.98 in both where it is as large about every
+    # axis as about the one between the two.
+    assert len(nees) > 60
+    assert np.mean(np.array(nees) < chi2.ppf(0.95, 3)) > 0.92
+    assert 0.75 < np.mean(np.array(nees) < chi2.ppf(0.68, 3)) < 0.95
 
 
 @pytest.mark.parametrize("looks_elsewhere", [True, False])
