@@ -131,8 +131,8 @@ def test_rotations_with_a_rival_are_as_doubtful_as_said(ambiguous):
     for scene, pose in ambiguous:
         error = rotation_error(pose, scene.rotation_cam1_from_cam0)
         nees.append(error @ np.linalg.solve(pose.rotation_covariance, error))
-    # 0.99 and 0.92; without the doubt 0.8 and 0.6, and 0.98 in both where it is as large about every
-    # axis as about the one between the two.
+    # 0.99 and 0.92; without the doubt 0.8 and 0.6, and 0.98 in both where it is as large about
+    # every axis as about the one between the two.
     assert len(nees) > 60
     assert np.mean(np.array(nees) < chi2.ppf(0.95, 3)) > 0.92
     assert 0.75 < np.mean(np.array(nees) < chi2.ppf(0.68, 3)) < 0.95

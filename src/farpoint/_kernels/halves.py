@@ -36,12 +36,8 @@ def disagreement(
     inverse, positive = inverse_square(covariance)
     if not positive:
         return 1.0
-    middle, total = matches.total // 2, 0.0
-    rows, first, second = (
-        _in_order(matches.total),
-        _in_order(middle),
-        _in_order(matches.total - middle),
-    )
+    count, middle, total = matches.total, matches.total // 2, 0.0
+    rows, first, second = _in_order(count), _in_order(middle), _in_order(count - middle)
     one = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
     other = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
     for _ in range(deals):
