@@ -57,7 +57,7 @@ def test_a_match_where_no_right_one_lies_is_wrong():
         agrees = estimate(scene).labels > 0
         captured.append(np.count_nonzero(agrees & scene.is_outlier))
         lost.append(np.count_nonzero(~agrees & ~scene.is_outlier))
-    assert np.mean(captured) < 1.3
+    assert 0.8 < np.mean(captured) < 1.3
     assert np.mean(lost) < 0.5
 
 

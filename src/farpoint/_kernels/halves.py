@@ -18,6 +18,7 @@ __all__ = ["disagreement"]
 
 # No deal counts as more than so many times what is expected of it.
 MOST = 50.0
+# A step from a half's pose that promises less, in log likelihood, is far within its noise.
 FINE = 1e-2
 MAX_REFINEMENTS = np.int64(10)
 

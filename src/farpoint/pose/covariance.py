@@ -8,8 +8,8 @@ import numpy as np
 
 from farpoint._kernels.covariance import covariance_around
 from farpoint._kernels.halves import disagreement
-from farpoint._kernels.pose import PackedMatches, Pose
-from farpoint.pose.fits import MIN_VARIANCE, MovingFit, seen_by
+from farpoint._kernels.pose import PackedMatches
+from farpoint.pose.fits import MIN_VARIANCE, MovingFit, pose_of, seen_by
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 
@@ -49,7 +49,7 @@ def growth_by_halves(fit: MovingFit, deals: int) -> float:
     Tracks of one surface err together: some surfaces ask for another motion than others, and which
     of them a pose follows is decided by few. Then half of the tracks lead to a pose farther from
     that of the other half than their noise would take it (delete-d jackknife: Shao and Wu, Ann.
-    Stat. 17, 1989, DOI 10.1214/aos/1176347263). 1 without ``deals``, and for few matches.
+    Stat. 17, 1989, DOI 10.1214/aos/1176347263). A factor: 1 without ``deals``, and for few matches.
     """
     matches = fit.matches
     if deals == 0 or len(matches) < LEAST_MATCHES or not math.isfinite(fit.covariance[0, 0]):
@@ -57,9 +57,8 @@ def growth_by_halves(fit: MovingFit, deals: int) -> float:
     packed = PackedMatches(
         matches.pairs, fit.said[0], len(matches), matches.spread, MIN_VARIANCE, gives_way=True
     )
-    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
-    pose = Pose(R, t, fit.noise.array, np.empty((6, 6)), np.empty(1))
-    shown = disagreement(packed, pose, fit.covariance, deals, np.zeros(1, np.uint64))
+    state = np.zeros(1, np.uint64)
+    shown = disagreement(packed, pose_of(fit), fit.covariance, deals, state)
     freedom = 5.0 * deals
     return (COMPUTED + freedom * shown) / (COMPUTED + freedom)
 

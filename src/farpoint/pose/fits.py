@@ -19,7 +19,7 @@ from farpoint._kernels.likelihood import explain
 from farpoint._kernels.mixture import clutter_density, mean_variance
 from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
-from farpoint._kernels.pose import PackedMatches, Seen
+from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.information import symmetric_inverse
@@ -31,6 +31,7 @@ __all__ = [
     "TurningFit",
     "fit_moving",
     "fit_turning",
+    "pose_of",
     "refit_moving",
     "residuals",
     "seen_by",
@@ -274,6 +275,12 @@ def seen_by(fit: MovingFit, pairs: np.ndarray, prior: np.ndarray) -> Seen:
         noise.array,
         clutter_density(noise.variance, noise.wrong, fit.matches.spread),
     )
+
+
+def pose_of(fit: MovingFit) -> Pose:
+    """The motion, as the kernels take it."""
+    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    return Pose(R, t, fit.noise.array, np.empty((6, 6)), np.empty(1))
 
 
 def _least_signal(matches: Matches) -> float:

@@ -39,8 +39,8 @@ class RelativePoseOptions:
         1-sigma, px, by which all matches may be off in one way: no number of them averages it away,
         and the covariance of the rotation is never less. As `matching_tolerance_px` for rays.
     half_deals : int
-        How often the matches are dealt into two halves, by whose poses the covariance is corrected.
-        For tracks: those of one surface err together.
+        How often the matches are dealt into two halves, by whose poses the covariance is corrected;
+        0 for never. For tracks: those of one surface err together.
     false_alarm_rate : float
         Probability, in (0, 1), with which a camera that only turned may be said to have moved, one
         that stood still to have turned, and chance to have been a consensus.

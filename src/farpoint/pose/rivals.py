@@ -16,7 +16,7 @@ from farpoint.geometry import so3
 from farpoint.geometry.sphere import angle_between, tangent_basis
 from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma
 from farpoint.pose.covariance import moving_covariance
-from farpoint.pose.fits import MIN_VARIANCE, MovingFit, fit_turning, refit_moving
+from farpoint.pose.fits import MIN_VARIANCE, MovingFit, fit_turning, pose_of, refit_moving
 
 __all__ = [
     "Held",
@@ -161,7 +161,7 @@ def likelier_met(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
         return fit, None
     R, t = (each.copy() for each in fit.rival)
     rival = Pose(R, t, np.empty(3), np.empty((6, 6)), np.empty(1))
-    against = judge_rival(_some(fit, MORE), _pose_of(fit), rival)
+    against = judge_rival(_some(fit, MORE), pose_of(fit), rival)
     return _likelier(fit, _other(rival, against, ELSEWHERE) if against < np.inf else None)
 
 
@@ -194,7 +194,7 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
 
 
 def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
-    pose, rival = _pose_of(fit), _some_pose()
+    pose, rival = pose_of(fit), _some_pose()
     against = nearest_rival(_some(fit, MAX_SEARCHED), pose, R_start, rival)
     if against < DOUBT and len(fit.matches) > MAX_SEARCHED:
         against = judge_rival(_some(fit, MORE), pose, rival)
@@ -202,7 +202,7 @@ def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
 
 
 def _other_of_plane(fit: MovingFit) -> OtherMotion | None:
-    pose, other = _pose_of(fit), _some_pose()
+    pose, other = pose_of(fit), _some_pose()
     is_rival, against = other_motion(_some(fit, MAX_SEARCHED), pose, other)
     if is_rival and against < DOUBT and len(fit.matches) > MAX_SEARCHED:
         is_rival, against = other_motion(_some(fit, MORE), pose, other)
@@ -221,12 +221,6 @@ def _some(fit: MovingFit, most: int) -> PackedMatches:
     return PackedMatches(
         seen.pairs, seen.weights(), len(seen), seen.spread, MIN_VARIANCE, gives_way=False
     )
-
-
-def _pose_of(fit: MovingFit) -> Pose:
-    """The motion, as the kernels take it."""
-    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
-    return Pose(R, t, fit.noise.array, np.empty((6, 6)), np.empty(1))
 
 
 def _some_pose() -> Pose:
