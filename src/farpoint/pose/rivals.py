@@ -39,30 +39,15 @@ MORE = 4 * MAX_SEARCHED
 # Two motions whose directions are as near as this are one, the less sure.
 COS_NEARBY = math.cos(math.radians(10.0))
 
+# Share of a difference of log likelihoods that tells the odds of two motions. Each is free along
+# other lines, and so counts another part of the same noise: a second one of 5 to 7 less is the
+# right one in 3 of 100 simulated scenes, not in 1 of 400.
+HEARD = 0.5
 # Share of the doubt between two rotations along the axis on which they differ.
 ALONG = 0.9
 
-
-class Ambiguity(NamedTuple):
-    """A way in which matches can allow two motions.
-
-    Attributes
-    ----------
-    said : str
-        Of it to a person.
-    heard : float
-        Share of a difference of log likelihoods that tells the odds of the two.
-    """
-
-    said: str
-    heard: float
-
-
-# Whatever the relief and the noise of a plane: such odds are what they say.
-PLANE = Ambiguity("A plane explains the matches and allows two motions", 1.0)
-# Each motion is free along other lines, and so counts another part of the same noise. A second one
-# of 5 to 7 less log likelihood is the right one in 3 of 100 simulated scenes, not in 1 of 400.
-ELSEWHERE = Ambiguity("Two motions explain the matches", 0.5)
+PLANE = "A plane explains the matches and allows two motions"
+ELSEWHERE = "Two motions explain the matches"
 
 
 class OtherMotion(NamedTuple):
@@ -74,14 +59,14 @@ class OtherMotion(NamedTuple):
     direction_cam1_from_cam0 : ndarray, shape (3,)
     against : float
         By how much the log likelihood of the first motion is larger, as far as it is not chance.
-    ambiguity : Ambiguity
+    because : str
         Why there are two.
     """
 
     R_cam1_from_cam0: np.ndarray
     direction_cam1_from_cam0: np.ndarray
     against: float
-    ambiguity: Ambiguity
+    because: str
 
     def is_nearby(self, fit: MovingFit) -> bool:
         """Whether it goes about the same way."""
@@ -91,7 +76,7 @@ class OtherMotion(NamedTuple):
     def said_beside(self, fit: MovingFit) -> str:
         """A sentence of why there are two, and how far they are apart."""
         apart = angle_between(self.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
-        return f"{self.ambiguity.said}, whose directions are {math.degrees(apart):.0f} deg apart."
+        return f"{self.because}, whose directions are {math.degrees(apart):.0f} deg apart."
 
     def doubt_of(self, fit: MovingFit) -> np.ndarray:
         """Covariance (5, 5), rad^2, of a motion that may as well be this one."""
@@ -115,8 +100,7 @@ class OtherMotion(NamedTuple):
 
         Where that may be misstated by a factor, so may be the logarithm of a likelihood.
         """
-        odds = self.ambiguity.heard * self.against / doubt
-        return 1.0 / (1.0 + math.exp(min(odds, 700.0)))
+        return 1.0 / (1.0 + math.exp(min(HEARD * self.against / doubt, 700.0)))
 
     def _turn_from(self, fit: MovingFit) -> np.ndarray:
         return so3.log(self.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T)
@@ -217,7 +201,7 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         R_cam1_from_cam0=other.R_cam1_from_cam0,
         direction_cam1_from_cam0=other.direction_cam1_from_cam0,
     )
-    return refit_moving(fit.matches, start), OtherMotion(R, t, -other.against, other.ambiguity)
+    return refit_moving(fit.matches, start), OtherMotion(R, t, -other.against, other.because)
 
 
 def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
@@ -236,8 +220,8 @@ def _other_of_plane(fit: MovingFit) -> OtherMotion | None:
     return _other(other, against, PLANE) if is_rival else None
 
 
-def _other(pose: Pose, against: float, ambiguity: Ambiguity) -> OtherMotion:
-    return OtherMotion(pose.R, pose.t, against, ambiguity)
+def _other(pose: Pose, against: float, because: str) -> OtherMotion:
+    return OtherMotion(pose.R, pose.t, against, because)
 
 
 def _some(fit: MovingFit, most: int) -> PackedMatches:
