@@ -100,7 +100,7 @@ class OtherMotion(NamedTuple):
 
         Where that may be misstated by a factor, so may be the logarithm of a likelihood.
         """
-        return 1.0 / (1.0 + math.exp(min(HEARD * self.against / doubt, 700.0)))
+        return 1.0 / (1.0 + math.exp(HEARD * self.against / doubt))
 
     def _turn_from(self, fit: MovingFit) -> np.ndarray:
         return so3.log(self.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T)
