@@ -55,6 +55,12 @@ def matches_of(
     return PackedMatches(view.pairs, prior, view.size, spread, 1e-6, gives_way)
 
 
+def spread_of(mixture: np.ndarray, clutter: float) -> float:
+    """With which wrong matches have this density over that of good ones, if none is repeated."""
+    variance, wrong, *_ = mixture
+    return wrong / (1.0 - wrong) * np.sqrt(2.0 * np.pi * variance) / (2.0 * clutter)
+
+
 def pose_of(R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> Pose:
     """A copy of them, with room for what it costs."""
     return Pose(R.copy(), t.copy(), mixture.copy(), np.full((6, 6), np.nan), np.full(1, np.nan))

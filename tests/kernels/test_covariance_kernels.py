@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 import scipy.linalg
-from kernels_kit import View, packed, two_views
+from kernels_kit import View, packed, spread_of, two_views
 from scipy.stats import chi2, f
 
 from farpoint._kernels import covariance
@@ -29,7 +29,7 @@ from farpoint._kernels.pose import Seen
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
 
-MIXTURE, CLUTTER, RIGHT = np.array([1.3, 0.1, 0.2]), 0.05, 50.0
+MIXTURE, CLUTTER, RIGHT = np.array([1.3, 0.1, 0.2, 0.0]), 0.05, 50.0
 SPHERE = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 
 
@@ -54,7 +54,9 @@ def sure_by(right: float, alike: float) -> float:
 
 
 def seen_of(view: View) -> Seen:
-    return Seen(view.pairs, packed(np.ones(view.size)), view.R, view.t, MIXTURE, CLUTTER)
+    return Seen(
+        view.pairs, packed(np.ones(view.size)), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER)
+    )
 
 
 def here(
@@ -126,7 +128,8 @@ def test_matches_that_may_all_be_right_or_wrong_leave_the_pose_open(predicted):
     R, t = matrix(view.R), vector(view.t)
     off = np.array([abs(sampson(view.pairs, address(i), R, t)) for i in range(view.size)])
     doubtful = packed((off > 2.5) & (off < 3.0))
-    seen = Seen(view.pairs, doubtful, view.R, view.t, np.array([1.0, 0.1, 0.01]), 0.02)
+    mixture = np.array([1.0, 0.1, 0.01, 0.0])
+    seen = Seen(view.pairs, doubtful, view.R, view.t, mixture, spread_of(mixture, 0.02))
     spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
     assert information(seen, predicted, *spare)[0] < 0.0
     assert not here_by(seen, RIGHT, predicted, SIGNAL, out)

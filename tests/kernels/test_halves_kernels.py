@@ -13,7 +13,7 @@ from farpoint._kernels.pairs import LANES, PANEL, packed_length, take_pairs
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry import so3, sphere
 
-MIXTURE = np.array([1.0, 0.02, 0.02])
+MIXTURE = np.array([1.0, 0.02, 0.02, 0.02])
 SPREAD = 500.0
 DEALS = np.int64(8)
 
@@ -79,9 +79,9 @@ def mean_disagreement(apart_rad: float) -> float:
 
 
 def test_halves_disagree_where_matches_ask_for_two_motions():
-    # 1.3 and 7: halves of 30 matches are curved, and which motion they follow is decided by few.
+    # 1.3 and 5: halves of 30 matches are curved, and which motion they follow is decided by few.
     assert 0.9 < mean_disagreement(0.0) < 1.6
-    assert mean_disagreement(0.04) > 3.0
+    assert mean_disagreement(0.06) > 3.0
 
 
 def test_a_covariance_that_is_too_small_shows():

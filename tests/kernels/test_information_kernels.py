@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from kernels_kit import View, packed, two_views
+from kernels_kit import View, packed, spread_of, two_views
 
 from farpoint._kernels import epipolar, likelihood
 from farpoint._kernels.compile import kernel
@@ -17,7 +17,7 @@ from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
 
 VARIANCE, POOR, CLUTTER = 1.3, 0.2, 0.05
-MIXTURE = np.array([VARIANCE, 0.1, POOR])
+MIXTURE = np.array([VARIANCE, 0.1, POOR, 0.0])
 
 
 @kernel
@@ -44,7 +44,7 @@ class Informed(NamedTuple):
 
 def informed(view: View, prior: np.ndarray, predicted: bool = False) -> Informed:
     told = np.full((6, 6), np.nan), *np.full((2, 5, 5), np.nan)
-    seen = Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER)
+    seen = Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER))
     return Informed(*information(seen, predicted, *told), *told)
 
 
@@ -86,10 +86,10 @@ def test_a_match_that_tells_little_is_heard_as_the_gauss_newton_matrix_does():
     prior = np.random.default_rng(3).uniform(0.5, 2.0, 400)
     normal = np.empty((6, 6))
     likelihood.linearize(
-        Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, CLUTTER),
+        Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER)),
         False,
         normal,
-        np.empty(3),
+        np.empty(4),
     )
     scale = np.sqrt(normal.diagonal())
     away = (informed(view, prior).normal - normal) / np.outer(scale, scale)

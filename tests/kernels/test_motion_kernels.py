@@ -16,7 +16,6 @@ from farpoint._kernels.contest import NEAR, is_rival
 from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain, refine_pose
-from farpoint._kernels.mixture import clutter_density
 from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pose import Pose, Seen
 from farpoint.geometry import so3
@@ -41,10 +40,12 @@ def nothing_found(view: View) -> Found:
         R_far=np.eye(3),
         R=np.empty((3, 3)),
         t=np.empty(3),
-        mixture=np.empty(3),
+        mixture=np.empty(4),
         said=said,
         labels=np.full(view.size, 9, np.uint8),
         covariance=np.full((5, 5), np.nan),
+        R_second=np.full((3, 3), np.nan),
+        t_second=np.full(3, np.nan),
         R_rival=np.full((3, 3), np.nan),
         t_rival=np.full(3, np.nan),
         grown=np.full_like(view.pairs, np.nan),
@@ -56,7 +57,7 @@ def find(
 ) -> tuple[Found, int, Settled]:
     found, state = nothing_found(view), np.array([seed], np.uint64)
     matches = matches_of(view, SPREAD, found.said[0], gives_way=True)
-    iterations, _, _, settled = fit_motion(matches, EFFORT, least_signal, state, found)
+    iterations, *_, settled = fit_motion(matches, EFFORT, least_signal, state, found)
     assert np.isfinite(settled).all()
     return found, iterations, settled
 
@@ -129,8 +130,7 @@ def test_of_many_matches_every_so_manieth_is_searched():
 
 
 def seen_by(pairs: np.ndarray, found: Found) -> Seen:
-    clutter = clutter_density(found.mixture[0], found.mixture[1], SPREAD)
-    return Seen(pairs, found.said[0], found.R, found.t, found.mixture, clutter)
+    return Seen(pairs, found.said[0], found.R, found.t, found.mixture, SPREAD)
 
 
 def test_how_sure_the_motion_is_goes_by_how_many_are_right():
@@ -209,7 +209,7 @@ def met(view: View, seed: int) -> Found | None:
     """The motion found, if the search has met another one."""
     found, state = nothing_found(view), np.array([seed], np.uint64)
     matches = matches_of(view, SPREAD, found.said[0], gives_way=True)
-    _, _, has_met, _ = fit_motion(matches, EFFORT, LEAST_SIGNAL, state, found)
+    _, _, has_met, *_ = fit_motion(matches, EFFORT, LEAST_SIGNAL, state, found)
     assert has_met or not np.isfinite(found.t_rival).all() or found.t_rival @ found.t < 1.0
     return found if has_met else None
 
@@ -222,7 +222,7 @@ def near(rival: Pose, best: Pose) -> bool:
 def test_a_pose_that_has_lost_is_a_rival_if_it_comes_near_the_best_elsewhere():
     def pose(cost: float, angle: float) -> Pose:
         t = np.array([np.sin(angle), 0.0, np.cos(angle)])
-        return Pose(np.eye(3), t, np.ones(3), np.eye(6), np.array([cost]))
+        return Pose(np.eye(3), t, np.ones(4), np.eye(6), np.array([cost]))
 
     best = pose(10.0, 0.0)
     assert near(pose(10.0 + NEAR - 1.0, 0.4), best)
@@ -260,7 +260,7 @@ def test_the_same_seed_gives_the_same_motion():
 def test_of_matches_at_one_place_nothing_is_sure():
     view = two_views(6, 60, noise_rad=1e-3)
     view.rays0[:], view.rays1[:] = view.rays0[0], view.rays1[0]
-    mixture = np.array([1.0, 0.05, 0.05])
+    mixture = np.array([1.0, 0.05, 0.05, 0.05])
     found = nothing_found(view)._replace(R=view.R.copy(), t=view.t.copy(), mixture=mixture)
     settle_motion(matches_of(view, SPREAD, found.said[0], gives_way=True), LEAST_SIGNAL, found)
     assert not np.isnan(found.covariance).any()

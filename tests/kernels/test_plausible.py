@@ -91,6 +91,12 @@ def test_the_prior_is_the_density_of_the_others_over_that_of_wrong_ones(sigma):
     np.testing.assert_allclose(prior_at(sigma * probes, sigma * right, sigma), expected, rtol=1e-5)
 
 
+def test_no_match_is_so_implausible_that_it_is_left_out():
+    # A prior of 0 leaves a match out, and costs nothing: poses with many of those would win.
+    right = np.random.default_rng(3).gamma(2.0, 12.0, 80)
+    assert (prior_at(np.array([-1e6, 1e4, 1e9]), right) > 0.0).all()
+
+
 def test_all_that_is_plausible_is_one_match():
     right = np.random.default_rng(3).gamma(2.0, 12.0, 80)
     last, tail = beyond(right)

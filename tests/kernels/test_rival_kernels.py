@@ -32,7 +32,7 @@ def test_a_short_flow_has_a_rival(seed):
     view = two_views(
         seed, 40, error_rad=2e-3, noise_rad=2e-3, turn_rad=0.02, baseline_m=0.03, depth_m=(2.0, 3.0)
     )
-    mixture = np.array([1.0, 0.05, 0.05])
+    mixture = np.array([1.0, 0.05, 0.05, 0.05])
     cost_of(view, view.R, view.t, mixture)  # from here on it is the motion that fits
     against, rival = rival_of(view, mixture)
     t = rival.t
@@ -62,12 +62,12 @@ def test_a_short_flow_has_a_rival(seed):
 
 def test_a_long_flow_has_none_that_comes_near():
     view = two_views(1, 60, error_rad=1e-3, noise_rad=1e-3, turn_rad=0.05)
-    against, _ = rival_of(view, np.array([1.0, 0.05, 0.05]))
+    against, _ = rival_of(view, np.array([1.0, 0.05, 0.05, 0.05]))
     assert against > 50.0
 
 
 def judged(view: View, mixture: np.ndarray, R: np.ndarray, t: np.ndarray) -> float:
-    rival = pose_of(R, t, np.full(3, np.nan))
+    rival = pose_of(R, t, np.full(4, np.nan))
     own = pose_of(view.R, view.t, mixture)
     against = judge_rival(matches_of(view, SPREAD, gives_way=False), own, rival)
     R[:], t[:] = rival.R, rival.t
@@ -78,7 +78,7 @@ def test_more_matches_judge_a_rival_as_those_that_found_it_do():
     view = two_views(
         0, 40, error_rad=2e-3, noise_rad=2e-3, turn_rad=0.02, baseline_m=0.03, depth_m=(2.0, 3.0)
     )
-    mixture = np.array([1.0, 0.05, 0.05])
+    mixture = np.array([1.0, 0.05, 0.05, 0.05])
     cost_of(view, view.R, view.t, mixture)
     against, rival = rival_of(view, mixture)
     ended_R, ended_t = rival.R.copy(), rival.t.copy()
@@ -93,5 +93,5 @@ def test_more_matches_judge_a_rival_as_those_that_found_it_do():
 def test_what_leads_back_to_the_motion_is_no_rival_of_it():
     view = two_views(1, 60, error_rad=1e-3, noise_rad=1e-3, turn_rad=0.05)
     off_R, off_t = moved(view.R, view.t, np.array([1e-3, -1e-3, 1e-3, 0.1, -0.1]))
-    assert judged(view, np.array([1.0, 0.05, 0.05]), off_R, off_t) == np.inf
+    assert judged(view, np.array([1.0, 0.05, 0.05, 0.05]), off_R, off_t) == np.inf
     assert off_t @ view.t > 0.999

@@ -335,10 +335,14 @@ def start_from(
 @pytest.mark.parametrize(
     ("best", "is_known"),
     # Noise of 0.3 units or of three, where two thirds of 20 matches are right, or only a sample.
-    [((0.09, 1 / 3, 0.1), True), ((9.0, 1 / 3, 0.1), False), ((0.09, 0.7, 0.1), False)],
+    [
+        ((0.09, 1 / 3, 0.1, 0.2), True),
+        ((9.0, 1 / 3, 0.1, 0.2), False),
+        ((0.09, 0.7, 0.1, 0.2), False),
+    ],
 )
 def test_no_hypothesis_starts_from_more_noise_than_where_nothing_is_known(best, is_known):
-    nothing, found = np.empty((2, 3))
+    nothing, found = np.empty((2, 4))
     matches = PackedMatches(np.empty(0), np.empty(0), 20, 100.0, 1e-6, gives_way=True)
     pose = Pose(np.eye(3), np.zeros(3), np.array(best), np.zeros((6, 6)), np.zeros(1))
     start_from(matches, pose, 3.0, nothing, found)

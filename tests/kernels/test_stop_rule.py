@@ -41,7 +41,7 @@ def drawn(monkeypatch):
         samples: list[int] = []
         shares = iter(wrong)
 
-        def challenge(_matches, _challenger, best, _rival):
+        def challenge(_matches, _challenger, best, _second, _rival):
             contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
             best.cost[0] -= gain
             return contest
@@ -56,6 +56,7 @@ def drawn(monkeypatch):
             "score_pose": lambda *_: scores[1] if samples else scores[0],
             "noise_of": lambda *given: given[-1].fill(1.0),
             "is_rival": lambda *_: False,
+            "is_close_second": lambda *_: False,
             "_search_twins": lambda *_: False,
         }
         nothing = "refine", "start_noise", "search_direction", "copy"
@@ -65,7 +66,7 @@ def drawn(monkeypatch):
         empty = np.ones(9)
         matches = PackedMatches(empty, empty, MATCHES, 100.0, 1e-6, gives_way=True)
         effort = five_rays.Effort(3.0, CONFIDENCE, least, most)
-        poses = (Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(2))
+        poses = (Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3))
         told, *_ = interpreted(search.search_pose)(matches, empty, effort, empty, *poses)
         assert told == len(samples)
         return len(samples)

@@ -269,22 +269,19 @@ def test_ten_right_matches_of_twenty_are_a_consensus(far_share):
     assert statuses(poses)[PoseStatus.FAILED] <= 8
 
 
-class _Twenty:
-    """Twenty matches, of which wrong ones fill a strip 200 sigma wide."""
-
-    spread = 100.0
-
-    def __len__(self) -> int:
-        return 20
-
-
 @pytest.mark.parametrize(
     ("agreeing", "more", "is_one"), [(6, 0.1, True), (6, -0.1, False), (5, 9.0, False)]
 )
 def test_a_motion_is_a_thousand_times_likelier_than_wrong_matches(agreeing, more, is_one):
-    wrong = math.log(2.0 * 100.0 / math.sqrt(2.0 * math.pi))
-    cost = wrong - (math.log(1000.0) + 30.0 + more) / 20.0
-    fit = SimpleNamespace(matches=_Twenty(), agreeing=agreeing, cost=cost, narrowness=30.0)
+    # A quarter of all matches are wrong: each of 20 is by so much likelier right.
+    each = (math.log(1000.0) + 30.0 + more) / 20.0
+    doubt = 0.25 * math.exp(-each)
+    fit = SimpleNamespace(
+        agreeing=agreeing,
+        noise=SimpleNamespace(wrong=0.25),
+        probability=np.full(20, 1.0 - doubt),
+        narrowness=30.0,
+    )
     assert is_motion(fit, 1e-3) is is_one
 
 

@@ -27,6 +27,7 @@ __all__ = [
     "START_WRONG",
     "challenge",
     "comes_near",
+    "is_close_second",
     "is_rival",
     "is_same",
     "narrowness",
@@ -55,9 +56,12 @@ GLANCE = np.int64(3)
 SAME = 2.0
 # Matches that agree with a pose by chance: the five of a sample, and one more.
 BY_CHANCE = 6.5
-# Shares of wrong and of poor matches that EM starts from.
+# Share of right matches up to which a pose explains none.
+LEAST_RIGHT = 0.1
+# Shares of wrong, of poor and of repeated matches that EM starts from.
 START_WRONG = 0.2
 START_POOR = 0.1
+START_REPEATED = 0.05
 
 
 @inner_kernel
@@ -74,9 +78,21 @@ def narrowness(normal: np.ndarray) -> float:
 
 @inner_kernel
 def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
-    """Improve a pose and judge it by the likelihood of the matches with the noise that it needs."""
+    """Improve a pose and judge it by the likelihood of the matches with the noise that it needs.
+
+    One that takes hardly any for right is no likelier than none, be they repeated about its lines.
+    """
     refine_pose(matches, COARSE, steps, pose)
     pose.cost[0] += narrowness(pose.normal)
+    if not _explains(pose):
+        none = matches.total * math.log(2.0 * matches.spread / math.sqrt(2.0 * math.pi))
+        pose.cost[0] = greater(pose.cost[0], none)
+
+
+@inner_kernel
+def _explains(pose: Pose) -> bool:
+    """Whether a pose takes more than hardly any match for right."""
+    return 1.0 - pose.mixture[1] > LEAST_RIGHT
 
 
 @inner_kernel
@@ -85,6 +101,7 @@ def start_noise(tolerance: float, mixture: np.ndarray) -> None:
     mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
     mixture[1] = START_WRONG
     mixture[2] = START_POOR
+    mixture[3] = START_REPEATED
 
 
 @inner_kernel
@@ -116,7 +133,7 @@ def unexplained(matches: PackedMatches, best: Pose, tolerance: float) -> float:
 @inner_kernel
 def is_same(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
     """Whether a pose is within the uncertainty of the best: the same minimum, on its way."""
-    if dot(vector(t), vector(best.t)) < 0.5:
+    if not _explains(best) or dot(vector(t), vector(best.t)) < 0.5:
         return False
     trace, distance2 = _apart(R, t, best.R, best.t, best.normal)
     return trace > 2.0 and distance2 < 2.0 * SAME
@@ -160,7 +177,7 @@ def _may_compete(matches: PackedMatches, challenger: Pose, best: Pose) -> bool:
 
     The first promise is a modest one: with each step more matches come within reach.
     """
-    normal, x, shares = challenger.normal, scratch(5), scratch(3)
+    normal, x, shares = challenger.normal, scratch(5), scratch(4)
     cost = judge_pose(matches, challenger, shares) + narrowness(normal)
     if not solve_five_spd(normal, 0.0, x):
         return False
@@ -177,17 +194,19 @@ def _may_compete(matches: PackedMatches, challenger: Pose, best: Pose) -> bool:
 @inner_kernel
 def comes_near(matches: PackedMatches, pose: Pose, best: Pose) -> bool:
     """Whether a pose, as it is, comes near the best."""
-    cost = judge_pose(matches, pose, scratch(3)) + narrowness(pose.normal)
+    cost = judge_pose(matches, pose, scratch(4)) + narrowness(pose.normal)
     return cost < best.cost[0] + NEAR
 
 
 @inner_kernel
-def challenge(matches: PackedMatches, challenger: Pose, best: Pose, rival: Pose) -> np.int64:
+def challenge(
+    matches: PackedMatches, challenger: Pose, best: Pose, second: Pose, rival: Pose
+) -> np.int64:
     """Refine a hypothesis that may compete, and keep it if it is better.
 
     Returns `NO_RIVAL`; or `RIVAL` if it comes near the best, or is better; or `EQUAL` if the two
-    come near each other and their directions do not. ``rival`` receives the one that has lost then,
-    if it is better than the one before.
+    come near each other and their directions do not. ``second`` receives the one that has lost
+    then, ``rival`` too if they are equal, if it is better than the one before.
     """
     if not _may_compete(matches, challenger, best):
         return NO_RIVAL
@@ -204,13 +223,19 @@ def challenge(matches: PackedMatches, challenger: Pose, best: Pose, rival: Pose)
     if _is_twisted(matches, challenger):
         return contest
     wins = challenger.cost[0] < best.cost[0]
-    if is_equal and wins:
-        _keep_better(best, rival)
-    elif is_equal:
-        _keep_better(challenger, rival)
+    loser = best if wins else challenger
+    _keep_better(loser, second)
+    if is_equal:
+        _keep_better(loser, rival)
     if wins:
         copy_pose(challenger, best)
     return contest
+
+
+@inner_kernel
+def is_close_second(second: Pose, best: Pose) -> bool:
+    """Whether a pose that has lost to an earlier one comes near the best, too, and is another."""
+    return second.cost[0] < best.cost[0] + NEAR and not is_same(second.R, second.t, best)
 
 
 @inner_kernel

@@ -221,7 +221,7 @@ def covariance_beside(
     copy(seen.R, moved_R)
     copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
-    moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.clutter)
+    moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.spread)
     share, alike = _learn(moved, predicted, normal, noise, scatter)
     known = _sure(right, alike) * share
     for i in range(5):

@@ -39,8 +39,8 @@ def disagreement(
         return 1.0
     count, middle, total = matches.total, matches.total // 2, 0.0
     rows, first, second = _in_order(count), _in_order(middle), _in_order(count - middle)
-    one = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
-    other = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    one = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
+    other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     for _ in range(deals):
         _deal(rows, state, first, second)
         _refine_by(matches, first, pose, one)

@@ -7,7 +7,7 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
 from farpoint._kernels.epipolar import flow_along, sampson_jacobian, variances
 from farpoint._kernels.formulas import choose, formula, greater, lesser, root
-from farpoint._kernels.mixture import densities, weight_of
+from farpoint._kernels.mixture import Clutter, clutter_at, clutter_of, densities, weight_of
 from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0, ray1
 from farpoint._kernels.pose import Seen
 from farpoint._kernels.scratch import room
@@ -128,7 +128,7 @@ def _tell(seen: Seen, told: np.ndarray) -> None:
     """Write down what each match tells."""
     turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
-    noise = 1.0 / seen.mixture[0], seen.mixture[2], seen.clutter
+    noise = 1.0 / seen.mixture[0], seen.mixture[2], clutter_of(seen.mixture, seen.spread)
     for panel in range(seen.prior.size // LANES):
         for lane in range(LANES):
             at, to = panel * PANEL + lane, panel * TOLD + lane
@@ -144,7 +144,7 @@ def _tell_of(
     R: Matrix,
     t: Vector,
     basis: tuple[Vector, Vector],
-    noise: tuple[float, float, float],
+    noise: tuple[float, float, Clutter],
     told: np.ndarray,
     to: int,
 ) -> None:
@@ -158,7 +158,8 @@ def _tell_of(
     good, fair, bad = densities(pairs, at, R, t, r, precision, poor, prior)
     flow, square = flow_along(m, ray1(pairs, at), t)
     elsewhere = square > EPIPOLE_SIGMA**2 / precision * flow_variance(pairs, at)
-    over = choose(elsewhere, 1.0 / (good + fair + bad + clutter), 0.0)
+    lost, _ = clutter_at(clutter, r)
+    over = choose(elsewhere, 1.0 / (good + fair + bad + lost), 0.0)
     w, w2 = weight_of(good, fair, bad) * over, weight_of(good, fair * 0.125, bad * 0.015625) * over
     g, v = variances(pairs, at, R, t)
     scale = 1.0 / root(g)

@@ -17,10 +17,12 @@ from farpoint._kernels.epipolar import (
 from farpoint._kernels.exponential import lane_log
 from farpoint._kernels.formulas import choose, formula, greater, root
 from farpoint._kernels.mixture import (
-    clutter_density,
+    clutter_at,
+    clutter_of,
     densities,
     may_retreat,
     mixture_cost,
+    repeated_share,
     retreat2,
     unusual,
     update_mixture,
@@ -54,14 +56,15 @@ def linearize(seen: Seen, gives_way: bool, normal: np.ndarray, shares: np.ndarra
     The cost is ``-sum log(prior (good + poor) + clutter)``. With J the Jacobian (N, 5) of the
     residuals r, ``normal`` (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the
     gradient in its last column, the squares in its corner. Where the pose ``gives_way`` to them,
-    the shifts of matches that retreat are residuals, too. ``shares`` (3,) receives the expected
-    number of right matches, of poor ones among them, and of those that are poorer still.
+    the shifts of matches that retreat are residuals, too. ``shares`` (4,) receives the expected
+    number of right matches, of poor ones among them, of those that are poorer still; and of
+    repeated ones among the wrong ones.
     """
-    pairs, prior, clutter = seen.pairs, seen.prior, seen.clutter
+    pairs, prior, clutter = seen.pairs, seen.prior, clutter_of(seen.mixture, seen.spread)
     turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
     precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
-    cost = used = right = doubtful = poorest = retreating = 0.0
+    cost = right = doubtful = poorest = repeated = retreating = 0.0
     sums = SIX
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
@@ -69,27 +72,29 @@ def linearize(seen: Seen, gives_way: bool, normal: np.ndarray, shares: np.ndarra
             row = sampson_jacobian(pairs, at, turn, towards, basis)
             _, _, _, _, _, residual = row
             good, fair, bad = densities(pairs, at, turn, towards, residual, precision, poor, share)
-            total = good + fair + bad + clutter
+            lost, near = clutter_at(clutter, residual)
+            total = good + fair + bad + lost
             over = 1.0 / total
-            cost -= lane_log(total)
-            used += 1.0 if share > 0.0 else 0.0
+            used = 1.0 if share > 0.0 else 0.0
+            cost -= used * lane_log(total)
             right += (good + fair + bad) * over
             doubtful += (fair + bad) * over
             poorest += bad * over
+            repeated += used * near * over
             retreat = retreat2(pairs, at, turn, towards, precision)
             retreating += choose(retreat > 0.0, (good + fair + bad) * over, 0.0)
             sums = add_square(sums, precision * weight_of(good, fair, bad) * over, row)
     write_square(sums, normal)
     if gives_way and retreating > FEW_RETREATING:
         add_retreats(seen, normal)
-    shares[0], shares[1], shares[2] = right, doubtful, poorest
-    return cost + (prior.size - used) * lane_log(clutter)
+    shares[0], shares[1], shares[2], shares[3] = right, doubtful, poorest, repeated
+    return cost
 
 
 @inner_kernel
 def add_retreats(seen: Seen, normal: np.ndarray) -> None:
     """Add the matches that retreat to the normal equations of `linearize`, by their shift."""
-    pairs, prior, clutter = seen.pairs, seen.prior, seen.clutter
+    pairs, prior, clutter = seen.pairs, seen.prior, clutter_of(seen.mixture, seen.spread)
     turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
     precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
@@ -101,7 +106,8 @@ def add_retreats(seen: Seen, normal: np.ndarray) -> None:
             continue
         residual = sampson(pairs, at, turn, towards)
         good, fair, bad = densities(pairs, at, turn, towards, residual, precision, poor, prior[i])
-        weight = precision * weight_of(good, fair, bad) / (good + fair + bad + clutter)
+        lost, _ = clutter_at(clutter, residual)
+        weight = precision * weight_of(good, fair, bad) / (good + fair + bad + lost)
         row = shift_jacobian(pairs, at, turn, towards, basis)
         add_to_square(weight, row, normal)
 
@@ -116,15 +122,15 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
     normal equations and the cost there.
     """
     mixture, normal = pose.mixture, pose.normal
-    x, shares, kept_shares = scratch(5), scratch(3), scratch(3)
-    best = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    x, shares, kept_shares = scratch(5), scratch(4), scratch(4)
+    best = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     count = float(matches.total)
     lowest = square = math.inf
     damping, haste = 0.0, 1.0
     for _ in range(max_iterations):
         variance = mixture[0]
         pose.cost[0] = judge_pose(matches, pose, shares)
-        judged = pose.cost[0] + unusual(mixture[2])
+        judged = pose.cost[0] + unusual(mixture[2]) + unusual(mixture[3])
         if judged > lowest + CLIMB:
             copy_pose(best, pose)
             # Either the noise or the pose went too far: the noise first.
@@ -137,6 +143,7 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
             damping *= 0.1
             square = normal[5, 5] * variance / greater(shares[0] - 5.0, 1.0)
         update_mixture(square, kept_shares, count, matches.min_variance, haste, mixture)
+        mixture[3] = repeated_share(kept_shares[3], count - kept_shares[0])
         while not solve_five_spd(normal, damping, x) and damping < 1e6:
             damping = greater(10.0 * damping, 1e-9)
         if not damping < 1e6:
@@ -155,8 +162,7 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
 def judge_pose(matches: PackedMatches, pose: Pose, shares: np.ndarray) -> float:
     """The negative log likelihood of a pose, with the rest as of `linearize`."""
     variance, wrong = pose.mixture[0], pose.mixture[1]
-    clutter = clutter_density(variance, wrong, matches.spread)
-    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, clutter)
+    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, matches.spread)
     cost = linearize(seen, matches.gives_way, pose.normal, shares)
     return cost + matches.total * mixture_cost(variance, wrong)
 
@@ -182,7 +188,7 @@ def explain(seen: Seen, residual: np.ndarray, parallax: np.ndarray, right: np.nd
     along the epipolar line in units of its own noise, both for unit noise, and ``right`` the
     probability of being right.
     """
-    pairs, prior, clutter = seen.pairs, seen.prior, seen.clutter
+    pairs, prior, clutter = seen.pairs, seen.prior, clutter_of(seen.mixture, seen.spread)
     turn, towards = matrix(seen.R), vector(seen.t)
     precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
     for panel in range(prior.size // LANES):
@@ -191,4 +197,5 @@ def explain(seen: Seen, residual: np.ndarray, parallax: np.ndarray, right: np.nd
             residual[i], parallax[i], density = _said_of(
                 pairs, at, turn, towards, precision, poor, prior[i]
             )
-            right[i] = density / (density + clutter)
+            lost, _ = clutter_at(clutter, residual[i])
+            right[i] = density / (density + lost)

@@ -3,9 +3,12 @@
 A match is good, with a normal residual of variance ``variance``; or poor, with `POOR` times its
 sigma; or wrong, and anywhere in a strip of half-width ``spread`` about the epipolar line (all in
 units of the noise). Of the poor ones, as large a share is poorer still, with `POOR` times their
-sigma: the tails of real matches go on like this. The shares of poor matches among the right ones
-and of wrong ones among all are estimated along, so that normal noise is treated as such and heavy
-tails lose only what they must.
+sigma: the tails of real matches go on like this. Of the wrong ones some are repeated, one window
+taken for the next, and lie about the line (a Cauchy distribution). Were they taken to lie anywhere,
+a pose that goes between them and the right ones, with more noise, would look likelier than the
+right one. The shares of poor matches among the right ones, of wrong ones among all, and of repeated
+ones among these are estimated along, so that normal noise is treated as such and heavy tails lose
+only what they must.
 
 A right match flows towards the direction. Noise can make a far one retreat; beyond `FAR_SIGMA` the
 density of right matches falls off as that noise does. Up to there it is flat, for rotation can
@@ -25,14 +28,18 @@ from farpoint._kernels.formulas import choose, formula, greater, lesser, root
 from farpoint._kernels.pairs import flow_variance, ray0, ray1
 from farpoint._kernels.vectors import rotate
 
+Clutter = tuple[float, float, float]
+
 __all__ = [
     "FAR_SIGMA",
     "POOR",
-    "clutter_density",
+    "clutter_at",
+    "clutter_of",
     "densities",
     "may_retreat",
     "mean_variance",
     "mixture_cost",
+    "repeated_share",
     "retreat2",
     "unusual",
     "update_mixture",
@@ -41,23 +48,42 @@ __all__ = [
 
 # Sigma of a poor match over that of a good one.
 POOR = math.sqrt(8.0)
-# Share of poor matches that is usual, with the weight of so many matches: among few, chance alone
-# makes some look poor, and the others better than they are.
-FEW_POOR = 0.01
+# Share of poor matches among the right ones, and of repeated ones among the wrong ones, that is
+# usual, with the weight of so many: among few, chance alone makes some look like it, and the others
+# better than they are.
+FEW = 0.01
 USUAL = 20.0
 # How much farther than EM a step of the mixture goes, by the share of poor matches, and at most.
 FARTHER = 3.0
 MOST_FARTHER = 0.7
 # Retreat along its epipolar line that noise can cause of a far point, in sigma.
 FAR_SIGMA = 3.0
+# Half of the repeated matches are off by less than this part of the spread.
+REPEATED_WITHIN = 32.0
 # Variance of a flow in one direction over the mean of all, at the least.
 LEAST_SHARE = 0.1
 
 
 @formula
-def clutter_density(variance: float, wrong: float, spread: float) -> float:
-    """Density of wrong matches over that of inliers at r = 0."""
-    return wrong / (1.0 - wrong) * root(2.0 * math.pi * variance) / (2.0 * spread)
+def clutter_of(mixture: np.ndarray, spread: float) -> Clutter:
+    """Density of wrong matches over that of good ones at r = 0.
+
+    Of those anywhere; of repeated ones, at r = 0; and one over the square of the r at which that is
+    half as much.
+    """
+    variance, wrong, repeated = mixture[0], mixture[1], mixture[3]
+    density = wrong / (1.0 - wrong) * root(2.0 * math.pi * variance) / (2.0 * spread)
+    over = REPEATED_WITHIN / spread
+    about = density * repeated * (2.0 / math.pi * REPEATED_WITHIN)
+    return density * (1.0 - repeated), about, over * over
+
+
+@formula
+def clutter_at(clutter: Clutter, residual: float) -> tuple[float, float]:
+    """Density of wrong matches so far off, and of the repeated ones among them."""
+    anywhere, about, over2 = clutter
+    near = about / (1.0 + over2 * residual * residual)
+    return anywhere + near, near
 
 
 @formula
@@ -68,9 +94,15 @@ def mean_variance(variance: float, poor: float) -> float:
 
 
 @inner_kernel
-def unusual(poor: float) -> float:
-    """Cost of a share of poor matches that is not the usual one."""
-    return -USUAL * (FEW_POOR * math.log(poor) + (1.0 - FEW_POOR) * math.log(1.0 - poor))
+def unusual(share: float) -> float:
+    """Cost of a share of poor or of repeated matches that is not the usual one."""
+    return -USUAL * (FEW * math.log(share) + (1.0 - FEW) * math.log(1.0 - share))
+
+
+@formula
+def repeated_share(repeated: float, wrong: float) -> float:
+    """Step of EM of the share of repeated matches, from their and the wrong ones' numbers."""
+    return (repeated + FEW * USUAL) / (wrong + USUAL)
 
 
 @inner_kernel
@@ -139,7 +171,7 @@ def update_mixture(
     of 1 it goes farther than EM does, with 0 it does not.
     """
     total, poor, poorest = shares[0], shares[1], shares[2]
-    share = (poor + poorest + FEW_POOR * USUAL) / (total + poor + USUAL)
+    share = (poor + poorest + FEW * USUAL) / (total + poor + USUAL)
     # EM goes the right way, and the more slowly the heavier the tails: farther that way helps.
     farther = haste * lesser(FARTHER * mixture[2], MOST_FARTHER)
     change = lesser(greater(farther * (square / mixture[0] - 1.0), -0.5), 1.0)

@@ -14,7 +14,7 @@ from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.growth import grow_noise
 from farpoint._kernels.likelihood import explain, refine_pose
-from farpoint._kernels.mixture import clutter_density, mean_variance
+from farpoint._kernels.mixture import mean_variance
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
@@ -57,7 +57,7 @@ class Found(NamedTuple):
     t: np.ndarray
     """(3,) direction cam1_from_cam0."""
     mixture: np.ndarray
-    """(3,) variance, share of wrong and share of poor matches."""
+    """(4,) as of `pose.Pose`."""
     said: np.ndarray
     """(4, at least N) of each match: its prior, by what is plausible of it, and, as of
     `likelihood.explain`, its residual, parallax and chance to be right."""
@@ -65,6 +65,10 @@ class Found(NamedTuple):
     """(N,) as of `evidence.weigh`."""
     covariance: np.ndarray
     """(5, 5) of rotation and direction, as of `covariance.covariance_here`."""
+    R_second: np.ndarray
+    """(3, 3) rotation of the second motion that came near, wherever, if one did."""
+    t_second: np.ndarray
+    """(3,) its direction."""
     R_rival: np.ndarray
     """(3, 3) rotation of the motion elsewhere that the search met, if it did."""
     t_rival: np.ndarray
@@ -76,11 +80,12 @@ class Found(NamedTuple):
 @kernel
 def fit_motion(
     matches: PackedMatches, effort: Effort, least_signal: float, state: np.ndarray, found: Found
-) -> tuple[int, bool, bool, Settled]:
+) -> tuple[int, bool, bool, bool, Settled]:
     """Search for a pose by some of the matches, and settle it by all.
 
     Returns the hypotheses tried, whether the other motion of a plane was a rival, whether one
-    elsewhere was met that came near, and what `settle_motion` does, with the same arguments.
+    elsewhere was met that came near, whether any was while others of the matches were not asked,
+    and what `settle_motion` does, with the same arguments.
 
     The search, as of `search.search_pose`, starts at the rotation of the far matches, the identity
     at first; where there are none, at the rotation that most matches roughly agree on. The other
@@ -92,10 +97,19 @@ def fit_motion(
     searched = _searched(some, matches)
     candidates = _candidates(searched, effort.tolerance, state, found.R_far)
     best = Pose(found.R, found.t, found.mixture, scratch(6, 6), scratch(1))
-    rival = Pose(found.R_rival, found.t_rival, scratch(3), scratch(6, 6), scratch(1))
+    second = Pose(found.R_second, found.t_second, scratch(4), scratch(6, 6), scratch(1))
+    rival = Pose(found.R_rival, found.t_rival, scratch(4), scratch(6, 6), scratch(1))
     copy(found.R_far, best.R)
-    iterations, is_planar, has_met = search_pose(searched, candidates, effort, state, best, rival)
-    return iterations, is_planar, has_met, _settle(searched, matches, least_signal, found)
+    iterations, is_planar, has_met, has_second = search_pose(
+        searched, candidates, effort, state, best, second, rival
+    )
+    return (
+        iterations,
+        is_planar,
+        has_met,
+        has_second and not few,
+        _settle(searched, matches, least_signal, found),
+    )
 
 
 @inner_kernel
@@ -215,9 +229,7 @@ def _explain(matches: PackedMatches, found: Found) -> None:
 @inner_kernel
 def _seen(matches: PackedMatches, found: Found) -> Seen:
     """The matches as the pose sees them."""
-    mixture = found.mixture
-    clutter = clutter_density(mixture[0], mixture[1], matches.spread)
-    return Seen(matches.pairs, matches.prior, found.R, found.t, mixture, clutter)
+    return Seen(matches.pairs, matches.prior, found.R, found.t, found.mixture, matches.spread)
 
 
 @inner_kernel

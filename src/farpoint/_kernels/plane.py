@@ -18,7 +18,7 @@ from farpoint._kernels.contest import GATE_SIGMA, is_same
 from farpoint._kernels.formulas import choose, formula, greater, root
 from farpoint._kernels.likelihood import explain, judge_pose, refine_pose
 from farpoint._kernels.linear import add, add_outer
-from farpoint._kernels.mixture import clutter_density, densities
+from farpoint._kernels.mixture import clutter_at, clutter_of, densities
 from farpoint._kernels.motion import MAX_REFINEMENTS
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
@@ -56,7 +56,7 @@ def other_motion(matches: PackedMatches, pose: Pose, other: Pose) -> tuple[bool,
     twin_R, twin_t = scratch(3, 3), scratch(3)
     if not planar_twin(matches.pairs, count, gate, pose.R, pose.t, twin_R, twin_t):
         return False, 0.0
-    own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    own = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     _put(own, pose.R, pose.t, pose.mixture)
     refine_pose(matches, FINE, MAX_REFINEMENTS, own)
     _put(other, twin_R, twin_t, pose.mixture)
@@ -64,7 +64,7 @@ def other_motion(matches: PackedMatches, pose: Pose, other: Pose) -> tuple[bool,
     if is_same(other.R, other.t, own):
         # By chance there may be no minimum. The matches are explained as well for all that.
         _put(other, twin_R, twin_t, own.mixture)
-        other.cost[0] = judge_pose(matches, other, scratch(3))
+        other.cost[0] = judge_pose(matches, other, scratch(4))
     growth = math.sqrt(greater(count / OF_MATCHES, 1.0))
     is_near = other.cost[0] < own.cost[0] + growth * RIVAL
     if not is_near or is_same(other.R, other.t, own):
@@ -87,20 +87,19 @@ def _evidence(matches: PackedMatches, pose: Pose, other: Pose) -> float:
     By the plane of either in turn: what one has explained of the noise, it has for its own motion.
     """
     mixture, evidence = pose.mixture, 0.0
-    clutter = clutter_density(mixture[0], mixture[1], matches.spread)
     off = room(3 * matches.total)
     for k in range(2):
         planar = pose if k == 0 else other
-        seen = Seen(matches.pairs, matches.prior, planar.R, planar.t, mixture, clutter)
+        seen = Seen(matches.pairs, matches.prior, planar.R, planar.t, mixture, matches.spread)
         _measure(seen, matches.total, off)
-        evidence += 0.5 * _likelihood_by(pose, matches, off, mixture, clutter)
-        evidence -= 0.5 * _likelihood_by(other, matches, off, mixture, clutter)
+        evidence += 0.5 * _likelihood_by(pose, matches, off, mixture)
+        evidence -= 0.5 * _likelihood_by(other, matches, off, mixture)
     return evidence
 
 
 @inner_kernel
 def _likelihood_by(
-    pose: Pose, matches: PackedMatches, off: np.ndarray, mixture: np.ndarray, clutter: float
+    pose: Pose, matches: PackedMatches, off: np.ndarray, mixture: np.ndarray
 ) -> float:
     """Log likelihood of how far matches are ``off`` the plane, by a motion.
 
@@ -110,6 +109,8 @@ def _likelihood_by(
     """
     pairs, variance, poor = matches.pairs, mixture[0], mixture[2]
     R, t = matrix(pose.R), vector(pose.t)
+    # Wrong matches speak for neither, wherever they lie.
+    clutter, _ = clutter_at(clutter_of(mixture, matches.spread), 0.0)
     # Density on a line of a match about the plane, at its place, over that of one anywhere.
     peak = 2.0 * matches.spread / math.sqrt(2.0 * math.pi * variance)
     across, along, likelihood = 1.0, 1.0, 0.0

@@ -11,7 +11,7 @@ from farpoint._kernels.exponential import lane_log
 from farpoint._kernels.formulas import formula, greater, lesser, root
 from farpoint._kernels.scratch import clear, room
 
-__all__ = ["FADE", "LEAST_TAIL", "NONE", "largest", "plausible_parallax"]
+__all__ = ["BAND_SIGMA", "FADE", "LEAST_TAIL", "NONE", "largest", "plausible_parallax"]
 
 # Half-width of the band in which a match agrees with its epipolar line, in sigma.
 BAND_SIGMA = 3.0
@@ -30,6 +30,8 @@ BIN = 0.4
 # more is known (Krichevsky and Trofimov, IEEE Trans. Inf. Theory 27, 1981,
 # DOI 10.1109/TIT.1981.1056331).
 ANYWHERE = 0.5
+# An implausible match is not left out, which would cost nothing: it is all the surer wrong.
+LEAST_PRIOR = 1e-30
 # Where the first bin begins: at the end of the band.
 FIRST = math.asinh(-1.0)
 
@@ -96,7 +98,7 @@ def plausible_parallax(
         density = (ANYWHERE / (last + tail + BAND_SIGMA) + there) / (ANYWHERE + total - own)
         beyond = (p - last) / tail - 1.0
         fading = math.exp(-0.5 * (beyond / FADE) ** 2) if beyond > 0.0 else 1.0
-        prior[i] = 2.0 * spread / sigma * density * fading
+        prior[i] = greater(2.0 * spread / sigma * density * fading, LEAST_PRIOR)
     return (last + (1.0 + NONE * FADE) * tail) * sigma
 
 

@@ -43,7 +43,8 @@ class Pose(NamedTuple):
     t: np.ndarray
     """(3,) direction cam1_from_cam0."""
     mixture: np.ndarray
-    """(3,) variance of good matches, share of wrong ones among all, share of poor ones."""
+    """(4,) variance of good matches, share of wrong ones among all, of poor ones among the right
+    ones, and of repeated ones among the wrong ones."""
     normal: np.ndarray
     """(6, 6) normal equations, as of `likelihood.linearize`."""
     cost: np.ndarray
@@ -63,8 +64,8 @@ class Seen(NamedTuple):
     """(3,) direction cam1_from_cam0."""
     mixture: np.ndarray
     """As of `Pose`."""
-    clutter: float
-    """Density of wrong matches over that of right ones, positive: `mixture.clutter_density`."""
+    spread: float
+    """As of `PackedMatches`."""
 
 
 @inner_kernel

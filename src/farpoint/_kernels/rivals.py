@@ -34,8 +34,8 @@ def nearest_rival(matches: PackedMatches, pose: Pose, start_R: np.ndarray, rival
     directions all over the sphere, and the noise of ``pose``, which stays as it is. ``rival``
     receives it; infinite where there is none.
     """
-    own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
-    other = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    own = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
+    other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
     rival.cost[0] = math.inf
     start_t = scratch(3)
@@ -50,7 +50,7 @@ def nearest_rival(matches: PackedMatches, pose: Pose, start_R: np.ndarray, rival
 @kernel
 def judge_rival(matches: PackedMatches, pose: Pose, rival: Pose) -> float:
     """What `nearest_rival` does, of a rival that is known, and refined in place."""
-    own = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    own = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
     _refine_from(matches, rival.R, rival.t, pose.mixture, rival)
     return rival.cost[0] - own.cost[0] if _is_elsewhere(rival, pose) else math.inf

@@ -15,6 +15,7 @@ from farpoint._kernels.contest import (
     RIVAL,
     challenge,
     comes_near,
+    is_close_second,
     is_rival,
     noise_of,
     refine,
@@ -130,8 +131,9 @@ def search_pose(
     effort: Effort,
     state: np.ndarray,
     best: Pose,
+    second: Pose,
     rival: Pose,
-) -> tuple[int, bool, bool]:
+) -> tuple[int, bool, bool, bool]:
     """Most likely pose near the rotation of ``best`` and among joint hypotheses.
 
     The start is the direction that the flow of the ``candidates`` suggests there. Samples are
@@ -140,14 +142,14 @@ def search_pose(
     with the matches about as well as the first pose, and as any since, is refined, and judged by
     its likelihood with the noise that it needs: a wrong minimum looks good only with more noise
     than there is. Once there has been a rival, many more are tried. At last come the motions that
-    look like the best one. ``best`` receives it, ``rival`` one elsewhere that came near it. Returns
-    the number of samples, whether the other motion of a plane was a rival, and whether there is one
-    elsewhere at all.
+    look like the best one. ``best`` receives it, ``second`` the next best, ``rival`` the next best
+    of those elsewhere. Returns the number of samples, whether the other motion of a plane was a
+    rival, and whether there is a rival and a second that came near the best.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, effort.tolerance
-    other = Pose(scratch(3, 3), scratch(3), scratch(3), scratch(6, 6), scratch(1))
+    other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     sample, start = index_scratch(5), scratch(3, 3)
-    rival.cost[0] = math.inf
+    second.cost[0] = rival.cost[0] = math.inf
     copy(best.R, start)
     flow = _typical_flow(pairs, count, start)
     start_noise(tolerance, best.mixture)
@@ -172,18 +174,20 @@ def search_pose(
         lowest = lesser(raw, lowest)
         noise_of(matches, best, tolerance, other.mixture)
         before = best.cost[0]
-        outcome = challenge(matches, other, best, rival)
+        outcome = challenge(matches, other, best, second, rival)
         if outcome != NO_RIVAL:
             # What came near the best so far was no rival of a much better one.
             far_better = best.cost[0] < before - NEAR
             contest = RIVAL if far_better else greater(contest, outcome)
             wrong = unexplained(matches, best, tolerance)
-    is_planar = _search_twins(matches, best, other, rival)
-    return iteration, is_planar, is_rival(rival, best)
+    is_planar = _search_twins(matches, best, other, second, rival)
+    return iteration, is_planar, is_rival(rival, best), is_close_second(second, best)
 
 
 @inner_kernel
-def _search_twins(matches: PackedMatches, best: Pose, other: Pose, rival: Pose) -> bool:
+def _search_twins(
+    matches: PackedMatches, best: Pose, other: Pose, second: Pose, rival: Pose
+) -> bool:
     """Challenge the best pose by those that look like it; whether a plane's was a rival."""
     gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     is_planar = planar_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t)
@@ -191,11 +195,11 @@ def _search_twins(matches: PackedMatches, best: Pose, other: Pose, rival: Pose) 
         copy(best.mixture, other.mixture)
         # The best may lie between the two: it goes to one of them when it is refined.
         is_near = comes_near(matches, other, best)
-        is_planar = challenge(matches, other, best, rival) != NO_RIVAL or is_near
+        is_planar = challenge(matches, other, best, second, rival) != NO_RIVAL or is_near
         gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     if layer_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
         copy(best.mixture, other.mixture)
-        challenge(matches, other, best, rival)
+        challenge(matches, other, best, second, rival)
     return is_planar
 
 

@@ -13,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
+from farpoint._kernels.contest import GATE_SIGMA, NEAR, START_POOR, START_WRONG
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain
-from farpoint._kernels.mixture import clutter_density, mean_variance
+from farpoint._kernels.mixture import mean_variance
 from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
+from farpoint._kernels.plausible import BAND_SIGMA
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
@@ -57,11 +58,15 @@ class Noise(NamedTuple):
     poor : float
         Share of poor ones, with `POOR` times the sigma, among the right matches; and among these,
         of those with as much again.
+    repeated : float
+        Share of repeated ones, one window taken for the next, among the wrong matches; 0 for a
+        rotation, which takes none for such.
     """
 
     variance: float
     wrong: float
     poor: float
+    repeated: float = 0.0
 
     @property
     def sigma(self) -> float:
@@ -226,7 +231,8 @@ def fit_moving(
 
     The direction that the derotated flow suggests is refined jointly with the rotation. Then
     five-ray hypotheses challenge it: with no far points, or parallax that a rotation can imitate,
-    the first answer is a local minimum.
+    the first answer is a local minimum. Where the search saw some of the matches only, and two
+    motions came near each other, all are asked; the second must be plainly likelier.
     """
     n = len(matches)
     found = _nothing_found(n)
@@ -238,11 +244,30 @@ def fit_moving(
         min_iterations=options.min_iterations,
         max_iterations=min(samples, options.max_iterations),
     )
-    iterations, is_planar, has_met, settled = fit_motion(
+    iterations, is_planar, has_met, has_second, settled = fit_motion(
         _judging(matches, found), effort, _least_signal(matches), state, found
     )
     rival = (found.R_rival, found.t_rival) if has_met else None
-    return _moving_fit(matches, iterations, bool(is_planar), rival, found, settled)
+    fit = _moving_fit(matches, iterations, bool(is_planar), rival, found, settled)
+    if not has_second:
+        return fit
+    start = replace(fit, R_cam1_from_cam0=found.R_second, direction_cam1_from_cam0=found.t_second)
+    second = refit_moving(matches, start)
+    gain = np.subtract(_log_likelihoods(second), _log_likelihoods(fit))
+    if gain.min() < NEAR:
+        return fit
+    return replace(second, rival=(fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0))
+
+
+def _log_likelihoods(fit: MovingFit) -> tuple[float, float]:
+    """Log likelihood of all matches, averaged over the poses nearby, by parallax and by its ratios.
+
+    What is plausible of a match is a density of its parallax. That grows where all shrink, for a
+    rotation that takes some of what they share; a density of their ratios does not.
+    """
+    ratios = np.hypot(fit.parallax / fit.noise.sigma, BAND_SIGMA)
+    by_parallax = -fit.cost * len(fit.matches) - fit.narrowness
+    return by_parallax, by_parallax + float(fit.probability @ np.log(ratios))
 
 
 def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
@@ -273,7 +298,7 @@ def seen_by(fit: MovingFit, pairs: np.ndarray, prior: np.ndarray) -> Seen:
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
         noise.array,
-        clutter_density(noise.variance, noise.wrong, fit.matches.spread),
+        fit.matches.spread,
     )
 
 
@@ -304,10 +329,12 @@ def _nothing_found(n: int) -> Found:
         R_far=IDENTITY.copy(),
         R=np.empty((3, 3)),
         t=np.empty(3),
-        mixture=np.empty(3),
+        mixture=np.empty(4),
         said=np.empty((4, packed_length(n))),
         labels=np.empty(n, np.uint8),
         covariance=np.empty((5, 5)),
+        R_second=np.empty((3, 3)),
+        t_second=np.empty(3),
         R_rival=np.empty((3, 3)),
         t_rival=np.empty(3),
         grown=np.empty(packed_length(n) // LANES * PANEL),

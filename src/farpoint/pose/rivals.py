@@ -171,7 +171,7 @@ def likelier_met(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
     if fit.rival is None:
         return fit, None
     R, t = (each.copy() for each in fit.rival)
-    rival = Pose(R, t, np.empty(3), np.empty((6, 6)), np.empty(1))
+    rival = Pose(R, t, np.empty(4), np.empty((6, 6)), np.empty(1))
     against = judge_rival(_some(fit, MORE), pose_of(fit), rival)
     return _likelier(fit, _other(rival, against, ELSEWHERE) if against < np.inf else None)
 
@@ -236,4 +236,4 @@ def _some(fit: MovingFit, most: int) -> PackedMatches:
 
 def _some_pose() -> Pose:
     """Room for a motion."""
-    return Pose(np.empty((3, 3)), np.empty(3), np.empty(3), np.empty((6, 6)), np.empty(1))
+    return Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))

@@ -43,6 +43,8 @@ DIRECTIONS = 300
 OWN = 5
 # Fewer matches make no bulk.
 MIN_BULK = 8
+# No match is right beyond rounding.
+LEAST_DOUBT = 1e-16
 
 
 def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: float) -> bool:
@@ -70,9 +72,9 @@ def is_motion(fit: MovingFit, rate: float) -> bool:
 
     Averaged over all motions: one that five matches were fitted to has as much less room around it.
     """
-    matches = fit.matches
-    wrong = len(matches) * math.log(2.0 * matches.spread / math.sqrt(2.0 * math.pi))
-    gain = wrong - fit.cost * len(matches) - fit.narrowness
+    # Of a match, the likelihood with the motion over that of a wrong one.
+    likelier = fit.noise.wrong / np.maximum(1.0 - fit.probability, LEAST_DOUBT)
+    gain = float(np.log(likelier).sum()) - fit.narrowness
     return fit.agreeing > OWN and gain > -math.log(rate)
 
 
