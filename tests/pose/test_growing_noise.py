@@ -8,8 +8,8 @@ from pose_kit import point_scene, pose_error
 
 from farpoint import PoseStatus, RelativePose, estimate_relative_pose
 from farpoint.camera import Camera
-from farpoint.pose.fits import fit_moving
 from farpoint.pose.matches import matches_from_points
+from farpoint.pose.moving_fit import fit_moving
 from farpoint.pose.options import DEFAULTS
 from farpoint.synthetic import PointScene
 

@@ -16,8 +16,8 @@ from farpoint import (
 )
 from farpoint.geometry import so3, sphere
 from farpoint.metrics import statistics as metrics
-from farpoint.pose.fits import fit_moving
 from farpoint.pose.matches import matches_from_points
+from farpoint.pose.moving_fit import fit_moving
 from farpoint.pose.rivals import OtherMotion, likelier_of_plane
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)

@@ -11,7 +11,7 @@ from pose_kit import rotation_error
 from farpoint import Camera, PoseStatus, estimate_relative_pose
 from farpoint._kernels.motion import settle_motion
 from farpoint.geometry import so3, sphere
-from farpoint.pose import fits
+from farpoint.pose import moving_fit
 from farpoint.pose.matches import matches_from_points
 from farpoint.pose.options import DEFAULTS
 
@@ -65,7 +65,7 @@ def test_a_window_taken_for_the_next_is_a_wrong_match(matches, repeated):
 def test_of_two_motions_that_some_matches_allow_all_choose(monkeypatch, first_is_right):
     scene = court(1, 400, 0.2)
     matches = matches_from_points(scene.points0, scene.points1, CAMERA, CAMERA)
-    fit = fits.fit_moving(matches, 1.0, DEFAULTS, np.array([1], np.uint64))
+    fit = moving_fit.fit_moving(matches, 1.0, DEFAULTS, np.array([1], np.uint64))
     off = so3.exp(np.array([0.0, 0.02, 0.0])) @ scene.R
     tilted = sphere.normalize(scene.t + np.array([0.0, 0.4, 0.0]))
     motions = [(scene.R, scene.t), (off, tilted)]
@@ -77,7 +77,7 @@ def test_of_two_motions_that_some_matches_allow_all_choose(monkeypatch, first_is
         found.R_second[:], found.t_second[:] = second
         return 16, False, False, True, settle_motion(judged, least_signal, found)
 
-    monkeypatch.setattr(fits, "fit_motion", found_both)
-    chosen = fits.fit_moving(matches, 1.0, DEFAULTS, np.array([1], np.uint64))
+    monkeypatch.setattr(moving_fit, "fit_motion", found_both)
+    chosen = moving_fit.fit_moving(matches, 1.0, DEFAULTS, np.array([1], np.uint64))
     assert so3.angle_between(chosen.R_cam1_from_cam0, scene.R) < 2e-3
     assert (chosen.rival is None) == first_is_right

@@ -15,8 +15,8 @@ from farpoint._kernels.twins import layer_twin
 from farpoint.bench.scenes import draw_scenes
 from farpoint.geometry import so3
 from farpoint.pose import relative_pose, rivals
-from farpoint.pose.fits import fit_moving, refit_moving
 from farpoint.pose.matches import matches_from_points
+from farpoint.pose.moving_fit import fit_moving, refit_moving
 from farpoint.synthetic import PointScene
 
 AHEAD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])

@@ -21,8 +21,8 @@ from farpoint import (
 from farpoint.camera import Pinhole
 from farpoint.geometry import so3
 from farpoint.pose import failed_pose, relative_pose
-from farpoint.pose.fits import fit_moving
 from farpoint.pose.matches import matches_from_points
+from farpoint.pose.moving_fit import fit_moving
 from farpoint.pose.verdict import DIRECTIONS, is_motion, is_static, shown_translation
 from farpoint.synthetic import PointScene, paper_camera
 

@@ -14,8 +14,8 @@ from pose_kit import direction_error, estimate, point_scene, rotation_error
 
 from farpoint import Camera, PoseStatus, RelativePoseOptions
 from farpoint.geometry import so3, sphere
-from farpoint.pose.fits import fit_moving
 from farpoint.pose.matches import matches_from_points
+from farpoint.pose.moving_fit import fit_moving
 from farpoint.synthetic import PointScene, paper_camera
 
 WIDE = Camera.pinhole(1280, 960, 500.0, 500.0, 639.5, 479.5)

@@ -14,9 +14,9 @@ from farpoint.pose.certainty import fixes_rotation, largest_sigma
 from farpoint.pose.conclusion import Course, label_matches
 from farpoint.pose.epipole import mean_epipole
 from farpoint.pose.far_rotation import FarRotation
-from farpoint.pose.fits import MIN_VARIANCE
 from farpoint.pose.information import positive, symmetric_inverse
 from farpoint.pose.matches import Matches
+from farpoint.pose.noise import MIN_VARIANCE
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.verdict import is_consensus, is_static

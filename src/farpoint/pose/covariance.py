@@ -9,9 +9,10 @@ import numpy as np
 from farpoint._kernels.covariance import covariance_around
 from farpoint._kernels.halves import disagreement
 from farpoint._kernels.pose import PackedMatches
-from farpoint.pose.fits import MIN_VARIANCE, MovingFit, pose_of, seen_by
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
+from farpoint.pose.moving_fit import MovingFit, pose_of, seen_by
+from farpoint.pose.noise import MIN_VARIANCE
 
 __all__ = ["growth_by_halves", "moving_covariance", "shared_covariance"]
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint.pose.fits import MovingFit, residuals
 from farpoint.pose.matches import Matches
+from farpoint.pose.moving_fit import MovingFit, residuals
 
 __all__ = ["noise_floor"]
 

@@ -19,13 +19,14 @@ from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import Course, given_labels, label_matches
 from farpoint.pose.covariance import growth_by_halves, moving_covariance, shared_covariance
 from farpoint.pose.far_rotation import far_rotation
-from farpoint.pose.fits import MovingFit, TurningFit, fit_moving, fit_turning, refit_moving
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
+from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.rivals import hold_against_rivals, likelier_of_plane
 from farpoint.pose.small import angle2
+from farpoint.pose.turning_fit import TurningFit, fit_turning
 from farpoint.pose.verdict import (
     is_consensus,
     is_motion,

@@ -16,7 +16,9 @@ from farpoint.geometry import so3
 from farpoint.geometry.sphere import angle_between, tangent_basis
 from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma
 from farpoint.pose.covariance import moving_covariance
-from farpoint.pose.fits import MIN_VARIANCE, MovingFit, fit_turning, pose_of, refit_moving
+from farpoint.pose.moving_fit import MovingFit, pose_of, refit_moving
+from farpoint.pose.noise import MIN_VARIANCE
+from farpoint.pose.turning_fit import fit_turning
 
 __all__ = [
     "Held",

@@ -22,9 +22,11 @@ import scipy  # its parts load on first use
 from farpoint._kernels.evidence import NEAR_SIGMA
 from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint._kernels.turning import Judged, flow_beside_rotation, likelier_moving
-from farpoint.pose.fits import MIN_VARIANCE, MovingFit, TurningFit
 from farpoint.pose.matches import Matches
+from farpoint.pose.moving_fit import MovingFit
+from farpoint.pose.noise import MIN_VARIANCE
 from farpoint.pose.small import size2
+from farpoint.pose.turning_fit import TurningFit
 
 __all__ = [
     "is_consensus",

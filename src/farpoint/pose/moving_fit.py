@@ -1,116 +1,40 @@
-"""The two models of a motion, each fitted to its maximum likelihood.
+"""The model of a camera that moves, fitted to its maximum likelihood.
 
-*Moving*: rotation and direction; a match is free along its epipolar line. *Turning*: rotation
-alone; a match has no freedom. In both, a match is right with normal noise of unknown size, or wrong
-and anywhere; the noise and the share of wrong matches are estimated along (EM).
+Rotation and direction; a match is free along its epipolar line. It is right with normal noise of
+unknown size, or wrong; the noise and the share of wrong matches are estimated along (EM).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.contest import GATE_SIGMA, NEAR, START_POOR, START_WRONG
+from farpoint._kernels.contest import NEAR
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain
-from farpoint._kernels.mixture import mean_variance
 from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
 from farpoint._kernels.plausible import BAND_SIGMA
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
-from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.far_rotation import IDENTITY
-from farpoint.pose.information import symmetric_inverse
 from farpoint.pose.matches import Matches
+from farpoint.pose.noise import MIN_VARIANCE, Noise
 from farpoint.pose.options import RelativePoseOptions
 
 __all__ = [
     "MovingFit",
-    "TurningFit",
     "fit_moving",
-    "fit_turning",
     "pose_of",
     "refit_moving",
     "residuals",
     "seen_by",
 ]
 
-# Noise below a thousandth of a pixel is rounding, not information.
-MIN_VARIANCE = 1e-6
-MAX_REFINEMENTS = 20
 # Where more than this of the flow, as it is predicted, is noise, along any axis, it shows no
 # direction: points that are all far have such flow, and half of their directions are wrong.
 MOST_NOISE = 0.55
-
-
-class Noise(NamedTuple):
-    """What the matches were found to be off by.
-
-    Attributes
-    ----------
-    variance : float
-        Of a good match, per coordinate, in units of the noise that was stated.
-    wrong : float
-        Share of wrong matches.
-    poor : float
-        Share of poor ones, with `POOR` times the sigma, among the right matches; and among these,
-        of those with as much again.
-    repeated : float
-        Share of repeated ones, one window taken for the next, among the wrong matches; 0 for a
-        rotation, which takes none for such.
-    """
-
-    variance: float
-    wrong: float
-    poor: float
-    repeated: float = 0.0
-
-    @property
-    def sigma(self) -> float:
-        """Of a good match."""
-        return math.sqrt(self.variance)
-
-    @property
-    def mean_sigma(self) -> float:
-        """Root mean square over good and poor matches."""
-        return math.sqrt(mean_variance(self.variance, self.poor))
-
-    @property
-    def array(self) -> np.ndarray:
-        """As the kernels take it."""
-        return np.array(self)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TurningFit:
-    """Rotation without translation.
-
-    Attributes
-    ----------
-    R_cam1_from_cam0 : ndarray, shape (3, 3)
-    covariance : ndarray, shape (3, 3)
-        rad^2, if the model is true.
-    noise : Noise
-    distance2 : ndarray, shape (N,)
-        Squared Mahalanobis distance of each match for unit noise, 2 degrees of freedom.
-    probability : ndarray, shape (N,)
-        Of each match to be right.
-    cost : float
-        Mean negative log likelihood of a match.
-    narrowness : float
-        As of `MovingFit`.
-    """
-
-    R_cam1_from_cam0: np.ndarray
-    covariance: np.ndarray
-    noise: Noise
-    distance2: np.ndarray
-    probability: np.ndarray
-    cost: float
-    narrowness: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -193,35 +117,6 @@ class MovingFit:
     def probability(self) -> np.ndarray:
         """Of each match (N,) to be right."""
         return self.said[3, : len(self.matches)]
-
-
-def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> TurningFit:
-    """Maximum-likelihood rotation of all matches from a start within its basin."""
-    n, size = len(matches), packed_length(len(matches))
-    R, information = R_start.copy(), np.empty((3, 3))
-    distance2, right = np.empty(size), np.empty(size)
-    mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_WRONG, START_POOR])
-    cost, narrowness = fit_rotation(
-        matches.pairs,
-        n,
-        matches.spread,
-        MIN_VARIANCE,
-        MAX_REFINEMENTS,
-        R,
-        mixture,
-        information,
-        distance2,
-        right,
-    )
-    return TurningFit(
-        R_cam1_from_cam0=R,
-        covariance=symmetric_inverse(information),
-        noise=_noise(mixture),
-        distance2=distance2[:n],
-        probability=right[:n],
-        cost=cost / n,
-        narrowness=narrowness,
-    )
 
 
 def fit_moving(
@@ -355,7 +250,7 @@ def _moving_fit(
     return MovingFit(
         R_cam1_from_cam0=found.R,
         direction_cam1_from_cam0=found.t,
-        noise=_noise(found.mixture),
+        noise=Noise(*found.mixture.tolist()),
         matches=matches,
         said=found.said,
         labels=found.labels,
@@ -373,7 +268,3 @@ def _moving_fit(
         beyond_rotation=beyond,
         supporting=supporting,
     )
-
-
-def _noise(mixture: np.ndarray) -> Noise:
-    return Noise(*mixture.tolist())
