@@ -40,12 +40,16 @@ MORE = 4 * MAX_SEARCHED
 
 # Two motions whose directions are as near as this are one, the less sure.
 COS_NEARBY = math.cos(math.radians(10.0))
+# Up to here a direction is the less sure for the other motion of a plane, even if that is unlikely.
+COS_IN_REACH = math.cos(math.radians(30.0))
 
 # Share of a difference of log likelihoods that tells the odds of two motions. Each is free along
 # other lines, and so counts another part of the same noise: a second one of 5 to 7 less is the
 # right one in 3 of 100 simulated scenes, not in 1 of 400.
 HEARD = 0.5
-# Share of the doubt between two rotations along the axis on which they differ.
+# The same of the two of a plane and all that lies between: to points of a plane these look alike.
+HEARD_BETWEEN = 0.3
+# Share of the doubt between two motions along the axis on which they differ.
 ALONG = 0.9
 
 PLANE = "A plane explains the matches and allows two motions"
@@ -72,8 +76,7 @@ class OtherMotion(NamedTuple):
 
     def is_nearby(self, fit: MovingFit) -> bool:
         """Whether it goes about the same way."""
-        cosine = float(self.direction_cam1_from_cam0 @ fit.direction_cam1_from_cam0)
-        return cosine > COS_NEARBY
+        return _cosine(self, fit) > COS_NEARBY
 
     def said_beside(self, fit: MovingFit) -> str:
         """A sentence of why there are two, and how far they are apart."""
@@ -81,10 +84,21 @@ class OtherMotion(NamedTuple):
         return f"{self.because}, whose directions are {math.degrees(apart):.0f} deg apart."
 
     def doubt_of(self, fit: MovingFit) -> np.ndarray:
-        """Covariance (5, 5), rad^2, of a motion that may as well be this one."""
-        tilt = tangent_basis(fit.direction_cam1_from_cam0).T @ self.direction_cam1_from_cam0
-        apart = np.concatenate([self._turn_from(fit), tilt])
-        return 0.5 * np.outer(apart, apart)
+        """Covariance (5, 5), rad^2, of a motion that may be this one of a plane, or lie between.
+
+        The square of what the two differ by times a probability, and a little of the same turned by
+        a quarter about the direction. Nothing of two that are far apart.
+        """
+        if _cosine(self, fit) < COS_IN_REACH:
+            return np.zeros((5, 5))
+        direction, turn = fit.direction_cam1_from_cam0, self._turn_from(fit)
+        basis = tangent_basis(direction)
+        tilt = basis @ (basis.T @ self.direction_cam1_from_cam0)
+        aside = np.cross(direction, turn) + (direction @ turn) * direction
+        along = np.concatenate([turn, basis.T @ tilt])
+        across = np.concatenate([aside, basis.T @ np.cross(direction, tilt)])
+        mixed = ALONG * np.outer(along, along) + (1.0 - ALONG) * np.outer(across, across)
+        return self.probability(fit.matches.doubt, HEARD_BETWEEN) * mixed
 
     def doubt_of_rotation(self, fit: MovingFit) -> np.ndarray:
         """Covariance (3, 3), rad^2, of a rotation that this one's may be, or a third.
@@ -97,15 +111,21 @@ class OtherMotion(NamedTuple):
         mixed = ALONG * np.outer(apart, apart) + (1.0 - ALONG) * any_way
         return self.probability(fit.matches.doubt) * mixed
 
-    def probability(self, doubt: float) -> float:
+    def probability(self, doubt: float, heard: float = HEARD) -> float:
         """Of this motion to be the right one, if the variance of the noise is in so much doubt.
 
-        Where that may be misstated by a factor, so may be the logarithm of a likelihood.
+        Where that may be misstated by a factor, so may be the logarithm of a likelihood. Of that,
+        so much is ``heard``.
         """
-        return 1.0 / (1.0 + math.exp(HEARD * self.against / doubt))
+        return 1.0 / (1.0 + math.exp(min(heard * self.against / doubt, 700.0)))
 
     def _turn_from(self, fit: MovingFit) -> np.ndarray:
         return so3.log(self.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T)
+
+
+def _cosine(one: OtherMotion | MovingFit, other: OtherMotion | MovingFit) -> float:
+    """Of the angle between their directions."""
+    return float(one.direction_cam1_from_cam0 @ other.direction_cam1_from_cam0)
 
 
 class Held(NamedTuple):
@@ -115,7 +135,7 @@ class Held(NamedTuple):
     ----------
     fit : MovingFit
     covariance : ndarray, shape (5, 5)
-        Of its rotation and direction, rad^2; it allows for a rival nearby.
+        Of its rotation and direction, rad^2; it allows for the other motion of a plane.
     rival : OtherMotion, optional
         One that cannot be told from it.
     """
@@ -144,8 +164,8 @@ def hold_against_rivals(
         rival = _within(limit, other) if fit.matches.doubt > 1.0 else None
     covariance = moving_covariance(best)
     nearby = nearby if best is fit else None
-    if nearby is not None:
-        covariance += nearby.doubt_of(fit)
+    if best is fit and rival is None and of_plane is not None:
+        covariance += of_plane.doubt_of(fit)
     is_told = rival is None and best.shows_direction
     if is_told and DOUBTED_SIGMA < direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
         likelier, other = likelier_elsewhere(best, tolerance)
@@ -195,6 +215,10 @@ def likelier_elsewhere(fit: MovingFit, tolerance: float) -> tuple[MovingFit, Oth
 
 
 def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, OtherMotion | None]:
+    """The likelier of the two by what is against the other, and the one that it then is not.
+
+    Where all matches lead back from there, there is no telling: the other is as likely.
+    """
     if other is None or other.against >= 0.0:
         return fit, other
     R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
@@ -203,7 +227,10 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         R_cam1_from_cam0=other.R_cam1_from_cam0,
         direction_cam1_from_cam0=other.direction_cam1_from_cam0,
     )
-    return refit_moving(fit.matches, start), OtherMotion(R, t, -other.against, other.because)
+    found = refit_moving(fit.matches, start)
+    if _cosine(found, fit) > _cosine(found, other):
+        return fit, other._replace(against=0.0)
+    return found, OtherMotion(R, t, -other.against, other.because)
 
 
 def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
