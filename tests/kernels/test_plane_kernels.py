@@ -18,11 +18,16 @@ MEDIAN = 2.0 * np.log(2.0)
 
 
 def wall(
-    count: int, off: int = 0, relief: float = 0.0, wrong: int = 0, towards=(1.0, 0.3, -0.4)
+    count: int,
+    off: int = 0,
+    relief: float = 0.0,
+    wrong: int = 0,
+    towards=(1.0, 0.3, -0.4),
+    shape: float = 1.0,
 ) -> View:
     """A plane 4 m away seen from 0.1 m on: some points well before it, the others by ``relief``.
 
-    The last matches are wrong.
+    The last matches are wrong. The noise has ``shape`` times the sigma along one of its axes.
     """
     rng = np.random.default_rng(count)
     rays0 = sphere.normalize(np.c_[rng.uniform(-0.5, 0.5, (count, 2)), np.ones(count)])
@@ -32,7 +37,8 @@ def wall(
     rays1 = rays0 @ R.T + 0.1 * nearness[:, None] * t
     rays1[count - wrong :] += rng.normal(0.0, 5e-3, (wrong, 3))
     rays1 = sphere.normalize(rays1)
-    noise = (1e-4 * sphere.tangent_basis(rays) for rays in (rays0, rays1))
+    axes = np.array([1e-4, 1e-4 * shape])
+    noise = (axes * sphere.tangent_basis(rays) for rays in (rays0, rays1))
     return shaken(View(rays0, rays1, *noise, R, t), 1)
 
 
@@ -43,10 +49,11 @@ class Other(NamedTuple):
     t: np.ndarray
 
 
-def other_of(view: View, prior: np.ndarray | None = None) -> Other:
+def other_of(view: View, prior: np.ndarray | None = None, is_told: bool = False) -> Other:
     pose = Pose(view.R, view.t, MIXTURE, np.empty((6, 6)), np.empty(1))
     other = pose_of(*(np.full_like(array, np.nan) for array in pose[:3]))
-    found = plane.other_motion(matches_of(view, SPREAD, prior, gives_way=False), pose, other)
+    matches = matches_of(view, SPREAD, prior, gives_way=False)
+    found = plane.other_motion(matches, pose, other, is_told)
     return Other(*found, other.R, other.t)
 
 
@@ -58,7 +65,7 @@ def said_of(view: View, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def off_plane(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """From where the plane through most has the later rays (N, 3), in units of the noise.
+    """From where the plane through most has the later rays (N, 3), over the sigma of the noise.
 
     By robust least squares of the plane in the tangent planes of those rays.
     """
@@ -73,8 +80,8 @@ def off_plane(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
         M = np.einsum("n,nki,nkj->ij", weight * precision, moved, moved)
         v = np.einsum("n,nki,nk->i", weight * precision, moved, still)
         n = -np.linalg.solve(M + (1e-9 * np.trace(M) + 1e-300) * np.eye(3), v)
-        off = np.sqrt(precision)[:, None] * (still + moved @ n)
-        square = np.sum(off**2, axis=1)
+        off = (still + moved @ n) / np.sqrt(MIXTURE[0])
+        square = np.sum(off**2, axis=1) / (0.5 * traces)
         typical = max(np.median(square[right]) / MEDIAN, 1.0) if right.any() else 1.0
         weight = right / (1.0 + square / (9.0 * typical)) ** 2
     return np.einsum("nik,nk->ni", axes, off)
@@ -86,11 +93,29 @@ class Relief(NamedTuple):
     along: float
 
 
-def likelihood_by(view: View, off: np.ndarray, R: np.ndarray, t: np.ndarray) -> Relief:
+def parts_of(
+    view: View, off: np.ndarray, R: np.ndarray, t: np.ndarray, is_told: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Squares of how far matches are off, towards t: in all, and across; for unit noise."""
+    axes = sphere.tangent_basis(view.rays1)
+    factors = (np.einsum("nik,ij,njm->nkm", axes, R, view.noise0), axes.mT @ view.noise1)
+    covariance = sum(each @ each.mT for each in factors)
+    if is_told:
+        traces = np.sum(view.noise0**2, axis=(1, 2)) + np.sum(view.noise1**2, axis=(1, 2))
+        covariance = 0.5 * traces[:, None, None] * np.eye(2)
+    away = np.einsum("nik,ni->nk", axes, off)
+    aside = np.einsum("nik,ni->nk", axes, np.cross(t, view.rays1))
+    across = np.sum(away * aside, axis=1) ** 2
+    across /= np.einsum("nk,nkm,nm->n", aside, covariance, aside)
+    return np.einsum("nk,nkm,nm->n", away, np.linalg.inv(covariance), away), across
+
+
+def likelihood_by(
+    view: View, squares: tuple[np.ndarray, np.ndarray], R: np.ndarray, t: np.ndarray
+) -> Relief:
     """Of matches off the plane by noise and, along their lines, by relief; both by EM."""
-    line = sphere.normalize(t - (view.rays1 @ t)[:, None] * view.rays1)
-    a = np.sum(off * line, axis=1)
-    c = np.linalg.norm(np.cross(off, line), axis=1)
+    whole, c2 = squares
+    a2 = whole - c2
     shift = said_of(view, R, t)[0] / np.sqrt(MIXTURE[0])
     variance, share = 8.0 ** np.arange(3.0)[:, None], MIXTURE[2]
     shares = np.array([[1.0 - share], [share * (1.0 - share)], [share**2]])
@@ -101,13 +126,13 @@ def likelihood_by(view: View, off: np.ndarray, R: np.ndarray, t: np.ndarray) -> 
     found = 0.0
     for _ in range(plane.RELIEF_ROUNDS):
         retreat = np.where(shift < 0.0, np.maximum(shift**2 / across - 9.0, 0.0), 0.0)
-        exponent = -0.5 * (c**2 / across + retreat) / variance
+        exponent = -0.5 * (c2 / across + retreat) / variance
         kinds = shares * np.exp(exponent) / np.sqrt(variance * across)
-        about = (1.0 - plane.OFF_SHARE) * peak * np.exp(-0.5 * a**2 / along) / np.sqrt(along)
+        about = (1.0 - plane.OFF_SHARE) * peak * np.exp(-0.5 * a2 / along) / np.sqrt(along)
         density = kinds.sum(axis=0) * (plane.OFF_SHARE + about) + clutter
         found = np.log(density).sum()
         w = kinds[0] * about / density
-        sums = w.sum(), np.sum(w * c**2) + plane.KNOWN, np.sum(w * a**2)
+        sums = w.sum(), np.sum(w * c2) + plane.KNOWN, np.sum(w * a2)
         across, along = sums[1] / (sums[0] + plane.KNOWN), sums[2] / max(sums[0], 1.0)
         if along < across:
             across = along = (sums[1] + sums[2]) / (2.0 * sums[0] + plane.KNOWN)
@@ -115,26 +140,31 @@ def likelihood_by(view: View, off: np.ndarray, R: np.ndarray, t: np.ndarray) -> 
 
 
 @pytest.mark.parametrize(
-    ("count", "off", "relief", "wrong", "is_rough"),
+    ("count", "off", "relief", "wrong", "is_rough", "shape", "is_told"),
     [
-        (40, 1, 0.0, 0, False),
-        (41, 0, 0.015, 0, True),
-        (40, 0, 0.02, 0, True),
-        (9, 2, 0.0, 0, False),
-        (40, 0, 0.02, 3, True),
-        (320, 1, 0.0, 0, False),
+        (40, 1, 0.0, 0, False, 1.0, False),
+        (41, 0, 0.015, 0, True, 1.0, False),
+        (40, 0, 0.02, 0, True, 1.0, True),
+        (9, 2, 0.0, 0, False, 1.0, False),
+        (40, 0, 0.02, 3, True, 1.0, False),
+        (320, 1, 0.0, 0, False, 1.0, False),
+        (40, 0, 0.02, 0, True, 2.0, False),
+        (40, 0, 0.02, 0, True, 2.0, True),
     ],
 )
 def test_what_speaks_for_the_first_motion_is_relief_along_its_lines(
-    count, off, relief, wrong, is_rough
+    count, off, relief, wrong, is_rough, shape, is_told
 ):
-    view = wall(count, off, relief, wrong)
-    other = other_of(view)
+    view = wall(count, off, relief, wrong, shape=shape)
+    other = other_of(view, is_told=is_told)
     assert other.is_rival
     expected, motions = 0.0, [(view.R, view.t), (other.R, other.t)]
     for planar in motions:
         away = off_plane(view, *planar)
-        first, second = (likelihood_by(view, away, *motion) for motion in motions)
+        first, second = (
+            likelihood_by(view, parts_of(view, away, planar[0], t, is_told), R, t)
+            for R, t in motions
+        )
         expected += 0.5 * (first.likelihood - second.likelihood)
         if planar is motions[0]:  # else nothing is tested
             assert (first.along > 1.5 * first.across) == is_rough
@@ -142,9 +172,10 @@ def test_what_speaks_for_the_first_motion_is_relief_along_its_lines(
     assert other.against == pytest.approx(expected, rel=1e-8)
 
 
-def test_a_bare_wall_speaks_for_neither():
+@pytest.mark.parametrize("shape", [1.0, 2.0, 0.5])
+def test_a_bare_wall_speaks_for_neither(shape):
     # Where each motion leaves its own lines free, their likelihoods differ by 3.
-    assert abs(other_of(wall(40)).against) < 0.1
+    assert abs(other_of(wall(40, shape=shape)).against) < 0.5
 
 
 def test_the_other_motion_is_a_minimum_of_its_own_and_nearly_as_low():

@@ -20,12 +20,22 @@ from farpoint._kernels.likelihood import explain, judge_pose, refine_pose
 from farpoint._kernels.linear import add, add_outer
 from farpoint._kernels.mixture import clutter_at, clutter_of, densities
 from farpoint._kernels.motion import MAX_REFINEMENTS
-from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
+from farpoint._kernels.pairs import address, flow_variance, noise0, noise1, ray0, ray1
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.scratch import clear, copy, room, scratch
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.twins import planar_twin
-from farpoint._kernels.vectors import Matrix, Vector, combine, cross, dot, matrix, rotate, vector
+from farpoint._kernels.vectors import (
+    Matrix,
+    Vector,
+    combine,
+    cross,
+    dot,
+    matrix,
+    rotate,
+    rotate_back,
+    vector,
+)
 
 __all__ = ["other_motion"]
 
@@ -45,11 +55,14 @@ MEDIAN = 2.0 * math.log(2.0)
 
 
 @kernel
-def other_motion(matches: PackedMatches, pose: Pose, other: Pose) -> tuple[bool, float]:
+def other_motion(
+    matches: PackedMatches, pose: Pose, other: Pose, is_told: bool
+) -> tuple[bool, float]:
     """Whether another motion is a rival, and by how much the log likelihood of this one is larger.
 
     As far as that is not chance. ``other`` receives the rival, with the noise that it needs;
-    without one it has no meaning. ``pose`` stays as it is.
+    without one it has no meaning. ``pose`` stays as it is. Of noise that is told match by match,
+    only the size is heard: what has shaped it shapes the errors of tracks otherwise.
     """
     count = matches.total
     gate = GATE_SIGMA * math.sqrt(pose.mixture[0])
@@ -69,7 +82,7 @@ def other_motion(matches: PackedMatches, pose: Pose, other: Pose) -> tuple[bool,
     is_near = other.cost[0] < own.cost[0] + growth * RIVAL
     if not is_near or is_same(other.R, other.t, own):
         return False, 0.0
-    return True, _evidence(matches, pose, other)
+    return True, _evidence(matches, pose, other, is_told)
 
 
 @inner_kernel
@@ -81,29 +94,31 @@ def _put(pose: Pose, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> None:
 
 
 @inner_kernel
-def _evidence(matches: PackedMatches, pose: Pose, other: Pose) -> float:
+def _evidence(matches: PackedMatches, pose: Pose, other: Pose, is_told: bool) -> float:
     """Log likelihood of the first motion over the other, whatever the relief and the noise.
 
     By the plane of either in turn: what one has explained of the noise, it has for its own motion.
     """
     mixture, evidence = pose.mixture, 0.0
-    off = room(3 * matches.total)
+    off, parts = room(3 * matches.total), room(2 * matches.total)
     for k in range(2):
         planar = pose if k == 0 else other
         seen = Seen(matches.pairs, matches.prior, planar.R, planar.t, mixture, matches.spread)
         _measure(seen, matches.total, off)
-        evidence += 0.5 * _likelihood_by(pose, matches, off, mixture)
-        evidence -= 0.5 * _likelihood_by(other, matches, off, mixture)
+        _part(matches, planar.R, pose.t, is_told, off, parts)
+        evidence += 0.5 * _likelihood_by(pose, matches, parts, mixture)
+        _part(matches, planar.R, other.t, is_told, off, parts)
+        evidence -= 0.5 * _likelihood_by(other, matches, parts, mixture)
     return evidence
 
 
 @inner_kernel
 def _likelihood_by(
-    pose: Pose, matches: PackedMatches, off: np.ndarray, mixture: np.ndarray
+    pose: Pose, matches: PackedMatches, parts: np.ndarray, mixture: np.ndarray
 ) -> float:
-    """Log likelihood of how far matches are ``off`` the plane, by a motion.
+    """Log likelihood of how far matches are off the plane, by a motion, from what `_part` says.
 
-    A match is about the plane, ``off`` by the noise and, along its epipolar line, by the relief; or
+    A match is about the plane, off by the noise and, along its epipolar line, by the relief; or
     anywhere on that line; or wrong. The variances across the line and along it are found by EM, the
     latter no smaller than the former. Where they are alike, so is all that is said by any motion.
     """
@@ -118,7 +133,7 @@ def _likelihood_by(
         weight = squares_across = squares_along = likelihood = 0.0
         for i in range(matches.total):
             at, prior = address(i), matches.prior[i] / math.sqrt(across)
-            across2, along2 = _parts(pairs, i, off, t)
+            across2, along2 = parts[2 * i], parts[2 * i + 1]
             residual, precision = math.sqrt(across2 * variance), 1.0 / (variance * across)
             good, fair, bad = densities(pairs, at, R, t, residual, precision, poor, prior)
             about = (1.0 - OFF_SHARE) * peak / math.sqrt(along) * math.exp(-0.5 * along2 / along)
@@ -136,23 +151,53 @@ def _likelihood_by(
     return likelihood
 
 
+@inner_kernel
+def _part(
+    matches: PackedMatches,
+    R: np.ndarray,
+    t: np.ndarray,
+    is_told: bool,
+    off: np.ndarray,
+    parts: np.ndarray,
+) -> None:
+    """Squares of how far matches are off the plane (2 N,): across their lines, and along them.
+
+    Each over its variance; along a line, of what the noise across it does not tell of it. The two
+    add up to the same towards any direction ``t``, however the noise of a match lies.
+    """
+    turn, towards = matrix(R), vector(t)
+    for i in range(matches.total):
+        at, away = address(i), (off[3 * i], off[3 * i + 1], off[3 * i + 2])
+        b = ray1(matches.pairs, at)
+        line = combine(1.0, towards, -dot(towards, b), b)
+        aside = cross(line, b)
+        by_line = _noise_times(matches.pairs, at, turn, is_told, line)
+        by_aside = _noise_times(matches.pairs, at, turn, is_told, aside)
+        # Both lie across the ray, and what is off is turned about it by a quarter.
+        x, y = dot(away, line), -dot(away, aside)
+        variance = dot(aside, by_aside) + 1e-300
+        shared = dot(aside, by_line) / variance
+        parts[2 * i] = x * x / variance
+        along = y - shared * x
+        own = greater(dot(line, by_line) - shared * shared * variance, 0.0) + 1e-300
+        parts[2 * i + 1] = along * along / own
+
+
 @formula
-def _parts(pairs: np.ndarray, i: int, off: np.ndarray, t: Vector) -> tuple[float, float]:
-    """Squares of how far a match is off the plane: across the line towards ``t``, and along it."""
-    b, away = ray1(pairs, address(i)), (off[3 * i], off[3 * i + 1], off[3 * i + 2])
-    # Both lie across the ray, and the latter is turned about it by a quarter.
-    line = combine(1.0, t, -dot(t, b), b)
-    across = dot(away, line)
-    across2 = across * across / (dot(line, line) + 1e-300)
-    return across2, greater(dot(away, away) - across2, 0.0)
+def _noise_times(pairs: np.ndarray, at: int, R: Matrix, is_told: bool, v: Vector) -> Vector:
+    """Covariance of the flow from ``R a`` to b, for unit noise, times ``v`` across b."""
+    size = choose(is_told, flow_variance(pairs, at), 0.0)
+    shape = choose(is_told, 0.0, 1.0)
+    first, second = rotate(R, noise0(pairs, at, rotate_back(R, v))), noise1(pairs, at, v)
+    return combine(size, v, shape, combine(1.0, first, 1.0, second))
 
 
 @inner_kernel
 def _measure(seen: Seen, count: int, off: np.ndarray) -> None:
     """How far the later rays are ``off`` (3 N,) where the plane through most would have them.
 
-    In units of the noise, and turned about the ray by a quarter. The plane ``n . X = 1`` (camera 0,
-    unit of the translation) moves a ray a to ``R a + t (n . a)``.
+    In rad over the sigma of the noise, and turned about the ray by a quarter. The plane
+    ``n . X = 1`` (camera 0, unit of the translation) moves a ray a to ``R a + t (n . a)``.
     """
     size = seen.prior.size
     right, square, spare = room(size), room(size), room(size)
@@ -222,13 +267,13 @@ def _put_off(
     n: np.ndarray,
     off: np.ndarray,
 ) -> float:
-    """Write down how far a match is ``off`` the plane; the square of it."""
+    """Write down how far a match is ``off`` the plane; the square of it in units of its noise."""
     a, still, moved = _apart(pairs, address(i), R, t)
-    over = 1.0 / root(variance * flow_variance(pairs, address(i)))
+    over = 1.0 / root(variance)
     away = combine(over, still, over * dot(vector(n), a), moved)
     for k in range(3):
         off[3 * i + k] = away[k]
-    return dot(away, away)
+    return dot(away, away) / flow_variance(pairs, address(i))
 
 
 @inner_kernel

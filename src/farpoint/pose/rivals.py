@@ -243,9 +243,10 @@ def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
 
 def _other_of_plane(fit: MovingFit) -> OtherMotion | None:
     pose, other = pose_of(fit), _some_pose()
-    is_rival, against = other_motion(_some(fit, MAX_SEARCHED), pose, other)
+    is_told = fit.matches.doubt > 1.0
+    is_rival, against = other_motion(_some(fit, MAX_SEARCHED), pose, other, is_told)
     if is_rival and against < DOUBT and len(fit.matches) > MAX_SEARCHED:
-        is_rival, against = other_motion(_some(fit, MORE), pose, other)
+        is_rival, against = other_motion(_some(fit, MORE), pose, other, is_told)
     return _other(other, against, PLANE) if is_rival else None
 
 
