@@ -15,7 +15,7 @@ from farpoint.geometry import so3, sphere
 
 def weigh(parallax: list[float], right: list[float], sigma: float = 1.0):
     labels = np.full(len(parallax), 9, np.uint8)
-    agreeing, odds = evidence.weigh(np.array(parallax), np.array(right), sigma, labels)
+    agreeing, odds, _ = evidence.weigh(np.array(parallax), np.array(right), sigma, 0.3, labels)
     return labels.tolist(), agreeing, odds
 
 
@@ -42,6 +42,13 @@ def test_no_match_alone_is_beyond_doubt():
     one = weigh([50.0], [1.0])[2]
     assert one == pytest.approx(math.log(0.995 / 0.005))
     assert weigh([50.0] * 3 + [-50.0], [1.0] * 4)[2] == pytest.approx(2 * one)
+
+
+def test_matches_are_so_much_likelier_right_than_wrong():
+    right = np.array([0.5, 0.9, 0.01, 1.0])
+    *_, likelier = evidence.weigh(np.zeros(4), right, 1.0, 0.25, np.empty(4, np.uint8))
+    odds = 0.25 / np.array([0.5, 0.1, 0.99, evidence.LEAST_DOUBT])
+    assert likelier == pytest.approx(np.log(odds).sum())
 
 
 def beyond(view: View, right: np.ndarray, distance: float) -> tuple[int, int]:

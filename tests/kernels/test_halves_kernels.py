@@ -7,10 +7,10 @@ import pytest
 from kernels_kit import matches_of, packed, pose_of, shaken, two_views
 
 from farpoint._kernels.halves import MOST, disagreement
-from farpoint._kernels.likelihood import refine_pose
 from farpoint._kernels.linear import draw_index
 from farpoint._kernels.pairs import LANES, PANEL, packed_length, take_pairs
 from farpoint._kernels.pose import PackedMatches, Pose
+from farpoint._kernels.refinement import refine_pose
 from farpoint.geometry import so3, sphere
 
 MIXTURE = np.array([1.0, 0.02, 0.02, 0.02])

@@ -20,7 +20,7 @@ from kernels_kit import (
     two_views,
 )
 
-from farpoint._kernels import epipolar, likelihood, mixture
+from farpoint._kernels import epipolar, likelihood, mixture, refinement
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.information import information
 from farpoint._kernels.pairs import address
@@ -90,7 +90,7 @@ class Refined:
 
     def __init__(self, view: View, step: np.ndarray, spread: float = 500.0) -> None:
         pose = pose_of(*moved(view.R, view.t, step), np.array([1.0, 0.2, 0.1, 0.1]))
-        likelihood.refine_pose(matches_of(view, spread, gives_way=True), 1e-6, 40, pose)
+        refinement.refine_pose(matches_of(view, spread, gives_way=True), 1e-6, 40, pose)
         self.R, self.t, self.mixture, *_ = pose
         self.variance, self.wrong, self.poor, self.repeated = self.mixture
         self.spread = spread
@@ -283,7 +283,7 @@ def test_few_steps_come_near_the_maximum_where_tails_are_heavy():
         ) -> float:
             pose = pose_of(view.R, view.t, np.array([start, 0.2, 0.1, 0.1]))
             for _ in range(times):
-                likelihood.refine_pose(matches, precision, 20, pose)
+                refinement.refine_pose(matches, precision, 20, pose)
             return pose.cost[0]
 
         short.append(refined(30.0, 1e-3, 1) - refined(2.0, 1e-12, 60))
@@ -301,7 +301,7 @@ def test_what_is_refined_again_and_again_stays_where_the_likelihood_was_best():
         view.rays1[-wrong:] = sphere.normalize(anywhere)
         pose, costs = pose_of(view.R, view.t, np.array([0.01, 0.2, 0.1, 0.1])), []
         for _ in range(6):
-            likelihood.refine_pose(matches_of(view, 500.0, gives_way=True), 1e-3, 20, pose)
+            refinement.refine_pose(matches_of(view, 500.0, gives_way=True), 1e-3, 20, pose)
             costs.append(pose.cost[0])
         ranges.append(max(costs) - min(costs))
     # 0.76; 0.91 where what is usual of poor and of repeated matches counts for their share alone.

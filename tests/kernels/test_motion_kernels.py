@@ -15,9 +15,10 @@ from farpoint._kernels.compile import kernel
 from farpoint._kernels.contest import NEAR, is_rival
 from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
 from farpoint._kernels.five_rays import Effort
-from farpoint._kernels.likelihood import explain, refine_pose
+from farpoint._kernels.likelihood import explain
 from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pose import Pose, Seen
+from farpoint._kernels.refinement import refine_pose
 from farpoint.geometry import so3
 
 SPREAD, LEAST_SIGNAL = 500.0, 0.4
@@ -77,17 +78,17 @@ def test_the_motion_of_two_views_is_found_and_settled():
     assert (prior[:60] > 0.1).all()
     assert np.median(prior[:60]) > 5.0
     assert prior[60:].tolist() == [0.0] * (len(prior) - 60)
-    _, narrowness, agreeing, odds, beyond, supporting, predicted, shows, grows = settled
     assert found.labels.tolist() == [2] * 60
-    assert agreeing == beyond == supporting == 60
-    assert odds > 100.0
-    assert shows
-    assert not grows
-    assert not predicted
+    assert settled.agreeing == settled.beyond_rotation == settled.supporting == 60
+    assert settled.sign_log_odds > 100.0
+    assert settled.log_odds > 100.0
+    assert settled.shows_direction
+    assert not settled.grows
+    assert not settled.is_predicted
     pose = pose_of(found.R, found.t, found.mixture)
     refine_pose(matches_of(view, SPREAD, prior, gives_way=True), 1e-3, 20, pose)
     around = np.linalg.slogdet(pose.normal[:5, :5] + np.eye(5))[1]
-    assert narrowness == pytest.approx(0.5 * around, rel=0.01)
+    assert settled.narrowness == pytest.approx(0.5 * around, rel=0.01)
 
 
 def test_wrong_matches_are_told_apart():
@@ -100,8 +101,8 @@ def test_wrong_matches_are_told_apart():
     assert (right[12:] > 0.9).all()
     assert np.mean(right[:12] < 0.1) > 0.7
     assert 0.1 < found.mixture[1] < 0.3
-    assert settled[2] == np.count_nonzero(found.labels) < 54
-    assert settled[5] == np.count_nonzero(right > 0.5)
+    assert settled.agreeing == np.count_nonzero(found.labels) < 54
+    assert settled.supporting == np.count_nonzero(right > 0.5)
 
 
 def test_a_motion_that_is_a_little_off_is_settled_where_it_was_found():
@@ -114,7 +115,7 @@ def test_a_motion_that_is_a_little_off_is_settled_where_it_was_found():
     )
     assert so3.angle_between(found.R, off_R) < 1e-4
     np.testing.assert_allclose(off_t, found.t, atol=1e-3)
-    assert after[0] == pytest.approx(before[0], abs=0.1)
+    assert after.cost == pytest.approx(before.cost, abs=0.1)
     assert (again.labels == found.labels).mean() > 0.98
 
 
@@ -124,9 +125,9 @@ def test_of_many_matches_every_so_manieth_is_searched():
     view.rays1[1:81:2] = np.roll(view.rays1[1:81:2], 1, axis=0)
     found, _, settled = find(view)
     assert found.t @ view.t > 0.999
-    assert 2 * MAX_SEARCHED - 42 <= settled[2] < 2 * MAX_SEARCHED - 20
+    assert 2 * MAX_SEARCHED - 42 <= settled.agreeing < 2 * MAX_SEARCHED - 20
     assert (found.said[3, : view.size : 2] > 0.5).all()
-    assert settled[5] == MAX_SEARCHED
+    assert settled.supporting == MAX_SEARCHED
 
 
 def seen_by(pairs: np.ndarray, found: Found) -> Seen:
@@ -139,7 +140,7 @@ def test_how_sure_the_motion_is_goes_by_how_many_are_right():
     expected = np.empty((5, 5))
     right = found.said[3, :60].sum()
     assert here(seen_by(view.pairs, found), right, False, PLAIN, expected)
-    assert settled[6:] == (False, True, False)
+    assert settled[-3:] == (False, True, False)
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-12)
 
 
@@ -147,7 +148,7 @@ def test_how_sure_the_motion_is_goes_by_how_many_are_right():
 def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(least_signal, shows):
     view = two_views(6, 60, noise_rad=1e-3, error_rad=1e-3, baseline_m=0.05)
     found, _, settled = find(view, least_signal=least_signal)
-    assert settled[6:] == (True, shows, False)
+    assert settled[-3:] == (True, shows, False)
     expected = np.empty((5, 5))
     right = found.said[3, :60].sum()
     assert here(seen_by(view.pairs, found), right, True, least_signal, expected) == shows
@@ -174,7 +175,7 @@ def test_no_array_is_kept(matches):
     arrays = given.pairs, given.prior, state, *found
     held = [sys.getrefcount(array) for array in arrays]
     *_, settled = fit_motion(given, EFFORT, LEAST_SIGNAL, state, found)
-    assert settled[6]  # the longest way
+    assert settled.is_predicted  # the longest way
     settle_motion(given, LEAST_SIGNAL, found)
     assert [sys.getrefcount(array) for array in arrays] == held
 
@@ -199,7 +200,7 @@ def test_noise_that_grows_with_the_parallax_is_told():
     flow = np.linalg.norm(view.rays1 - view.rays0 @ view.R.T, axis=1)
     view = shaken(view, 7, 0.1 * (1.0 + (flow / 0.02) ** 2) ** 0.25)
     found, _, settled = find(view)
-    assert settled[8]
+    assert settled.grows
     residual = np.empty(len(found.said[1]))
     explain(seen_by(found.grown, found), residual, *np.empty((2, len(residual))))
     np.testing.assert_allclose(found.said[1], residual, rtol=1e-12)

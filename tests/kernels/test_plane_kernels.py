@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from kernels_kit import View, matches_of, packed, pose_of, shaken, two_views
 
-from farpoint._kernels import likelihood, mixture, plane
+from farpoint._kernels import likelihood, mixture, plane, refinement
 from farpoint._kernels.pose import Pose, Seen
 from farpoint.geometry import so3, sphere
 
@@ -184,7 +184,7 @@ def test_the_other_motion_is_a_minimum_of_its_own_and_nearly_as_low():
     assert sphere.angle_between(other.t, view.t) > 0.5
     for start in ((view.R, view.t), (other.R, other.t)):
         pose = pose_of(*start, MIXTURE)
-        likelihood.refine_pose(matches_of(view, SPREAD, gives_way=False), 1e-6, 50, pose)
+        refinement.refine_pose(matches_of(view, SPREAD, gives_way=False), 1e-6, 50, pose)
         costs.append(pose.cost[0])
         np.testing.assert_allclose(pose.t, start[1], rtol=0.0, atol=0.05)
     assert abs(costs[1] - costs[0]) < plane.RIVAL

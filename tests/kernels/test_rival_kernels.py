@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from kernels_kit import View, matches_of, moved, pose_of, two_views
 
-from farpoint._kernels.likelihood import refine_pose
 from farpoint._kernels.pose import Pose
+from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.rivals import judge_rival, nearest_rival
 
 SPREAD = 300.0

@@ -44,7 +44,7 @@ def drawn(monkeypatch):
         def challenge(_matches, _challenger, best, _second, _rival):
             contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
             best.cost[0] -= gain
-            return contest
+            return contest, False
 
         mocks = {
             "_draw_distinct": lambda *_: samples.append(len(samples) + 1),

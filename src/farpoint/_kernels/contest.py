@@ -9,11 +9,18 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.formulas import formula, greater
-from farpoint._kernels.likelihood import judge_pose, refine_pose
 from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.pose import PackedMatches, Pose, copy_pose, take_step
+from farpoint._kernels.pose import PackedMatches, Pose, copy_pose
+from farpoint._kernels.refinement import (
+    PROMISED,
+    Refinement,
+    advance,
+    begin,
+    finish,
+    refine_pose,
+)
 from farpoint._kernels.scratch import copy, scratch
-from farpoint._kernels.squares import determinant_beside_one, promise, solve_five_spd
+from farpoint._kernels.squares import determinant_beside_one
 from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
 
 __all__ = [
@@ -26,7 +33,6 @@ __all__ = [
     "START_POOR",
     "START_WRONG",
     "challenge",
-    "comes_near",
     "is_close_second",
     "is_rival",
     "is_same",
@@ -46,12 +52,10 @@ NEAR = 30.0
 NO_RIVAL, RIVAL, EQUAL = (np.int64(contest) for contest in range(3))
 # Cosine of the angle from which on two directions are two motions.
 ELSEWHERE = 0.94
-# Gain of a refinement over what its first step promises, at the most.
+# Gain of a refinement over what a step of it promises and the last one gained, at the most.
 PROMISES = 4.0
 # Steps of a refinement. Of a type of its own: for a plain number numba would compile it anew.
 REFINEMENTS = np.int64(10)
-# Those after which most hypotheses that lead to the best pose are seen to do so.
-GLANCE = np.int64(3)
 # Log likelihood within which two hypotheses are taken for one.
 SAME = 2.0
 # Matches that agree with a pose by chance: the five of a sample, and one more.
@@ -78,11 +82,18 @@ def narrowness(normal: np.ndarray) -> float:
 
 @inner_kernel
 def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
-    """Improve a pose and judge it by the likelihood of the matches with the noise that it needs.
-
-    One that takes hardly any for right is no likelier than none, be they repeated about its lines.
-    """
+    """Improve a pose and weigh it."""
     refine_pose(matches, COARSE, steps, pose)
+    _weigh(matches, pose)
+
+
+@inner_kernel
+def _weigh(matches: PackedMatches, pose: Pose) -> None:
+    """Make its cost that of a pose with the room around it: `narrowness`.
+
+    One that takes hardly any match for right is no likelier than none, be they repeated about its
+    lines.
+    """
     pose.cost[0] += narrowness(pose.normal)
     if not _explains(pose):
         none = matches.total * math.log(2.0 * matches.spread / math.sqrt(2.0 * math.pi))
@@ -172,56 +183,51 @@ def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
 
 
 @inner_kernel
-def _may_compete(matches: PackedMatches, challenger: Pose, best: Pose) -> bool:
-    """Whether one step promises to bring a hypothesis about as far as the best, and elsewhere.
+def _follow(matches: PackedMatches, refinement: Refinement, best: Pose) -> tuple[bool, bool]:
+    """Refine a hypothesis that may compete; whether it does, and whether it did as it was.
 
-    The first promise is a modest one: with each step more matches come within reach.
+    Given up as soon as it does not promise to come about as far as the best, or is seen on its way
+    there. A step's promise is a modest one: more matches come within reach with it, and that there
+    is less noise gains, too. As much as the last step gained, the next one may.
     """
-    normal, x, shares = challenger.normal, scratch(5), scratch(4)
-    cost = judge_pose(matches, challenger, shares) + narrowness(normal)
-    if not solve_five_spd(normal, 0.0, x):
-        return False
-    gain, length2 = promise(normal, x)
-    if not cost - PROMISES * gain < best.cost[0] + NEAR:
-        return False
-    R, t = scratch(3, 3), scratch(3)
-    copy(challenger.R, R)
-    copy(challenger.t, t)
-    take_step(R, t, x, length2)
-    return not is_same(R, t, best)
-
-
-@inner_kernel
-def comes_near(matches: PackedMatches, pose: Pose, best: Pose) -> bool:
-    """Whether a pose, as it is, comes near the best."""
-    cost = judge_pose(matches, pose, scratch(4)) + narrowness(pose.normal)
-    return cost < best.cost[0] + NEAR
+    pose, enough = refinement.pose, best.cost[0] + NEAR
+    begin(refinement)
+    cost, was_near = math.inf, False
+    for step in range(REFINEMENTS):
+        before, goes_on = cost, advance(matches, COARSE, refinement)
+        cost = pose.cost[0] + narrowness(pose.normal)
+        if step == 0:
+            before, was_near = cost, cost < enough
+        hoped_for = PROMISES * refinement.state[PROMISED] + before - cost
+        if not cost - hoped_for < enough or is_same(pose.R, pose.t, best):
+            return False, was_near
+        if not goes_on:
+            break
+    finish(refinement)
+    _weigh(matches, pose)
+    return pose.cost[0] < enough and not is_same(pose.R, pose.t, best), was_near
 
 
 @inner_kernel
 def challenge(
     matches: PackedMatches, challenger: Pose, best: Pose, second: Pose, rival: Pose
-) -> np.int64:
+) -> tuple[np.int64, bool]:
     """Refine a hypothesis that may compete, and keep it if it is better.
 
     Returns `NO_RIVAL`; or `RIVAL` if it comes near the best, or is better; or `EQUAL` if the two
-    come near each other and their directions do not. ``second`` receives the one that has lost
-    then, ``rival`` too if they are equal, if it is better than the one before.
+    come near each other and their directions do not; and whether it came near as it was.
+    ``second`` receives the one that has lost then, ``rival`` too if they are equal, if it is better
+    than the one before.
     """
-    if not _may_compete(matches, challenger, best):
-        return NO_RIVAL
-    refine(matches, GLANCE, challenger)
-    if is_same(challenger.R, challenger.t, best):
-        return NO_RIVAL
-    refine(matches, REFINEMENTS, challenger)
-    if not challenger.cost[0] < best.cost[0] + NEAR:
-        return NO_RIVAL
-    if is_same(challenger.R, challenger.t, best):
-        return NO_RIVAL
+    lowest = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
+    refinement = Refinement(challenger, lowest, scratch(4), scratch(4), scratch(5))
+    competes, was_near = _follow(matches, refinement, best)
+    if not competes:
+        return NO_RIVAL, was_near
     is_equal = best.cost[0] < challenger.cost[0] + NEAR and _is_elsewhere(challenger, best)
     contest = EQUAL if is_equal else RIVAL
     if _is_twisted(matches, challenger):
-        return contest
+        return contest, was_near
     wins = challenger.cost[0] < best.cost[0]
     loser = best if wins else challenger
     _keep_better(loser, second)
@@ -229,7 +235,7 @@ def challenge(
         _keep_better(loser, rival)
     if wins:
         copy_pose(challenger, best)
-    return contest
+    return contest, was_near
 
 
 @inner_kernel

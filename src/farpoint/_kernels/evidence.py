@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.formulas import lesser, whole
+from farpoint._kernels.formulas import greater, lesser, whole
 from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.rotation import rotation_linearize
 from farpoint._kernels.rotation_residual import count_beyond
@@ -21,6 +21,8 @@ NEAR_SIGMA = 3.0
 
 # No match is right beyond doubt.
 MOST_TRUST = 0.99
+# Nor beyond rounding.
+LEAST_DOUBT = 1e-16
 # Variance, in units of the noise, beside which no match is off: all weigh alike.
 BEYOND_ANY = 1e20
 
@@ -30,9 +32,12 @@ def weigh(
     parallax: np.ndarray,
     right: np.ndarray,
     sigma: float,
+    wrong: float,
     labels: np.ndarray,
-) -> tuple[int, float]:
-    """Label the matches; returns how many agree, and the log odds of the sign of the direction.
+) -> tuple[int, float, float]:
+    """Label the matches; returns how many agree, and two log odds: the sign's, and the motion's.
+
+    The latter: by how much likelier they are with it than all wrong, where a share ``wrong`` is.
 
     ``labels`` (N,) receives 0 for a match that disagrees, 2 for one whose parallax is above
     `NEAR_SIGMA`, else 1. A far point, with parallax within the noise, votes on no sign. A near
@@ -40,7 +45,7 @@ def weigh(
     by the chance that it is a wrong match.
     """
     agreeing = 0
-    odds = 0.0
+    odds = likelier = 0.0
     for i in range(labels.size):
         p = parallax[i] / sigma
         agrees = right[i] > 0.5 and p > -NEAR_SIGMA
@@ -50,7 +55,8 @@ def weigh(
         doubt = 0.5 * (1.0 - trust)
         backward = 0.5 * math.erfc(p / math.sqrt(2.0)) if abs(p) < 8.0 else 0.0 if p > 0.0 else 1.0
         odds += math.log((trust * (1.0 - backward) + doubt) / (trust * backward + doubt))
-    return agreeing, odds
+        likelier += math.log(wrong / greater(1.0 - right[i], LEAST_DOUBT))
+    return agreeing, odds, likelier
 
 
 @kernel

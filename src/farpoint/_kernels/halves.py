@@ -6,10 +6,10 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import formula, lesser
-from farpoint._kernels.likelihood import refine_pose
 from farpoint._kernels.linear import draw_index
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.pose import PackedMatches, Pose
+from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.squares import inverse_square, size2
 from farpoint._kernels.vectors import Matrix, combine, dot, matrix, tangent_columns, vector

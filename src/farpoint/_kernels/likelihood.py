@@ -1,8 +1,6 @@
-"""The likelihood of a pose given matches of which some are wrong, and its maximum."""
+"""The likelihood of a pose given matches of which some are wrong."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 
@@ -15,38 +13,30 @@ from farpoint._kernels.epipolar import (
     shift_jacobian,
 )
 from farpoint._kernels.exponential import lane_log
-from farpoint._kernels.formulas import choose, formula, greater, root
+from farpoint._kernels.formulas import choose, formula, root
 from farpoint._kernels.mixture import (
     clutter_at,
     clutter_of,
     densities,
     may_retreat,
     mixture_cost,
-    repeated_share,
     retreat2,
-    unusual,
-    update_mixture,
     weight_of,
 )
 from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
-from farpoint._kernels.pose import PackedMatches, Pose, Seen, copy_pose, take_step
-from farpoint._kernels.scratch import copy, scratch
+from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.squares import (
     SIX,
     add_square,
     add_to_square,
-    promise,
-    solve_five_spd,
     write_square,
 )
 from farpoint._kernels.vectors import Matrix, Vector, matrix, rotate, tangent_columns, vector
 
-__all__ = ["add_retreats", "explain", "judge_pose", "linearize", "refine_pose"]
+__all__ = ["add_retreats", "explain", "judge_pose", "linearize"]
 
 # Right matches that retreat by more, in all, that are left alone.
 FEW_RETREATING = 0.01
-# What EM with unbiased variance may climb; a step that climbs more has gone astray.
-CLIMB = 0.5
 
 
 @sum_kernel
@@ -110,52 +100,6 @@ def add_retreats(seen: Seen, normal: np.ndarray) -> None:
         weight = precision * weight_of(good, fair, bad) / (good + fair + bad + lost)
         row = shift_jacobian(pairs, at, turn, towards, basis)
         add_to_square(weight, row, normal)
-
-
-@kernel
-def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, pose: Pose) -> None:
-    """Maximum-likelihood pose, with its noise by EM.
-
-    Gauss-Newton with the full derivative of the residual, and where the pose gives way to matches
-    that retreat, of their shifts. ``pose`` holds the start, with its mixture, and receives the end,
-    from which a step promises less than ``precision``, in the unit of the log likelihood; with the
-    normal equations and the cost there.
-    """
-    mixture, normal = pose.mixture, pose.normal
-    x, shares, kept_shares = scratch(5), scratch(4), scratch(4)
-    best = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
-    count = float(matches.total)
-    lowest = square = math.inf
-    damping, haste = 0.0, 1.0
-    for _ in range(max_iterations):
-        variance = mixture[0]
-        pose.cost[0] = judge_pose(matches, pose, shares)
-        judged = pose.cost[0] + unusual(mixture[2]) + unusual(mixture[3])
-        if judged > lowest + CLIMB:
-            copy_pose(best, pose)
-            # Either the noise or the pose went too far: the noise first.
-            damping = greater(100.0 * damping, 1e-2) if haste == 0.0 else damping
-            haste = 0.0
-        else:
-            lowest = judged
-            copy_pose(pose, best)
-            copy(shares, kept_shares)
-            damping *= 0.1
-            square = normal[5, 5] * variance / greater(shares[0] - 5.0, 1.0)
-        update_mixture(square, kept_shares, count, matches.min_variance, haste, mixture)
-        mixture[3] = repeated_share(kept_shares[3], count - kept_shares[0])
-        while not solve_five_spd(normal, damping, x) and damping < 1e6:
-            damping = greater(10.0 * damping, 1e-9)
-        if not damping < 1e6:
-            break
-        decrease, size2 = promise(normal, x)
-        settled = abs(mixture[0] - variance) < greater(0.01, precision) * variance
-        if settled and decrease < precision:
-            break
-        take_step(pose.R, pose.t, x, size2)
-    # The last step was not judged, the pose before it was; its noise is one of EM further.
-    copy(mixture, best.mixture)
-    copy_pose(best, pose)
 
 
 @inner_kernel

@@ -13,11 +13,12 @@ from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_predict
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.growth import grow_noise
-from farpoint._kernels.likelihood import explain, refine_pose
+from farpoint._kernels.likelihood import explain
 from farpoint._kernels.mixture import mean_variance
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
+from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.search import search_pose
@@ -41,10 +42,30 @@ MAX_REFINEMENTS = np.int64(20)
 # How often what is plausible is asked again, at the pose that it has led to.
 MAX_ROUNDS = 4
 
-# Cost, what it grows by when averaged over poses, matches that agree, log odds of the sign of the
-# direction; of the right matches searched, those that no rotation explains, and all; whether the
-# flow was predicted; whether it shows a direction; whether the noise grows with the parallax.
-Settled = tuple[float, float, int, float, int, int, bool, bool, bool]
+
+class Settled(NamedTuple):
+    """What all matches say of a motion, in numbers."""
+
+    cost: float
+    """Negative log likelihood."""
+    narrowness: float
+    """As of `contest.narrowness`."""
+    agreeing: int
+    """Matches that do not disagree."""
+    sign_log_odds: float
+    """Of the direction, against its opposite."""
+    log_odds: float
+    """Of the motion, against all matches wrong."""
+    beyond_rotation: int
+    """Of the right matches searched, those that no rotation explains."""
+    supporting: int
+    """Right matches searched."""
+    is_predicted: bool
+    """Whether the covariance is by the flow that is predicted."""
+    shows_direction: bool
+    """Whether enough of that is signal."""
+    grows: bool
+    """Whether the noise was found to grow with the parallax."""
 
 
 class Found(NamedTuple):
@@ -190,12 +211,9 @@ def _widen(
 def settle_motion(matches: PackedMatches, least_signal: float, found: Found) -> Settled:
     """Refine a pose by all matches, with what parallax they make plausible, and hear them on it.
 
-    As `likelihood.refine_pose`; the prior of ``matches``, the first row of what is ``said``,
-    receives what is plausible of each. Returns the cost, its `contest.narrowness`, what
-    `evidence.weigh` and, of the matches searched, `evidence.count_beyond_rotation` do, with the
-    rotation of the far matches for another one, whether the flow was predicted for the covariance,
-    whether at least ``least_signal`` of it is signal, so that it shows a direction, and whether the
-    noise was found to grow with the parallax.
+    As `refinement.refine_pose`; the prior of ``matches``, the first row of what is ``said``,
+    receives what is plausible of each. It shows a direction if at least ``least_signal`` of the
+    flow is signal.
     """
     # A kernel that handed back the array itself would make numba lose count of who holds it.
     few = matches.total <= MAX_SEARCHED
@@ -234,7 +252,7 @@ def _seen(matches: PackedMatches, found: Found) -> Seen:
 
 @inner_kernel
 def _refine(matches: PackedMatches, found: Found, normal: np.ndarray) -> float:
-    """As `likelihood.refine_pose`, by what the pose as it was makes plausible of the matches.
+    """As `refinement.refine_pose`, by what the pose as it was makes plausible of the matches.
 
     Again where it ends at a pose that some of them made, and from which they lie too far away.
     """
@@ -275,9 +293,21 @@ def _conclude(
     cost = _refine(matches, found, normal)
     predicted, shows = _be_sure(matches, least_signal, found)
     parallax, right = found.said[2], found.said[3]
-    agreeing, odds = weigh(parallax, right, math.sqrt(found.mixture[0]), found.labels)
+    sigma, wrong = math.sqrt(found.mixture[0]), found.mixture[1]
+    agreeing, odds, likelier = weigh(parallax, right, sigma, wrong, found.labels)
     beyond, supporting = _count_beyond(searched, right, matches.total, found)
-    return cost, narrowness(normal), agreeing, odds, beyond, supporting, predicted, shows, grows
+    return Settled(
+        cost,
+        narrowness(normal),
+        agreeing,
+        odds,
+        likelier,
+        beyond,
+        supporting,
+        predicted,
+        shows,
+        grows,
+    )
 
 
 @inner_kernel

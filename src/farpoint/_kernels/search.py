@@ -14,7 +14,6 @@ from farpoint._kernels.contest import (
     REFINEMENTS,
     RIVAL,
     challenge,
-    comes_near,
     is_close_second,
     is_rival,
     noise_of,
@@ -174,7 +173,7 @@ def search_pose(
         lowest = lesser(raw, lowest)
         noise_of(matches, best, tolerance, other.mixture)
         before = best.cost[0]
-        outcome = challenge(matches, other, best, second, rival)
+        outcome, _ = challenge(matches, other, best, second, rival)
         if outcome != NO_RIVAL:
             # What came near the best so far was no rival of a much better one.
             far_better = best.cost[0] < before - NEAR
@@ -194,8 +193,8 @@ def _search_twins(
     if is_planar:
         copy(best.mixture, other.mixture)
         # The best may lie between the two: it goes to one of them when it is refined.
-        is_near = comes_near(matches, other, best)
-        is_planar = challenge(matches, other, best, second, rival) != NO_RIVAL or is_near
+        contest, was_near = challenge(matches, other, best, second, rival)
+        is_planar = contest != NO_RIVAL or was_near
         gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     if layer_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
         copy(best.mixture, other.mixture)

@@ -75,6 +75,8 @@ class MovingFit:
         Matches that do not disagree.
     sign_log_odds : float
         Of the direction against its opposite.
+    log_odds : float
+        Of the motion against all matches wrong.
     beyond_rotation, supporting : int
         Of the right matches searched, those that contradict every rotation that may fit; and all.
     """
@@ -96,6 +98,7 @@ class MovingFit:
     narrowness: float
     agreeing: int
     sign_log_odds: float
+    log_odds: float
     beyond_rotation: int
     supporting: int
 
@@ -244,8 +247,7 @@ def _moving_fit(
     found: Found,
     settled: Settled,
 ) -> MovingFit:
-    cost, narrowness, agreeing, odds, beyond, supporting, is_predicted, shows, grows = settled
-    if grows:
+    if settled.grows:
         matches = replace(matches, pairs=found.grown)
     return MovingFit(
         R_cam1_from_cam0=found.R,
@@ -255,16 +257,17 @@ def _moving_fit(
         said=found.said,
         labels=found.labels,
         covariance=found.covariance,
-        is_predicted=bool(is_predicted),
-        shows_direction=bool(shows),
+        is_predicted=bool(settled.is_predicted),
+        shows_direction=bool(settled.shows_direction),
         iterations=iterations,
         is_planar=is_planar,
         rival=rival,
-        cost=cost / len(matches),
+        cost=settled.cost / len(matches),
         far_rotation_cam1_from_cam0=found.R_far,
-        narrowness=narrowness,
-        agreeing=agreeing,
-        sign_log_odds=odds,
-        beyond_rotation=beyond,
-        supporting=supporting,
+        narrowness=settled.narrowness,
+        agreeing=settled.agreeing,
+        sign_log_odds=settled.sign_log_odds,
+        log_odds=settled.log_odds,
+        beyond_rotation=settled.beyond_rotation,
+        supporting=settled.supporting,
     )

@@ -25,7 +25,7 @@ from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.rivals import hold_against_rivals, likelier_of_plane
-from farpoint.pose.small import angle2
+from farpoint.pose.small import rotation_vector
 from farpoint.pose.turning_fit import TurningFit, fit_turning
 from farpoint.pose.verdict import (
     is_consensus,
@@ -240,7 +240,8 @@ def _doubt_of_rotation(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
 
     About which axis the two differ depends on a direction that is not known.
     """
-    return 0.5 * angle2(R @ other_R.T) * np.eye(3)
+    x, y, z = rotation_vector(R @ other_R.T)
+    return 0.5 * (x * x + y * y + z * z) * np.eye(3)
 
 
 def _doubt_if_moving(fit: TurningFit, moving: MovingFit) -> np.ndarray:

@@ -12,12 +12,12 @@ from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint._kernels.plane import other_motion
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.rivals import judge_rival, nearest_rival
-from farpoint.geometry import so3
-from farpoint.geometry.sphere import angle_between, tangent_basis
+from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma
 from farpoint.pose.covariance import moving_covariance
 from farpoint.pose.moving_fit import MovingFit, pose_of, refit_moving
 from farpoint.pose.noise import MIN_VARIANCE
+from farpoint.pose.small import rotation_vector
 from farpoint.pose.turning_fit import fit_turning
 
 __all__ = [
@@ -80,7 +80,7 @@ class OtherMotion(NamedTuple):
 
     def said_beside(self, fit: MovingFit) -> str:
         """A sentence of why there are two, and how far they are apart."""
-        apart = angle_between(self.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
+        apart = math.acos(min(max(_cosine(self, fit), -1.0), 1.0))
         return f"{self.because}, whose directions are {math.degrees(apart):.0f} deg apart."
 
     def doubt_of(self, fit: MovingFit) -> np.ndarray:
@@ -120,7 +120,7 @@ class OtherMotion(NamedTuple):
         return 1.0 / (1.0 + math.exp(min(heard * self.against / doubt, 700.0)))
 
     def _turn_from(self, fit: MovingFit) -> np.ndarray:
-        return so3.log(self.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T)
+        return np.array(rotation_vector(self.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
 
 
 def _cosine(one: OtherMotion | MovingFit, other: OtherMotion | MovingFit) -> float:

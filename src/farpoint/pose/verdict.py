@@ -25,7 +25,7 @@ from farpoint._kernels.turning import Judged, flow_beside_rotation, likelier_mov
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit
 from farpoint.pose.noise import MIN_VARIANCE
-from farpoint.pose.small import size2
+from farpoint.pose.small import rotation_vector, size2
 from farpoint.pose.turning_fit import TurningFit
 
 __all__ = [
@@ -45,8 +45,6 @@ DIRECTIONS = 300
 OWN = 5
 # Fewer matches make no bulk.
 MIN_BULK = 8
-# No match is right beyond rounding.
-LEAST_DOUBT = 1e-16
 
 
 def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: float) -> bool:
@@ -74,10 +72,7 @@ def is_motion(fit: MovingFit, rate: float) -> bool:
 
     Averaged over all motions: one that five matches were fitted to has as much less room around it.
     """
-    # Of a match, the likelihood with the motion over that of a wrong one.
-    likelier = fit.noise.wrong / np.maximum(1.0 - fit.probability, LEAST_DOUBT)
-    gain = float(np.log(likelier).sum()) - fit.narrowness
-    return fit.agreeing > OWN and gain > -math.log(rate)
+    return fit.agreeing > OWN and fit.log_odds - fit.narrowness > -math.log(rate)
 
 
 def is_plainly_translating(fit: MovingFit) -> bool:
@@ -127,14 +122,7 @@ def _likelier_than_turning(fit: MovingFit, turning: TurningFit) -> float:
 
 def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float) -> bool:
     """Whether a rotation with this covariance (3, 3), rad^2, cannot be told from none."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R_cam1_from_cam0.tolist()
-    cosine = 0.5 * (xx + yy + zz - 1.0)
-    if cosine <= 0.0:  # a quarter turn and more: no covariance that fixes a rotation reaches so far
-        return False
-    x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
-    sine = math.hypot(x, y, z)
-    scale = math.atan2(sine, cosine) / sine if sine > 1e-8 else 1.0
-    distance2 = size2((scale * x, scale * y, scale * z), covariance)
+    distance2 = size2(rotation_vector(R_cam1_from_cam0), covariance)
     return bool(scipy.special.chdtrc(3.0, distance2) > rate)
 
 

@@ -1,0 +1,116 @@
+"""A hypothesis against the best pose so far: how long it is followed, and what becomes of it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from kernels_kit import matches_of, two_views
+
+from farpoint._kernels import contest
+from farpoint._kernels.contest import EQUAL, NO_RIVAL, RIVAL
+from farpoint._kernels.pose import PackedMatches, Pose
+from farpoint._kernels.refinement import PROMISED
+
+BEST = 100.0
+# Costs where a hypothesis is judged, and what the step from there promises.
+AWAY = (500.0, 200.0)
+
+
+class Followed(NamedTuple):
+    """A hypothesis that was followed so many steps."""
+
+    contest: np.int64
+    was_near: bool
+    steps: int
+    best: Pose
+    second: Pose
+
+
+@pytest.fixture
+def followed(monkeypatch):
+    """Of a hypothesis that is judged so, step by step, and elsewhere or not than the best."""
+
+    def run(
+        course: list[tuple[float, float]], *, same_after: int = 99, elsewhere: bool = True
+    ) -> Followed:
+        steps: list[int] = []
+
+        def advance(_matches, _precision, refinement):
+            steps.append(len(steps) + 1)
+            refinement.pose.cost[0], refinement.state[PROMISED] = course[len(steps) - 1]
+            return len(steps) < len(course)
+
+        mocks = {
+            "advance": advance,
+            "finish": lambda *_: None,
+            "narrowness": lambda *_: 0.0,
+            "is_same": lambda *_: len(steps) >= same_after,
+            "_is_twisted": lambda *_: False,
+        }
+        for name, mock in mocks.items():
+            monkeypatch.setattr(contest, name, mock)
+        best, challenger, second, rival = (_pose() for _ in range(4))
+        best.cost[0], second.cost[0], rival.cost[0] = BEST, np.inf, np.inf
+        challenger.t[:] = (1.0, 0.0, 0.0) if elsewhere else best.t
+        challenge = getattr(contest.challenge, "py_func", contest.challenge)
+        given = _matches(), challenger, best, second, rival
+        return Followed(*challenge(*given), len(steps), best, second)
+
+    within = "begin", "copy_pose", "_explains", "_follow", "_keep_better", "_weigh", "_is_elsewhere"
+    for name in within:
+        function = getattr(contest, name)
+        monkeypatch.setattr(contest, name, getattr(function, "py_func", function))
+    return run
+
+
+def _matches() -> PackedMatches:
+    return matches_of(two_views(0, 8), 100.0, gives_way=True)
+
+
+def _pose() -> Pose:
+    mixture = np.array([1.0, 0.2, 0.1, 0.05])
+    return Pose(np.eye(3), np.array([0.0, 0.0, 1.0]), mixture, np.eye(6), np.zeros(1))
+
+
+def test_one_that_promises_little_is_given_up_at_once(followed):
+    assert followed([(500.0, 10.0), (90.0, 1.0)])[:3] == (NO_RIVAL, False, 1)
+
+
+def test_one_that_ends_far_away_is_given_up_before_it_has_come_there(followed):
+    ends = [AWAY, (300.0, 20.0), (290.0, 1.0), (289.0, 0.5), (288.9, 0.0)]
+    assert followed(ends)[:3] == (NO_RIVAL, False, 3)
+
+
+def test_one_that_falls_by_its_noise_is_followed(followed):
+    # Of that a step promises nothing.
+    falls = [AWAY, (170.0, 1.0), (140.0, 0.5), (120.0, 0.1), (115.0, 0.0)]
+    assert followed(falls)[:3] == (EQUAL, False, 5)
+
+
+def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
+    assert followed([AWAY, (120.0, 30.0), (90.0, 1.0)], same_after=2).steps == 2
+
+
+@pytest.mark.parametrize(
+    ("end", "elsewhere", "outcome"),
+    [
+        (90.0, True, EQUAL),
+        (90.0, False, RIVAL),
+        (60.0, True, RIVAL),
+        (120.0, True, EQUAL),
+        (131.0, True, NO_RIVAL),
+    ],
+)
+def test_the_likelier_is_kept_and_the_other_remembered(followed, end, elsewhere, outcome):
+    found = followed([AWAY, (end, 1.0)], elsewhere=elsewhere)
+    assert found.contest == outcome
+    assert found.best.cost[0] == min(end, BEST)
+    lost = np.inf if outcome == NO_RIVAL else max(end, BEST)
+    assert found.second.cost[0] == lost
+
+
+def test_one_that_was_near_as_it_was_is_told(followed):
+    assert followed([(129.0, 1.0), (128.0, 0.1)], same_after=1).was_near
+    assert not followed([(131.0, 9.0), (100.5, 0.1)], same_after=2).was_near
