@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -52,7 +53,7 @@ def matches_of(
 ) -> PackedMatches:
     """What a pose is judged by; of all matches alike, unless a packed ``prior`` is given."""
     prior = packed(np.ones(view.size)) if prior is None else prior
-    return PackedMatches(view.pairs, prior, view.size, spread, 1e-6, gives_way)
+    return PackedMatches(view.pairs, prior, view.size, spread, 1e-6, math.inf, gives_way)
 
 
 def spread_of(mixture: np.ndarray, clutter: float) -> float:

@@ -308,6 +308,21 @@ def test_what_is_refined_again_and_again_stays_where_the_likelihood_was_best():
     assert np.mean(ranges) < 0.83
 
 
+@pytest.mark.parametrize(("most", "least"), [(0.2, 0.2), (4.0, 0.7**2 * (0.8 + 0.2 * 16.0))])
+def test_no_more_noise_is_found_than_is_believed(most, least):
+    view = two_views(5, 200, noise_rad=5e-4)
+    # Of 0.7 in both images, and a fifth of the matches four times as far off.
+    view = shaken(view, 5, 0.7 * np.where(np.arange(200) % 5, 1.0, 4.0))
+    pose = pose_of(view.R, view.t, np.array([1.0, 0.2, 0.1, 0.1]))
+    given = matches_of(view, 500.0, gives_way=True)._replace(max_variance=most)
+    refinement.refine_pose(given, 1e-3, 20, pose)
+    variance, wrong, poor, _ = pose.mixture
+    assert variance == pytest.approx(least, rel=0.05)
+    assert poor < 1e-6
+    assert wrong < 0.25
+    assert 1e-6 < so3.angle_between(pose.R, view.R) < 1e-3
+
+
 def informed(
     pairs: np.ndarray, prior: np.ndarray, view: View, mixture: np.ndarray, clutter: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -343,7 +343,7 @@ def start_from(
 )
 def test_no_hypothesis_starts_from_more_noise_than_where_nothing_is_known(best, is_known):
     nothing, found = np.empty((2, 4))
-    matches = PackedMatches(np.empty(0), np.empty(0), 20, 100.0, 1e-6, gives_way=True)
+    matches = PackedMatches(np.empty(0), np.empty(0), 20, 100.0, 1e-6, math.inf, gives_way=True)
     pose = Pose(np.eye(3), np.zeros(3), np.array(best), np.zeros((6, 6)), np.zeros(1))
     start_from(matches, pose, 3.0, nothing, found)
     assert found.tolist() == (list(best) if is_known else nothing.tolist())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -64,7 +65,7 @@ def drawn(monkeypatch):
         for name, mock in mocks.items():
             monkeypatch.setattr(search, name, mock)
         empty = np.ones(9)
-        matches = PackedMatches(empty, empty, MATCHES, 100.0, 1e-6, gives_way=True)
+        matches = PackedMatches(empty, empty, MATCHES, 100.0, 1e-6, math.inf, gives_way=True)
         effort = five_rays.Effort(3.0, CONFIDENCE, least, most)
         poses = (Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3))
         told, *_ = interpreted(search.search_pose)(matches, empty, effort, empty, *poses)

@@ -191,7 +191,7 @@ def _follow(matches: PackedMatches, refinement: Refinement, best: Pose) -> tuple
     is less noise gains, too. As much as the last step gained, the next one may.
     """
     pose, enough = refinement.pose, best.cost[0] + NEAR
-    begin(refinement)
+    begin(matches, refinement)
     cost, was_near = math.inf, False
     for step in range(REFINEMENTS):
         before, goes_on = cost, advance(matches, COARSE, refinement)

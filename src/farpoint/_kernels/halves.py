@@ -83,8 +83,8 @@ def _refine_by(matches: PackedMatches, rows: np.ndarray, start: Pose, pose: Pose
     copy(start.R, pose.R)
     copy(start.t, pose.t)
     copy(start.mixture, pose.mixture)
-    spread, least, gives_way = matches.spread, matches.min_variance, matches.gives_way
-    some = PackedMatches(pairs, prior, rows.size, spread, least, gives_way)
+    spread, least, most = matches.spread, matches.min_variance, matches.max_variance
+    some = PackedMatches(pairs, prior, rows.size, spread, least, most, matches.gives_way)
     refine_pose(some, FINE, MAX_REFINEMENTS, pose)
 
 

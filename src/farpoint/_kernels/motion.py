@@ -149,9 +149,8 @@ def _searched(some: np.ndarray, matches: PackedMatches) -> PackedMatches:
     total = matches.total if matches.total < MAX_SEARCHED else MAX_SEARCHED
     prior = room(some.size // PANEL * LANES)
     _leave_out_none(prior, total)
-    return PackedMatches(
-        some, prior, total, matches.spread, matches.min_variance, matches.gives_way
-    )
+    spread, least, most = matches.spread, matches.min_variance, matches.max_variance
+    return PackedMatches(some, prior, total, spread, least, most, matches.gives_way)
 
 
 @inner_kernel
@@ -232,8 +231,9 @@ def _settle(
     variance, grown = found.mixture[0], found.grown
     if not grow_noise(matches.pairs, residual, parallax, right, count, variance, grown):
         return _conclude(searched, matches, least_signal, False, found)
-    spread, least, gives_way = matches.spread, matches.min_variance, matches.gives_way
-    doubted = PackedMatches(grown, matches.prior, count, spread, least, gives_way)
+    spread, least, most = matches.spread, matches.min_variance, matches.max_variance
+    gives_way = matches.gives_way
+    doubted = PackedMatches(grown, matches.prior, count, spread, least, most, gives_way)
     return _conclude(searched, doubted, least_signal, True, found)
 
 

@@ -29,6 +29,8 @@ class PackedMatches(NamedTuple):
     """Half the width that wrong matches fill, in units of the noise."""
     min_variance: float
     """Smaller noise is rounding."""
+    max_variance: float
+    """Larger noise is not believed, and none is poor; infinite where both are as they are found."""
     gives_way: bool
     """Whether a pose does to matches that retreat. Motions that are held against each other do not:
     each match may retreat by `mixture.FAR_SIGMA` at no cost, and the reverse of a motion would make

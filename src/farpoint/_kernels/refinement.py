@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import greater
+from farpoint._kernels.formulas import greater, lesser
 from farpoint._kernels.likelihood import judge_pose
 from farpoint._kernels.mixture import repeated_share, unusual, update_mixture
 from farpoint._kernels.pose import PackedMatches, Pose, copy_pose, take_step
@@ -19,6 +19,9 @@ __all__ = ["PROMISED", "Refinement", "advance", "begin", "finish", "refine_pose"
 
 # What EM with unbiased variance may climb; a step that climbs more has gone astray.
 CLIMB = 0.5
+
+# Share of poor matches where none is believed to be: its logarithm is asked for.
+NONE = 1e-9
 
 # What is kept from step to step: the lowest cost so far, the weighted squares of the residuals for
 # each right match there, how much steps are damped, how far EM goes, and what the last step
@@ -52,7 +55,7 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
     """
     lowest = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     refinement = Refinement(pose, lowest, scratch(4), scratch(4), scratch(5))
-    begin(refinement)
+    begin(matches, refinement)
     for _ in range(max_iterations):
         if not advance(matches, precision, refinement):
             break
@@ -60,9 +63,10 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
 
 
 @inner_kernel
-def begin(refinement: Refinement) -> None:
-    """From where the pose is."""
+def begin(matches: PackedMatches, refinement: Refinement) -> None:
+    """From where the pose is, with as much of its noise as is believed."""
     state = refinement.state
+    _believe(matches, refinement.pose.mixture)
     state[LOWEST] = state[SQUARE] = math.inf
     state[DAMPING], state[HASTE], state[PROMISED] = 0.0, 1.0, 0.0
 
@@ -89,6 +93,7 @@ def advance(matches: PackedMatches, precision: float, refinement: Refinement) ->
         state[DAMPING] *= 0.1
     update_mixture(state[SQUARE], shares, count, matches.min_variance, state[HASTE], mixture)
     mixture[3] = repeated_share(shares[3], count - shares[0])
+    _believe(matches, mixture)
     while not solve_five_spd(normal, state[DAMPING], x) and state[DAMPING] < 1e6:
         state[DAMPING] = greater(10.0 * state[DAMPING], 1e-9)
     if not state[DAMPING] < 1e6:
@@ -99,6 +104,13 @@ def advance(matches: PackedMatches, precision: float, refinement: Refinement) ->
         return False
     take_step(pose.R, pose.t, x, size2)
     return True
+
+
+@inner_kernel
+def _believe(matches: PackedMatches, mixture: np.ndarray) -> None:
+    """No larger noise than is believed."""
+    if matches.max_variance < math.inf:
+        mixture[0], mixture[2] = lesser(mixture[0], matches.max_variance), NONE
 
 
 @inner_kernel

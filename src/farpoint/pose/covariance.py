@@ -8,11 +8,9 @@ import numpy as np
 
 from farpoint._kernels.covariance import covariance_around
 from farpoint._kernels.halves import disagreement
-from farpoint._kernels.pose import PackedMatches
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit, pose_of, seen_by
-from farpoint.pose.noise import MIN_VARIANCE
 
 __all__ = ["growth_by_halves", "moving_covariance", "shared_covariance"]
 
@@ -55,11 +53,9 @@ def growth_by_halves(fit: MovingFit, deals: int) -> float:
     matches = fit.matches
     if deals == 0 or len(matches) < LEAST_MATCHES or not math.isfinite(fit.covariance[0, 0]):
         return 1.0
-    packed = PackedMatches(
-        matches.pairs, fit.said[0], len(matches), matches.spread, MIN_VARIANCE, gives_way=True
-    )
     state = np.zeros(1, np.uint64)
-    shown = disagreement(packed, pose_of(fit), fit.covariance, deals, state)
+    judging = matches.judging(fit.said[0], gives_way=True)
+    shown = disagreement(judging, pose_of(fit), fit.covariance, deals, state)
     freedom = 5.0 * deals
     return (COMPUTED + freedom * shown) / (COMPUTED + freedom)
 

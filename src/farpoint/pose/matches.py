@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -20,9 +21,11 @@ from farpoint._kernels.pairs import (
     packed_length,
     take_pairs,
 )
+from farpoint._kernels.pose import PackedMatches
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.sphere import normalize, tangent_basis
+from farpoint.pose.noise import MIN_VARIANCE
 
 # Pixels are no farther out than where the next one is the same direction.
 LEAST_RAD_PER_PX = 1e-12
@@ -74,6 +77,9 @@ class Matches:
         be misstated.
     told : Told or None
         What the user said of the noise of each match, where it was said.
+    max_variance : float
+        Larger noise of a good match is not believed, and heavy tails neither; infinite where both
+        are as they are found.
     """
 
     pairs: np.ndarray
@@ -83,6 +89,7 @@ class Matches:
     spread: float
     doubt: float
     told: Told | None = None
+    max_variance: float = math.inf
 
     def __len__(self) -> int:
         return len(self.index)
@@ -99,7 +106,13 @@ class Matches:
             unit=self.unit,
             spread=self.spread,
             doubt=self.doubt,
+            max_variance=self.max_variance,
         )
+
+    def judging(self, prior: np.ndarray, *, gives_way: bool) -> PackedMatches:
+        """As the kernels take them, with the ``prior`` of each, in panels."""
+        n, least, most = len(self), MIN_VARIANCE, self.max_variance
+        return PackedMatches(self.pairs, prior, n, self.spread, least, most, gives_way)
 
     def weights(self, values: np.ndarray | float = 1.0) -> np.ndarray:
         """Values of the matches (N,) as the kernels take them: 0 where the panels are filled up."""

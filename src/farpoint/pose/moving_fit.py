@@ -20,7 +20,7 @@ from farpoint._kernels.plausible import BAND_SIGMA
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.matches import Matches
-from farpoint.pose.noise import MIN_VARIANCE, Noise
+from farpoint.pose.noise import Noise
 from farpoint.pose.options import RelativePoseOptions
 
 __all__ = [
@@ -217,8 +217,7 @@ def _least_signal(matches: Matches) -> float:
 
 def _judging(matches: Matches, found: Found) -> PackedMatches:
     """The matches as the kernels take them, which tell in ``found`` what is plausible of each."""
-    n, spread = len(matches), matches.spread
-    return PackedMatches(matches.pairs, found.said[0], n, spread, MIN_VARIANCE, gives_way=True)
+    return matches.judging(found.said[0], gives_way=True)
 
 
 def _nothing_found(n: int) -> Found:

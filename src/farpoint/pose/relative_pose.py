@@ -23,6 +23,7 @@ from farpoint.pose.matches import Matches, matches_from_points, matches_from_ray
 from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
+from farpoint.pose.repeated import beside_repeated
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.rivals import hold_against_rivals, likelier_of_plane
 from farpoint.pose.small import rotation_vector
@@ -155,6 +156,7 @@ def _find(
         # What the search made of a plane, it did with noise that was told wrong.
         moving = replace(refit_moving(matches, moving), is_planar=True)
         course.lap("refinement_s")
+    moving = beside_repeated(matches, moving, tolerance, options, state)
     if is_plainly_translating(moving):
         return _conclude_moving(matches, moving, tolerance, options, course)
     turning = fit_turning(matches, moving.far_rotation_cam1_from_cam0, tolerance)

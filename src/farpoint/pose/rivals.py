@@ -16,7 +16,6 @@ from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma
 from farpoint.pose.covariance import moving_covariance
 from farpoint.pose.moving_fit import MovingFit, pose_of, refit_moving
-from farpoint.pose.noise import MIN_VARIANCE
 from farpoint.pose.small import rotation_vector
 from farpoint.pose.turning_fit import fit_turning
 
@@ -259,9 +258,7 @@ def _some(fit: MovingFit, most: int) -> PackedMatches:
     seen, total = fit.matches, len(fit.matches)
     if total > most:
         seen = seen.select(np.arange(most) * total // most)
-    return PackedMatches(
-        seen.pairs, seen.weights(), len(seen), seen.spread, MIN_VARIANCE, gives_way=False
-    )
+    return seen.judging(seen.weights(), gives_way=False)
 
 
 def _some_pose() -> Pose:

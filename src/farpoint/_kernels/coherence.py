@@ -1,0 +1,72 @@
+"""Whether matches that lie side by side are off alike, as noise is not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.formulas import formula, greater, lesser
+from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
+from farpoint._kernels.vectors import combine, dot
+
+__all__ = ["coherence"]
+
+# Matches that are asked, each for its neighbour among all.
+ASKED = 200
+# Nearer ones, in units of the noise, are two of the same point.
+SAME_POINT = 3.0
+# No residual counts for more, in sigma.
+MOST_SIGMA = 3.0
+
+
+@kernel
+def coherence(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: float) -> float:
+    """Correlation of the residuals of matches with those of their neighbours.
+
+    The neighbour is that of these ``rows`` which is nearest in both images together; they are in
+    the order of their first coordinate in image 0. 0 on average where residuals are noise; 0 as
+    well where there are hardly any.
+    """
+    asked = rows.size if rows.size < ASKED else ASKED
+    product = square = 0.0
+    for j in range(asked):
+        place = j * rows.size // asked
+        here, neighbour = int(rows[place]), int(_neighbour(pairs, rows, place))
+        if neighbour >= 0:
+            own = _bounded(residual[here], sigma)
+            product += own * _bounded(residual[neighbour], sigma)
+            square += own * own
+    return product / square if square > 0.0 else 0.0
+
+
+@inner_kernel
+def _neighbour(pairs: np.ndarray, rows: np.ndarray, place: int) -> int:
+    """The row nearest to that at this place which is another point; -1 if none is."""
+    at = address(rows[place])
+    same = SAME_POINT * SAME_POINT * flow_variance(pairs, at)
+    nearest, found = math.inf, -1
+    for way in (-1, 1):
+        k = place + way
+        while 0 <= k < rows.size:
+            along, distance = _distances2(pairs, at, address(rows[k]))
+            if along >= nearest:
+                break
+            if same < distance < nearest:
+                nearest, found = distance, rows[k]
+            k += way
+    return found
+
+
+@formula
+def _distances2(pairs: np.ndarray, at: int, other: int) -> tuple[float, float]:
+    """Of two matches, rad^2: by the first coordinate in image 0, and in both images together."""
+    first = combine(1.0, ray0(pairs, at), -1.0, ray0(pairs, other))
+    second = combine(1.0, ray1(pairs, at), -1.0, ray1(pairs, other))
+    return first[0] * first[0], dot(first, first) + dot(second, second)
+
+
+@formula
+def _bounded(residual: float, sigma: float) -> float:
+    return lesser(greater(residual / sigma, -MOST_SIGMA), MOST_SIGMA)

@@ -1,0 +1,62 @@
+"""Whether neighbours are off alike."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from kernels_kit import View, two_views
+from scipy.spatial import cKDTree
+
+from farpoint._kernels.coherence import ASKED, coherence
+
+
+def told(view: View, residual: np.ndarray, right: np.ndarray | None = None) -> float:
+    rows = np.arange(view.size) if right is None else np.flatnonzero(right > 0.5)
+    rows = rows[np.argsort(view.rays0[rows, 0])]
+    return coherence(view.pairs, residual, rows, 1.0)
+
+
+def test_noise_is_not():
+    shares = []
+    for seed in range(40):
+        view = two_views(seed, ASKED, noise_rad=1e-4)
+        shares.append(told(view, np.random.default_rng(seed).normal(size=ASKED)))
+    # Of 200 pairs each, of which some are asked both ways.
+    assert abs(np.mean(shares)) < 0.04
+    assert np.std(shares) < 0.13
+
+
+def test_what_changes_slowly_over_the_image_is():
+    view = two_views(1, 400, noise_rad=1e-4)
+    slow = np.sin(3.0 * view.rays0[:, 0])
+    assert told(view, 2.0 * slow) > 0.9
+    noisy = slow + np.random.default_rng(1).normal(0.0, np.std(slow), 400)
+    assert told(view, noisy) == pytest.approx(0.5, abs=0.15)
+
+
+def test_the_neighbour_is_the_nearest_right_match_in_both_images():
+    rng = np.random.default_rng(2)
+    view, residual = two_views(2, ASKED, noise_rad=1e-4), rng.normal(size=ASKED)
+    right = rng.uniform(0.2, 1.0, ASKED)
+    rows = np.flatnonzero(right > 0.5)
+    tree = cKDTree(np.c_[view.rays0, view.rays1][rows])
+    _, nearest = tree.query(tree.data, k=2)
+    own, other = np.clip(residual[rows], -3.0, 3.0), np.clip(residual[rows[nearest[:, 1]]], -3, 3)
+    expected = (own * other).sum() / (own * own).sum()
+    assert told(view, residual, right) == pytest.approx(expected)
+
+
+def test_a_point_found_twice_is_no_neighbour():
+    rng = np.random.default_rng(3)
+    view = two_views(3, 150, noise_rad=1e-3)
+    twice = View(*(np.repeat(each, 2, axis=0) for each in view[:4]), view.R, view.t)
+    residual = np.repeat(rng.normal(size=150), 2)
+    assert abs(told(twice, residual)) < 0.3
+
+
+@pytest.mark.parametrize("count", [1, 2, 20])
+def test_few_matches_or_none_right_tell_nothing_wrong(count):
+    view = two_views(4, count)
+    assert told(view, np.ones(count), np.zeros(count)) == 0.0
+    assert -1.0 <= told(view, np.ones(count)) <= 1.0
+    assert told(view, np.zeros(count)) == 0.0
