@@ -16,7 +16,8 @@ from farpoint.bench.scenes import draw_scenes
 from farpoint.geometry import so3
 from farpoint.pose import relative_pose, rivals
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import fit_moving, refit_moving
+from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
+from farpoint.pose.turning_fit import TurningFit, fit_turning
 from farpoint.synthetic import PointScene
 
 AHEAD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
@@ -27,6 +28,10 @@ def fit():
     drawn = point_scene(3)
     matches = matches_from_points(drawn.points0, drawn.points1, drawn.camera, drawn.camera)
     return fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+
+
+def turned(fit: MovingFit) -> TurningFit:
+    return fit_turning(fit.matches, fit.far_rotation_cam1_from_cam0, 1.5)
 
 
 @pytest.fixture
@@ -41,7 +46,7 @@ def elsewhere(fit, monkeypatch):
             return waiting.pop(0)
 
         monkeypatch.setattr(rivals, "nearest_rival", nearest)
-        found = rivals.likelier_elsewhere(fit, 1.5)
+        found = rivals.likelier_elsewhere(fit, lambda: turned(fit))
         assert not waiting
         return found
 
@@ -71,7 +76,7 @@ def test_where_each_is_likelier_than_the_last_there_is_no_telling(elsewhere):
 
 
 def test_a_plain_motion_has_no_rival_that_comes_near(fit):
-    best, other = rivals.likelier_elsewhere(fit, 1.5)
+    best, other = rivals.likelier_elsewhere(fit, lambda: turned(fit))
     assert best is fit
     assert other is None or other.against > 20.0
 

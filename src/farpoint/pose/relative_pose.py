@@ -5,7 +5,9 @@ both refined together, and a verdict on what the matches can tell.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -157,28 +159,29 @@ def _find(
         moving = replace(refit_moving(matches, moving), is_planar=True)
         course.lap("refinement_s")
     moving = beside_repeated(matches, moving, tolerance, options, state)
+    turned = cache(lambda: fit_turning(matches, moving.far_rotation_cam1_from_cam0, tolerance))
     if is_plainly_translating(moving):
-        return _conclude_moving(matches, moving, tolerance, options, course)
-    turning = fit_turning(matches, moving.far_rotation_cam1_from_cam0, tolerance)
-    shown = shown_translation(matches, moving, turning, options.false_alarm_rate)
+        return _conclude_moving(matches, moving, turned, options, course)
+    shown = shown_translation(matches, moving, turned(), options.false_alarm_rate)
     if shown >= 1.0:
-        return _conclude_moving(matches, moving, tolerance, options, course)
-    return _conclude_turning(matches, turning, moving, shown, options, course)
+        return _conclude_moving(matches, moving, turned, options, course)
+    return _conclude_turning(matches, turned(), moving, shown, options, course)
 
 
 def _conclude_moving(
     matches: Matches,
     fit: MovingFit,
-    tolerance: float,
+    turned: Callable[[], TurningFit],
     options: RelativePoseOptions,
     course: Course,
 ) -> RelativePose:
+    """As a motion; the matches are fitted as a turn where that is asked for."""
     fit, other = likelier_of_plane(fit)
     course.lap("refinement_s")
     rate = options.false_alarm_rate
     if not is_motion(fit, rate):
         return conclusion.no_consensus(matches, fit.agreeing, course)
-    fit, covariance, rival = hold_against_rivals(fit, other, tolerance, rate)
+    fit, covariance, rival = hold_against_rivals(fit, other, turned, rate)
     covariance *= growth_by_halves(fit, options.half_deals)
     if options.shared_error_px > 0.0:
         covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
@@ -203,8 +206,8 @@ def _conclude_moving(
             if is_vague
             else "The flow beyond the rotation is too short: most of it is noise."
         )
-        other_R = fit_turning(matches, fit.far_rotation_cam1_from_cam0, tolerance).R_cam1_from_cam0
-        doubtful = rotation_covariance + _doubt_of_rotation(fit.R_cam1_from_cam0, other_R)
+        doubt = _doubt_of_rotation(fit.R_cam1_from_cam0, turned().R_cam1_from_cam0)
+        doubtful = rotation_covariance + doubt
         return _rotation_alone(fit, reason, doubtful, labels, course)
     return conclusion.observed(
         fit.R_cam1_from_cam0,

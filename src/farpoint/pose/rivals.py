@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma
 from farpoint.pose.covariance import moving_covariance
 from farpoint.pose.moving_fit import MovingFit, pose_of, refit_moving
 from farpoint.pose.small import rotation_vector
-from farpoint.pose.turning_fit import fit_turning
+from farpoint.pose.turning_fit import TurningFit
 
 __all__ = [
     "Held",
@@ -145,12 +146,15 @@ class Held(NamedTuple):
 
 
 def hold_against_rivals(
-    fit: MovingFit, of_plane: OtherMotion | None, tolerance: float, rate: float
+    fit: MovingFit,
+    of_plane: OtherMotion | None,
+    turned: Callable[[], TurningFit],
+    rate: float,
 ) -> Held:
     """Hold a motion against that of a plane, that which the search has met, and one looked for.
 
-    The last only where the direction is in doubt. Two motions are told apart at this false-alarm
-    ``rate``.
+    The last only where the direction is in doubt, from the rotation of the matches ``turned``. Two
+    motions are told apart at this false-alarm ``rate``.
     """
     # Where the variance of the noise may be misstated, so may be the logarithm of a likelihood.
     limit = -fit.matches.doubt * math.log(rate)
@@ -167,7 +171,7 @@ def hold_against_rivals(
         covariance += of_plane.doubt_of(fit)
     is_told = rival is None and best.shows_direction
     if is_told and DOUBTED_SIGMA < direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
-        likelier, other = likelier_elsewhere(best, tolerance)
+        likelier, other = likelier_elsewhere(best, turned)
         rival = _within(limit, other)
         if likelier is not best:
             return Held(likelier, moving_covariance(likelier), rival)
@@ -197,16 +201,17 @@ def likelier_met(fit: MovingFit) -> tuple[MovingFit, OtherMotion | None]:
     return _likelier(fit, _other(rival, against, ELSEWHERE) if against < np.inf else None)
 
 
-def likelier_elsewhere(fit: MovingFit, tolerance: float) -> tuple[MovingFit, OtherMotion | None]:
+def likelier_elsewhere(
+    fit: MovingFit, turned: Callable[[], TurningFit]
+) -> tuple[MovingFit, OtherMotion | None]:
     """The fit, or one to a motion in quite another direction if that is likelier; and the rival.
 
     Where each one found is not as likely as the next, there is no telling: the rival is as likely.
     """
     # Half-way between two motions that take each other's translation for a turn.
-    turned = fit_turning(fit.matches, fit.R_cam1_from_cam0, tolerance).R_cam1_from_cam0
-    other = None
+    between, other = turned().R_cam1_from_cam0, None
     for _ in range(ROUNDS):
-        found = _elsewhere(fit, turned)
+        found = _elsewhere(fit, between)
         if found is None or found.against >= 0.0:
             return fit, found
         fit, other = _likelier(fit, found)
