@@ -50,11 +50,10 @@ def label_matches(
     matches: Matches, right: np.ndarray, near: np.ndarray | None = None
 ) -> np.ndarray:
     """Labels (total,) of what the user gave, from masks (N,) over the matches used."""
-    labels = np.full(matches.total, TrackLabel.OUTLIER, np.uint8)
-    labels[matches.index[right]] = TrackLabel.FAR
+    labels = right.astype(np.uint8)  # TrackLabel.FAR is 1, NEAR 2
     if near is not None:
-        labels[matches.index[right & near]] = TrackLabel.NEAR
-    return labels
+        labels += right & near
+    return given_labels(matches, labels)
 
 
 def given_labels(matches: Matches, labels: np.ndarray) -> np.ndarray:

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma, fixes_
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import Course, given_labels, label_matches
 from farpoint.pose.covariance import growth_by_halves, moving_covariance, shared_covariance
-from farpoint.pose.far_rotation import far_rotation
+from farpoint.pose.far_rotation import IDENTITY, far_rotation
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
 from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
 from farpoint.pose.noise_floor import noise_floor
@@ -159,7 +158,14 @@ def _find(
         moving = replace(refit_moving(matches, moving), is_planar=True)
         course.lap("refinement_s")
     moving = beside_repeated(matches, moving, tolerance, options, state)
-    turned = cache(lambda: fit_turning(matches, moving.far_rotation_cam1_from_cam0, tolerance))
+    fitted: list[TurningFit] = []
+
+    def turned() -> TurningFit:
+        if not fitted:
+            R_start = moving.far_rotation_cam1_from_cam0
+            fitted.append(fit_turning(matches, R_start, tolerance))
+        return fitted[0]
+
     if is_plainly_translating(moving):
         return _conclude_moving(matches, moving, turned, options, course)
     shown = shown_translation(matches, moving, turned(), options.false_alarm_rate)
@@ -246,7 +252,7 @@ def _doubt_of_rotation(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
     About which axis the two differ depends on a direction that is not known.
     """
     x, y, z = rotation_vector(R @ other_R.T)
-    return 0.5 * (x * x + y * y + z * z) * np.eye(3)
+    return 0.5 * (x * x + y * y + z * z) * IDENTITY
 
 
 def _doubt_if_moving(fit: TurningFit, moving: MovingFit) -> np.ndarray:
