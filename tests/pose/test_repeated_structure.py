@@ -92,7 +92,7 @@ def test_no_less_noise_is_looked_for_where_residuals_are_noise(monkeypatch):
     fit = moving_fit.fit_moving(matches, 1.5, DEFAULTS, state)
     assert len(matches) * fit.noise.wrong * fit.noise.repeated > repeated.MANY
     monkeypatch.setattr(repeated, "fit_moving", never)
-    assert repeated.beside_repeated(matches, fit, 1.5, DEFAULTS, state) is fit
+    assert repeated.beside_repeated(matches, fit, 1.5, DEFAULTS, state) == (fit, False)
 
 
 def test_as_much_noise_is_believed_as_there_is_while_it_is_noise():
@@ -100,10 +100,18 @@ def test_as_much_noise_is_believed_as_there_is_while_it_is_noise():
     matches = matches_from_points(scene.points0, scene.points1, CAMERA, CAMERA)
     state = np.array([1], np.uint64)
     fit = moving_fit.fit_moving(matches, 1.5, DEFAULTS, state)
-    found = repeated.beside_repeated(matches, fit, 1.5, DEFAULTS, state)
+    found, off_alike = repeated.beside_repeated(matches, fit, 1.5, DEFAULTS, state)
+    assert not off_alike
     assert repeated.NARROWER[0] * fit.noise.variance < 0.2**2
     assert found.noise.sigma == pytest.approx(0.3, rel=0.1)
     assert found.noise.poor < 1e-6
+
+
+def test_where_no_other_motion_is_found_it_is_said(monkeypatch):
+    monkeypatch.setattr(repeated, "NARROWER", ())
+    scene = court(15, 500, 0.5, whole=True)
+    pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
+    assert "Neighbouring matches are off alike" in pose.reason
 
 
 @pytest.mark.parametrize("first_is_right", [False, True])

@@ -28,9 +28,10 @@ __all__ = [
 class Course:
     """How an estimate went, written down along the way.
 
-    A stage's seconds end when the next stage begins.
+    A stage's seconds end when the next stage begins. A remark is for whoever reads the reason.
     """
 
+    remark: str = ""
     iterations: int = 0
     cost: float | None = None
     sign_probability: float | None = None
@@ -104,9 +105,11 @@ def observed(
     first, second = tangent_columns(direction.tolist())
     return RelativePose(
         status=PoseStatus.OK,
-        reason=(
+        reason=_said(
             f"{stats.near} near and {stats.far} far matches agree on one motion; "
-            f"its direction is known to {sigma_deg:.2g} deg. {because}".rstrip()
+            f"its direction is known to {sigma_deg:.2g} deg.",
+            because,
+            course.remark,
         ),
         rotation_cam1_from_cam0=R,
         rotation_covariance=covariance[:3, :3].copy(),
@@ -131,7 +134,7 @@ def turned(
     """Rotation alone: the camera only turned, stood still, or its direction is not observable."""
     return RelativePose(
         status=status,
-        reason=reason,
+        reason=_said(reason, course.remark),
         rotation_cam1_from_cam0=R,
         rotation_covariance=rotation_covariance,
         direction_cam1_from_cam0=None,
@@ -158,6 +161,11 @@ def failed_pose(reason: str, total: int = 0, course: Course | None = None) -> Re
         noise_px=None,
         stats=_stats(labels, course or Course()),
     )
+
+
+def _said(*sentences: str) -> str:
+    """Those that are not empty, one after the other."""
+    return " ".join(filter(None, sentences))
 
 
 def _stats(labels: np.ndarray, course: Course) -> PoseStats:

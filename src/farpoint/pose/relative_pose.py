@@ -28,7 +28,7 @@ from farpoint.pose.repeated import beside_repeated
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.rivals import hold_against_rivals, likelier_of_plane
 from farpoint.pose.small import rotation_vector
-from farpoint.pose.turning_fit import TurningFit, fit_turning
+from farpoint.pose.turning_fit import TurningFit, turning_when_asked
 from farpoint.pose.verdict import (
     is_consensus,
     is_motion,
@@ -157,15 +157,13 @@ def _find(
         # What the search made of a plane, it did with noise that was told wrong.
         moving = replace(refit_moving(matches, moving), is_planar=True)
         course.lap("refinement_s")
-    moving = beside_repeated(matches, moving, tolerance, options, state)
-    fitted: list[TurningFit] = []
-
-    def turned() -> TurningFit:
-        if not fitted:
-            R_start = moving.far_rotation_cam1_from_cam0
-            fitted.append(fit_turning(matches, R_start, tolerance))
-        return fitted[0]
-
+    moving, off_alike = beside_repeated(matches, moving, tolerance, options, state)
+    if off_alike:
+        course.remark = (
+            "Neighbouring matches are off alike, as if many were taken for the next of their kind: "
+            "less is certain than the covariance says."
+        )
+    turned = turning_when_asked(matches, moving.far_rotation_cam1_from_cam0, tolerance)
     if is_plainly_translating(moving):
         return _conclude_moving(matches, moving, turned, options, course)
     shown = shown_translation(matches, moving, turned(), options.false_alarm_rate)

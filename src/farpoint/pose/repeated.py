@@ -30,8 +30,10 @@ def beside_repeated(
     tolerance: float,
     options: RelativePoseOptions,
     state: np.ndarray,
-) -> MovingFit:
+) -> tuple[MovingFit, bool]:
     """The fit; or where neighbours are off alike, one with less noise where they are not.
+
+    And whether they still are: then no other was found.
 
     Between right matches and repeated ones goes a motion that explains both, with more noise, and
     since many are repeated alike it may be the likeliest. But its residuals are no noise. Those of
@@ -40,13 +42,13 @@ def beside_repeated(
     noise = fit.noise
     repeated = len(matches) * noise.wrong * noise.repeated
     if (repeated < MANY and noise.sigma < tolerance) or _coherence(fit) < COHERENT:
-        return fit
+        return fit, False
     for share in NARROWER:
         narrow = replace(matches, max_variance=share * noise.variance)
         found = fit_moving(narrow, tolerance, options, state)
         if found.agreeing > LEAST_SHARE * fit.agreeing and _coherence(found) < WHITE:
-            return _widened(narrow, found)
-    return fit
+            return _widened(narrow, found), False
+    return fit, True
 
 
 def _widened(matches: Matches, fit: MovingFit) -> MovingFit:

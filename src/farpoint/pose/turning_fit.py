@@ -6,6 +6,7 @@ anywhere; the noise and the share of wrong matches are estimated along (EM).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from farpoint.pose.information import symmetric_inverse
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import MIN_VARIANCE, Noise
 
-__all__ = ["TurningFit", "fit_turning"]
+__all__ = ["TurningFit", "fit_turning", "turning_when_asked"]
 
 MAX_REFINEMENTS = 20
 
@@ -78,3 +79,17 @@ def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> Turn
         cost=cost / n,
         narrowness=narrowness,
     )
+
+
+def turning_when_asked(
+    matches: Matches, R_start: np.ndarray, tolerance: float
+) -> Callable[[], TurningFit]:
+    """`fit_turning`, done once, when its result is first asked for: most motions do not."""
+    fitted: list[TurningFit] = []
+
+    def turned() -> TurningFit:
+        if not fitted:
+            fitted.append(fit_turning(matches, R_start, tolerance))
+        return fitted[0]
+
+    return turned
