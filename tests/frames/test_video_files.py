@@ -337,6 +337,16 @@ def test_a_video_without_rights_is_named(write_video: WriteVideo):
         open_frames(video)
 
 
+def test_metadata_may_hold_any_bytes(write_video: WriteVideo):
+    video = write_video("a.mkv", count=2)
+    with av.open(str(video)) as container:
+        encoder = container.metadata["ENCODER"].encode()
+    content = video.read_bytes()
+    assert encoder in content
+    video.write_bytes(content.replace(encoder, len(encoder) * b"\xff"))
+    assert len(list(open_frames(str(video)))) == 2
+
+
 def test_names_that_look_like_protocols(write_video: WriteVideo, monkeypatch: pytest.MonkeyPatch):
     video = write_video("12:30 größe.mp4", count=2)
     monkeypatch.chdir(video.parent)

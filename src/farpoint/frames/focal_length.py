@@ -8,7 +8,7 @@ from pathlib import Path
 from farpoint.camera import EquivalentFocalLength
 from farpoint.errors import InputError, optional_import
 from farpoint.frames.sequence import ImageSequence
-from farpoint.frames.video import VideoFile
+from farpoint.frames.video import VideoFile, open_container
 
 __all__ = ["find_focal_length"]
 
@@ -44,8 +44,7 @@ def find_focal_length(source: object, name: str) -> EquivalentFocalLength:
 
 
 def _of_video(path: Path) -> EquivalentFocalLength:
-    av = optional_import("av", extra="video", purpose="reading video")
-    with av.open(str(path), metadata_errors="replace") as container:
+    with open_container(f"file:{path}") as container:
         found = {**container.streams.video[0].metadata, **container.metadata}.get(_VIDEO_KEY)
     try:
         millimetres = float(found) if found is not None else 0.0

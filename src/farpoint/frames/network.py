@@ -12,9 +12,9 @@ from urllib.parse import urlsplit
 
 from farpoint.errors import InputError, optional_import
 from farpoint.frames.frame import Frame
-from farpoint.frames.packets import Moment, decode
+from farpoint.frames.packets import Moment, decode, frame_rate
 from farpoint.frames.stamps import DEFAULT_FPS
-from farpoint.frames.video import frame_count, frames_of, video_stream
+from farpoint.frames.video import frame_count, frames_of, open_container, video_stream
 
 __all__ = ["NetworkVideo", "in_wall_clock", "open_url"]
 
@@ -45,7 +45,7 @@ class NetworkVideo:
             moments = decode(self.container, self.stream)
             if self.container.duration is None:
                 moments = in_wall_clock(moments, time.time)
-            yield from frames_of(moments, float(self.stream.average_rate or DEFAULT_FPS))
+            yield from frames_of(moments, frame_rate(self.stream) or DEFAULT_FPS)
 
 
 def in_wall_clock(moments: Iterator[Moment], now: Callable[[], float]) -> Iterator[Moment]:
@@ -79,7 +79,7 @@ def open_url(url: str) -> NetworkVideo:
     # Over UDP, the default of RTSP, lost packets damage picture after picture.
     options = {"rtsp_transport": "tcp"} if parts.scheme.startswith("rtsp") else {}
     try:
-        container = av.open(url, options=options, timeout=_PATIENCE_S, metadata_errors="ignore")
+        container = open_container(url, options=options, timeout=_PATIENCE_S)
     except av.FFmpegError as error:
         raise InputError(f"cannot be opened as a stream ({error.strerror})", file=public) from None
     stream = video_stream(container, public)

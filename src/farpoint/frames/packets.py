@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 from farpoint.errors import optional_import
 from farpoint.frames.luma import grey_image
 
-__all__ = ["Moment", "decode"]
+__all__ = ["Moment", "decode", "frame_rate"]
 
 # No codec in use delays a picture by more than 16 others (H.264, HEVC).
 _REORDER_DEPTH = 16
@@ -97,6 +98,13 @@ def _decode_packet(stream: Any, packet: Any, incomplete: set[int]) -> Iterator[M
         yield Moment(seconds=seconds, fault=f"cannot be decoded: {error.strerror}")
 
 
+def frame_rate(stream: Any) -> float | None:
+    """Frames a second of a stream as its header tells."""
+    # None before PyAV 19, and 0 / 0 since.
+    rate = float(stream.average_rate or 0)
+    return rate if 0.0 < rate < math.inf else None
+
+
 def _seconds(pts: int | None, stream: Any) -> float | None:
     # Not picture.time: pictures that the decoder held until the end have lost their time base.
     return None if pts is None else float(pts * stream.time_base)
@@ -107,9 +115,9 @@ def _find_truncation(container: Any, stream: Any, end_s: float) -> str | None:
 
     Times are compared, not counts: an AVI counts the pictures it leaves out as well.
     """
-    if stream.frames > 0 and stream.average_rate:
-        frame_s = float(1 / stream.average_rate)
-        duration_s, tolerance_s = stream.frames * frame_s, max(0.1, 1.5 * frame_s)
+    rate = frame_rate(stream)
+    if stream.frames > 0 and rate is not None:
+        duration_s, tolerance_s = stream.frames / rate, max(0.1, 1.5 / rate)
     elif container.duration is not None:
         duration_s = container.duration / 1e6  # from us
         tolerance_s = max(1.0, 0.02 * duration_s)  # sound, which counts here, may go on longer

@@ -10,10 +10,10 @@ from typing import Any
 from farpoint.errors import InputError, optional_import
 from farpoint.frames.calibration import find_calibration
 from farpoint.frames.frame import Frame
-from farpoint.frames.packets import Moment, decode
+from farpoint.frames.packets import Moment, decode, frame_rate
 from farpoint.frames.stamps import DEFAULT_FPS
 
-__all__ = ["VideoFile", "frame_count", "frames_of", "open_video", "video_stream"]
+__all__ = ["VideoFile", "frame_count", "frames_of", "open_container", "open_video", "video_stream"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +71,7 @@ def open_video(path: Path, *, fps: float | None) -> VideoFile:
     """
     with _open(path) as container:
         stream = video_stream(container, path)
-        rate = fps or float(stream.average_rate or DEFAULT_FPS)
+        rate = fps or frame_rate(stream) or DEFAULT_FPS
         first = next((moment for moment in decode(container, stream) if not moment.fault), None)
         if first is None:
             raise InputError("holds no picture that can be decoded: truncated?", file=path)
@@ -104,9 +104,10 @@ def frame_count(container: Any, stream: Any) -> int | None:
     """Frames of a stream as its header tells, else duration times rate, else None."""
     if stream.frames > 0:
         return stream.frames
-    if container.duration is None or stream.average_rate is None:
+    rate = frame_rate(stream)
+    if container.duration is None or rate is None:
         return None
-    return round(container.duration / 1e6 * float(stream.average_rate))  # duration is in us
+    return round(container.duration / 1e6 * rate)  # duration is in us
 
 
 def video_stream(container: Any, source: str | Path) -> Any:
@@ -119,11 +120,22 @@ def video_stream(container: Any, source: str | Path) -> Any:
     return stream
 
 
+def open_container(address: str, **options: Any) -> Any:
+    """By PyAV, with its other ``options``, whatever bytes the metadata hold.
+
+    Bytes that are not UTF-8 keep PyAV before version 19 from opening, if it is not told otherwise.
+    """
+    av = optional_import("av", extra="video", purpose="reading video")
+    if int(av.__version__.partition(".")[0]) < 19:
+        options["metadata_errors"] = "replace"
+    return av.open(address, **options)
+
+
 def _open(path: Path) -> Any:
     av = optional_import("av", extra="video", purpose="reading video")
     try:
         # "file:" keeps FFmpeg from taking the part of a name before a colon for a protocol.
-        container = av.open(f"file:{path}", metadata_errors="ignore")
+        container = open_container(f"file:{path}")
     except av.FFmpegError as error:
         raise InputError(
             f"cannot be opened as a video, it may be truncated or of another kind "
