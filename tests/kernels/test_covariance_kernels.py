@@ -198,7 +198,7 @@ def around(view: View, covariance: np.ndarray, predicted: bool = False) -> np.nd
     """The mean over the poses that a covariance allows, written in NumPy."""
     values, axes = np.linalg.eigh(covariance)
     growth = -2.0 * beside(view, np.zeros(5), predicted)
-    for step in (axes * np.sqrt(values)).T[3:]:
+    for step in np.ascontiguousarray((axes * np.sqrt(values)).T[3:]):
         for side in (step, -step):
             shows = beside_by(seen_of(view), predicted, side, np.empty((5, 5)))
             there = beside(view, side, predicted) if shows else (1.0 + MOST_GROWTH) * covariance

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import os
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from numba.core.runtime import _nrt_python, rtsys
 from farpoint._kernels import compile as compiling
 from farpoint._kernels import scratch
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, sum_kernel
+from farpoint._kernels.linking import RecordDoor
 
 pytestmark = pytest.mark.skipif(
     os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled"
@@ -37,6 +39,16 @@ def sum_of_squares(values):
 @inner_kernel
 def mean_square(values):
     return sum_of_squares(values) / values.shape[0]
+
+
+class Weighted(NamedTuple):
+    values: np.ndarray
+    weight: float
+
+
+@inner_kernel
+def weighted_sum(weighted: Weighted) -> float:
+    return weighted.weight * weighted.values.sum()
 
 
 def uncached(inner):
@@ -225,3 +237,18 @@ def test_what_is_made_for_sums_in_any_order_is_for_them_alone():
     assert uncached(least)(VALUES) == 3.0
     assert "fcmp reassoc" in ir_of(least_in_any_order.inner)
     assert "fcmp reassoc" not in ir_of(least)
+
+
+def test_a_kernel_that_takes_records_is_gone_to_straight_after_its_first_call(monkeypatch):
+    door = uncached(weighted_sum)
+    assert isinstance(door, RecordDoor)
+    assert door(Weighted(VALUES, 2.0)) == 28.0
+    # numba asks a record for its type by this, which now nobody asks for.
+    monkeypatch.setattr(type(door), "typeof_pyval", None)
+    assert RecordDoor.__call__(door, Weighted(2.0 * VALUES, 0.5)) == 14.0
+    assert len(door.overloads) == 1
+
+
+def test_a_kernel_that_takes_arrays_looks_at_their_types(root_mean_square):
+    assert not isinstance(root_mean_square, RecordDoor)
+    assert root_mean_square(VALUES.astype(np.float32)) == pytest.approx(ROOT)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numba
 
 __all__ = [
-    "announced_compilation",
+    "AnnouncedCompilation",
     "forget_stale",
     "inlined_kernel",
     "inner_kernel",
@@ -80,19 +80,26 @@ sum_kernel = partial(_called_by_python, _SUM_OPTIONS)
 _PATIENCE_S = 2.0  # loading compiled loops takes less
 
 
-@contextmanager
-def announced_compilation(loop: Callable[..., object]) -> Iterator[None]:
-    """Say once on standard error what takes so long, should ``loop`` have to be compiled first."""
-    if getattr(loop, "overloads", True):  # ready, or not compiled at all
-        yield
-        return
-    notice = threading.Timer(
-        _PATIENCE_S,
-        lambda: print("farpoint: compiling for this machine, once", file=sys.stderr, flush=True),
-    )
-    notice.daemon = True
-    notice.start()
-    try:
-        yield
-    finally:
-        notice.cancel()
+class AnnouncedCompilation:
+    """Say once on standard error what takes so long, should a loop have to be compiled first."""
+
+    def __init__(self, loop: Callable[..., object]) -> None:
+        # Ready, or not compiled at all.
+        self._is_ready = bool(getattr(loop, "overloads", True))
+        self._notice: threading.Timer | None = None
+
+    def __enter__(self) -> None:
+        if self._is_ready:
+            return
+        self._notice = threading.Timer(
+            _PATIENCE_S,
+            lambda: print(
+                "farpoint: compiling for this machine, once", file=sys.stderr, flush=True
+            ),
+        )
+        self._notice.daemon = True
+        self._notice.start()
+
+    def __exit__(self, *_: object) -> None:
+        if self._notice is not None:
+            self._notice.cancel()

@@ -12,7 +12,7 @@ import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, get_type_hints
 
 from numba import types
 from numba._dynfunc import make_function  # pyright: ignore[reportMissingModuleSource]
@@ -26,7 +26,7 @@ from farpoint._kernels.known_types import RememberingContext
 from farpoint._kernels.libraries import DoorLibrary, FormulaLibrary, InnerLibrary, SumLibrary
 from farpoint._kernels.scratch import index_scratch, scratch
 
-__all__ = ["InnerCompiler", "inner_library", "with_door"]
+__all__ = ["InnerCompiler", "RecordDoor", "inner_library", "with_door"]
 
 _errors: Any = errors  # of which the type hints lack a part
 # Where a numba has no such inner parts, it fails here and not in the middle of an estimate.
@@ -221,6 +221,38 @@ class _Door(CPUDispatcher):
         return types.Dispatcher(self.inner)
 
 
+class RecordDoor(_Door):
+    """A door to a kernel that takes records (named tuples), which only farpoint makes.
+
+    numba asks each value for its type, and a record for those of all that it holds: several
+    microseconds a call. Records hold the same types every time, so after the first call one goes
+    straight to the machine code.
+    """
+
+    def __init__(self, inner: Any) -> None:
+        super().__init__(inner)
+        self._straight: Callable[..., Any] = self._first
+
+    def __call__(  # pyright: ignore[reportIncompatibleMethodOverride] - nothing goes by name
+        self, *arguments: Any
+    ) -> Any:
+        """What the kernel makes of arguments of the types that it was first called with."""
+        return self._straight(*arguments)
+
+    def _first(self, *arguments: Any) -> Any:
+        result = super().__call__(*arguments)
+        [compiled] = self.overloads.values()
+        self._straight = compiled.entry_point
+        return result
+
+
 def with_door(inner: Any) -> Any:
     """The kernel for Python to call, of one that kernels call; the same where nothing compiles."""
-    return _Door(inner) if isinstance(inner, CPUDispatcher) else inner
+    if not isinstance(inner, CPUDispatcher):
+        return inner
+    return RecordDoor(inner) if _takes_records(inner.py_func) else _Door(inner)
+
+
+def _takes_records(function: Callable[..., object]) -> bool:
+    kinds = get_type_hints(function).values()
+    return any(isinstance(kind, type) and issubclass(kind, tuple) for kind in kinds)

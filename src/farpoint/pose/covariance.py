@@ -62,7 +62,7 @@ def growth_by_halves(fit: MovingFit, deals: int) -> float:
 
 def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:
     """The covariance on average over the poses that it allows."""
-    averaged, right = np.empty((5, 5)), float(fit.probability.sum())
+    averaged, right = np.empty((5, 5)), float(np.add.reduce(fit.probability))
     seen = seen_by(fit, fit.matches.pairs, fit.said[0])
     covariance_around(seen, right, fit.is_predicted, covariance, averaged)
     return averaged

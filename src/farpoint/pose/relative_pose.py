@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from farpoint._kernels.compile import announced_compilation
+from farpoint._kernels.compile import AnnouncedCompilation
 from farpoint._kernels.motion import fit_motion
 from farpoint.camera import Camera
 from farpoint.errors import InputError
@@ -27,7 +27,6 @@ from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.repeated import beside_repeated
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.rivals import hold_against_rivals, likelier_of_plane
-from farpoint.pose.small import rotation_vector
 from farpoint.pose.turning_fit import TurningFit, turning_when_asked
 from farpoint.pose.verdict import (
     is_consensus,
@@ -134,7 +133,7 @@ def _estimate(
             matches.total,
             course,
         )
-    with announced_compilation(fit_motion):
+    with AnnouncedCompilation(fit_motion):
         return _find(matches, tolerance, options, _random_state(seed), course)
 
 
@@ -249,8 +248,9 @@ def _doubt_of_rotation(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
 
     About which axis the two differ depends on a direction that is not known.
     """
-    x, y, z = rotation_vector(R @ other_R.T)
-    return 0.5 * (x * x + y * y + z * z) * IDENTITY
+    apart = (R - other_R).ravel()
+    angle = 2.0 * math.asin(min(math.sqrt(apart @ apart / 8.0), 1.0))
+    return 0.5 * angle * angle * IDENTITY
 
 
 def _doubt_if_moving(fit: TurningFit, moving: MovingFit) -> np.ndarray:

@@ -69,7 +69,7 @@ def refine(
     count = len(points0)
     matched = np.array(points1, dtype=np.float64)
     shapes = np.broadcast_to(np.eye(2), (count, 2, 2)) if warps is None else warps
-    windows = Windows(warps=np.array(shapes), bending=np.empty((count, 2, 2, 3)))
+    windows = Windows(warps=np.array(shapes, order="C"), bending=np.empty((count, 2, 2, 3)))
     covariance_px2, correlation = np.empty((count, 2, 2)), np.empty(count)
     match_windows(
         image0.level(0),
