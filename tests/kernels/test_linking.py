@@ -5,7 +5,9 @@ from __future__ import annotations
 import gc
 import math
 import os
-from typing import NamedTuple
+import pkgutil
+from importlib import import_module
+from typing import NamedTuple, get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from numba import types
 from numba.core.caching import NullCache
 from numba.core.runtime import _nrt_python, rtsys
 
+from farpoint import _kernels
 from farpoint._kernels import compile as compiling
 from farpoint._kernels import scratch
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, sum_kernel
@@ -252,3 +255,21 @@ def test_a_kernel_that_takes_records_is_gone_to_straight_after_its_first_call(mo
 def test_a_kernel_that_takes_arrays_looks_at_their_types(root_mean_square):
     assert not isinstance(root_mean_square, RecordDoor)
     assert root_mean_square(VALUES.astype(np.float32)) == pytest.approx(ROOT)
+
+
+def test_no_kernel_hands_a_record_to_python():
+    """numba would run Python to make it, which Ctrl-C may end there, and would crash."""
+    doors = {
+        name: kind
+        for module in pkgutil.iter_modules(_kernels.__path__)
+        for name, kind in vars(import_module(f"{_kernels.__name__}.{module.name}")).items()
+        if isinstance(kind, type(uncached(weighted_sum)).__base__)
+    }
+    assert len(doors) > 30
+    for name, door in doors.items():
+        returned = get_type_hints(door.py_func)["return"]
+        assert not any(holds_record(kind) for kind in (returned, *get_args(returned))), name
+
+
+def holds_record(kind) -> bool:
+    return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")

@@ -58,9 +58,9 @@ def find(
 ) -> tuple[Found, int, Settled]:
     found, state = nothing_found(view), np.array([seed], np.uint64)
     matches = matches_of(view, SPREAD, found.said[0], gives_way=True)
-    iterations, *_, settled = fit_motion(matches, EFFORT, least_signal, state, found)
-    assert np.isfinite(settled).all()
-    return found, iterations, settled
+    iterations, *_, numbers = fit_motion(matches, EFFORT, least_signal, state, found)
+    assert np.isfinite(numbers).all()
+    return found, iterations, Settled(*numbers)
 
 
 def test_the_motion_of_two_views_is_found_and_settled():
@@ -110,12 +110,12 @@ def test_a_motion_that_is_a_little_off_is_settled_where_it_was_found():
     found, _, before = find(view)
     off_R, off_t = moved(found.R, found.t, np.array([1e-3, -1e-3, 1e-3, 0.02, -0.02]))
     again = nothing_found(view)._replace(R=off_R, t=off_t, mixture=found.mixture.copy())
-    after = settle_motion(
+    numbers = settle_motion(
         matches_of(view, SPREAD, again.said[0], gives_way=True), LEAST_SIGNAL, again
     )
     assert so3.angle_between(found.R, off_R) < 1e-4
     np.testing.assert_allclose(off_t, found.t, atol=1e-3)
-    assert after.cost == pytest.approx(before.cost, abs=0.1)
+    assert Settled(*numbers).cost == pytest.approx(before.cost, abs=0.1)
     assert (again.labels == found.labels).mean() > 0.98
 
 
@@ -174,8 +174,8 @@ def test_no_array_is_kept(matches):
     given = matches_of(view, SPREAD, found.said[0], gives_way=True)
     arrays = given.pairs, given.prior, state, *found
     held = [sys.getrefcount(array) for array in arrays]
-    *_, settled = fit_motion(given, EFFORT, LEAST_SIGNAL, state, found)
-    assert settled.is_predicted  # the longest way
+    *_, numbers = fit_motion(given, EFFORT, LEAST_SIGNAL, state, found)
+    assert Settled(*numbers).is_predicted  # the longest way
     settle_motion(given, LEAST_SIGNAL, found)
     assert [sys.getrefcount(array) for array in arrays] == held
 

@@ -44,7 +44,11 @@ MAX_ROUNDS = 4
 
 
 class Settled(NamedTuple):
-    """What all matches say of a motion, in numbers."""
+    """What all matches say of a motion, in numbers.
+
+    Kernels give them to Python as a plain tuple: to make a record they would run Python, which an
+    interrupt may end there, and numba does not look.
+    """
 
     cost: float
     """Negative log likelihood."""
@@ -66,6 +70,10 @@ class Settled(NamedTuple):
     """Whether enough of that is signal."""
     grows: bool
     """Whether the noise was found to grow with the parallax."""
+
+
+# What `Settled` is made of.
+Numbers = tuple[float, float, int, float, float, int, int, bool, bool, bool]
 
 
 class Found(NamedTuple):
@@ -101,7 +109,7 @@ class Found(NamedTuple):
 @kernel
 def fit_motion(
     matches: PackedMatches, effort: Effort, least_signal: float, state: np.ndarray, found: Found
-) -> tuple[int, bool, bool, bool, Settled]:
+) -> tuple[int, bool, bool, bool, Numbers]:
     """Search for a pose by some of the matches, and settle it by all.
 
     Returns the hypotheses tried, whether the other motion of a plane was a rival, whether one
@@ -207,7 +215,7 @@ def _widen(
 
 
 @kernel
-def settle_motion(matches: PackedMatches, least_signal: float, found: Found) -> Settled:
+def settle_motion(matches: PackedMatches, least_signal: float, found: Found) -> Numbers:
     """Refine a pose by all matches, with what parallax they make plausible, and hear them on it.
 
     As `refinement.refine_pose`; the prior of ``matches``, the first row of what is ``said``,
@@ -223,7 +231,7 @@ def settle_motion(matches: PackedMatches, least_signal: float, found: Found) -> 
 @inner_kernel
 def _settle(
     searched: PackedMatches, matches: PackedMatches, least_signal: float, found: Found
-) -> Settled:
+) -> Numbers:
     """As `settle_motion`; the prior of those searched is then 1 only for the right ones."""
     normal, count = scratch(6, 6), matches.total
     _refine(matches, found, normal)
@@ -287,7 +295,7 @@ def _beyond(end: float, parallax: np.ndarray, right: np.ndarray) -> int:
 @inner_kernel
 def _conclude(
     searched: PackedMatches, matches: PackedMatches, least_signal: float, grows: bool, found: Found
-) -> Settled:
+) -> Numbers:
     """Refine the pose once more, now that its noise is known, and hear all matches on it."""
     normal = scratch(6, 6)
     cost = _refine(matches, found, normal)
@@ -296,7 +304,7 @@ def _conclude(
     sigma, wrong = math.sqrt(found.mixture[0]), found.mixture[1]
     agreeing, odds, likelier = weigh(parallax, right, sigma, wrong, found.labels)
     beyond, supporting = _count_beyond(searched, right, matches.total, found)
-    return Settled(
+    return (
         cost,
         narrowness(normal),
         agreeing,

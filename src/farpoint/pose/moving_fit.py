@@ -142,11 +142,11 @@ def fit_moving(
         min_iterations=options.min_iterations,
         max_iterations=min(samples, options.max_iterations),
     )
-    iterations, is_planar, has_met, has_second, settled = fit_motion(
+    iterations, is_planar, has_met, has_second, numbers = fit_motion(
         _judging(matches, found), effort, _least_signal(matches), state, found
     )
     rival = (found.R_rival, found.t_rival) if has_met else None
-    fit = _moving_fit(matches, iterations, bool(is_planar), rival, found, settled)
+    fit = _moving_fit(matches, iterations, bool(is_planar), rival, found, Settled(*numbers))
     if not has_second:
         return fit
     start = replace(fit, R_cam1_from_cam0=found.R_second, direction_cam1_from_cam0=found.t_second)
@@ -176,7 +176,7 @@ def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
         t=fit.direction_cam1_from_cam0.copy(),
         mixture=fit.noise.array,
     )
-    settled = settle_motion(_judging(matches, found), _least_signal(matches), found)
+    settled = Settled(*settle_motion(_judging(matches, found), _least_signal(matches), found))
     return _moving_fit(matches, fit.iterations, fit.is_planar, fit.rival, found, settled)
 
 
