@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,6 +28,7 @@ from farpoint.metrics import (
     poses_at_times,
     relative_motions,
 )
+from farpoint.options import settle_float, settle_int
 from farpoint.sinks.halves import read_halves
 from farpoint.sinks.motions import Motions, read_motions
 from farpoint.sinks.positions import read_positions
@@ -59,12 +59,8 @@ class EvaluationOptions:
     association: AssociationOptions = field(default_factory=AssociationOptions)
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.min_translation) and self.min_translation >= 0.0):
-            raise InputError(
-                f"expected a length, 0 or more, got {self.min_translation}", field="min_translation"
-            )
-        if self.delta_frames < 1:
-            raise InputError(f"expected at least 1, got {self.delta_frames}", field="delta_frames")
+        settle_float(self, "a length, 0 or more", lambda length: length >= 0, "min_translation")
+        settle_int(self, 1, "delta_frames")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from farpoint.errors import InputError
+from farpoint.options import settle_int
 
 __all__ = ["TABLES", "BenchOptions", "CoverageGrid", "Progress", "TableName"]
 
@@ -64,7 +65,7 @@ class CoverageGrid:
         _check_each(self, "noises_px", 0.0, math.inf)
         _check_each(self, "outlier_shares", 0.0, 1.0)
         _check_each(self, "matches", 1, math.inf)
-        _check_least(self, "trials", 1)
+        settle_int(self, 1, "trials")
 
     @classmethod
     def whole(cls) -> CoverageGrid:
@@ -120,8 +121,8 @@ class BenchOptions:
                 field="tables",
             )
         if self.pairs is not None:
-            _check_least(self, "pairs", 1)
-        _check_least(self, "seed", 0)
+            settle_int(self, 1, "pairs")
+        settle_int(self, 0, "seed")
         if self.full and self.grid != CoverageGrid():
             raise InputError("expected the whole grid or parts of it, got both", field="full")
 
@@ -153,9 +154,3 @@ def _check_each(options: object, name: str, low: float, high: float) -> None:
     if not values or not all(math.isfinite(v) and low <= v <= high for v in values):
         bounds = f"of at least {low:g}" if math.isinf(high) else f"from {low:g} to {high:g}"
         raise InputError(f"expected numbers {bounds}, got {values}", field=name)
-
-
-def _check_least(options: object, name: str, least: int) -> None:
-    value = getattr(options, name)
-    if value < least:
-        raise InputError(f"expected at least {least}, got {value}", field=name)

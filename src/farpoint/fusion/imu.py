@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from farpoint.errors import InputError
+from farpoint.options import settle_positive
 
 __all__ = ["ImuNoise", "ImuSamples", "ImuSteps", "read_euroc_imu"]
 
@@ -40,9 +41,7 @@ class ImuNoise:
     accel_walk: float = 3.0e-3
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if not (np.isfinite(value := getattr(self, field.name)) and value > 0.0):
-                raise InputError(f"expected more than 0, got {value}", field=field.name)
+        settle_positive(self, *(field.name for field in fields(self)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from farpoint.errors import InputError
+from farpoint.options import settle_positive
 
 __all__ = ["CameraHeight", "GnssPositions", "Hint", "KnownDistance", "KnownSpeed"]
 
@@ -35,7 +35,7 @@ class KnownSpeed:
         _check_table(self.timestamps_s, self.speeds, "speeds", ())
         if (np.asarray(self.speeds) < 0.0).any():
             raise InputError("expected 0 or more", field="speeds")
-        _check_positive(self.sigma, "sigma")
+        settle_positive(self, "sigma")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,8 +54,7 @@ class CameraHeight:
     sigma: float = 0.05
 
     def __post_init__(self) -> None:
-        _check_positive(self.height_m, "height_m")
-        _check_positive(self.sigma, "sigma")
+        settle_positive(self, "height_m", "sigma")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +82,7 @@ class KnownDistance:
                 f"expected two frames, the earlier first, got {self.frame0} and {self.frame1}",
                 field="frame0",
             )
-        _check_positive(self.distance_m, "distance_m")
-        _check_positive(self.sigma, "sigma")
+        settle_positive(self, "distance_m", "sigma")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,15 +105,10 @@ class GnssPositions:
 
     def __post_init__(self) -> None:
         _check_table(self.timestamps_s, self.positions_m, "positions_m", (3,))
-        _check_positive(self.sigma_m, "sigma_m")
+        settle_positive(self, "sigma_m")
 
 
 Hint = KnownSpeed | CameraHeight | KnownDistance | GnssPositions
-
-
-def _check_positive(value: float, name: str) -> None:
-    if not (math.isfinite(value) and value > 0.0):
-        raise InputError(f"expected a positive number, got {value}", field=name)
 
 
 def _check_table(times: np.ndarray, values: np.ndarray, name: str, rest: tuple[int, ...]) -> None:

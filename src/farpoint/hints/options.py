@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from farpoint.errors import InputError
 from farpoint.hints.kinds import CameraHeight, GnssPositions, Hint, KnownDistance, KnownSpeed
 from farpoint.hints.tables import read_gnss, read_speeds
+from farpoint.options import settle_positive
 
 __all__ = ["HeightOptions", "MetricOptions"]
 
@@ -29,10 +28,8 @@ class HeightOptions:
     height_sigma: float = 0.05
 
     def __post_init__(self) -> None:
-        for name in (field.name for field in fields(self) if field.name.endswith("_sigma")):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"expected a positive number, got {value}", field=name)
+        sigmas = (field.name for field in fields(self) if field.name.endswith("_sigma"))
+        settle_positive(self, *sigmas)
 
     def hints(self) -> list[Hint]:
         """The hints.

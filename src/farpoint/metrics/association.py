@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from farpoint.errors import InputError
+from farpoint.options import settle_float
 
 __all__ = ["AssociationOptions", "poses_at_frames", "poses_at_times"]
 
@@ -28,10 +29,7 @@ class AssociationOptions:
     max_gap_s: float = 0.2
 
     def __post_init__(self) -> None:
-        for name in ("tolerance_s", "max_gap_s"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(f"expected seconds, 0 or more, got {value}", field=name)
+        settle_float(self, "seconds, 0 or more", lambda s: s >= 0, "tolerance_s", "max_gap_s")
 
 
 def poses_at_times(

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-import numbers
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from farpoint.errors import InputError
+from farpoint.options import settle_float, settle_int
 
 __all__ = ["DEFAULTS", "RelativePoseOptions"]
 
@@ -57,13 +54,12 @@ class RelativePoseOptions:
     false_alarm_rate: float = 1e-3
 
     def __post_init__(self) -> None:
-        for name in ("matching_tolerance_px", "flow_saturation_px"):
-            _check(self, name, float, "a positive number of pixels", lambda value: value > 0)
-        for name in ("confidence", "false_alarm_rate"):
-            _check(self, name, float, "a probability in (0, 1)", lambda value: 0 < value < 1)
-        _check(self, "shared_error_px", float, "0 px or more", lambda value: value >= 0)
-        for name in ("min_iterations", "max_iterations", "half_deals"):
-            _check(self, name, int, "a whole number, 0 or more", lambda value: value >= 0)
+        pixels = "matching_tolerance_px", "flow_saturation_px"
+        settle_float(self, "a positive number of pixels", lambda px: px > 0, *pixels)
+        rates = "confidence", "false_alarm_rate"
+        settle_float(self, "a probability in (0, 1)", lambda rate: 0 < rate < 1, *rates)
+        settle_float(self, "0 px or more", lambda px: px >= 0, "shared_error_px")
+        settle_int(self, 0, "min_iterations", "max_iterations", "half_deals")
         if self.min_iterations > self.max_iterations:
             raise InputError(
                 "expected min_iterations <= max_iterations, "
@@ -72,15 +68,6 @@ class RelativePoseOptions:
             )
         if not isinstance(self.refine, bool):
             raise InputError(f"expected True or False, got {self.refine!r}", field="refine")
-
-
-def _check(
-    options: object, name: str, kind: type, expected: str, holds: Callable[[Any], bool]
-) -> None:
-    value = getattr(options, name)
-    right_kind = isinstance(value, numbers.Integral if kind is int else numbers.Real)
-    if isinstance(value, bool) or not right_kind or not (math.isfinite(value) and holds(value)):
-        raise InputError(f"expected {expected}, got {value!r}", field=name)
 
 
 # Made once: to check them takes as long as to read a hundred matches.

@@ -17,6 +17,7 @@ import numpy as np
 from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
 from farpoint.odometry import Odometry, OdometryResult
+from farpoint.options import settle_int
 from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.motions import MotionsFile
 from farpoint.sinks.overlay import PALETTES, PaletteName, open_film
@@ -63,8 +64,7 @@ class OutputOptions:
     parquet: bool = False
 
     def __post_init__(self) -> None:
-        if self.halves_every < 0:
-            raise InputError(f"expected 0 or more, got {self.halves_every}", field="halves_every")
+        settle_int(self, 0, "halves_every")
         if self.palette not in PALETTES:
             raise InputError(
                 f"expected one of {', '.join(PALETTES)}, got {self.palette!r}", field="palette"

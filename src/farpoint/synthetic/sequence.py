@@ -14,6 +14,7 @@ from farpoint._kernels.render import render
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.frames import Frame
+from farpoint.options import settle_float
 from farpoint.synthetic.paths import street_drive
 from farpoint.synthetic.street import build_street
 from farpoint.trajectory.files import Trajectory, write_tum
@@ -39,12 +40,8 @@ class ImagingOptions:
     exposure_swing: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.noise_grey <= 100.0:
-            raise InputError(f"expected 0 to 100, got {self.noise_grey}", field="noise_grey")
-        if not 0.0 <= self.exposure_swing <= 0.5:
-            raise InputError(
-                f"expected 0 to 0.5, got {self.exposure_swing}", field="exposure_swing"
-            )
+        settle_float(self, "0 to 100", lambda grey: 0 <= grey <= 100, "noise_grey")
+        settle_float(self, "0 to 0.5", lambda share: 0 <= share <= 0.5, "exposure_swing")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

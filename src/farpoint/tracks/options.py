@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 from farpoint.errors import InputError
+from farpoint.options import settle_float, settle_int, settle_positive
 
 __all__ = ["CornerOptions", "LucasKanadeOptions", "RefinementOptions", "TrackerOptions"]
 
@@ -33,8 +33,10 @@ class CornerOptions:
     min_slope: float = 1.5
 
     def __post_init__(self) -> None:
-        _check_whole(self, cell_px=4, min_distance_px=1, block_px=2)
-        _check_positive(self, "min_slope")
+        settle_int(self, 4, "cell_px")
+        settle_int(self, 1, "min_distance_px")
+        settle_int(self, 2, "block_px")
+        settle_positive(self, "min_slope")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,9 +64,11 @@ class LucasKanadeOptions:
     forward_backward_px: float = 1.0
 
     def __post_init__(self) -> None:
-        _check_whole(self, window_px=5, levels=0, max_iterations=1)
+        settle_int(self, 5, "window_px")
+        settle_int(self, 0, "levels")
+        settle_int(self, 1, "max_iterations")
         _check_odd(self, "window_px")
-        _check_positive(self, "tolerance_px", "forward_backward_px")
+        settle_positive(self, "tolerance_px", "forward_backward_px")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,15 +109,14 @@ class RefinementOptions:
     min_correlation: float = 0.7
 
     def __post_init__(self) -> None:
-        _check_whole(self, window_px=9, max_iterations=1)
+        settle_int(self, 9, "window_px")
+        settle_int(self, 1, "max_iterations")
         _check_odd(self, "window_px")
-        _check_positive(self, "tolerance_px", "affine_sigma", "gain_sigma", "offset_sigma")
-        _check_positive(self, "noise_floor", "max_shift_px")
-        if not -1 <= self.min_correlation <= 1:
-            raise InputError(
-                f"expected a correlation in [-1, 1], got {self.min_correlation!r}",
-                field="min_correlation",
-            )
+        settle_positive(self, "tolerance_px", "affine_sigma", "gain_sigma", "offset_sigma")
+        settle_positive(self, "noise_floor", "max_shift_px")
+        settle_float(
+            self, "a correlation in [-1, 1]", lambda value: -1 <= value <= 1, "min_correlation"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,23 +141,9 @@ class TrackerOptions:
     refinement: RefinementOptions = field(default_factory=RefinementOptions)
 
     def __post_init__(self) -> None:
-        _check_whole(self, max_tracks=1)
-
-
-def _check_whole(options: object, **least: int) -> None:
-    for name, bound in least.items():
-        value = getattr(options, name)
-        if not isinstance(value, int) or isinstance(value, bool) or value < bound:
-            raise InputError(f"expected a whole number >= {bound}, got {value!r}", field=name)
+        settle_int(self, 1, "max_tracks")
 
 
 def _check_odd(options: object, name: str) -> None:
     if getattr(options, name) % 2 == 0:
         raise InputError(f"expected an odd number, got {getattr(options, name)!r}", field=name)
-
-
-def _check_positive(options: object, *names: str) -> None:
-    for name in names:
-        value = getattr(options, name)
-        if not (value > 0 and math.isfinite(value)):
-            raise InputError(f"expected a positive number, got {value!r}", field=name)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from farpoint.errors import InputError
+from farpoint.options import settle_float, settle_positive
 
 __all__ = ["PathOptions"]
 
@@ -45,27 +45,14 @@ class PathOptions:
     speed_ratio_sigma: float = 0.5
 
     def __post_init__(self) -> None:
-        degrees = self.keyframe_direction_deg
-        if not (math.isfinite(degrees) and degrees > 0.0):
-            raise InputError(
-                f"expected a positive angle, deg, got {degrees}", field="keyframe_direction_deg"
-            )
-        for name in (
-            "keyframe_share",
-            "persistent_motion_share",
-            "persistent_length_share",
-            "fading_motion_share",
-        ):
-            share = getattr(self, name)
-            if not 0.0 <= share <= 1.0:
-                raise InputError(f"expected a share, 0 to 1, got {share}", field=name)
+        settle_positive(self, "keyframe_direction_deg", "fading_motions", "speed_ratio_sigma")
+        lengths = "persistent_motion_share", "persistent_length_share", "fading_motion_share"
+        settle_float(
+            self, "a share, 0 to 1", lambda share: 0 <= share <= 1, "keyframe_share", *lengths
+        )
         both = self.persistent_motion_share + self.fading_motion_share
         if both > 1.0:
             raise InputError(
                 f"expected 1 at most with persistent_motion_share, got {both} of both",
                 field="fading_motion_share",
             )
-        for name in ("fading_motions", "speed_ratio_sigma"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"expected a positive number, got {value}", field=name)

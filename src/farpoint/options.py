@@ -1,0 +1,78 @@
+"""What a user may give as an option: a number of the declared kind, in its range."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from numbers import Integral, Real
+from typing import Any
+
+from farpoint.errors import InputError
+
+__all__ = ["settle_float", "settle_int", "settle_positive"]
+
+
+def settle_float(
+    options: object, expected: str, holds: Callable[[float], bool], *names: str
+) -> None:
+    """Make the named fields of a record of options finite numbers, of Python's ``float``.
+
+    Whatever was given for it, a ``2`` or a number of NumPy's: to a compiled kernel these would be
+    other types.
+
+    Parameters
+    ----------
+    options : object
+        A dataclass, frozen or not; called from its ``__post_init__``.
+    expected : str
+        What is expected of the fields, for the message.
+    holds : callable
+        Whether a number is that.
+    *names : str
+        The fields.
+
+    Raises
+    ------
+    InputError
+        With the field, and what was expected there.
+    """
+    _settle(options, names, float, Real, sys.float_info.max, expected, holds)
+
+
+def settle_positive(options: object, *names: str) -> None:
+    """Make the named fields positive numbers, as `settle_float` does."""
+    settle_float(options, "a positive number", lambda number: number > 0, *names)
+
+
+def settle_int(options: object, least: int, *names: str) -> None:
+    """Make the named fields whole numbers of ``least`` or more, as `settle_float` does floats."""
+    expected = f"a whole number, {least} or more"
+    _settle(options, names, int, Integral, sys.maxsize, expected, lambda number: number >= least)
+
+
+def _settle(
+    options: object,
+    names: tuple[str, ...],
+    kind: type,
+    given_as: type,
+    largest: float,
+    expected: str,
+    holds: Callable[[Any], bool],
+) -> None:
+    for name in names:
+        value = getattr(options, name)
+        number = _number(value, kind, given_as)
+        # Not of NaN either.
+        if number is None or not (abs(number) <= largest and holds(number)):
+            raise InputError(f"expected {expected}, got {value!r}", field=name)
+        object.__setattr__(options, name, number)
+
+
+def _number(value: object, kind: type, given_as: type) -> Any:
+    """The value as Python's own number of a ``kind``; None of what is no such number."""
+    if isinstance(value, bool) or not isinstance(value, given_as):
+        return None
+    try:
+        return kind(value)
+    except OverflowError:  # a whole number too large for a float
+        return None
