@@ -63,7 +63,7 @@ def test_samples_are_checked(changes: dict, field: str):
 
 
 def test_noise_is_positive():
-    with pytest.raises(InputError, match=r"^accel_walk: expected more than 0"):
+    with pytest.raises(InputError, match=r"^accel_walk: expected a positive number"):
         ImuNoise(accel_walk=0.0)
 
 
