@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import llvmlite.binding as llvm
-from numba.core.codegen import JITCodeLibrary
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 
 __all__ = ["DoorLibrary", "FormulaLibrary", "InnerLibrary", "SumLibrary"]
 
@@ -18,6 +18,9 @@ _RELIED_ON = (
     JITCodeLibrary._finalize_dynamic_globals,
     JITCodeLibrary._get_module_for_linking,
     JITCodeLibrary._optimize_final_module,
+    JITCPUCodegen._module_pass_manager,
+    JITCPUCodegen._pass_builder,
+    llvm.create_new_function_pass_manager,
 )
 
 
