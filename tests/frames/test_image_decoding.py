@@ -16,6 +16,7 @@ from farpoint.frames.integrity import find_damage
 
 PNG = encode(picture(0), ".png")
 JPEG = encode(picture(0), ".jpg")
+WARNING = 3  # OpenCV's level of the log
 THUMBNAIL = b"\xff\xe1\x00\x0c" + b"\xff\xd8\xff\xda\x00\x02zz\xff\xd9"
 
 
@@ -59,11 +60,12 @@ def test_damage_has_a_reason_and_makes_no_noise(
 ):
     path = tmp_path / "a.png"
     path.write_bytes(data)
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_WARNING)
+    logging = getattr(cv2.utils, "logging", cv2)
+    logging.setLogLevel(WARNING)
     with pytest.raises(UnreadableImageError, match=why):
         read_grey(path)
     assert capfd.readouterr().err == ""
-    assert cv2.utils.logging.getLogLevel() == cv2.utils.logging.LOG_LEVEL_WARNING
+    assert logging.getLogLevel() == WARNING
 
 
 def test_files_that_cannot_be_read_have_a_reason(tmp_path: Path):

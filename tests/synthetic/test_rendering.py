@@ -135,13 +135,17 @@ def test_transfer_goes_there_and_back():
     np.testing.assert_allclose(points1[sky], sequence.camera.project(turned), atol=1e-9)
 
 
+def values_at(grey: np.ndarray, points: np.ndarray) -> np.ndarray:
+    return cv2.remap(grey, points[:, None].astype(np.float32), None, cv2.INTER_LINEAR)
+
+
 def test_transferred_points_look_alike():
     sequence = RenderedSequence(pinhole(), street_drive(30, seed=4), seed=4, imaging=CLEAN)
     points0 = np.random.default_rng(1).uniform((10, 10), (389, 289), (2000, 2))
     points1 = sequence.transfer(points0, 5, 7)
     seen = np.isfinite(points1).all(axis=1)
     greys = [
-        cv2.remap(image(sequence, index), points[seen].astype(np.float32), None, cv2.INTER_LINEAR)
+        values_at(image(sequence, index), points[seen])
         for index, points in ((5, points0), (7, points1))
     ]
     first, second = (grey.ravel().astype(float) for grey in greys)
@@ -165,9 +169,8 @@ def test_another_lens_at_the_same_place_sees_the_same(camera):
     rays = straight.camera.unproject(points)
     # The fisheye is coarser by three: compare what both can resolve.
     blurred = cv2.GaussianBlur(image(straight), (0, 0), 1.8)
-    expected = cv2.remap(blurred, points.astype(np.float32), None, cv2.INTER_LINEAR)
-    pixels = camera.project(rays).astype(np.float32)
-    found = cv2.remap(image(other), pixels, None, cv2.INTER_LINEAR)
+    expected = values_at(blurred, points)
+    found = values_at(image(other), camera.project(rays))
     assert np.corrcoef(expected.ravel(), found.ravel())[0, 1] > 0.97
     np.testing.assert_allclose(
         other.distances(0, camera.project(rays)), straight.distances(0, points), rtol=1e-6

@@ -14,6 +14,9 @@ from farpoint.frames.integrity import find_damage
 __all__ = ["UnreadableImageError", "read_grey", "silent_opencv"]
 
 
+_SILENT = 0
+
+
 class UnreadableImageError(Exception):
     """One image cannot be had; the message says why. Never leaves this package."""
 
@@ -49,8 +52,9 @@ def read_grey(path: Path) -> np.ndarray:
 @contextmanager
 def silent_opencv() -> Iterator[None]:
     """Keep OpenCV's warnings off stderr: what they tell is told by a fault or an InputError."""
-    logging = optional_import("cv2", extra="video", purpose="reading images").utils.logging
-    level = logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    cv2 = optional_import("cv2", extra="video", purpose="reading images")
+    logging = getattr(cv2.utils, "logging", cv2)  # where OpenCV before 4.13 has its functions
+    level = logging.setLogLevel(_SILENT)
     try:
         yield
     finally:

@@ -19,12 +19,17 @@ def skew(v: np.ndarray) -> np.ndarray:
 
 def exp(rotation_vector: np.ndarray) -> np.ndarray:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad."""
-    return scipy.spatial.transform.Rotation.from_rotvec(rotation_vector).as_matrix()
+    vectors = np.asarray(rotation_vector)
+    # As one list: SciPy before 1.17 knows no arrays of more axes.
+    R = scipy.spatial.transform.Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
+    return R.reshape(*vectors.shape, 3)
 
 
 def log(R: np.ndarray) -> np.ndarray:
     """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3); the inverse of `exp`."""
-    return scipy.spatial.transform.Rotation.from_matrix(R).as_rotvec()
+    R = np.asarray(R)
+    vectors = scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec()
+    return vectors.reshape(R.shape[:-1])
 
 
 def angle_between(R0: np.ndarray, R1: np.ndarray) -> np.ndarray:
@@ -34,9 +39,13 @@ def angle_between(R0: np.ndarray, R1: np.ndarray) -> np.ndarray:
 
 def quat_xyzw_from_matrix(R: np.ndarray) -> np.ndarray:
     """Unit quaternions (..., 4), ``qx qy qz qw`` with ``qw >= 0``, of rotation matrices."""
-    return scipy.spatial.transform.Rotation.from_matrix(R).as_quat(canonical=True)
+    R = np.asarray(R)
+    rotations = scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))
+    return rotations.as_quat(canonical=True).reshape(*R.shape[:-2], 4)
 
 
 def matrix_from_quat_xyzw(quat_xyzw: np.ndarray) -> np.ndarray:
     """Rotation matrices (..., 3, 3) of quaternions (..., 4) ``qx qy qz qw``, normalised here."""
-    return scipy.spatial.transform.Rotation.from_quat(quat_xyzw).as_matrix()
+    quat_xyzw = np.asarray(quat_xyzw)
+    R = scipy.spatial.transform.Rotation.from_quat(quat_xyzw.reshape(-1, 4)).as_matrix()
+    return R.reshape(*quat_xyzw.shape[:-1], 3, 3)
