@@ -11,7 +11,7 @@ from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
 from farpoint._kernels.vectors import combine, dot
 
-__all__ = ["coherence"]
+__all__ = ["ASKED", "bounded", "coherence"]
 
 # Matches that are asked, each for its neighbour among all.
 ASKED = 200
@@ -35,8 +35,8 @@ def coherence(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: 
         place = j * rows.size // asked
         here, neighbour = int(rows[place]), int(_neighbour(pairs, rows, place))
         if neighbour >= 0:
-            own = _bounded(residual[here], sigma)
-            product += own * _bounded(residual[neighbour], sigma)
+            own = bounded(residual[here], sigma)
+            product += own * bounded(residual[neighbour], sigma)
             square += own * own
     return product / square if square > 0.0 else 0.0
 
@@ -68,5 +68,6 @@ def _distances2(pairs: np.ndarray, at: int, other: int) -> tuple[float, float]:
 
 
 @formula
-def _bounded(residual: float, sigma: float) -> float:
+def bounded(residual: float, sigma: float) -> float:
+    """A residual in units of its sigma, as far as it counts."""
     return lesser(greater(residual / sigma, -MOST_SIGMA), MOST_SIGMA)

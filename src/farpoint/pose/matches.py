@@ -32,8 +32,9 @@ LEAST_RAD_PER_PX = 1e-12
 ISOTROPIC = np.eye(2)[None]
 # A covariance that is told of a track is an estimate too, and misses what the tracker gets wrong
 # along its own motion (twice the variance on rendered images without any translation): its sigma in
-# one direction, over that in the other, is believed to a factor of two.
-TOLD_DOUBT = 4.0
+# one direction, over that in the other, is believed to a factor of two. So is that of matches that
+# err as their neighbours do.
+DOUBT = 4.0
 
 __all__ = ["Matches", "matches_from_points", "matches_from_rays"]
 
@@ -74,7 +75,9 @@ class Matches:
         distribution with the second moment of the later rays.
     doubt : float
         Factor by which the variance of the noise in one direction, over that in the other, may
-        be misstated.
+        be misstated; 1 for noise that is each match's own.
+    sharing : float
+        How many times larger the variance of a motion is than of matches that err independently.
     told : Told or None
         What the user said of the noise of each match, where it was said.
     max_variance : float
@@ -88,6 +91,7 @@ class Matches:
     unit: str
     spread: float
     doubt: float
+    sharing: float = 1.0
     told: Told | None = None
     max_variance: float = math.inf
 
@@ -106,8 +110,13 @@ class Matches:
             unit=self.unit,
             spread=self.spread,
             doubt=self.doubt,
+            sharing=self.sharing,
             max_variance=self.max_variance,
         )
+
+    def in_doubt(self, sharing: float) -> Matches:
+        """The matches with noise that they share, which may be misstated."""
+        return replace(self, doubt=DOUBT, sharing=sharing)
 
     def judging(self, prior: np.ndarray, *, gives_way: bool) -> PackedMatches:
         """As the kernels take them, with the ``prior`` of each, in panels."""
@@ -229,7 +238,7 @@ def _pack(
         total=total,
         unit=unit,
         spread=spread,
-        doubt=1.0 if covariances[0] is covariances[1] is ISOTROPIC else TOLD_DOUBT,
+        doubt=1.0 if covariances[0] is covariances[1] is ISOTROPIC else DOUBT,
     )
 
 

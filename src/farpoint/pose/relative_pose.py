@@ -22,6 +22,7 @@ from farpoint.pose.covariance import growth_by_halves, moving_covariance, shared
 from farpoint.pose.far_rotation import IDENTITY, far_rotation
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
 from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
+from farpoint.pose.neighbours import doubt_where_alike
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.repeated import beside_repeated
@@ -162,6 +163,7 @@ def _find(
             "Neighbouring matches are off alike, as if many were taken for the next of their kind: "
             "less is certain than the covariance says."
         )
+    matches, moving = doubt_where_alike(matches, moving)
     turned = turning_when_asked(matches, moving.far_rotation_cam1_from_cam0, tolerance)
     if is_plainly_translating(moving):
         return _conclude_moving(matches, moving, turned, options, course)
@@ -185,7 +187,7 @@ def _conclude_moving(
     if not is_motion(fit, rate):
         return conclusion.no_consensus(matches, fit.agreeing, course)
     fit, covariance, rival = hold_against_rivals(fit, other, turned, rate)
-    covariance *= growth_by_halves(fit, options.half_deals)
+    covariance *= matches.sharing * growth_by_halves(fit, options.half_deals)
     if options.shared_error_px > 0.0:
         covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
@@ -276,7 +278,8 @@ def _conclude_turning(
     if not is_consensus(agreeing, len(matches), 2, chance, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
     course.cost = fit.cost
-    covariance = fit.covariance + shared_covariance(matches, options.shared_error_px)
+    covariance = matches.sharing * fit.covariance
+    covariance += shared_covariance(matches, options.shared_error_px)
     stands_still = is_static(fit.R_cam1_from_cam0, covariance, options.false_alarm_rate)
     if moving.noise.mean_sigma < FAR_LESS_NOISE * fit.noise.mean_sigma:
         shown = 1.0

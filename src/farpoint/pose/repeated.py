@@ -6,17 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from farpoint._kernels.coherence import coherence
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
+from farpoint.pose.neighbours import COHERENT, coherence_of
 from farpoint.pose.options import RelativePoseOptions
 
 __all__ = ["beside_repeated"]
 
 # Fewer repeated matches make no structure.
 MANY = 10.0
-# Correlation of neighbours' residuals from which on they are no noise, and up to which they are.
-COHERENT = 0.25
+# Correlation of neighbours' residuals up to which they are noise.
 WHITE = 0.15
 # Variances that are tried, over the one that was found, and the least share of its matches that
 # agree with a motion of so little noise.
@@ -41,12 +40,12 @@ def beside_repeated(
     """
     noise = fit.noise
     repeated = len(matches) * noise.wrong * noise.repeated
-    if (repeated < MANY and noise.sigma < tolerance) or _coherence(fit) < COHERENT:
+    if (repeated < MANY and noise.sigma < tolerance) or coherence_of(fit) < COHERENT:
         return fit, False
     for share in NARROWER:
         narrow = replace(matches, max_variance=share * noise.variance)
         found = fit_moving(narrow, tolerance, options, state)
-        if found.agreeing > LEAST_SHARE * fit.agreeing and _coherence(found) < WHITE:
+        if found.agreeing > LEAST_SHARE * fit.agreeing and coherence_of(found) < WHITE:
             return _widened(narrow, found), False
     return fit, True
 
@@ -56,14 +55,7 @@ def _widened(matches: Matches, fit: MovingFit) -> MovingFit:
     while fit.noise.variance > 0.99 * matches.max_variance:
         matches = replace(matches, max_variance=2.0 * matches.max_variance)
         wider = refit_moving(matches, fit)
-        if _coherence(wider) > WHITE:
+        if coherence_of(wider) > WHITE:
             break
         fit = wider
     return fit
-
-
-def _coherence(fit: MovingFit) -> float:
-    """Correlation of the residuals of right matches with those of their neighbours."""
-    right = np.flatnonzero(fit.probability > 0.5)
-    rows = right[np.argsort(fit.matches.rays0[right, 0])]
-    return coherence(fit.matches.pairs, fit.residual, rows, fit.noise.sigma)

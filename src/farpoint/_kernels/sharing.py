@@ -1,0 +1,88 @@
+"""How much of their errors matches share: those of one part of the image, added up."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint._kernels.coherence import bounded
+from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.pairs import address, ray0
+from farpoint._kernels.scratch import clear, index_room, scratch
+
+__all__ = ["PARTS", "design_effect"]
+
+# The image is split in two, and each part again, as often as this.
+SPLITS = 4
+PARTS = 16
+# Degrees of freedom of the residuals that the pose has taken.
+OF_POSE = 5.0
+
+
+@kernel
+def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: float) -> float:
+    """How many times larger the variance of a sum is than of residuals that are independent.
+
+    Of the matches in these ``rows``, as the residuals add up over 16 parts of the image (Kish,
+    "Survey Sampling", 1965): ``sum S^2 / n`` over the parts, with S the sum of n residuals, has 16
+    of the mean square, less five that the pose has taken, if each is by itself.
+    """
+    parts, sums, sizes = _parts(pairs, rows), scratch(PARTS), scratch(PARTS)
+    clear(sums)
+    clear(sizes)
+    square = 0.0
+    for k in range(rows.size):
+        own = bounded(residual[int(rows[k])], sigma)
+        sums[parts[k]] += own
+        sizes[parts[k]] += 1.0
+        square += own * own
+    scatter, used = 0.0, 0.0
+    for part in range(PARTS):
+        if sizes[part] > 0.0:
+            scatter += sums[part] * sums[part] / sizes[part]
+            used += 1.0
+    if not (square > 0.0 and used > OF_POSE):
+        return 1.0
+    return scatter * rows.size / (square * (used - OF_POSE))
+
+
+@inner_kernel
+def _parts(pairs: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The part of each match, by its ray in camera 0."""
+    parts = index_room(rows.size)
+    for k in range(rows.size):
+        parts[k] = 0
+    step = 1
+    for _ in range(SPLITS):
+        for part in range(step):
+            _split(pairs, rows, parts, part, step)
+        step *= 2
+    return parts
+
+
+@inner_kernel
+def _split(pairs: np.ndarray, rows: np.ndarray, parts: np.ndarray, part: int, step: int) -> None:
+    """Move what lies beyond the middle of a part, along its longest axis, ``step`` parts on."""
+    sums, squares, size = scratch(3), scratch(3), 1e-300
+    clear(sums)
+    clear(squares)
+    for k in range(rows.size):
+        if parts[k] == part:
+            size += 1.0
+            ray = ray0(pairs, address(rows[k]))
+            for i in range(3):
+                sums[i] += ray[i]
+                squares[i] += ray[i] * ray[i]
+    longest = 0
+    for i in range(1, 3):
+        if _spread(sums, squares, size, i) > _spread(sums, squares, size, longest):
+            longest = i
+    for k in range(rows.size):
+        if parts[k] == part:
+            ray = ray0(pairs, address(rows[k]))
+            if ray[longest] > sums[longest] / size:
+                parts[k] += step
+
+
+@inner_kernel
+def _spread(sums: np.ndarray, squares: np.ndarray, size: float, i: int) -> float:
+    return squares[i] - sums[i] * sums[i] / size

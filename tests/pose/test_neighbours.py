@@ -1,0 +1,121 @@
+"""Matches that err as their neighbours do: what a tracker shares is not counted as noise."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from pose_kit import assert_sound, direction_error, rotation_error
+
+from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
+from farpoint.geometry import sphere
+from farpoint.metrics import chi2_quantile
+from farpoint.pose import neighbours, relative_pose
+from farpoint.synthetic import PointScene, RenderedSequence, make_point_scene, street_drive
+from farpoint.synthetic.points import PointSceneOptions
+
+CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
+FIELD_PX, REACH_PX, NOISE_PX = 0.4, 80.0, 0.15
+
+
+def scene(seed: int, baseline_m: float, matches: int = 300) -> PointScene:
+    direction = sphere.normalize(np.random.default_rng(seed).normal(size=3))
+    options = PointSceneOptions(
+        camera=CAMERA,
+        matches=matches,
+        outliers=matches // 20,
+        rotation_vector_rad=(0.02, 0.05, -0.03),
+        translation_m=tuple(baseline_m * direction),
+        noise_px=NOISE_PX,
+    )
+    return make_point_scene(options, seed=seed)
+
+
+def field(seed: int, points: np.ndarray) -> np.ndarray:
+    """Errors (N, 2), px, that change smoothly over the image."""
+    rng = np.random.default_rng(seed)
+    waves = 40
+    phase = points @ rng.normal(0.0, 1.0 / REACH_PX, (2, waves)) + rng.uniform(0.0, 6.3, waves)
+    return np.cos(phase) @ rng.normal(0.0, FIELD_PX * np.sqrt(2.0 / waves), (waves, 2))
+
+
+def estimate(found: PointScene, seed: int, share: float = 1.0) -> RelativePose:
+    points1 = found.points1 + share * field(seed, found.points1)
+    pose = estimate_relative_pose(found.points0, points1, CAMERA)
+    assert_sound(pose, len(points1))
+    return pose
+
+
+@pytest.fixture
+def shared(monkeypatch) -> list[float]:
+    """How many times larger each covariance since is made; 1 for noise of each match's own."""
+    found: list[float] = []
+
+    def doubted(matches, fit):
+        matches, fit = neighbours.doubt_where_alike(matches, fit)
+        assert fit.matches.sharing == matches.sharing
+        found.append(matches.sharing)
+        return matches, fit
+
+    monkeypatch.setattr(relative_pose, "doubt_where_alike", doubted)
+    return found
+
+
+@pytest.mark.parametrize("matches", [60, 300])
+def test_noise_of_each_match_is_not_doubted(shared, matches):
+    for seed in range(150):
+        estimate(scene(seed, 0.1, matches), seed, share=0.0)
+    assert np.count_nonzero(np.array(shared) > 1.0) <= 4
+
+
+def test_a_turn_with_errors_that_neighbours_share_is_no_motion(shared):
+    poses = [estimate(scene(seed, 0.0), seed) for seed in range(60)]
+    moving = sum(pose.status is PoseStatus.OK for pose in poses)
+    # Counted as independent, twenty of them claim a direction.
+    assert moving <= 4
+    assert np.mean(np.array(shared) > 1.5) > 0.9
+
+
+def test_a_plain_motion_stays_one(shared):
+    poses = [estimate(scene(seed, 0.1), seed) for seed in range(30)]
+    assert {pose.status for pose in poses} == {PoseStatus.OK}
+    assert np.mean(shared) > 2.0
+
+
+def test_few_matches_show_nothing_of_their_neighbours(shared):
+    estimate(scene(1, 0.1, 49), 1)
+    assert shared == [1.0]
+
+
+def tracked(image0: np.ndarray, image1: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """What OpenCV's Lucas-Kanade finds there and back, as its users call it."""
+    there: dict = {"winSize": (21, 21), "maxLevel": 3}
+    points0 = cv2.goodFeaturesToTrack(image0, most, 0.01, 7)
+    points1, found1, _ = cv2.calcOpticalFlowPyrLK(image0, image1, points0, None, **there)
+    back, found0, _ = cv2.calcOpticalFlowPyrLK(image1, image0, points1, None, **there)
+    near = np.linalg.norm((back - points0).reshape(-1, 2), axis=1) < 0.5
+    kept = (found0.ravel() > 0) & (found1.ravel() > 0) & near
+    return points0.reshape(-1, 2)[kept], points1.reshape(-1, 2)[kept]
+
+
+def squares(seed: int, fps: float, most: int) -> list[float]:
+    """Normalised squares of the errors along a rendered street, against its exact truth."""
+    path = street_drive(7, fps, seed)
+    frames = [view.image for view in RenderedSequence(CAMERA, path, seed=seed)]
+    found = []
+    for k in range(0, 6, 2):
+        pose = estimate_relative_pose(*tracked(frames[k], frames[k + 1], most), CAMERA)
+        assert pose.status is PoseStatus.OK
+        cam1_from_cam0 = np.linalg.inv(path.world_from_body[k + 1]) @ path.world_from_body[k]
+        turn = rotation_error(pose, cam1_from_cam0[:3, :3])
+        aside = direction_error(pose, sphere.normalize(cam1_from_cam0[:3, 3]))
+        error = np.concatenate([turn, aside])
+        found.append(float(error @ np.linalg.solve(pose.covariance, error)))
+    return found
+
+
+def test_the_covariance_of_what_opencv_tracks_holds_the_truth():
+    """Counted as independent, these matches have 95 % regions that hold 0.2 of the truths."""
+    found = np.concatenate([squares(seed, 20.0, 400) for seed in range(300, 312)])
+    assert np.mean(found <= chi2_quantile(0.95, 5)) > 0.75
+    assert 0.3 < np.mean(found) / 5.0 < 2.0
