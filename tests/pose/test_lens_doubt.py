@@ -72,7 +72,8 @@ def test_covariances_allow_for_the_guess():
             if pose.status is PoseStatus.OK:
                 covered[name].append(np.array(nees(pose, made)) < (7.815, 5.991))
     assert len(covered["in doubt"]) > 55
-    assert (np.mean(covered["as if calibrated"], axis=0) < 0.4).all()
+    # A wrong lens errs smoothly over the image: neighbours show that, but not all of it.
+    assert (np.mean(covered["as if calibrated"], axis=0) < 0.7).all()
     # 0.95 but for the few scenes in which the search is led astray, and not far above.
     assert (np.mean(covered["in doubt"], axis=0) > 0.88).all()
 

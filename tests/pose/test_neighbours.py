@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 from pose_kit import assert_sound, direction_error, rotation_error
 
 from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
+from farpoint.bench.plain_script import PlainScript
 from farpoint.geometry import sphere
 from farpoint.metrics import chi2_quantile
 from farpoint.pose import neighbours, relative_pose
@@ -87,26 +87,16 @@ def test_few_matches_show_nothing_of_their_neighbours(shared):
     assert shared == [1.0]
 
 
-def tracked(image0: np.ndarray, image1: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """What OpenCV's Lucas-Kanade finds there and back, as its users call it."""
-    there: dict = {"winSize": (21, 21), "maxLevel": 3}
-    points0 = cv2.goodFeaturesToTrack(image0, most, 0.01, 7)
-    points1, found1, _ = cv2.calcOpticalFlowPyrLK(image0, image1, points0, None, **there)
-    back, found0, _ = cv2.calcOpticalFlowPyrLK(image1, image0, points1, None, **there)
-    near = np.linalg.norm((back - points0).reshape(-1, 2), axis=1) < 0.5
-    kept = (found0.ravel() > 0) & (found1.ravel() > 0) & near
-    return points0.reshape(-1, 2)[kept], points1.reshape(-1, 2)[kept]
-
-
 def squares(seed: int, fps: float, most: int) -> list[float]:
     """Normalised squares of the errors along a rendered street, against its exact truth."""
-    path = street_drive(7, fps, seed)
-    frames = [view.image for view in RenderedSequence(CAMERA, path, seed=seed)]
+    sequence = RenderedSequence(CAMERA, street_drive(6, fps, seed), seed=seed)
+    images, script = [frame.image for frame in sequence], PlainScript(CAMERA, most)
     found = []
     for k in range(0, 6, 2):
-        pose = estimate_relative_pose(*tracked(frames[k], frames[k + 1], most), CAMERA)
+        points = script.match(images[k], images[k + 1])
+        pose = estimate_relative_pose(*points, CAMERA)
         assert pose.status is PoseStatus.OK
-        cam1_from_cam0 = np.linalg.inv(path.world_from_body[k + 1]) @ path.world_from_body[k]
+        cam1_from_cam0 = sequence.cam1_from_cam0(k, k + 1)
         turn = rotation_error(pose, cam1_from_cam0[:3, :3])
         aside = direction_error(pose, sphere.normalize(cam1_from_cam0[:3, 3]))
         error = np.concatenate([turn, aside])

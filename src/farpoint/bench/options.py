@@ -24,6 +24,7 @@ TableName = Literal[
     "drawing",
     "live",
     "lenses",
+    "tracks",
     "path",
 ]
 TABLES: tuple[TableName, ...] = get_args(TableName)
@@ -91,8 +92,8 @@ class BenchOptions:
     pairs : int or None
         Pairs of views in each cell of ``paper``, ``accuracy`` and ``pairs``, scenes for each time
         in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of frames of
-        ``lenses``, motions of each drive of ``path``. None takes 2000, 300, 60, 30, 60, 60, 60, 40
-        and 100.
+        ``lenses`` and of each row of ``tracks``, motions of each drive of ``path``. None takes
+        2000, 300, 60, 30, 60, 60, 60, 40, 60 and 100.
     seed : int
         Of scenes and estimators: the same seed gives the same figures, times aside.
     data : tuple of Path

@@ -45,7 +45,7 @@ class PlainScript:
         last, self._last = self._last, image
         if last is None:
             return None
-        points0, points1 = self._match(last, image)
+        points0, points1 = self.match(last, image)
         if len(points0) < _MIN_MATCHES:
             return None
         if self._distortion is not None:
@@ -56,7 +56,8 @@ class PlainScript:
         _, R, t, _ = self._cv2.recoverPose(E, points0, points1, self._matrix, mask=mask)
         return R, t[:, 0]
 
-    def _match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points (N, 2) of the corners of one image, and where they are in the other."""
         cv2 = self._cv2
         corners = cv2.goodFeaturesToTrack(image0, self._max_corners, _QUALITY, _MIN_DISTANCE_PX)
         if corners is None:

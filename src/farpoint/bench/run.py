@@ -24,6 +24,7 @@ from farpoint.bench.tables.path import path_table
 from farpoint.bench.tables.pipeline import pipeline_table
 from farpoint.bench.tables.start import start_table
 from farpoint.bench.tables.timing import timing_table
+from farpoint.bench.tables.tracks import tracks_table
 from farpoint.errors import InputError, MissingExtraError
 
 __all__ = ["BenchReport", "run_bench"]
@@ -38,6 +39,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "pairs": (pairs_table,),
     "pipeline": (pipeline_table,),
     "lenses": (unprojection_table, wide_table),
+    "tracks": (tracks_table,),
     "path": (path_table,),
     "drawing": (drawing_table,),
     "live": (live_tables,),

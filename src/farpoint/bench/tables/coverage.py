@@ -8,11 +8,11 @@ from itertools import product
 
 import numpy as np
 
+from farpoint.bench.consistency import CONSISTENCY_COLUMNS, consistency_cells, pose_errors
 from farpoint.bench.options import BenchOptions, CoverageGrid, Progress
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.table import Cell, Column, Table
-from farpoint.metrics import Consistency, PairErrors, consistency, pair_errors
-from farpoint.pose import PoseStatus, RelativePose, estimate_relative_pose
+from farpoint.pose import PoseStatus, estimate_relative_pose
 from farpoint.synthetic import PointScene
 
 __all__ = ["coverage_table"]
@@ -24,18 +24,7 @@ _COLUMNS = (
     Column("outliers_percent"),
     Column("matches"),
     *(Column(status.value) for status in PoseStatus),
-    *(
-        column
-        for name in ("pose", "rotation")
-        for column in (
-            Column(f"{name}_68", 3),
-            Column(f"{name}_95", 3),
-            Column(f"{name}_95_low", 3),
-            Column(f"{name}_95_high", 3),
-            Column(f"{name}_nees", 1),
-            Column(f"{name}_sigma_over_error", 2),
-        )
-    ),
+    *CONSISTENCY_COLUMNS,
 )
 
 
@@ -94,48 +83,10 @@ def _figures(scenes: Sequence[PointScene], seed: int) -> tuple[Cell, ...]:
         estimate_relative_pose(scene.points0, scene.points1, scene.camera, seed=seed)
         for scene in scenes
     ]
-    errors = _errors(poses, scenes)
+    errors = pose_errors(
+        poses,
+        np.array([scene.rotation_cam1_from_cam0 for scene in scenes]),
+        np.array([scene.translation_cam1_from_cam0 for scene in scenes]),
+    )
     counts = Counter(pose.status for pose in poses)
-    return (
-        *(counts[status] for status in PoseStatus),
-        *_consistency_cells(consistency(errors.errors, errors.covariances)),
-        *_consistency_cells(consistency(errors.errors[:, :3], errors.covariances[:, :3, :3])),
-    )
-
-
-def _errors(poses: Sequence[RelativePose], scenes: Sequence[PointScene]) -> PairErrors:
-    return pair_errors(
-        statuses=[pose.status for pose in poses],
-        rotations=np.array([_or_nan(p.rotation_cam1_from_cam0, 3, 3) for p in poses]),
-        directions=np.array([_or_nan(p.direction_cam1_from_cam0, 3) for p in poses]),
-        direction_bases=np.array([_or_nan(p.direction_basis, 3, 2) for p in poses]),
-        covariances=np.array([_covariance(pose) for pose in poses]),
-        true_rotations=np.array([scene.rotation_cam1_from_cam0 for scene in scenes]),
-        true_translations=np.array([scene.translation_cam1_from_cam0 for scene in scenes]),
-    )
-
-
-def _or_nan(values: np.ndarray | None, *shape: int) -> np.ndarray:
-    return np.full(shape, np.nan) if values is None else values
-
-
-def _covariance(pose: RelativePose) -> np.ndarray:
-    covariance = np.full((5, 5), np.nan)
-    if pose.covariance is not None:
-        return pose.covariance
-    if pose.rotation_covariance is not None:
-        covariance[:3, :3] = pose.rotation_covariance
-    return covariance
-
-
-def _consistency_cells(found: Consistency) -> tuple[Cell, ...]:
-    if not found.count:
-        return (None,) * 6
-    return (
-        found.coverage68.share,
-        found.coverage95.share,
-        found.coverage95.low,
-        found.coverage95.high,
-        found.mean_nees,
-        found.sigma_over_error,
-    )
+    return (*(counts[status] for status in PoseStatus), *consistency_cells(errors))
