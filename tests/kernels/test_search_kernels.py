@@ -170,7 +170,7 @@ def test_the_direction_is_found_among_wrong_matches(wrong):
 
 @quick
 @given(
-    wrong=st.floats(0.0, 0.85),
+    wrong=st.floats(0.0, 0.8),
     confidence=st.sampled_from([0.9, 0.99, 0.9999]),
     contest=st.sampled_from([(RIVAL, 1 / 4), (EQUAL, 1 / 16)]),
 )
