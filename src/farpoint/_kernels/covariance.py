@@ -20,6 +20,7 @@ __all__ = [
     "covariance_around",
     "covariance_beside",
     "covariance_here",
+    "growth_by_few",
     "step_by_prediction",
 ]
 
@@ -103,17 +104,26 @@ def _heard(alike: float) -> float:
 def _sure(right: float, alike: float) -> float:
     """What is left of the information for having estimated the noise and the scatter, too.
 
-    From few matches both are known roughly. With f degrees of freedom, squared errors are
-    distributed as ``5 F(5, f)``: their mean is larger by ``f / (f - 2)`` than with known noise, and
-    what holds 95 % of them by ``1 + 4 / f + 12 / f^2`` (to 3 %). No factor serves both; this one is
-    half-way. The scatter along one axis is that of the matches that tell most of it: of one in
-    `TELLING`, and so much larger is what its variance, 2 over their number, adds to the inverse, by
-    the square of how far it is heard.
+    From few matches both are known roughly: the noise as `growth_by_few` says. The scatter along
+    one axis is that of the matches that tell most of it: of one in `TELLING`, and so much larger is
+    what its variance, 2 over their number, adds to the inverse, by the square of how far it is
+    heard.
     """
-    freedom, heard = greater(right - 5.0, 4.0), _heard(alike)
-    on_average, for_most = freedom / (freedom - 2.0), 1.0 + (4.0 + 12.0 / freedom) / freedom
+    heard = _heard(alike)
     scattered = 2.0 * TELLING * heard * heard / greater(alike, TELLING)
-    return 2.0 / (on_average + for_most) - scattered
+    return 1.0 / growth_by_few(greater(right - 5.0, 4.0)) - scattered
+
+
+@formula
+def growth_by_few(freedom: float) -> float:
+    """How much larger a covariance is for a variance that was estimated with f degrees of freedom.
+
+    Squared errors are distributed as ``5 F(5, f)``: their mean is larger by ``f / (f - 2)`` than
+    with a known variance, and what holds 95 % of them by ``1 + 4 / f + 12 / f^2`` (to 3 %). No
+    factor serves both; this one is half-way.
+    """
+    on_average, for_most = freedom / (freedom - 2.0), 1.0 + (4.0 + 12.0 / freedom) / freedom
+    return 0.5 * (on_average + for_most)
 
 
 @formula

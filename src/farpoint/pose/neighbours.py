@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from farpoint._kernels.coherence import ASKED, coherence
+from farpoint._kernels.covariance import growth_by_few
 from farpoint._kernels.sharing import design_effect
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit
@@ -49,15 +50,10 @@ def doubt_where_alike(matches: Matches, fit: MovingFit) -> tuple[Matches, Moving
 
 
 def _sharing(fit: MovingFit) -> float:
-    """How many times larger the covariance is for the errors that matches share.
-
-    As with noise that is estimated from few matches, half-way between what the mean of squared
-    errors grows by and what that does which holds 95 % of them.
-    """
+    """How many times larger the covariance is for the errors that matches share."""
     rows, sigma = _right_in_order(fit), fit.noise.sigma
     effect = BEYOND * design_effect(fit.matches.pairs, fit.residual, rows, sigma)
-    on_average, for_most = FREEDOM / (FREEDOM - 2.0), 1.0 + (4.0 + 12.0 / FREEDOM) / FREEDOM
-    return max(0.5 * (on_average + for_most) * effect, 1.0)
+    return max(growth_by_few(FREEDOM) * effect, 1.0)
 
 
 def _right_in_order(fit: MovingFit) -> np.ndarray:
