@@ -15,6 +15,7 @@ STATS = PoseStats(
     iterations=0,
     cost=1.0,
     sign_probability=None,
+    sharing=1.0,
     search_s=0.0,
     refinement_s=0.0,
     covariance_s=0.0,

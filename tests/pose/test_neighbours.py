@@ -79,6 +79,7 @@ def test_a_turn_with_errors_that_neighbours_share_is_no_motion(shared):
 def test_a_plain_motion_stays_one(shared):
     poses = [estimate(scene(seed, 0.1), seed) for seed in range(30)]
     assert {pose.status for pose in poses} == {PoseStatus.OK}
+    assert [pose.stats.sharing for pose in poses] == shared
     assert np.mean(shared) > 2.0
 
 

@@ -122,6 +122,7 @@ def made_up_pose(
             iterations=40,
             cost=1.1,
             sign_probability=1.0,
+            sharing=1.0,
             search_s=0.001,
             refinement_s=0.002,
             covariance_s=0.0005,

@@ -35,6 +35,7 @@ class Course:
     iterations: int = 0
     cost: float | None = None
     sign_probability: float | None = None
+    sharing: float = 1.0
     search_s: float = 0.0
     refinement_s: float = 0.0
     covariance_s: float = 0.0
@@ -178,6 +179,7 @@ def _stats(labels: np.ndarray, course: Course) -> PoseStats:
         iterations=course.iterations,
         cost=course.cost,
         sign_probability=course.sign_probability,
+        sharing=course.sharing,
         search_s=course.search_s,
         refinement_s=course.refinement_s,
         covariance_s=course.covariance_s,

@@ -164,6 +164,7 @@ def _find(
             "less is certain than the covariance says."
         )
     matches, moving = doubt_where_alike(matches, moving)
+    course.sharing = matches.sharing
     turned = turning_when_asked(matches, moving.far_rotation_cam1_from_cam0, tolerance)
     if is_plainly_translating(moving):
         return _conclude_moving(matches, moving, turned, options, course)

@@ -57,6 +57,9 @@ class PoseStats:
         Mean negative log likelihood of a match at the estimate; None where nothing was fitted.
     sign_probability : float or None
         Probability that ``direction`` points the way it does along its line; None without one.
+    sharing : float
+        How many times larger the covariance is than of matches that err independently, since
+        neighbours were seen to err alike; 1 where they do not.
     search_s, refinement_s, covariance_s : float
         Time spent in each stage, seconds.
     """
@@ -68,6 +71,7 @@ class PoseStats:
     iterations: int
     cost: float | None
     sign_probability: float | None
+    sharing: float
     search_s: float
     refinement_s: float
     covariance_s: float
