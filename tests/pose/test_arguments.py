@@ -154,6 +154,7 @@ BAD_OPTIONS = [
     ("min_iterations", 2.5),
     ("min_iterations", None),
     ("refine", "no"),
+    ("count_sharing", 1),
 ]
 
 

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from pose_kit import assert_sound, direction_error, rotation_error
 
-from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
+from farpoint import (
+    Camera,
+    PoseStatus,
+    RelativePose,
+    RelativePoseOptions,
+    estimate_relative_pose,
+)
 from farpoint.bench.plain_script import PlainScript
 from farpoint.geometry import sphere
 from farpoint.metrics import chi2_quantile
@@ -81,6 +87,20 @@ def test_a_plain_motion_stays_one(shared):
     assert {pose.status for pose in poses} == {PoseStatus.OK}
     assert [pose.stats.sharing for pose in poses] == shared
     assert np.mean(shared) > 2.0
+
+
+def test_errors_may_be_taken_for_independent():
+    found = scene(1, 0.1)
+    points1 = found.points1 + field(1, found.points1)
+    plain, counted = (
+        estimate_relative_pose(
+            found.points0, points1, CAMERA, options=RelativePoseOptions(count_sharing=counted)
+        )
+        for counted in (False, True)
+    )
+    np.testing.assert_array_equal(plain.rotation_cam1_from_cam0, counted.rotation_cam1_from_cam0)
+    assert (plain.stats.sharing, counted.stats.sharing > 1.5) == (1.0, True)
+    np.testing.assert_allclose(counted.covariance, counted.stats.sharing * plain.covariance)
 
 
 def test_few_matches_show_nothing_of_their_neighbours(shared):

@@ -183,13 +183,13 @@ class Odometry:
         return self._result(reference, index, timestamp, pose, tracks, point)
 
     def _without_perspective(self, tracks: Tracks) -> Tracks:
-        """Tracks corrected by a first estimate of the motion, which need not be exact."""
+        """Tracks corrected by a first estimate of the motion, which need not be exact, nor sure."""
         some = slice(None, None, max(-(-len(tracks) // _ENOUGH_TRACKS), 1))
         rough = estimate_relative_pose(
             tracks.points0[some],
             tracks.points1[some],
             self.camera,
-            options=self.options.pose,
+            options=replace(self.options.pose, count_sharing=False),
             seed=self.options.seed,
         )
         if rough.rotation_cam1_from_cam0 is None:

@@ -163,8 +163,9 @@ def _find(
             "Neighbouring matches are off alike, as if many were taken for the next of their kind: "
             "less is certain than the covariance says."
         )
-    matches, moving = doubt_where_alike(matches, moving)
-    course.sharing = matches.sharing
+    if options.count_sharing:
+        matches, moving = doubt_where_alike(matches, moving)
+        course.sharing = matches.sharing
     turned = turning_when_asked(matches, moving.far_rotation_cam1_from_cam0, tolerance)
     if is_plainly_translating(moving):
         return _conclude_moving(matches, moving, turned, options, course)
