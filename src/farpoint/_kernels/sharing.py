@@ -13,7 +13,7 @@ __all__ = ["PARTS", "design_effect"]
 
 # The image is split in two, and each part again, as often as this.
 SPLITS = 4
-PARTS = 16
+PARTS = 2**SPLITS
 # Degrees of freedom of the residuals that the pose has taken.
 OF_POSE = 5.0
 

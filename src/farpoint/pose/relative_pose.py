@@ -260,7 +260,7 @@ def _doubt_of_rotation(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
 def _doubt_if_moving(fit: TurningFit, moving: MovingFit) -> np.ndarray:
     """Covariance (3, 3), rad^2, of a rotation that may as well be that of a motion."""
     doubt = _doubt_of_rotation(fit.R_cam1_from_cam0, moving.R_cam1_from_cam0)
-    own = moving_covariance(moving)[:3, :3]
+    own = moving.matches.sharing * moving_covariance(moving)[:3, :3]
     return doubt + own if fixes_rotation(own) else doubt
 
 
