@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pose_kit import assert_sound, direction_error, rotation_error
+from pose_kit import assert_sound, direction_error, rotation_error, smooth_field
 
 from farpoint import (
     Camera,
@@ -21,7 +21,7 @@ from farpoint.synthetic import PointScene, RenderedSequence, make_point_scene, s
 from farpoint.synthetic.points import PointSceneOptions
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
-FIELD_PX, REACH_PX, NOISE_PX = 0.4, 80.0, 0.15
+NOISE_PX = 0.15
 
 
 def scene(seed: int, baseline_m: float, matches: int = 300) -> PointScene:
@@ -37,16 +37,8 @@ def scene(seed: int, baseline_m: float, matches: int = 300) -> PointScene:
     return make_point_scene(options, seed=seed)
 
 
-def field(seed: int, points: np.ndarray) -> np.ndarray:
-    """Errors (N, 2), px, that change smoothly over the image."""
-    rng = np.random.default_rng(seed)
-    waves = 40
-    phase = points @ rng.normal(0.0, 1.0 / REACH_PX, (2, waves)) + rng.uniform(0.0, 6.3, waves)
-    return np.cos(phase) @ rng.normal(0.0, FIELD_PX * np.sqrt(2.0 / waves), (waves, 2))
-
-
 def estimate(found: PointScene, seed: int, share: float = 1.0) -> RelativePose:
-    points1 = found.points1 + share * field(seed, found.points1)
+    points1 = found.points1 + share * smooth_field(seed, found.points1)
     pose = estimate_relative_pose(found.points0, points1, CAMERA)
     assert_sound(pose, len(points1))
     return pose
@@ -103,7 +95,7 @@ def test_a_plain_motion_stays_one(shared):
 
 def test_errors_may_be_taken_for_independent():
     found = scene(1, 0.1)
-    points1 = found.points1 + field(1, found.points1)
+    points1 = found.points1 + smooth_field(1, found.points1)
     plain, counted = (
         estimate_relative_pose(
             found.points0, points1, CAMERA, options=RelativePoseOptions(count_sharing=counted)

@@ -6,14 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from pose_kit import rotation_error
+from pose_kit import rotation_error, smooth_field
 
 from farpoint import Camera, PoseStatus, estimate_relative_pose
 from farpoint._kernels.motion import settle_motion
 from farpoint.geometry import so3, sphere
 from farpoint.pose import moving_fit, repeated
-from farpoint.pose.matches import matches_from_points
+from farpoint.pose.matches import Matches, matches_from_points
+from farpoint.pose.moving_fit import MovingFit
+from farpoint.pose.neighbours import COHERENT, coherence_of
 from farpoint.pose.options import DEFAULTS
+from farpoint.synthetic import PointSceneOptions, make_point_scene
 
 CAMERA = Camera.pinhole(3072, 2048, 2760.0, 2760.0, 1535.5, 1023.5)
 CENTRES = np.array([[0.0, 0.0, 22.0], [-7.0, 0.0, 17.0], [7.0, 0.0, 17.0]])
@@ -93,6 +96,61 @@ def test_no_less_noise_is_looked_for_where_residuals_are_noise(monkeypatch):
     assert len(matches) * fit.noise.wrong * fit.noise.repeated > repeated.MANY
     monkeypatch.setattr(repeated, "fit_moving", never)
     assert repeated.beside_repeated(matches, fit, 1.5, DEFAULTS, state) == (fit, False)
+
+
+def fit_of_a_drive(seed: int, wrong_px: float | None) -> tuple[Matches, MovingFit]:
+    """Ahead through a wide image, with errors that neighbours share; a quarter is wrong.
+
+    Anywhere, or by so many px where it should be.
+    """
+    camera = Camera.pinhole(1226, 160, 707.0, 707.0, 612.5, 79.5)
+    options = PointSceneOptions(
+        camera=camera,
+        matches=500,
+        outliers=125 if wrong_px is None else 0,
+        near_range_m=(6.0, 40.0),
+        far_share=0.0,
+        translation_m=(0.02, 0.0, -0.9),
+        noise_px=0.05,
+    )
+    scene, rng = make_point_scene(options, seed=seed), np.random.default_rng(seed)
+    points1 = scene.points1 + smooth_field(seed, scene.points1, 0.2)
+    if wrong_px is not None:
+        points1[:125] += rng.normal(0.0, wrong_px, (125, 2))
+    matches = matches_from_points(scene.points0, points1, camera, camera)
+    fit = moving_fit.fit_moving(matches, 1.5, DEFAULTS, np.array([1], np.uint64))
+    # Neighbours err alike, and many are taken for repeated.
+    assert coherence_of(fit) > COHERENT
+    assert len(matches) * fit.noise.wrong * fit.noise.repeated > repeated.MANY
+    return matches, fit
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_wrong_matches_of_a_wide_image_are_not_repeated(monkeypatch, seed):
+    def never(*_):
+        raise AssertionError("searched again")
+
+    matches, fit = fit_of_a_drive(seed, wrong_px=None)
+    monkeypatch.setattr(repeated, "fit_moving", never)
+    state = np.array([1], np.uint64)
+    assert repeated.beside_repeated(matches, fit, 1.5, DEFAULTS, state) == (fit, False)
+
+
+@pytest.mark.parametrize("seed", [2, 6, 7, 8, 9, 10])
+def test_less_noise_that_leads_to_no_other_motion_is_not_believed(monkeypatch, seed):
+    found = []
+
+    def search(*arguments):
+        found.append(moving_fit.fit_moving(*arguments))
+        return found[-1]
+
+    matches, fit = fit_of_a_drive(seed, wrong_px=12.0)
+    monkeypatch.setattr(repeated, "fit_moving", search)
+    state = np.array([1], np.uint64)
+    assert repeated.beside_repeated(matches, fit, 1.5, DEFAULTS, state) == (fit, False)
+    # There is one, of fewer matches, whose residuals are noise.
+    assert coherence_of(found[-1]) < repeated.WHITE
+    assert found[-1].agreeing < 0.8 * fit.agreeing
 
 
 def test_as_much_noise_is_believed_as_there_is_while_it_is_noise():

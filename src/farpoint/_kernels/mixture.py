@@ -33,6 +33,7 @@ Clutter = tuple[float, float, float]
 __all__ = [
     "FAR_SIGMA",
     "POOR",
+    "REPEATED_WITHIN",
     "clutter_at",
     "clutter_of",
     "densities",

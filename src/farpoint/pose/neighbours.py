@@ -13,7 +13,7 @@ from farpoint._kernels.sharing import design_effect
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit
 
-__all__ = ["COHERENT", "coherence_of", "doubt_where_alike"]
+__all__ = ["COHERENT", "coherence_of", "doubt_where_alike", "sharing_of"]
 
 # Correlation of neighbours' residuals from which on they are no noise.
 COHERENT = 0.25
@@ -45,11 +45,11 @@ def doubt_where_alike(matches: Matches, fit: MovingFit) -> tuple[Matches, Moving
     asked = max(min(fit.agreeing, ASKED), 1)
     if coherence_of(fit) < LIKELY / math.sqrt(asked):
         return matches, fit
-    sharing = _sharing(fit)
+    sharing = sharing_of(fit)
     return matches.in_doubt(sharing), replace(fit, matches=fit.matches.in_doubt(sharing))
 
 
-def _sharing(fit: MovingFit) -> float:
+def sharing_of(fit: MovingFit) -> float:
     """How many times larger the covariance is for the errors that matches share."""
     rows, sigma = _right_in_order(fit), fit.noise.sigma
     effect = BEYOND * design_effect(fit.matches.pairs, fit.residual, rows, sigma)
