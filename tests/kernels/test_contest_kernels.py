@@ -9,7 +9,7 @@ import pytest
 from kernels_kit import matches_of, two_views
 
 from farpoint._kernels import contest
-from farpoint._kernels.contest import EQUAL, NO_RIVAL, RIVAL
+from farpoint._kernels.contest import BESIDE, LOST, RIVAL
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.refinement import PROMISED
 
@@ -76,18 +76,18 @@ def _pose() -> Pose:
 
 
 def test_one_that_promises_little_is_given_up_at_once(followed):
-    assert followed([(500.0, 10.0), (90.0, 1.0)])[:3] == (NO_RIVAL, False, 1)
+    assert followed([(500.0, 10.0), (90.0, 1.0)])[:3] == (LOST, False, 1)
 
 
 def test_one_that_ends_far_away_is_given_up_before_it_has_come_there(followed):
     ends = [AWAY, (300.0, 20.0), (290.0, 1.0), (289.0, 0.5), (288.9, 0.0)]
-    assert followed(ends)[:3] == (NO_RIVAL, False, 3)
+    assert followed(ends)[:3] == (LOST, False, 3)
 
 
 def test_one_that_falls_by_its_noise_is_followed(followed):
     # Of that a step promises nothing.
     falls = [AWAY, (170.0, 1.0), (140.0, 0.5), (120.0, 0.1), (115.0, 0.0)]
-    assert followed(falls)[:3] == (EQUAL, False, 5)
+    assert followed(falls)[:3] == (RIVAL, False, 5)
 
 
 def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
@@ -97,18 +97,20 @@ def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
 @pytest.mark.parametrize(
     ("end", "elsewhere", "outcome"),
     [
-        (90.0, True, EQUAL),
-        (90.0, False, RIVAL),
+        (90.0, True, RIVAL),
+        (90.0, False, BESIDE),
         (60.0, True, RIVAL),
-        (120.0, True, EQUAL),
-        (131.0, True, NO_RIVAL),
+        (60.0, False, RIVAL),
+        (120.0, True, RIVAL),
+        (120.0, False, BESIDE),
+        (131.0, True, LOST),
     ],
 )
 def test_the_likelier_is_kept_and_the_other_remembered(followed, end, elsewhere, outcome):
     found = followed([AWAY, (end, 1.0)], elsewhere=elsewhere)
     assert found.contest == outcome
     assert found.best.cost[0] == min(end, BEST)
-    lost = np.inf if outcome == NO_RIVAL else max(end, BEST)
+    lost = np.inf if outcome == LOST else max(end, BEST)
     assert found.second.cost[0] == lost
 
 

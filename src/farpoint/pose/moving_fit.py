@@ -32,6 +32,9 @@ __all__ = [
     "seen_by",
 ]
 
+# Samples of few matches, over all that there are, until half of them have been drawn: then all k
+# without a wrong match are missed with a probability of 2^-k, and a consensus has many.
+HALF_SEEN = math.log(2.0)
 # Where more than this of the flow, as it is predicted, is noise, along any axis, it shows no
 # direction: points that are all far have such flow, and half of their directions are wrong.
 MOST_NOISE = 0.55
@@ -134,8 +137,7 @@ def fit_moving(
     """
     n = len(matches)
     found = _nothing_found(n)
-    # Of few matches, there are no more samples than these.
-    samples = max(options.min_iterations, math.comb(n, 5))
+    samples = max(options.min_iterations, math.ceil(HALF_SEEN * math.comb(n, 5)))
     effort = Effort(
         tolerance=tolerance,
         confidence=options.confidence,
