@@ -1,25 +1,43 @@
-"""The table of what OpenCV tracks."""
+"""The table of what OpenCV tracks and matches."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from bench_kit import silent
 
+from farpoint.bench.feature_matcher import FeatureMatcher
 from farpoint.bench.options import BenchOptions
 from farpoint.bench.tables import tracks
 
 
 def test_a_few_pairs_fill_the_rows_one_by_one(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(tracks, "_CELLS", ((200, 20.0), (100, 20.0)))
+    monkeypatch.setattr(tracks, "_FPS", (20.0,))
     options = BenchOptions(tables=("tracks",), pairs=4)
-    first, table = tracks.tracks_table(options, silent)
+    first, *_, table = tracks.tracks_table(options, silent)
     assert len(first.rows) == 1
     rows = [
         dict(zip((column.name for column in table.columns), row, strict=True)) for row in table.rows
     ]
-    assert [row["corners"] for row in rows] == [200, 100]
-    for row in rows:
+    assert [row["kind"] for row in rows] == [*tracks._MATCHERS]
+    for row, (fewest, most) in zip(
+        rows, ((250, 500), (75, 150), (80, 1000), (80, 1000)), strict=True
+    ):
         assert (row["pairs"], row["OK"]) == (4, 4)
-        assert row["corners"] / 2 < row["tracks"] <= row["corners"]
+        assert fewest < row["matches"] <= most
         assert 0.0 <= row["pose_95"] <= 1.0
         assert 0.1 < row["pose_nees"] < 100.0
+
+
+@pytest.mark.parametrize("kind", ["SIFT", "ORB"])
+def test_features_are_matched_and_images_without_any_are_no_error(kind):
+    image = np.random.default_rng(1).integers(0, 255, (40, 60), np.uint8)
+    image = np.kron(image, np.ones((6, 6), np.uint8))
+    points0, points1 = FeatureMatcher(kind).match(image[:, 5:], image[:, :-5])
+    assert len(points0) == len(points1) > 50
+    shift = points1 - points0
+    # ORB finds points to the pixel of the level.
+    assert np.mean(np.abs(shift - (5.0, 0.0)).max(axis=1) < 4.0) > 0.9
+    blank = np.full((200, 200), 128, np.uint8)
+    for points in FeatureMatcher(kind).match(blank, blank):
+        assert points.shape == (0, 2)

@@ -7,13 +7,20 @@ import pytest
 from kernels_kit import View, two_views
 from scipy.spatial import cKDTree
 
-from farpoint._kernels.coherence import ASKED, coherence
+from farpoint._kernels.coherence import coherence
+
+ASKED, SAME_POINT = 200, 3.0
 
 
-def told(view: View, residual: np.ndarray, right: np.ndarray | None = None) -> float:
+def told(
+    view: View,
+    residual: np.ndarray,
+    right: np.ndarray | None = None,
+    same_point: float = SAME_POINT,
+) -> float:
     rows = np.arange(view.size) if right is None else np.flatnonzero(right > 0.5)
     rows = rows[np.argsort(view.rays0[rows, 0])]
-    return coherence(view.pairs, residual, rows, 1.0)
+    return coherence(view.pairs, residual, rows, 1.0, ASKED, same_point)
 
 
 def test_noise_is_not():
@@ -46,12 +53,13 @@ def test_the_neighbour_is_the_nearest_right_match_in_both_images():
     assert told(view, residual, right) == pytest.approx(expected)
 
 
-def test_a_point_found_twice_is_no_neighbour():
+def test_a_point_found_twice_is_a_neighbour_only_where_that_is_asked_for():
     rng = np.random.default_rng(3)
     view = two_views(3, 150, noise_rad=1e-3)
     twice = View(*(np.repeat(each, 2, axis=0) for each in view[:4]), view.R, view.t)
     residual = np.repeat(rng.normal(size=150), 2)
     assert abs(told(twice, residual)) < 0.3
+    assert told(twice, residual, same_point=0.0) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("count", [1, 2, 20])

@@ -11,29 +11,33 @@ from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
 from farpoint._kernels.vectors import combine, dot
 
-__all__ = ["ASKED", "bounded", "coherence"]
+__all__ = ["bounded", "coherence"]
 
-# Matches that are asked, each for its neighbour among all.
-ASKED = 200
-# Nearer ones, in units of the noise, are two of the same point.
-SAME_POINT = 3.0
 # No residual counts for more, in sigma.
 MOST_SIGMA = 3.0
 
 
 @kernel
-def coherence(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: float) -> float:
+def coherence(
+    pairs: np.ndarray,
+    residual: np.ndarray,
+    rows: np.ndarray,
+    sigma: float,
+    most: int,
+    same_point: float,
+) -> float:
     """Correlation of the residuals of matches with those of their neighbours.
 
-    The neighbour is that of these ``rows`` which is nearest in both images together; they are in
-    the order of their first coordinate in image 0. 0 on average where residuals are noise; 0 as
+    The neighbour is that of these ``rows`` which is nearest in both images together, but not nearer
+    than ``same_point``, in units of the noise; they are in the order of their first coordinate in
+    image 0. At ``most`` so many are asked for theirs. 0 on average where residuals are noise; 0 as
     well where there are hardly any.
     """
-    asked = rows.size if rows.size < ASKED else ASKED
+    asked = rows.size if rows.size < most else most
     product = square = 0.0
     for j in range(asked):
         place = j * rows.size // asked
-        here, neighbour = int(rows[place]), int(_neighbour(pairs, rows, place))
+        here, neighbour = int(rows[place]), int(_neighbour(pairs, rows, place, same_point))
         if neighbour >= 0:
             own = bounded(residual[here], sigma)
             product += own * bounded(residual[neighbour], sigma)
@@ -42,10 +46,10 @@ def coherence(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: 
 
 
 @inner_kernel
-def _neighbour(pairs: np.ndarray, rows: np.ndarray, place: int) -> int:
+def _neighbour(pairs: np.ndarray, rows: np.ndarray, place: int, same_point: float) -> int:
     """The row nearest to that at this place which is another point; -1 if none is."""
     at = address(rows[place])
-    same = SAME_POINT * SAME_POINT * flow_variance(pairs, at)
+    same = same_point * same_point * flow_variance(pairs, at)
     nearest, found = math.inf, -1
     for way in (-1, 1):
         k = place + way
@@ -53,7 +57,7 @@ def _neighbour(pairs: np.ndarray, rows: np.ndarray, place: int) -> int:
             along, distance = _distances2(pairs, at, address(rows[k]))
             if along >= nearest:
                 break
-            if same < distance < nearest:
+            if same <= distance < nearest:
                 nearest, found = distance, rows[k]
             k += way
     return found

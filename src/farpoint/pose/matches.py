@@ -114,9 +114,9 @@ class Matches:
             max_variance=self.max_variance,
         )
 
-    def in_doubt(self, sharing: float) -> Matches:
-        """The matches with noise that they share, which may be misstated."""
-        return replace(self, doubt=DOUBT, sharing=sharing)
+    def that_share(self, sharing: float, *, in_doubt: bool) -> Matches:
+        """The matches with noise of which they share some, and which then may be misstated."""
+        return replace(self, doubt=DOUBT if in_doubt else self.doubt, sharing=sharing)
 
     def judging(self, prior: np.ndarray, *, gives_way: bool) -> PackedMatches:
         """As the kernels take them, with the ``prior`` of each, in panels."""

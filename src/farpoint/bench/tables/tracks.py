@@ -1,13 +1,17 @@
-"""Covariances of what OpenCV tracks, without any noise told, against exact truth."""
+"""Covariances of what OpenCV tracks and matches, no noise told, against exact truth."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Protocol
 
 import numpy as np
 
 from farpoint.bench.consistency import CONSISTENCY_COLUMNS, consistency_cells, pose_errors
+from farpoint.bench.feature_matcher import FeatureMatcher
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.plain_script import PlainScript
 from farpoint.bench.table import Cell, Column, Table
@@ -19,42 +23,52 @@ __all__ = ["tracks_table"]
 
 _PAIRS = 60
 _PAIRS_PER_STREET = 3
-# Corners, and frames a second.
-_CELLS = ((500, 30.0), (500, 10.0), (150, 30.0), (150, 10.0))
 _CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 
 
+class _Matcher(Protocol):
+    def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
+
+
+_MATCHERS: dict[str, Callable[[], _Matcher]] = {
+    "Lucas-Kanade, 500 corners": partial(PlainScript, _CAMERA, 500),
+    "Lucas-Kanade, 150 corners": partial(PlainScript, _CAMERA, 150),
+    "SIFT": partial(FeatureMatcher, "SIFT"),
+    "ORB": partial(FeatureMatcher, "ORB"),
+}
+_FPS = (30.0, 10.0)
+
+
 def tracks_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each number of corners and rate, as they are filled."""
+    """A row for each kind of match and rate of frames, as they are filled."""
     rows: list[tuple[Cell, ...]] = []
-    for corners, fps in _CELLS:
-        rows.append((corners, round(fps), *_figures(corners, fps, options, progress)))
+    for name, fps in itertools.product(_MATCHERS, _FPS):
+        rows.append((name, round(fps), *_figures(name, fps, options, progress)))
         yield Table(
             name="tracks",
-            title="Coverage of estimates from OpenCV's Lucas-Kanade, rendered streets",
+            title="Coverage of estimates from OpenCV's tracks and features, rendered streets",
             command=options.command("tracks"),
             columns=(
-                Column("corners"),
+                Column("kind"),
                 Column("fps"),
                 Column("pairs"),
-                Column("tracks"),
+                Column("matches"),
                 Column("OK"),
                 *CONSISTENCY_COLUMNS,
             ),
             rows=tuple(rows),
             notes=(
-                "matches as the plain script makes them, and nothing told of their noise; "
+                "tracks as the plain script makes them, features by the ratio of their distances; "
                 f"{_PAIRS_PER_STREET} pairs in each street, every other one",
-                "tracks: median of a pair; the rest as in the table of coverage",
+                "nothing is told of their noise",
+                "matches: median of a pair; the rest as in the table of coverage",
             ),
         )
 
 
-def _figures(
-    corners: int, fps: float, options: BenchOptions, progress: Progress
-) -> tuple[Cell, ...]:
+def _figures(kind: str, fps: float, options: BenchOptions, progress: Progress) -> tuple[Cell, ...]:
     pairs = options.pairs or _PAIRS
-    name = f"{corners} corners at {fps:g} frames a second"
+    name = f"{kind} at {fps:g} frames a second"
     poses: list[RelativePose] = []
     truths, sizes = [], []
     for street in range(math.ceil(pairs / _PAIRS_PER_STREET)):
@@ -63,9 +77,9 @@ def _figures(
         path = street_drive(2 * _PAIRS_PER_STREET, fps, seed)
         sequence = RenderedSequence(_CAMERA, path, seed=seed)
         images = [frame.image for frame in sequence if frame.image is not None]
-        script = PlainScript(_CAMERA, corners)
+        matcher = _MATCHERS[kind]()
         for first in range(0, 2 * _PAIRS_PER_STREET, 2)[: pairs - len(poses)]:
-            points0, points1 = script.match(images[first], images[first + 1])
+            points0, points1 = matcher.match(images[first], images[first + 1])
             poses.append(estimate_relative_pose(points0, points1, _CAMERA, seed=options.seed))
             truths.append(sequence.cam1_from_cam0(first, first + 1))
             sizes.append(len(points0))

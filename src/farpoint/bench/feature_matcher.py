@@ -1,0 +1,44 @@
+"""Features of two images matched in a few calls of OpenCV, as the tutorials do it."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from farpoint.errors import optional_import
+
+__all__ = ["FeatureMatcher"]
+
+_FEATURES = 1000
+_RATIO = 0.8
+
+
+class FeatureMatcher:
+    """The nearest descriptor of the other image, where the next one is plainly farther (Lowe).
+
+    Parameters
+    ----------
+    kind : {"SIFT", "ORB"}
+        Of features and descriptors, with OpenCV's defaults but for their number, 1000.
+    """
+
+    def __init__(self, kind: Literal["SIFT", "ORB"]) -> None:
+        cv2: Any = optional_import("cv2", extra="video", purpose="OpenCV's features")
+        is_sift = kind == "SIFT"
+        self._features = cv2.SIFT_create(_FEATURES) if is_sift else cv2.ORB_create(_FEATURES)
+        self._matcher = cv2.BFMatcher(cv2.NORM_L2 if is_sift else cv2.NORM_HAMMING)
+
+    def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points (N, 2) of the features of one image, and where they are in the other."""
+        (points0, words0), (points1, words1) = (
+            self._features.detectAndCompute(image, None) for image in (image0, image1)
+        )
+        if words0 is None or words1 is None:
+            return np.empty((0, 2)), np.empty((0, 2))
+        nearest = (found for found in self._matcher.knnMatch(words0, words1, 2) if len(found) == 2)
+        plain = [first for first, second in nearest if first.distance < _RATIO * second.distance]
+        return (
+            np.array([points0[match.queryIdx].pt for match in plain]).reshape(-1, 2),
+            np.array([points1[match.trainIdx].pt for match in plain]).reshape(-1, 2),
+        )
