@@ -16,7 +16,6 @@ from farpoint.pose.epipole import mean_epipole
 from farpoint.pose.far_rotation import FarRotation
 from farpoint.pose.information import positive, symmetric_inverse
 from farpoint.pose.matches import Matches
-from farpoint.pose.noise import MIN_VARIANCE
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.verdict import is_consensus, is_static
@@ -102,7 +101,8 @@ def _scatter_of_rotation(
     rays1, weight = matches.rays1[far], matches.precision[far]
     residual = rays1 - matches.rays0[far] @ R.T
     freedom = max(2 * len(rays1) - 3, 1)
-    variance = max(float(np.sum(weight * np.sum(residual**2, axis=1)) / freedom), MIN_VARIANCE)
+    mean = float(np.sum(weight * np.sum(residual**2, axis=1)) / freedom)
+    variance = max(mean, matches.min_variance)
     # d(b - R a) / dtheta = [b]x to first order, and [b]x^T [b]x = I - b b^T.
     information = weight.sum() * np.eye(3) - (rays1.T * weight) @ rays1
     return variance * symmetric_inverse(information), float(np.sqrt(variance))

@@ -22,6 +22,7 @@ from farpoint._kernels.pairs import (
     take_pairs,
 )
 from farpoint._kernels.pose import PackedMatches
+from farpoint._kernels.rounding import rounding_variance
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.sphere import normalize, tangent_basis
@@ -80,6 +81,8 @@ class Matches:
         How many times larger the variance of a motion is than of matches that err independently.
     told : Told or None
         What the user said of the noise of each match, where it was said.
+    min_variance : float
+        Smaller noise of a good match is not believed: it is rounding.
     max_variance : float
         Larger noise of a good match is not believed, and heavy tails neither; infinite where both
         are as they are found.
@@ -93,6 +96,7 @@ class Matches:
     doubt: float
     sharing: float = 1.0
     told: Told | None = None
+    min_variance: float = MIN_VARIANCE
     max_variance: float = math.inf
 
     def __len__(self) -> int:
@@ -111,6 +115,7 @@ class Matches:
             spread=self.spread,
             doubt=self.doubt,
             sharing=self.sharing,
+            min_variance=self.min_variance,
             max_variance=self.max_variance,
         )
 
@@ -120,7 +125,7 @@ class Matches:
 
     def judging(self, prior: np.ndarray, *, gives_way: bool) -> PackedMatches:
         """As the kernels take them, with the ``prior`` of each, in panels."""
-        n, least, most = len(self), MIN_VARIANCE, self.max_variance
+        n, least, most = len(self), self.min_variance, self.max_variance
         return PackedMatches(self.pairs, prior, n, self.spread, least, most, gives_way)
 
     def weights(self, values: np.ndarray | float = 1.0) -> np.ndarray:
@@ -179,10 +184,14 @@ def matches_from_points(
         )
 
     first, second = covariances
+    min_variance = max(rounding_variance(points0, points1), MIN_VARIANCE)
 
     def packed(first: np.ndarray, second: np.ndarray) -> Matches:
-        noise = first, second
-        return _pack(rays0, rays1, factors0, factors1, noise, LEAST_RAD_PER_PX**2, "px")
+        noise, least = (first, second), LEAST_RAD_PER_PX**2
+        matches = _pack(rays0, rays1, factors0, factors1, noise, least, "px")
+        # Made anew only for those on a grid, as few are.
+        same = min_variance == MIN_VARIANCE
+        return matches if same else replace(matches, min_variance=min_variance)
 
     def with_floor(floor: float) -> Matches:
         return packed(*((C + floor * ISOTROPIC) / (1.0 + floor) for C in covariances))

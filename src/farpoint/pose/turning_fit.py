@@ -16,7 +16,7 @@ from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.turning import fit_rotation
 from farpoint.pose.information import symmetric_inverse
 from farpoint.pose.matches import Matches
-from farpoint.pose.noise import MIN_VARIANCE, Noise
+from farpoint.pose.noise import Noise
 
 __all__ = ["TurningFit", "fit_turning", "turning_when_asked"]
 
@@ -62,7 +62,7 @@ def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> Turn
         matches.pairs,
         n,
         matches.spread,
-        MIN_VARIANCE,
+        matches.min_variance,
         MAX_REFINEMENTS,
         R,
         mixture,

@@ -24,7 +24,6 @@ from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint._kernels.turning import Judged, flow_beside_rotation, likelier_moving
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit
-from farpoint.pose.noise import MIN_VARIANCE
 from farpoint.pose.small import rotation_vector, size2
 from farpoint.pose.turning_fit import TurningFit
 
@@ -99,7 +98,7 @@ def shown_translation(matches: Matches, fit: MovingFit, turning: TurningFit, rat
     # More matches may flow towards the direction than wrong matches would.
     if near and is_consensus(near, unexplained, 2, by_chance / unexplained, rate):
         return 1.0
-    shown = _bulk_beyond_noise(bulk, across, flow, matches.doubt, rate)
+    shown = _bulk_beyond_noise(bulk, across, flow, matches, rate)
     return max(shown, _likelier_than_turning(fit, turning) / -math.log(rate))
 
 
@@ -126,7 +125,7 @@ def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float)
     return bool(scipy.special.chdtrc(3.0, distance2) > rate)
 
 
-def _bulk_beyond_noise(n: int, across: float, flow: float, doubt: float, rate: float) -> float:
+def _bulk_beyond_noise(n: int, across: float, flow: float, matches: Matches, rate: float) -> float:
     """F test of the distance from the rotation's prediction against noise across epipolar lines.
 
     Over the n matches that both models explain: one wrong match along an epipolar line would decide
@@ -138,13 +137,13 @@ def _bulk_beyond_noise(n: int, across: float, flow: float, doubt: float, rate: f
     if n < MIN_BULK:
         return 0.0
     # Matches without any noise still have that of rounding.
-    across = max(across, n * MIN_VARIANCE)
+    across = max(across, n * matches.min_variance)
     ratio = max(flow - across, 0.0) / n / (across / (n - 3))
     false_alarms = DIRECTIONS * scipy.special.fdtrc(float(n), n - 3.0, ratio)
     if false_alarms >= 1.0:
         return 0.0
     digits = 1.0 if false_alarms < rate else math.log(false_alarms) / math.log(rate)
-    return digits * min(max(2.0 * ratio / doubt - 1.0, 0.0), 1.0) ** 4
+    return digits * min(max(2.0 * ratio / matches.doubt - 1.0, 0.0), 1.0) ** 4
 
 
 def _log_binomial_tail(k: int, n: int, p: float) -> float:

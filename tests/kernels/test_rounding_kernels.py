@@ -1,0 +1,35 @@
+"""Whether matches keep to a grid of pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from farpoint._kernels.rounding import ON_GRID, SIGMA, rounding_variance
+
+
+def points(seed: int, count: int = 400) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(0.0, 640.0, (count, 2))
+
+
+@pytest.mark.parametrize("step", [1.0, 0.5, 0.25])
+def test_the_coarsest_grid_that_they_keep_to_tells_how_much_they_were_rounded(step):
+    first, second = (step * np.round(points(seed) / step) for seed in (1, 2))
+    assert rounding_variance(first, second) == pytest.approx((SIGMA * step) ** 2)
+
+
+def test_those_found_between_pixels_keep_to_none():
+    assert rounding_variance(points(1), points(2)) == 0.0
+    # Of corners to the pixel that were followed between them, one image alone is rounded.
+    assert rounding_variance(np.round(points(1)), points(2)) == 0.0
+    assert rounding_variance(np.round(points(1), 1), points(2)) == 0.0
+    none = np.empty((0, 2))
+    assert rounding_variance(none, none) == 0.0
+
+
+@pytest.mark.parametrize("by_chance", [True, False])
+def test_a_tenth_of_them_on_a_grid_is_enough(by_chance):
+    first, second = points(1), points(2)
+    few = round(ON_GRID * len(first)) + (0 if by_chance else 1)
+    first[:few], second[:few] = np.round(first[:few]), np.round(second[:few])
+    assert rounding_variance(first, second) == (0.0 if by_chance else SIGMA**2)
