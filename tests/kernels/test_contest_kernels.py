@@ -9,7 +9,7 @@ import pytest
 from kernels_kit import matches_of, two_views
 
 from farpoint._kernels import contest
-from farpoint._kernels.contest import BESIDE, LOST, RIVAL
+from farpoint._kernels.contest import EQUAL, FEW, NO_RIVAL, RIVAL
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.refinement import PROMISED
 
@@ -33,7 +33,11 @@ def followed(monkeypatch):
     """Of a hypothesis that is judged so, step by step, and elsewhere or not than the best."""
 
     def run(
-        course: list[tuple[float, float]], *, same_after: int = 99, elsewhere: bool = True
+        course: list[tuple[float, float]],
+        *,
+        same_after: int = 99,
+        elsewhere: bool = True,
+        matches: int = FEW + 1,
     ) -> Followed:
         steps: list[int] = []
 
@@ -56,7 +60,7 @@ def followed(monkeypatch):
         best.cost[0], second.cost[0], rival.cost[0] = BEST, np.inf, np.inf
         challenger.t[:] = (1.0, 0.0, 0.0) if elsewhere else best.t
         challenge = getattr(contest.challenge, "py_func", contest.challenge)
-        given = _matches(), challenger, best, second, rival
+        given = _matches(matches), challenger, best, second, rival
         return Followed(*challenge(*given), len(steps), best, second)
 
     within = "copy_pose", "_explains", "_follow", "_keep_better", "_weigh", "_is_elsewhere"
@@ -66,8 +70,8 @@ def followed(monkeypatch):
     return run
 
 
-def _matches() -> PackedMatches:
-    return matches_of(two_views(0, 8), 100.0, gives_way=True)
+def _matches(count: int) -> PackedMatches:
+    return matches_of(two_views(0, count), 100.0, gives_way=True)
 
 
 def _pose() -> Pose:
@@ -76,18 +80,18 @@ def _pose() -> Pose:
 
 
 def test_one_that_promises_little_is_given_up_at_once(followed):
-    assert followed([(500.0, 10.0), (90.0, 1.0)])[:3] == (LOST, False, 1)
+    assert followed([(500.0, 10.0), (90.0, 1.0)])[:3] == (NO_RIVAL, False, 1)
 
 
 def test_one_that_ends_far_away_is_given_up_before_it_has_come_there(followed):
     ends = [AWAY, (300.0, 20.0), (290.0, 1.0), (289.0, 0.5), (288.9, 0.0)]
-    assert followed(ends)[:3] == (LOST, False, 3)
+    assert followed(ends)[:3] == (NO_RIVAL, False, 3)
 
 
 def test_one_that_falls_by_its_noise_is_followed(followed):
     # Of that a step promises nothing.
     falls = [AWAY, (170.0, 1.0), (140.0, 0.5), (120.0, 0.1), (115.0, 0.0)]
-    assert followed(falls)[:3] == (RIVAL, False, 5)
+    assert followed(falls)[:3] == (EQUAL, False, 5)
 
 
 def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
@@ -97,21 +101,23 @@ def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
 @pytest.mark.parametrize(
     ("end", "elsewhere", "outcome"),
     [
-        (90.0, True, RIVAL),
-        (90.0, False, BESIDE),
+        (90.0, True, EQUAL),
+        (90.0, False, RIVAL),
         (60.0, True, RIVAL),
-        (60.0, False, RIVAL),
-        (120.0, True, RIVAL),
-        (120.0, False, BESIDE),
-        (131.0, True, LOST),
+        (120.0, True, EQUAL),
+        (131.0, True, NO_RIVAL),
     ],
 )
 def test_the_likelier_is_kept_and_the_other_remembered(followed, end, elsewhere, outcome):
     found = followed([AWAY, (end, 1.0)], elsewhere=elsewhere)
     assert found.contest == outcome
     assert found.best.cost[0] == min(end, BEST)
-    lost = np.inf if outcome == LOST else max(end, BEST)
+    lost = np.inf if outcome == NO_RIVAL else max(end, BEST)
     assert found.second.cost[0] == lost
+
+
+def test_of_few_matches_an_equal_is_a_rival(followed):
+    assert followed([AWAY, (90.0, 1.0)], matches=FEW).contest == RIVAL
 
 
 def test_one_that_was_near_as_it_was_is_told(followed):

@@ -12,7 +12,7 @@ from kernels_kit import View, moved, packed, rays_only, two_views
 
 from farpoint._kernels import five_rays, search, twins
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.contest import noise_of, start_noise
+from farpoint._kernels.contest import EQUAL, NO_RIVAL, RIVAL, noise_of, start_noise
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry import so3, sphere
 
@@ -50,10 +50,10 @@ def iterations_needed(
     most: int = 10**6,
     *,
     flow_rad: float = 0.0,
-    has_rival: bool = True,
+    contest: np.int64 = RIVAL,
 ) -> int:
     effort = five_rays.Effort(3.0, confidence, least, most)
-    return five_rays.iterations_needed(wrong, flow_rad, has_rival, effort)
+    return five_rays.iterations_needed(wrong, flow_rad, contest, effort)
 
 
 def constraints(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -172,11 +172,12 @@ def test_the_direction_is_found_among_wrong_matches(wrong):
 @given(
     wrong=st.floats(0.0, 0.85),
     confidence=st.sampled_from([0.9, 0.99, 0.9999]),
+    contest=st.sampled_from([(RIVAL, 1 / 4), (EQUAL, 1 / 16)]),
 )
-def test_the_stop_rule_keeps_its_confidence(wrong, confidence):
+def test_the_stop_rule_keeps_its_confidence(wrong, confidence, contest):
     # A sample of five hits when none is wrong and, not every time, when it converges.
-    hit = 0.25 * (1.0 - wrong) ** 5
-    needed = iterations_needed(wrong, confidence, most=10**7)
+    hit = contest[1] * (1.0 - wrong) ** 5
+    needed = iterations_needed(wrong, confidence, most=10**7, contest=contest[0])
     assert 1.0 - (1.0 - hit) ** needed >= confidence - 1e-9
     # One round fewer misses the confidence, up to the rounding up.
     assert 1.0 - (1.0 - hit) ** (needed - 2) <= confidence + 1e-9
@@ -203,7 +204,7 @@ def test_a_start_without_a_rival_needs_fewer_samples():
     for wrong in (0.2, 0.5):
         doubt = five_rays.START_DOUBT / (1.0 - wrong) ** 2
         hit = 0.5 / (1.0 + doubt) * (1.0 - wrong) ** 5
-        needed = iterations_needed(wrong, 0.999, has_rival=False)
+        needed = iterations_needed(wrong, 0.999, contest=NO_RIVAL)
         # Together, the start and the samples miss the pose with the probability that was asked for.
         assert doubt * (1.0 - hit) ** needed <= 0.001
         assert doubt * (1.0 - hit) ** (needed - 2) >= 0.001

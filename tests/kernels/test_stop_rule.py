@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from farpoint._kernels import five_rays, search
-from farpoint._kernels.contest import BESIDE, LOST, RIVAL
+from farpoint._kernels.contest import EQUAL, NEAR, NO_RIVAL, RIVAL
 from farpoint._kernels.pose import PackedMatches, Pose
 
 FLOW, CONFIDENCE, MATCHES = 0.01, 0.99, 60
@@ -20,21 +20,21 @@ def interpreted(kernel: Callable) -> Callable:
     return getattr(kernel, "py_func", kernel)
 
 
-def needed(wrong: float, *, has_rival: bool) -> int:
+def needed(wrong: float, contest: np.int64) -> int:
     effort = five_rays.Effort(3.0, CONFIDENCE, 0, 10**6)
-    return interpreted(five_rays.iterations_needed)(wrong, FLOW, has_rival, effort)
+    return interpreted(five_rays.iterations_needed)(wrong, FLOW, contest, effort)
 
 
 @pytest.fixture
 def drawn(monkeypatch):
-    """Samples that a search draws if some (by their number) are a rival of the best, or beside it,
-    and show this share of ``wrong`` matches from then on. The truncated squares of the start, and
-    of every sample, are the ``scores``, each of the matches up to 9.
+    """Samples that a search draws if some (by their number) are a rival of the best or its equal,
+    better by so much, and show this share of ``wrong`` matches from then on. The truncated squares
+    of the start, and of every sample, are the ``scores``, each of the matches up to 9.
     """
 
     def run(
         wrong: list[float],
-        contests: dict[int, np.int64] | None = None,
+        contests: dict[int, tuple[np.int64, float]] | None = None,
         least: int = 0,
         most: int = 10**6,
         scores: tuple[float, float] = (1.0, 1.0),
@@ -42,8 +42,10 @@ def drawn(monkeypatch):
         samples: list[int] = []
         shares = iter(wrong)
 
-        def challenge(*_):
-            return (contests or {}).get(samples[-1] if samples else 0, LOST), False
+        def challenge(_matches, _challenger, best, _second, _rival):
+            contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
+            best.cost[0] -= gain
+            return contest, False
 
         mocks = {
             "_draw_distinct": lambda *_: samples.append(len(samples) + 1),
@@ -75,18 +77,24 @@ def drawn(monkeypatch):
 
 @pytest.mark.parametrize("wrong", [0.0, 0.3, 0.6])
 def test_without_a_rival_the_first_share_of_wrong_matches_decides(drawn, wrong):
-    assert drawn([wrong]) == needed(wrong, has_rival=False)
+    assert drawn([wrong]) == needed(wrong, contest=NO_RIVAL)
 
 
 def test_a_rival_asks_for_the_samples_of_a_search_that_knows_nothing(drawn):
-    assert needed(0.4, has_rival=True) > 2 * needed(0.4, has_rival=False) > 4
-    assert drawn([0.4, 0.4], {2: RIVAL}) == needed(0.4, has_rival=True)
+    assert needed(0.4, contest=RIVAL) > 2 * needed(0.4, contest=NO_RIVAL) > 4
+    assert drawn([0.4, 0.4], {2: (RIVAL, 0.0)}) == needed(0.4, contest=RIVAL)
 
 
-def test_a_pose_beside_the_best_leaves_as_much_to_do(drawn):
-    assert drawn([0.4, 0.4], {2: BESIDE}) == needed(0.4, has_rival=False)
-    # Nor does it make up for a rival.
-    assert drawn([0.4, 0.4, 0.4], {2: RIVAL, 3: BESIDE}) == needed(0.4, has_rival=True)
+def test_an_equal_asks_for_four_times_as_many(drawn):
+    assert needed(0.4, contest=EQUAL) == pytest.approx(4 * needed(0.4, contest=RIVAL), rel=0.1)
+    assert drawn([0.4, 0.4], {2: (EQUAL, 5.0)}) == needed(0.4, contest=EQUAL)
+    # A rival since does not make it any less.
+    assert drawn([0.4, 0.4, 0.4], {2: (EQUAL, 5.0), 3: (RIVAL, 1.0)}) == needed(0.4, EQUAL)
+
+
+def test_what_came_near_a_poor_pose_is_no_equal_of_a_much_better_one(drawn):
+    contests = {2: (EQUAL, 5.0), 3: (RIVAL, NEAR + 1.0)}
+    assert drawn([0.4, 0.4, 0.4], contests) == needed(0.4, contest=RIVAL)
 
 
 @pytest.mark.parametrize(
@@ -95,23 +103,24 @@ def test_a_pose_beside_the_best_leaves_as_much_to_do(drawn):
     [((50.0, 99.0), True), ((50.0, 101.0), False), ((340.0, 439.0), True), ((340.0, 441.0), False)],
 )
 def test_only_a_sample_that_comes_near_the_best_may_be_its_rival(drawn, scores, is_tried):
-    tried = drawn([0.4, 0.4], {2: RIVAL}, scores=scores)
-    assert tried == needed(0.4, has_rival=is_tried)
+    contest = RIVAL if is_tried else NO_RIVAL
+    tried = drawn([0.4, 0.4], {2: (RIVAL, 0.0)}, scores=scores)
+    assert tried == needed(0.4, contest=contest)
 
 
 def test_a_better_pose_changes_what_is_needed(drawn):
-    assert needed(0.2, has_rival=True) > 3
-    assert drawn([0.5, 0.2], {3: RIVAL}) == needed(0.2, has_rival=True)
-    assert drawn([0.2, 0.5], {1: RIVAL}) == needed(0.5, has_rival=True)
+    assert needed(0.2, contest=RIVAL) > 3
+    assert drawn([0.5, 0.2], {3: (RIVAL, 0.0)}) == needed(0.2, contest=RIVAL)
+    assert drawn([0.2, 0.5], {1: (RIVAL, 0.0)}) == needed(0.5, contest=RIVAL)
 
 
 def test_a_search_that_has_drawn_enough_already_stops_at_once(drawn):
-    late = needed(0.1, has_rival=True) + 2
-    assert needed(0.6, has_rival=False) > late
-    assert drawn([0.6, 0.1], {late: RIVAL}) == late
+    late = needed(0.1, contest=RIVAL) + 2
+    assert needed(0.6, contest=NO_RIVAL) > late
+    assert drawn([0.6, 0.1], {late: (RIVAL, 0.0)}) == late
 
 
 def test_the_bounds_hold_whatever_is_wrong(drawn):
     assert drawn([0.0], least=16) == 16
     assert drawn([1.0], most=40) == 40
-    assert drawn([0.9, 0.9], {1: RIVAL}, most=25) == 25
+    assert drawn([0.9, 0.9], {1: (RIVAL, 0.0)}, most=25) == 25

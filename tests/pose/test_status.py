@@ -171,7 +171,7 @@ def test_a_translation_is_shown_as_far_as_it_is_likelier_than_a_turn(narrowness,
     turning = SimpleNamespace(
         probability=np.zeros(8), distance2=1e-4 * np.ones(8), noise=noise, narrowness=25.0
     )
-    found = shown_translation(SimpleNamespace(doubt=1.0), fit, turning, 1e-3)
+    found = shown_translation(SimpleNamespace(doubt=1.0, min_variance=1e-6), fit, turning, 1e-3)
     gain = 4 * math.log(1.0 + 99.0 * 0.5) + 4 * math.log(1.0 + 0.5)
     assert found == pytest.approx(max(gain + 25.0 - narrowness, 0.0) / math.log(1e3), rel=1e-4)
     assert found == pytest.approx(shown, abs=0.02)
@@ -191,7 +191,7 @@ def test_flow_that_misstated_noise_may_have_made_shows_less_of_a_translation(dou
         residual=each, parallax=0.0 * each, noise=SimpleNamespace(mean_sigma=1.0), agreeing=0
     )
     turning = SimpleNamespace(probability=each, distance2=(1.0 + ratio) * each)
-    found = shown_translation(SimpleNamespace(doubt=doubt), fit, turning, 1e-3)
+    found = shown_translation(SimpleNamespace(doubt=doubt, min_variance=1e-6), fit, turning, 1e-3)
     assert found == pytest.approx(shown, abs=0.04)
 
 
@@ -205,7 +205,7 @@ def test_flow_shows_a_translation_by_the_digits_of_its_false_alarms(ratio, shown
         residual=each, parallax=0.0 * each, noise=SimpleNamespace(mean_sigma=1.0), agreeing=0
     )
     turning = SimpleNamespace(probability=each, distance2=(1.0 + ratio * 20 / 17) * each)
-    found = shown_translation(SimpleNamespace(doubt=1.0), fit, turning, 1e-3)
+    found = shown_translation(SimpleNamespace(doubt=1.0, min_variance=1e-6), fit, turning, 1e-3)
     false_alarms = DIRECTIONS * f_distribution.sf(ratio, 20, 17)
     digits = -math.log10(false_alarms) / 3.0
     assert found == pytest.approx(min(max(digits, 0.0), 1.0))

@@ -24,10 +24,10 @@ from farpoint._kernels.squares import determinant_beside_one
 from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
 
 __all__ = [
-    "BESIDE",
+    "EQUAL",
     "GATE_SIGMA",
-    "LOST",
     "NEAR",
+    "NO_RIVAL",
     "REFINEMENTS",
     "RIVAL",
     "START_POOR",
@@ -48,9 +48,10 @@ GATE_SIGMA = 3.0
 # Log likelihood to which hypotheses are refined, and up to which two come near each other.
 COARSE = 0.1
 NEAR = 30.0
-# What a hypothesis was to the best pose: nothing; about as likely and beside it; or about as likely
-# and elsewhere, or likelier by far, so that the best may be yet to come.
-LOST, BESIDE, RIVAL = (np.int64(contest) for contest in range(3))
+# What a hypothesis was to the best pose: nothing, a rival, or one as good and of another direction.
+NO_RIVAL, RIVAL, EQUAL = (np.int64(contest) for contest in range(3))
+# Of so few matches many motions are about as likely, and more samples find none that was missed.
+FEW = 32
 # Cosine of the angle from which on two directions are two motions.
 ELSEWHERE = 0.94
 # Gain of a refinement over what a step of it promises and the last one gained, at the most.
@@ -215,25 +216,24 @@ def challenge(
 ) -> tuple[np.int64, bool]:
     """Refine a hypothesis that may compete, and keep it if it is better.
 
-    Returns `LOST`; or `RIVAL` if it is better by far, or the two come near each other and their
-    directions do not; else `BESIDE`; and whether it came near as it was. ``second`` receives the
-    one that has lost then, ``rival`` too if both came near and are elsewhere, if it is better than
-    the one before.
+    Returns `NO_RIVAL`; or `RIVAL` if it comes near the best, or is better; or `EQUAL` if the two
+    come near each other and their directions do not, of more than `FEW` matches; and whether it
+    came near as it was. ``second`` receives the one that has lost then, ``rival`` too if they are
+    equal, if it is better than the one before.
     """
     lowest = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     refinement = Refinement(challenger, lowest, scratch(4), scratch(4), scratch(5))
     competes, was_near = _follow(matches, refinement, best)
     if not competes:
-        return LOST, was_near
-    is_far_better = challenger.cost[0] <= best.cost[0] - NEAR
-    is_other = _is_elsewhere(challenger, best) and not is_far_better
-    contest = RIVAL if is_far_better or is_other else BESIDE
+        return NO_RIVAL, was_near
+    is_equal = best.cost[0] < challenger.cost[0] + NEAR and _is_elsewhere(challenger, best)
+    contest = EQUAL if is_equal and matches.total > FEW else RIVAL
     if _is_twisted(matches, challenger):
         return contest, was_near
     wins = challenger.cost[0] < best.cost[0]
     loser = best if wins else challenger
     _keep_better(loser, second)
-    if is_other:
+    if is_equal:
         _keep_better(loser, rival)
     if wins:
         copy_pose(challenger, best)

@@ -9,7 +9,8 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import (
     GATE_SIGMA,
-    LOST,
+    NEAR,
+    NO_RIVAL,
     REFINEMENTS,
     RIVAL,
     challenge,
@@ -28,7 +29,7 @@ from farpoint._kernels.five_rays import (
     score_pose,
     solve_five,
 )
-from farpoint._kernels.formulas import formula, lesser
+from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.linear import apply_rotation_step, draw_direction, draw_index, draw_unit
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
@@ -141,8 +142,8 @@ def search_pose(
     its likelihood with the noise that it needs: a wrong minimum looks good only with more noise
     than there is. Once there has been a rival, many more are tried. At last come the motions that
     look like the best one. ``best`` receives it, ``second`` the next best, ``rival`` the next best
-    of those elsewhere. Returns the number of samples, whether the other motion of a plane came near
-    the best, and whether there is a rival and a second that did.
+    of those elsewhere. Returns the number of samples, whether the other motion of a plane was a
+    rival, and whether there is a rival and a second that came near the best.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, effort.tolerance
     other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
@@ -158,8 +159,9 @@ def search_pose(
     copy(best.t, other.t)
     lowest = score_pose(pairs, prior, best.R, other.t, limit, math.inf)
     wrong = unexplained(matches, best, tolerance)
-    iteration, has_rival = 0, False
-    while iteration < iterations_needed(wrong, flow, has_rival, effort):
+    contest = NO_RIVAL
+    iteration = 0
+    while iteration < iterations_needed(wrong, flow, contest, effort):
         iteration += 1
         _draw_distinct(sample, count, state)
         if not _solve_sample(pairs, sample, iteration % 3, start, flow, state, best, other):
@@ -170,9 +172,12 @@ def search_pose(
             continue
         lowest = lesser(raw, lowest)
         noise_of(matches, best, tolerance, other.mixture)
-        contest, _ = challenge(matches, other, best, second, rival)
-        if contest != LOST:
-            has_rival = has_rival or contest == RIVAL
+        before = best.cost[0]
+        outcome, _ = challenge(matches, other, best, second, rival)
+        if outcome != NO_RIVAL:
+            # What came near the best so far was no rival of a much better one.
+            far_better = best.cost[0] < before - NEAR
+            contest = RIVAL if far_better else greater(contest, outcome)
             wrong = unexplained(matches, best, tolerance)
     is_planar = _search_twins(matches, best, other, second, rival)
     return iteration, is_planar, is_rival(rival, best), is_close_second(second, best)
@@ -189,7 +194,7 @@ def _search_twins(
         copy(best.mixture, other.mixture)
         # The best may lie between the two: it goes to one of them when it is refined.
         contest, was_near = challenge(matches, other, best, second, rival)
-        is_planar = contest != LOST or was_near
+        is_planar = contest != NO_RIVAL or was_near
         gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     if layer_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
         copy(best.mixture, other.mixture)
