@@ -70,7 +70,7 @@ def shared(monkeypatch, in_doubt) -> list[float]:
 def test_noise_of_each_match_is_hardly_ever_shared_or_doubted(shared, in_doubt, matches):
     for seed in range(150):
         estimate(scene(seed, 0.1, matches), seed, share=0.0)
-    assert np.count_nonzero(np.array(shared) > 1.0) <= 13
+    assert np.count_nonzero(np.array(shared) > 1.0) <= 4
     assert np.count_nonzero(in_doubt) <= 2
 
 
@@ -133,7 +133,7 @@ def test_a_point_that_is_found_twice_tells_what_it_tells_once(in_doubt, apart_px
         turn = rotation_error(pose, found.rotation_cam1_from_cam0)
         squares.append(float(turn @ np.linalg.solve(pose.rotation_covariance, turn)))
     assert np.mean(in_doubt) > 0.9
-    # Counted as independent, 0.85.
+    # Counted as independent, 0.75 and 0.77.
     assert np.mean(np.array(squares) <= chi2_quantile(0.95, 3)) > 0.9
 
 

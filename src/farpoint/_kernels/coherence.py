@@ -47,7 +47,7 @@ def coherence(
 
 @inner_kernel
 def _neighbour(pairs: np.ndarray, rows: np.ndarray, place: int, same_point: float) -> int:
-    """The row nearest to that at this place which is another point; -1 if none is."""
+    """The row nearest to that at this place, but not nearer than that; -1 if there is none."""
     at = address(rows[place])
     same = same_point * same_point * flow_variance(pairs, at)
     nearest, found = math.inf, -1

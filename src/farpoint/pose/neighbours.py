@@ -19,9 +19,9 @@ __all__ = ["COHERENT", "coherence_of", "doubt_where_alike", "sharing_of"]
 # noise, are no neighbours but two of the same point, and say nothing of the motion.
 COHERENT, ASKED, SAME_POINT = 0.25, 200, 3.0
 # And from which on, over the root of how many are asked, they are likely to be none, and plainly
-# are: that of noise is 1.1 over that root, and exceeds these 3 and 0.3 times in a hundred. Two of
+# are: that of noise is 1.1 over that root, and exceeds these 1 and 0.3 times in a hundred. Two of
 # the same point, which a detector of features finds again and again, err alike, too.
-LIKELY, PLAIN, ASKED_MORE = 2.0, 3.0, 400
+LIKELY, PLAIN, ASKED_MORE = 2.5, 3.0, 400
 # Fewer matches cannot show any.
 LEAST_MATCHES = 50
 # Of errors that are smooth over more of the image than a quarter of its width and height, its parts
