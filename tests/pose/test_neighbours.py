@@ -55,8 +55,8 @@ def shared(monkeypatch, in_doubt) -> list[float]:
     """How many times larger each covariance since is made; 1 for noise of each match's own."""
     found: list[float] = []
 
-    def doubted(matches, fit):
-        matches, fit = neighbours.doubt_where_alike(matches, fit)
+    def doubted(matches, fit, coherence):
+        matches, fit = neighbours.doubt_where_alike(matches, fit, coherence)
         assert (fit.matches.sharing, fit.matches.doubt) == (matches.sharing, matches.doubt)
         found.append(matches.sharing)
         in_doubt.append(matches.doubt > 1.0)

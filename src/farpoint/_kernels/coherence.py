@@ -25,42 +25,53 @@ def coherence(
     sigma: float,
     most: int,
     same_point: float,
-) -> float:
-    """Correlation of the residuals of matches with those of their neighbours.
+) -> tuple[float, float]:
+    """Correlation of the residuals of matches with those of their neighbours, of whatever point.
 
-    The neighbour is that of these ``rows`` which is nearest in both images together, but not nearer
-    than ``same_point``, in units of the noise; they are in the order of their first coordinate in
-    image 0. At ``most`` so many are asked for theirs. 0 on average where residuals are noise; 0 as
-    well where there are hardly any.
+    And with those of another point: not nearer than ``same_point``, in units of the noise. The
+    neighbour is that of these ``rows`` which is nearest in both images together; they are in the
+    order of their first coordinate in image 0. At ``most`` so many are asked for theirs. 0 on
+    average where residuals are noise; 0 as well where there are hardly any.
     """
     asked = rows.size if rows.size < most else most
-    product = square = 0.0
+    product = square = other_product = other_square = 0.0
     for j in range(asked):
         place = j * rows.size // asked
-        here, neighbour = int(rows[place]), int(_neighbour(pairs, rows, place, same_point))
+        neighbour, other = _neighbours(pairs, rows, place, same_point)
+        own = bounded(residual[int(rows[place])], sigma)
         if neighbour >= 0:
-            own = bounded(residual[here], sigma)
-            product += own * bounded(residual[neighbour], sigma)
+            product += own * bounded(residual[int(neighbour)], sigma)
             square += own * own
-    return product / square if square > 0.0 else 0.0
+        if other >= 0:
+            other_product += own * bounded(residual[int(other)], sigma)
+            other_square += own * own
+    return (
+        product / square if square > 0.0 else 0.0,
+        other_product / other_square if other_square > 0.0 else 0.0,
+    )
 
 
 @inner_kernel
-def _neighbour(pairs: np.ndarray, rows: np.ndarray, place: int, same_point: float) -> int:
-    """The row nearest to that at this place, but not nearer than that; -1 if there is none."""
+def _neighbours(
+    pairs: np.ndarray, rows: np.ndarray, place: int, same_point: float
+) -> tuple[int, int]:
+    """The row nearest to that at this place, and the nearest of another point; -1 for none."""
     at = address(rows[place])
     same = same_point * same_point * flow_variance(pairs, at)
     nearest, found = math.inf, -1
+    nearest_other, other = math.inf, -1
     for way in (-1, 1):
         k = place + way
         while 0 <= k < rows.size:
             along, distance = _distances2(pairs, at, address(rows[k]))
-            if along >= nearest:
+            if along >= nearest_other:
                 break
-            if same <= distance < nearest:
+            if distance < nearest:
                 nearest, found = distance, rows[k]
+            if same <= distance < nearest_other:
+                nearest_other, other = distance, rows[k]
             k += way
-    return found
+    return found, other
 
 
 @formula

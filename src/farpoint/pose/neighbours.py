@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,17 +14,17 @@ from farpoint._kernels.sharing import design_effect
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit
 
-__all__ = ["COHERENT", "coherence_of", "doubt_where_alike", "sharing_of"]
+__all__ = ["Coherence", "coherence_of", "doubt_where_alike", "sharing_of"]
 
-# Correlation of neighbours' residuals from which on they are no noise. Nearer ones, in units of the
-# noise, are no neighbours but two of the same point, and say nothing of the motion.
-COHERENT, ASKED, SAME_POINT = 0.25, 200, 3.0
-# And from which on, over the root of how many are asked, they are likely to be none, and plainly
-# are: that of noise is 1.1 over that root, and exceeds these 1 and 0.3 times in a hundred. Two of
-# the same point, which a detector of features finds again and again, err alike, too.
-LIKELY, PLAIN, ASKED_MORE = 2.5, 3.0, 400
-# Fewer matches cannot show any.
-LEAST_MATCHES = 50
+# Matches that are asked for their neighbour, at the most. Fewer cannot show anything.
+ASKED, LEAST_MATCHES = 400, 50
+# Nearer ones, in units of the noise, are two of the same point, as a detector of features finds it
+# again and again.
+SAME_POINT = 3.0
+# Correlation of neighbours' residuals, over the root of how many are asked, from which on they are
+# likely to be no noise, and plainly are none: that of noise is 1.1 over that root, and exceeds
+# these 1 and 0.3 times in a hundred.
+LIKELY, PLAIN = 2.5, 3.0
 # Of errors that are smooth over more of the image than a quarter of its width and height, its parts
 # do not see all: as a factor, by rendered streets that OpenCV's Lucas-Kanade followed.
 BEYOND = 1.5
@@ -31,31 +32,41 @@ BEYOND = 1.5
 FREEDOM = 12.0
 
 
-def coherence_of(fit: MovingFit) -> float:
+class Coherence(NamedTuple):
     """Correlation of the residuals of right matches with those of their neighbours."""
-    return _correlation(fit, ASKED, SAME_POINT)
+
+    nearest: float
+    """With the nearest, which may be two of the same point, and err alike then."""
+    beside: float
+    """With the nearest of another point."""
 
 
-def doubt_where_alike(matches: Matches, fit: MovingFit) -> tuple[Matches, MovingFit]:
+def coherence_of(fit: MovingFit) -> Coherence:
+    """How much alike neighbours are off; 0 of few matches."""
+    if len(fit.matches) < LEAST_MATCHES:
+        return Coherence(0.0, 0.0)
+    rows, noise = _right_in_order(fit), fit.noise
+    pairs, residual = fit.matches.pairs, fit.residual
+    return Coherence(*coherence(pairs, residual, rows, noise.sigma, ASKED, SAME_POINT))
+
+
+def doubt_where_alike(
+    matches: Matches, fit: MovingFit, coherence: Coherence
+) -> tuple[Matches, MovingFit]:
     """The matches and their fit, which count what neighbours share; in doubt where much is plain.
 
-    Hundreds of matches of a few surfaces tell less than as many with noise of their own. Who takes
-    them for such is too sure of the motion, of a translation, and of which of two motions it was.
+    Where nothing was told of the noise. Hundreds of matches of a few surfaces tell less than as
+    many with noise of their own. Who takes them for such is too sure of the motion, of a
+    translation, and of which of two motions it was.
     """
-    if matches.doubt > 1.0 or len(matches) < LEAST_MATCHES:
+    if matches.doubt > 1.0:
         return matches, fit
-    asked = max(min(fit.agreeing, ASKED_MORE), 1)
-    likeness = math.sqrt(asked) * _correlation(fit, ASKED_MORE, 0.0)
+    likeness = math.sqrt(min(fit.agreeing, ASKED)) * coherence.nearest
     if likeness < LIKELY:
         return matches, fit
     sharing, in_doubt = sharing_of(fit), likeness > PLAIN
     told = fit.matches.that_share(sharing, in_doubt=in_doubt)
     return matches.that_share(sharing, in_doubt=in_doubt), replace(fit, matches=told)
-
-
-def _correlation(fit: MovingFit, asked: int, same_point: float) -> float:
-    rows = _right_in_order(fit)
-    return coherence(fit.matches.pairs, fit.residual, rows, fit.noise.sigma, asked, same_point)
 
 
 def sharing_of(fit: MovingFit) -> float:

@@ -1,0 +1,156 @@
+"""The motion of most matches, where something moves by itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from pose_kit import rotation_error, smooth_field
+
+from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
+from farpoint.metrics import chi2_quantile
+from farpoint.pose import majority, moving_fit, relative_pose
+from farpoint.pose.matches import Matches, matches_from_points
+from farpoint.pose.moving_fit import MovingFit
+from farpoint.pose.neighbours import coherence_of
+from farpoint.pose.options import DEFAULTS
+from farpoint.synthetic import PointSceneOptions, make_point_scene
+
+CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
+NOISE_PX = 0.2
+
+
+class Traffic(NamedTuple):
+    points0: np.ndarray
+    points1: np.ndarray
+    R: np.ndarray
+    moves: np.ndarray
+
+
+def traffic(seed: int, share: float, shift_px: float, matches: int = 300) -> Traffic:
+    """Near and far points, and something that takes this share of the matches, and moves."""
+    rng = np.random.default_rng(seed)
+    options = PointSceneOptions(
+        camera=CAMERA,
+        matches=matches,
+        outliers=0,
+        rotation_vector_rad=(0.02, -0.03, 0.01),
+        translation_m=tuple(rng.normal(0.0, 0.1, 3)),
+        noise_px=NOISE_PX,
+    )
+    scene = make_point_scene(options, seed=seed)
+    middle, angle = scene.points0[rng.integers(matches)], rng.uniform(0.0, 2.0 * np.pi)
+    nearest = np.argsort(np.linalg.norm(scene.points0 - middle, axis=1))
+    moves = np.isin(np.arange(matches), nearest[: round(share * matches)])
+    points1 = scene.points1 + shift_px * np.outer(moves, [np.cos(angle), np.sin(angle)])
+    return Traffic(scene.points0, points1, scene.rotation_cam1_from_cam0, moves)
+
+
+def off_deg(pose: RelativePose, scene: Traffic) -> float:
+    return float(np.degrees(np.linalg.norm(rotation_error(pose, scene.R))))
+
+
+def fit_of(points0: np.ndarray, points1: np.ndarray) -> tuple[Matches, MovingFit]:
+    matches = matches_from_points(points0, points1, CAMERA, CAMERA)
+    return matches, moving_fit.fit_moving(matches, 1.5, DEFAULTS, np.array([1], np.uint64))
+
+
+def majority_of(matches: Matches, fit: MovingFit) -> MovingFit:
+    state = np.array([1], np.uint64)
+    return majority.majority_motion(matches, fit, coherence_of(fit), 1.5, DEFAULTS, state)
+
+
+def far_off(scenes: list[Traffic]) -> int:
+    """How many rotations are off by more than a tenth of a degree."""
+    poses = [estimate_relative_pose(scene.points0, scene.points1, CAMERA) for scene in scenes]
+    return sum(off_deg(*each) > 0.1 for each in zip(poses, scenes, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("share", "shift_px", "most", "between"),
+    [(0.2, 3.0, 8, 12), (0.3, 3.0, 12, 25), (0.4, 6.0, 11, 30)],
+)
+def test_the_camera_moves_as_most_matches_do(monkeypatch, share, shift_px, most, between):
+    """Of 40 poses 7, 9 and 9 are off; of the likeliest, between both motions, 14, 29 and 35."""
+    scenes = [traffic(seed, share, shift_px) for seed in range(40)]
+    assert far_off(scenes) <= most
+    monkeypatch.setattr(majority, "BETWEEN", 2.0)
+    assert far_off(scenes) >= between
+
+
+def test_what_moves_is_labelled_and_the_region_holds_the_truth():
+    inside, labelled = [], []
+    for seed in range(40):
+        scene = traffic(seed, 0.3, 6.0)
+        matches, fit = fit_of(scene.points0, scene.points1)
+        if majority_of(matches, fit) is fit:
+            continue
+        pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
+        assert pose.status is PoseStatus.OK
+        turn = rotation_error(pose, scene.R)
+        square = float(turn @ np.linalg.solve(pose.rotation_covariance, turn))
+        inside.append(square <= chi2_quantile(0.95, 3))
+        labelled.append(np.mean((pose.labels == 0) == scene.moves))
+    assert len(inside) >= 12
+    assert np.mean(inside) > 0.75
+    # What moves along its epipolar lines does not show.
+    assert np.median(labelled) > 0.85
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_noise_is_not_looked_at_again(monkeypatch, share):
+    """With or without wrong matches that have nothing in common."""
+
+    def never(*_):
+        raise AssertionError("searched again")
+
+    monkeypatch.setattr(majority, "fit_moving", never)
+    for seed in range(20):
+        scene, rng = traffic(seed, 0.0, 0.0), np.random.default_rng(seed)
+        wrong = rng.uniform(size=len(scene.points1)) < share
+        points1 = scene.points1 + wrong[:, None] * rng.normal(0.0, 60.0, scene.points1.shape)
+        matches, fit = fit_of(scene.points0, points1)
+        assert majority_of(matches, fit) is fit
+
+
+def test_smooth_errors_lead_to_no_other_motion():
+    """Such as those of a lens: with less noise they are as smooth, and all matches are heard."""
+    were_smooth = 0
+    for seed in range(30):
+        scene = traffic(seed, 0.0, 0.0)
+        points1 = scene.points1 + smooth_field(seed, scene.points1, 1.0, 60.0)
+        matches, fit = fit_of(scene.points0, points1)
+        were_smooth += coherence_of(fit).beside > majority.BETWEEN
+        assert majority_of(matches, fit) is fit
+    assert were_smooth >= 20
+
+
+def test_no_more_noise_is_believed_than_each_match_has_of_its_own():
+    sigmas = []
+    for seed in range(20):
+        matches, fit = fit_of(*traffic(seed, 0.4, 6.0)[:2])
+        found = majority_of(matches, fit)
+        if found is not fit:
+            assert found.noise.sigma < fit.noise.sigma
+            assert found.noise.poor < 1e-6
+            sigmas.append(found.noise.sigma)
+    assert len(sigmas) >= 10
+    assert np.median(sigmas) == pytest.approx(NOISE_PX, rel=0.25)
+
+
+def test_two_of_each_point_are_not_two_motions():
+    """A point that was found twice shares all of its noise with itself."""
+    scene = traffic(1, 0.0, 0.0, 150)
+    points0, points1 = np.repeat(scene.points0, 2, axis=0), np.repeat(scene.points1, 2, axis=0)
+    matches, fit = fit_of(points0, points1)
+    assert coherence_of(fit).nearest > 0.99
+    assert majority_of(matches, fit) is fit
+
+
+def test_where_neighbours_are_off_alike_it_is_said(monkeypatch):
+    monkeypatch.setattr(relative_pose, "majority_motion", lambda _matches, fit, *_: fit)
+    scene = traffic(2, 0.4, 6.0)
+    pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
+    assert coherence_of(fit_of(scene.points0, scene.points1)[1]).beside > majority.BETWEEN
+    assert "Neighbouring matches are off alike" in pose.reason
