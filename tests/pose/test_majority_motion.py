@@ -69,10 +69,10 @@ def far_off(scenes: list[Traffic]) -> int:
 
 @pytest.mark.parametrize(
     ("share", "shift_px", "most", "between"),
-    [(0.2, 3.0, 8, 12), (0.3, 3.0, 12, 25), (0.4, 6.0, 11, 30)],
+    [(0.2, 3.0, 8, 12), (0.3, 3.0, 11, 25), (0.4, 6.0, 9, 30)],
 )
 def test_the_camera_moves_as_most_matches_do(monkeypatch, share, shift_px, most, between):
-    """Of 40 poses 7, 9 and 9 are off; of the likeliest, between both motions, 14, 29 and 35."""
+    """Of 40 poses 6, 8 and 6 are off; of the likeliest, between both motions, 14, 29 and 35."""
     scenes = [traffic(seed, share, shift_px) for seed in range(40)]
     assert far_off(scenes) <= most
     monkeypatch.setattr(majority, "BETWEEN", 2.0)
@@ -121,7 +121,7 @@ def test_smooth_errors_lead_to_no_other_motion():
         scene = traffic(seed, 0.0, 0.0)
         points1 = scene.points1 + smooth_field(seed, scene.points1, 1.0, 60.0)
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += coherence_of(fit).beside > majority.BETWEEN
+        were_smooth += coherence_of(fit) > majority.BETWEEN
         assert majority_of(matches, fit) is fit
     assert were_smooth >= 20
 
@@ -144,7 +144,7 @@ def test_two_of_each_point_are_not_two_motions():
     scene = traffic(1, 0.0, 0.0, 150)
     points0, points1 = np.repeat(scene.points0, 2, axis=0), np.repeat(scene.points1, 2, axis=0)
     matches, fit = fit_of(points0, points1)
-    assert coherence_of(fit).nearest > 0.99
+    assert coherence_of(fit) > 0.99
     assert majority_of(matches, fit) is fit
 
 
@@ -152,5 +152,5 @@ def test_where_neighbours_are_off_alike_it_is_said(monkeypatch):
     monkeypatch.setattr(relative_pose, "majority_motion", lambda _matches, fit, *_: fit)
     scene = traffic(2, 0.4, 6.0)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
-    assert coherence_of(fit_of(scene.points0, scene.points1)[1]).beside > majority.BETWEEN
+    assert coherence_of(fit_of(scene.points0, scene.points1)[1]) > majority.BETWEEN
     assert "Neighbouring matches are off alike" in pose.reason

@@ -20,6 +20,7 @@ TableName = Literal[
     "time",
     "coverage",
     "pairs",
+    "movers",
     "pipeline",
     "drawing",
     "live",
@@ -90,10 +91,10 @@ class BenchOptions:
     tables : tuple of str
         Which tables to make.
     pairs : int or None
-        Pairs of views in each cell of ``paper``, ``accuracy`` and ``pairs``, scenes for each time
-        in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of frames of
-        ``lenses`` and of each row of ``tracks``, motions of each drive of ``path``. None takes
-        2000, 300, 60, 30, 60, 60, 60, 40, 60 and 100.
+        Pairs of views in each cell of ``paper``, ``accuracy``, ``pairs`` and ``movers``, scenes for
+        each time in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of
+        frames of ``lenses`` and of each row of ``tracks``, motions of each drive of ``path``. None
+        takes 2000, 300, 60, 60, 30, 60, 60, 60, 40, 60 and 100.
     seed : int
         Of scenes and estimators: the same seed gives the same figures, times aside.
     data : tuple of Path

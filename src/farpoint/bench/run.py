@@ -18,6 +18,7 @@ from farpoint.bench.tables.drawing import drawing_table
 from farpoint.bench.tables.growth import growth_tables
 from farpoint.bench.tables.lenses import unprojection_table, wide_table
 from farpoint.bench.tables.live import live_tables
+from farpoint.bench.tables.movers import movers_table
 from farpoint.bench.tables.pairs import pairs_table
 from farpoint.bench.tables.paper import paper_table
 from farpoint.bench.tables.path import path_table
@@ -37,6 +38,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "time": (timing_table, growth_tables, start_table),
     "coverage": (coverage_table,),
     "pairs": (pairs_table,),
+    "movers": (movers_table,),
     "pipeline": (pipeline_table,),
     "lenses": (unprojection_table, wide_table),
     "tracks": (tracks_table,),

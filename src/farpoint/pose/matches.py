@@ -119,6 +119,11 @@ class Matches:
             max_variance=self.max_variance,
         )
 
+    def some(self, most: int) -> Matches:
+        """Every so manieth match, if there are more than so many."""
+        total = len(self)
+        return self if total <= most else self.select(np.arange(most) * total // most)
+
     def that_share(self, sharing: float, *, in_doubt: bool) -> Matches:
         """The matches with noise of which they share some, and which then may be misstated."""
         return replace(self, doubt=DOUBT if in_doubt else self.doubt, sharing=sharing)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,13 +13,10 @@ from farpoint._kernels.sharing import design_effect
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit
 
-__all__ = ["Coherence", "coherence_of", "doubt_where_alike", "sharing_of"]
+__all__ = ["coherence_of", "doubt_where_alike", "sharing_of"]
 
 # Matches that are asked for their neighbour, at the most. Fewer cannot show anything.
 ASKED, LEAST_MATCHES = 400, 50
-# Nearer ones, in units of the noise, are two of the same point, as a detector of features finds it
-# again and again.
-SAME_POINT = 3.0
 # Correlation of neighbours' residuals, over the root of how many are asked, from which on they are
 # likely to be no noise, and plainly are none: that of noise is 1.1 over that root, and exceeds
 # these 1 and 0.3 times in a hundred.
@@ -32,36 +28,30 @@ BEYOND = 1.5
 FREEDOM = 12.0
 
 
-class Coherence(NamedTuple):
-    """Correlation of the residuals of right matches with those of their neighbours."""
+def coherence_of(fit: MovingFit) -> float:
+    """Correlation of the residuals of right matches with those of their neighbours.
 
-    nearest: float
-    """With the nearest, which may be two of the same point, and err alike then."""
-    beside: float
-    """With the nearest of another point."""
-
-
-def coherence_of(fit: MovingFit) -> Coherence:
-    """How much alike neighbours are off; 0 of few matches."""
+    Two of the same point, which a detector of features finds again and again, are neighbours, and
+    err alike, too. 0 for few matches.
+    """
     if len(fit.matches) < LEAST_MATCHES:
-        return Coherence(0.0, 0.0)
-    rows, noise = _right_in_order(fit), fit.noise
-    pairs, residual = fit.matches.pairs, fit.residual
-    return Coherence(*coherence(pairs, residual, rows, noise.sigma, ASKED, SAME_POINT))
+        return 0.0
+    rows, sigma = _right_in_order(fit), fit.noise.sigma
+    return coherence(fit.matches.pairs, fit.residual, rows, sigma, ASKED)
 
 
 def doubt_where_alike(
-    matches: Matches, fit: MovingFit, coherence: Coherence
+    matches: Matches, fit: MovingFit, coherence: float
 ) -> tuple[Matches, MovingFit]:
     """The matches and their fit, which count what neighbours share; in doubt where much is plain.
 
-    Where nothing was told of the noise. Hundreds of matches of a few surfaces tell less than as
-    many with noise of their own. Who takes them for such is too sure of the motion, of a
-    translation, and of which of two motions it was.
+    By their ``coherence``, as of `coherence_of`, where nothing was told of the noise. Hundreds of
+    matches of a few surfaces tell less than as many with noise of their own. Who takes them for
+    such is too sure of the motion, of a translation, and of which of two motions it was.
     """
     if matches.doubt > 1.0:
         return matches, fit
-    likeness = math.sqrt(min(fit.agreeing, ASKED)) * coherence.nearest
+    likeness = math.sqrt(min(fit.agreeing, ASKED)) * coherence
     if likeness < LIKELY:
         return matches, fit
     sharing, in_doubt = sharing_of(fit), likeness > PLAIN

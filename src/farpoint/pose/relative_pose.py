@@ -161,7 +161,7 @@ def _find(
     majority = majority_motion(matches, moving, coherence, tolerance, options, state)
     if majority is not moving:
         moving, coherence = majority, coherence_of(majority)
-    if coherence.beside > BETWEEN:
+    if coherence > BETWEEN:
         course.remark = (
             "Neighbouring matches are off alike: by the lens or the shutter, or some move by "
             "themselves or were taken for the next of their kind."

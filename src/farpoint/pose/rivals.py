@@ -260,9 +260,7 @@ def _other(pose: Pose, against: float, because: str) -> OtherMotion:
 
 def _some(fit: MovingFit, most: int) -> PackedMatches:
     """Every so manieth match, as the kernels take them: no motion gives way to any."""
-    seen, total = fit.matches, len(fit.matches)
-    if total > most:
-        seen = seen.select(np.arange(most) * total // most)
+    seen = fit.matches.some(most)
     return seen.judging(seen.weights(), gives_way=False)
 
 
