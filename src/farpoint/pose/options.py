@@ -37,7 +37,7 @@ class RelativePoseOptions:
         and the covariance of the rotation is never less. As `matching_tolerance_px` for rays.
     count_sharing : bool
         Count what matches have in common where neighbours err alike and nothing was told of their
-        noise. False takes them for independent, which saves a tenth to three tenths of the time.
+        noise. False takes them for independent.
     half_deals : int
         How often the matches are dealt into two halves, by whose poses the covariance is corrected;
         0 for never. For tracks: those of one surface err together.
