@@ -1,0 +1,34 @@
+"""The table of things that move by themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bench_kit import silent, some_views
+
+from farpoint.bench.options import BenchOptions
+from farpoint.bench.tables import movers
+
+
+def test_what_moves_is_one_region_and_moves_as_one():
+    views, rng = some_views(1)[0], np.random.default_rng(1)
+    moved = movers.with_mover(views, 0.3, 4.0, rng)
+    shift = moved.points1 - views.points1
+    moves = np.any(shift != 0.0, axis=1)
+    assert moves.sum() == round(0.3 * len(views.points0))
+    np.testing.assert_allclose(np.linalg.norm(shift[moves], axis=1), 4.0)
+    assert np.ptp(shift[moves], axis=0).max() < 1e-9
+    spread = [np.std(views.points0[which], axis=0).mean() for which in (moves, ~moves)]
+    assert spread[0] < spread[1]
+
+
+def test_a_cell_has_a_row_for_each_estimator(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(movers, "_SHARES", (0.2,))
+    monkeypatch.setattr(movers, "_SHIFTS_PX", (20.0,))
+    (table,) = movers.movers_table(BenchOptions(tables=("movers",), pairs=3), silent)
+    rows = [dict(zip((c.name for c in table.columns), row, strict=True)) for row in table.rows]
+    assert rows[0]["estimator"] == "farpoint"
+    assert all((row["moving_percent"], row["shift_px"]) == (20, 20.0) for row in rows)
+    assert rows[0]["rotation_median_deg"] < 0.1
+    assert rows[0]["failed"] == 0
+    assert "--tables movers --pairs 3" in table.command
