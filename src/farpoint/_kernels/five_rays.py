@@ -30,6 +30,8 @@ __all__ = ["LONG_FLOW", "Effort", "iterations_needed", "score_pose", "solve_five
 
 # Flow after the far rotation, rad, from which on Newton's method starts too far away to be trusted.
 LONG_FLOW = 0.05
+# How much more rarely a sample converges then: it starts from a rotation of its own.
+AS_FAR_AS_ANY = 2.0
 # Probability that the start leads to another pose, with no wrong matches and a short flow.
 START_DOUBT = 0.02
 # Share of samples without a wrong match that lead to the better one of two equals.
@@ -175,9 +177,9 @@ def iterations_needed(
     The start already led to it, but for a doubt that was measured on drawn and real pairs: it grows
     with the share of ``wrong`` matches, and with the square of the ``flow`` that the rotation of
     the start leaves (rad); once there was a rival, nothing is known (``contest``, of `contest`). A
-    sample without a wrong match converges to the right pose every second time, and ever more rarely
-    where that flow is long or the pose in doubt: the start is then far away. Between two equals it
-    does so one time in sixteen, as measured on handheld sequences.
+    sample without a wrong match converges to the right pose every second time, half as often where
+    that flow is long and samples start from their own rotation, and less where the pose is in
+    doubt. Between two equals it does so one time in sixteen, as measured on handheld sequences.
     """
     right = greater(1.0 - wrong, 0.0)
     square = right * right
@@ -185,7 +187,7 @@ def iterations_needed(
     start_doubt = lesser(START_DOUBT * away / (square + 1e-9), 1.0)
     doubt = start_doubt if contest == NO_RIVAL else 1.0
     often = HIT_AMONG_EQUALS if contest == EQUAL else 0.5 / (1.0 + doubt)
-    hit = often / away * square * square * right
+    hit = often / lesser(away, AS_FAR_AS_ANY) * square * square * right
     if hit <= 0.0:
         return effort.max_iterations
     needed = math.log(lesser((1.0 - effort.confidence) / doubt, 1.0)) / math.log(1.0 - hit)

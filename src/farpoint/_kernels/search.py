@@ -30,11 +30,18 @@ from farpoint._kernels.five_rays import (
     solve_five,
 )
 from farpoint._kernels.formulas import formula, greater, lesser
-from farpoint._kernels.linear import apply_rotation_step, draw_direction, draw_index, draw_unit
+from farpoint._kernels.linear import (
+    add_outer,
+    apply_rotation_step,
+    draw_direction,
+    draw_index,
+    draw_unit,
+    kabsch,
+)
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
 from farpoint._kernels.pose import PackedMatches, Pose
-from farpoint._kernels.scratch import copy, index_scratch, room, scratch
+from farpoint._kernels.scratch import clear, copy, index_scratch, room, scratch
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import combine, dot, matrix, rotate
 
@@ -137,13 +144,13 @@ def search_pose(
 
     The start is the direction that the flow of the ``candidates`` suggests there. Samples are
     solved in turn from the best pose, for a better one nearby, and from about the rotation of the
-    start with a direction from anywhere, or from two of their own rays. A hypothesis that agrees
-    with the matches about as well as the first pose, and as any since, is refined, and judged by
-    its likelihood with the noise that it needs: a wrong minimum looks good only with more noise
-    than there is. Once there has been a rival, many more are tried. At last come the motions that
-    look like the best one. ``best`` receives it, ``second`` the next best, ``rival`` the next best
-    of those elsewhere. Returns the number of samples, whether the other motion of a plane was a
-    rival, and whether there is a rival and a second that came near the best.
+    start, or their own, with a direction from anywhere, or from their own rays. A hypothesis that
+    agrees with the matches about as well as the first pose, and as any since, is refined, and
+    judged by its likelihood with the noise that it needs: a wrong minimum looks good only with more
+    noise than there is. Once there has been a rival, many more are tried. At last come the motions
+    that look like the best one. ``best`` receives it, ``second`` the next best, ``rival`` the next
+    best of those elsewhere. Returns the number of samples, whether the other motion of a plane was
+    a rival, and whether there is a rival and a second that came near the best.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, effort.tolerance
     other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
@@ -216,18 +223,44 @@ def _solve_sample(
     """Solve a sample from where it is the ``turn`` to, of three, for the pose ``other``.
 
     From the best pose; or from about the rotation of the start with a direction from anywhere, or
-    from the two rays that flow most. False where there is no such place, or no solution near it.
+    from the two rays that flow most. Where the start leaves a long flow, it may be any rotation:
+    then from that which turns the sample's own rays nearest to each other, in the direction in
+    which one of them flows most. False where there is no such place, or no solution near it.
     """
-    _step_away(start, flow, state, other.R)
-    _longest_flow_first(pairs, other.R, sample)
     if turn == 0:
         copy(best.R, other.R)
         copy(best.t, other.t)
-    elif turn == 1:
-        draw_direction(state, other.t)
-    elif not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
-        return False
+    elif flow > LONG_FLOW and _turn_of_sample(pairs, sample, other.R):
+        _longest_flow_first(pairs, other.R, sample)
+        _flow_of(pairs, sample[0], other.R, other.t)
+    else:
+        _step_away(start, flow, state, other.R)
+        _longest_flow_first(pairs, other.R, sample)
+        if turn == 1:
+            draw_direction(state, other.t)
+        elif not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
+            return False
     return solve_five(pairs, sample, other.R, other.t)
+
+
+@inner_kernel
+def _turn_of_sample(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> bool:
+    """The rotation that brings the rays of a sample nearest to each other, if there is one."""
+    M = scratch(3, 3)
+    clear(M)
+    for s in range(sample.size):
+        at = address(sample[s])
+        add_outer(ray1(pairs, at), ray0(pairs, at), 1.0, M)
+    return kabsch(M, R)
+
+
+@inner_kernel
+def _flow_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None:
+    """The direction in which the rotation leaves match ``i`` to flow."""
+    at = address(i)
+    x, y, z = combine(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
+    over = 1.0 / math.sqrt(x * x + y * y + z * z + 1e-300)
+    t[0], t[1], t[2] = x * over, y * over, z * over
 
 
 @inner_kernel

@@ -7,6 +7,7 @@ be the likeliest by far. But its residuals are no noise: neighbours are off alik
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,8 @@ __all__ = ["BETWEEN", "majority_motion"]
 
 # Correlation of neighbours' residuals from which on a motion may lie between two.
 BETWEEN = 0.6
+# And its noise, over the tolerance: with less, what neighbours share is what trackers do wrong.
+LEAST_NOISE = 0.1
 # Share of the variance that is its own at the least: two of one point share all of it.
 LEAST_OWN = 0.05
 # Noise that is believed while the motion of most is searched for, over what each match has of its
@@ -51,26 +54,25 @@ def majority_motion(
     less noise, and lead to no other motion: then the fit stays, by which all matches are heard.
     What another motion has moved lies apart.
     """
-    if coherence < BETWEEN:
+    if coherence < BETWEEN or fit.noise.sigma < LEAST_NOISE * tolerance:
         return fit
     own = max(1.0 - coherence, LEAST_OWN) * fit.noise.variance
     effort = replace(options, max_iterations=min(options.max_iterations, SAMPLES))
     some = _with_noise_up_to(NARROW * own, matches.some(MAX_SEARCHED))
     narrow = fit_moving(some, tolerance, effort, state)
-    off = residuals(matches, narrow)
+    off = np.abs(residuals(matches, narrow))
     for share in BELIEVED:
-        if _is_apart(off, share * own):
+        if _is_apart(off, BAND_SIGMA * math.sqrt(share * own)):
             found = refit_moving(_with_noise_up_to(share * own, matches), narrow)
             return found if found.agreeing > LEAST_SHARE * fit.agreeing else fit
     return fit
 
 
-def _is_apart(residual: np.ndarray, variance: float) -> bool:
-    """Whether the matches that disagree, with so much noise, are no tail of those that agree."""
-    off2 = residual * residual / (BAND_SIGMA * BAND_SIGMA * variance)
-    agreeing, within_two = np.count_nonzero(off2 < 1.0), np.count_nonzero(off2 < 4.0)
-    near, moved = within_two - agreeing, off2.size - agreeing
-    return bool(near < min(OF_MOVED * moved, OF_AGREEING * agreeing))
+def _is_apart(off: np.ndarray, within: float) -> bool:
+    """Whether matches that are off by more than ``within`` are no tail of those that agree."""
+    agreeing, near = np.count_nonzero(off < within), np.count_nonzero(off < 2.0 * within)
+    tail, moved = near - agreeing, off.size - agreeing
+    return bool(tail < min(OF_MOVED * moved, OF_AGREEING * agreeing))
 
 
 def _with_noise_up_to(variance: float, matches: Matches) -> Matches:
