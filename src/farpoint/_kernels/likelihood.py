@@ -83,7 +83,11 @@ def linearize(seen: Seen, gives_way: bool, normal: np.ndarray, shares: np.ndarra
 
 @inner_kernel
 def add_retreats(seen: Seen, normal: np.ndarray) -> None:
-    """Add the matches that retreat to the normal equations of `linearize`, by their shift."""
+    """Add the matches that retreat to the normal equations of `linearize`, by their shift.
+
+    As far as they are good, and matches are at all: where noise has tails, of two that are far off
+    along their lines one retreats, and the other, which could tell of it, does not.
+    """
     pairs, prior, clutter = seen.pairs, seen.prior, clutter_of(seen.mixture, seen.spread)
     turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
@@ -97,7 +101,8 @@ def add_retreats(seen: Seen, normal: np.ndarray) -> None:
         residual = sampson(pairs, at, turn, towards)
         good, fair, bad = densities(pairs, at, turn, towards, residual, precision, poor, prior[i])
         lost, _ = clutter_at(clutter, residual)
-        weight = precision * weight_of(good, fair, bad) / (good + fair + bad + lost)
+        share = good / (good + fair + bad + lost)
+        weight = precision * (1.0 - poor) * (1.0 - poor) * share
         row = shift_jacobian(pairs, at, turn, towards, basis)
         add_to_square(weight, row, normal)
 
