@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from pose_kit import rotation_error, smooth_field
 
 from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
+from farpoint.geometry import so3
 from farpoint.metrics import chi2_quantile
 from farpoint.pose import majority, moving_fit, relative_pose
 from farpoint.pose.matches import Matches, matches_from_points
@@ -124,6 +126,25 @@ def test_smooth_errors_lead_to_no_other_motion():
         were_smooth += coherence_of(fit) > majority.BETWEEN
         assert majority_of(matches, fit) is fit
     assert were_smooth >= 20
+
+
+def test_a_likelier_motion_that_the_first_search_missed_is_taken():
+    """All agree on it, so that nothing lies apart."""
+    for seed in range(10):
+        scene = traffic(seed, 0.0, 0.0)
+        matches, fit = fit_of(scene.points0, scene.points1)
+        missed = replace(
+            fit,
+            R_cam1_from_cam0=so3.exp(np.array([0.02, 0.0, 0.0])) @ fit.R_cam1_from_cam0,
+            noise=fit.noise._replace(variance=16.0 * fit.noise.variance),
+            cost=fit.cost + 1.0,
+        )
+        state = np.array([1], np.uint64)
+        found = majority.majority_motion(matches, missed, 0.7, 1.5, DEFAULTS, state)
+        assert found is not missed
+        assert so3.angle_between(found.R_cam1_from_cam0, fit.R_cam1_from_cam0) < 1e-4
+        # One that is as likely stays.
+        assert majority.majority_motion(matches, fit, 0.7, 1.5, DEFAULTS, state) is fit
 
 
 def test_no_more_noise_is_believed_than_each_match_has_of_its_own():

@@ -15,7 +15,13 @@ import numpy as np
 from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint._kernels.plausible import BAND_SIGMA
 from farpoint.pose.matches import Matches
-from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving, residuals
+from farpoint.pose.moving_fit import (
+    MovingFit,
+    fit_moving,
+    is_plainly_likelier,
+    refit_moving,
+    residuals,
+)
 from farpoint.pose.options import RelativePoseOptions
 
 __all__ = ["BETWEEN", "majority_motion"]
@@ -52,7 +58,8 @@ def majority_motion(
     noise that each match has of its own. With no more than that, either motion is likelier than the
     one between. Errors that are smooth over the image, of a lens or of tracks, are as smooth with
     less noise, and lead to no other motion: then the fit stays, by which all matches are heard.
-    What another motion has moved lies apart.
+    What another motion has moved lies apart. Nor is it worse to have looked twice: where all agree
+    on what is found, and it is plainly likelier, the first search had missed it.
     """
     if coherence < BETWEEN or fit.noise.sigma < LEAST_NOISE * tolerance:
         return fit
@@ -65,7 +72,8 @@ def majority_motion(
         if _is_apart(off, BAND_SIGMA * math.sqrt(share * own)):
             found = refit_moving(_with_noise_up_to(share * own, matches), narrow)
             return found if found.agreeing > LEAST_SHARE * fit.agreeing else fit
-    return fit
+    found = refit_moving(matches, narrow)
+    return found if is_plainly_likelier(found, fit) else fit
 
 
 def _is_apart(off: np.ndarray, within: float) -> bool:

@@ -26,6 +26,7 @@ from farpoint.pose.options import RelativePoseOptions
 __all__ = [
     "MovingFit",
     "fit_moving",
+    "is_plainly_likelier",
     "pose_of",
     "refit_moving",
     "residuals",
@@ -153,10 +154,14 @@ def fit_moving(
         return fit
     start = replace(fit, R_cam1_from_cam0=found.R_second, direction_cam1_from_cam0=found.t_second)
     second = refit_moving(matches, start)
-    gain = np.subtract(_log_likelihoods(second), _log_likelihoods(fit))
-    if gain.min() < NEAR:
+    if not is_plainly_likelier(second, fit):
         return fit
     return replace(second, rival=(fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0))
+
+
+def is_plainly_likelier(fit: MovingFit, other: MovingFit) -> bool:
+    """Whether a fit is likelier than another to the same matches, by parallax and by its ratios."""
+    return min(np.subtract(_log_likelihoods(fit), _log_likelihoods(other))) > NEAR
 
 
 def _log_likelihoods(fit: MovingFit) -> tuple[float, float]:
