@@ -8,14 +8,33 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.bench.race import Course
+from farpoint.bench.table import Cell, Column
 from farpoint.bench.views import TwoViews
 from farpoint.geometry import sphere
-from farpoint.metrics import chi2_quantile, direction_error, nees, rotation_error
+from farpoint.metrics import chi2_quantile, direction_error, nees, rotation_error, summarize
 
-__all__ = ["GROSS_DIRECTION_DEG", "GROSS_ROTATION_DEG", "Errors", "bound_ratios", "errors_of"]
+__all__ = [
+    "ERROR_COLUMNS",
+    "GROSS_DIRECTION_DEG",
+    "GROSS_ROTATION_DEG",
+    "Errors",
+    "bound_ratios",
+    "error_cells",
+    "errors_of",
+]
 
 GROSS_ROTATION_DEG = 1.0
 GROSS_DIRECTION_DEG = 30.0
+# What `error_cells` fills.
+ERROR_COLUMNS = (
+    Column("rotation_median_deg", 4),
+    Column("rotation_mean_deg", 4),
+    Column("direction_median_deg", 3),
+    Column("direction_mean_deg", 3),
+    Column("failed"),
+    Column("no_direction"),
+    Column("gross"),
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,6 +79,13 @@ def errors_of(course: Course, views: Sequence[TwoViews], *, min_translation: flo
         undecided=int(np.count_nonzero(~failed & np.isnan(course.directions[:, 0]))),
         gross=int(np.count_nonzero(gross)),
     )
+
+
+def error_cells(errors: Errors) -> tuple[Cell, ...]:
+    """What a table tells of them, in `ERROR_COLUMNS`."""
+    rotation, direction = summarize(errors.rotation_deg), summarize(errors.direction_deg)
+    middle = rotation.median, rotation.mean, direction.median, direction.mean
+    return *middle, errors.failed, errors.undecided, errors.gross
 
 
 def bound_ratios(

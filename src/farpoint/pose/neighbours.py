@@ -13,7 +13,7 @@ from farpoint._kernels.sharing import design_effect
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit
 
-__all__ = ["coherence_of", "doubt_where_alike", "sharing_of"]
+__all__ = ["coherence_of", "doubt_where_alike"]
 
 # Matches that are asked for their neighbour, at the most. Fewer cannot show anything.
 ASKED, LEAST_MATCHES = 400, 50
@@ -54,12 +54,12 @@ def doubt_where_alike(
     likeness = math.sqrt(min(fit.agreeing, ASKED)) * coherence
     if likeness < LIKELY:
         return matches, fit
-    sharing, in_doubt = sharing_of(fit), likeness > PLAIN
+    sharing, in_doubt = _sharing_of(fit), likeness > PLAIN
     told = fit.matches.that_share(sharing, in_doubt=in_doubt)
     return matches.that_share(sharing, in_doubt=in_doubt), replace(fit, matches=told)
 
 
-def sharing_of(fit: MovingFit) -> float:
+def _sharing_of(fit: MovingFit) -> float:
     """How many times larger the covariance is for the errors that matches share."""
     rows, sigma = _right_in_order(fit), fit.noise.sigma
     effect = BEYOND * design_effect(fit.matches.pairs, fit.residual, rows, sigma)

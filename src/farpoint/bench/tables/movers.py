@@ -8,14 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from farpoint.bench.accuracy import errors_of
+from farpoint.bench.accuracy import ERROR_COLUMNS, error_cells, errors_of
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.race import race
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.views import TwoViews, views_of_scene
-from farpoint.metrics import summarize
 
 __all__ = ["movers_table", "with_mover"]
 
@@ -28,13 +27,7 @@ _COLUMNS = (
     Column("moving_percent"),
     Column("shift_px"),
     Column("estimator"),
-    Column("rotation_median_deg", 4),
-    Column("rotation_mean_deg", 4),
-    Column("direction_median_deg", 3),
-    Column("direction_mean_deg", 3),
-    Column("failed"),
-    Column("no_direction"),
-    Column("gross"),
+    *ERROR_COLUMNS,
 )
 
 
@@ -105,22 +98,12 @@ def _cell_rows(
         seed=options.seed,
         progress=lambda done, total: progress(name, done, total),
     )
-    rows: list[tuple[Cell, ...]] = []
-    for course in courses:
-        errors = errors_of(course, views)
-        rotation, direction = summarize(errors.rotation_deg), summarize(errors.direction_deg)
-        rows.append(
-            (
-                round(100 * share),
-                shift_px,
-                course.estimator.name,
-                rotation.median,
-                rotation.mean,
-                direction.median,
-                direction.mean,
-                errors.failed,
-                errors.undecided,
-                errors.gross,
-            )
+    return [
+        (
+            round(100 * share),
+            shift_px,
+            course.estimator.name,
+            *error_cells(errors_of(course, views)),
         )
-    return rows
+        for course in courses
+    ]

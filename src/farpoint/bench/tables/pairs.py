@@ -6,14 +6,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from farpoint.bench.accuracy import errors_of
+from farpoint.bench.accuracy import ERROR_COLUMNS, error_cells, errors_of
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.match_files import find_match_files, read_matches
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.race import race
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.views import TwoViews
-from farpoint.metrics import summarize
 
 __all__ = ["pairs_table"]
 
@@ -24,13 +23,7 @@ _COLUMNS = (
     Column("pairs"),
     Column("matches"),
     Column("estimator"),
-    Column("rotation_median_deg", 4),
-    Column("rotation_mean_deg", 4),
-    Column("direction_median_deg", 3),
-    Column("direction_mean_deg", 3),
-    Column("failed"),
-    Column("no_direction"),
-    Column("gross"),
+    *ERROR_COLUMNS,
     Column("median_ms", 3),
     Column("time_over_farpoint", 2),
 )
@@ -83,20 +76,13 @@ def _file_rows(
     rows: list[tuple[Cell, ...]] = []
     for course, median_ms in zip(courses, medians_ms, strict=True):
         errors = errors_of(course, views, min_translation=_MIN_TRANSLATION_M)
-        rotation, direction = summarize(errors.rotation_deg), summarize(errors.direction_deg)
         rows.append(
             (
                 name,
                 len(views),
                 round(float(np.median([len(v.points0) for v in views]))),
                 course.estimator.name,
-                rotation.median,
-                rotation.mean,
-                direction.median,
-                direction.mean,
-                errors.failed,
-                errors.undecided,
-                errors.gross,
+                *error_cells(errors),
                 median_ms,
                 median_ms / medians_ms[0],
             )
