@@ -67,7 +67,10 @@ def test_a_run_writes_every_file_and_says_where(
         "time stamps: 10 frames a second, assumed",
         f"results in {out}",
     ]
-    assert re.fullmatch(rf"{len(images)}/{len(images)} frames, [\d.]+/s\n", outcome.err)
+    # On a busy machine it says in between how far it is.
+    assert re.fullmatch(
+        rf"{len(images)}/{len(images)} frames, [\d.]+/s", outcome.err.splitlines()[-1]
+    )
     assert len(read_motions(out / "motions.csv")) == pairs
     assert len(read_tum(out / "trajectory.tum")) == len(images)
     record = record_of(out)
