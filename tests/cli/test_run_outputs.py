@@ -67,9 +67,12 @@ def test_a_run_writes_every_file_and_says_where(
         "time stamps: 10 frames a second, assumed",
         f"results in {out}",
     ]
+    count = len(images)
+    *meanwhile, last = outcome.err.splitlines()
+    assert re.fullmatch(rf"{count}/{count} frames, [\d.]+/s", last)
     # On a busy machine it says in between how far it is.
-    assert re.fullmatch(
-        rf"{len(images)}/{len(images)} frames, [\d.]+/s", outcome.err.splitlines()[-1]
+    assert all(
+        re.fullmatch(rf"\d+/{count} frames, [\d.]+/s, \d+ s left", each) for each in meanwhile
     )
     assert len(read_motions(out / "motions.csv")) == pairs
     assert len(read_tum(out / "trajectory.tum")) == len(images)

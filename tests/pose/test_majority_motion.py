@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 from pose_kit import rotation_error, smooth_field
 
-from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
+from farpoint import (
+    Camera,
+    PoseStatus,
+    RelativePose,
+    RelativePoseOptions,
+    estimate_relative_pose,
+)
 from farpoint.geometry import so3
 from farpoint.metrics import chi2_quantile
 from farpoint.pose import majority, moving_fit, relative_pose
@@ -58,6 +64,10 @@ def fit_of(points0: np.ndarray, points1: np.ndarray) -> tuple[Matches, MovingFit
     return matches, moving_fit.fit_moving(matches, 1.5, DEFAULTS, np.array([1], np.uint64))
 
 
+def searched_again(*_):
+    raise AssertionError("searched again")
+
+
 def majority_of(matches: Matches, fit: MovingFit) -> MovingFit:
     state = np.array([1], np.uint64)
     return majority.majority_motion(matches, fit, coherence_of(fit), 1.5, DEFAULTS, state)
@@ -103,11 +113,7 @@ def test_what_moves_is_labelled_and_the_region_holds_the_truth():
 @pytest.mark.parametrize("share", [0.0, 0.3])
 def test_noise_is_not_looked_at_again(monkeypatch, share):
     """With or without wrong matches that have nothing in common."""
-
-    def never(*_):
-        raise AssertionError("searched again")
-
-    monkeypatch.setattr(majority, "fit_moving", never)
+    monkeypatch.setattr(majority, "fit_moving", searched_again)
     for seed in range(20):
         scene, rng = traffic(seed, 0.0, 0.0), np.random.default_rng(seed)
         wrong = rng.uniform(size=len(scene.points1)) < share
@@ -126,6 +132,88 @@ def test_smooth_errors_lead_to_no_other_motion():
         were_smooth += coherence_of(fit) > majority.BETWEEN
         assert majority_of(matches, fit) is fit
     assert were_smooth >= 20
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_wrong_matches_do_not_make_smooth_errors_look_apart(share):
+    """They lie anywhere, and no tail of those that agree."""
+    were_smooth = 0
+    for seed in range(30):
+        scene, rng = traffic(seed, 0.0, 0.0), np.random.default_rng(seed)
+        points1 = scene.points1 + smooth_field(seed, scene.points1, 0.5, 60.0)
+        wrong = rng.uniform(size=len(points1)) < share
+        points1[wrong] = rng.uniform((0.0, 0.0), CAMERA.size, (np.count_nonzero(wrong), 2))
+        matches, fit = fit_of(scene.points0, points1)
+        were_smooth += coherence_of(fit) > majority.BETWEEN
+        assert majority_of(matches, fit) is fit
+    assert were_smooth >= 10
+
+
+@pytest.mark.parametrize(("wrong_px", "least"), [(None, 10), (12.0, 1), (30.0, 10)])
+def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
+    """Ahead through a wide image, with errors that neighbours share; a quarter is wrong.
+
+    Anywhere, or by so many px where it should be.
+    """
+    camera = Camera.pinhole(1226, 160, 707.0, 707.0, 612.5, 79.5)
+    options = PointSceneOptions(
+        camera=camera,
+        matches=500,
+        outliers=125 if wrong_px is None else 0,
+        near_range_m=(6.0, 40.0),
+        far_share=0.0,
+        translation_m=(0.02, 0.0, -0.9),
+        noise_px=0.05,
+    )
+    were_alike = 0
+    for seed in range(12):
+        scene, rng = make_point_scene(options, seed=seed), np.random.default_rng(seed)
+        points1 = scene.points1 + smooth_field(seed, scene.points1, 0.2)
+        if wrong_px is not None:
+            points1[:125] += rng.normal(0.0, wrong_px, (125, 2))
+        matches = matches_from_points(scene.points0, points1, camera, camera)
+        state = np.array([1], np.uint64)
+        fit = moving_fit.fit_moving(matches, 1.5, DEFAULTS, state)
+        were_alike += coherence_of(fit) > majority.BETWEEN
+        assert majority_of(matches, fit) is fit
+    assert were_alike >= least
+
+
+def test_what_neighbours_share_of_a_small_noise_is_not_looked_at_again(monkeypatch):
+    monkeypatch.setattr(majority, "fit_moving", searched_again)
+    matches, fit = fit_of(*traffic(1, 0.0, 0.0)[:2])
+    small = replace(fit, noise=fit.noise._replace(variance=0.14**2))
+    state = np.array([1], np.uint64)
+    assert majority.majority_motion(matches, small, 0.9, 1.5, DEFAULTS, state) is small
+    # A tolerance of less says that less is wrong.
+    with pytest.raises(AssertionError, match="searched again"):
+        majority.majority_motion(matches, small, 0.9, 1.0, DEFAULTS, state)
+
+
+def test_a_motion_of_few_is_not_that_of_most(monkeypatch):
+    matches, fit = fit_of(*traffic(2, 0.4, 6.0)[:2])
+    assert majority_of(matches, fit) is not fit
+
+    def of_few(*arguments):
+        return replace(moving_fit.refit_moving(*arguments), agreeing=fit.agreeing // 3)
+
+    monkeypatch.setattr(majority, "refit_moving", of_few)
+    assert majority_of(matches, fit) is fit
+
+
+def test_neighbours_may_be_off_by_more_than_each_match():
+    """The correlation is no more than one on average only."""
+    matches, fit = fit_of(*traffic(2, 0.4, 6.0)[:2])
+    state = np.array([1], np.uint64)
+    found = majority.majority_motion(matches, fit, 1.1, 1.5, DEFAULTS, state)
+    assert np.isfinite(found.covariance).all()
+
+
+def test_many_samples_may_be_asked_for():
+    scene = traffic(2, 0.4, 6.0)
+    options = RelativePoseOptions(min_iterations=majority.SAMPLES + 200)
+    pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA, options=options)
+    assert pose.status is PoseStatus.OK
 
 
 def test_a_likelier_motion_that_the_first_search_missed_is_taken():

@@ -43,7 +43,7 @@ from farpoint._kernels.plausible import largest
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.scratch import clear, copy, index_scratch, room, scratch
 from farpoint._kernels.twins import layer_twin, planar_twin
-from farpoint._kernels.vectors import combine, dot, matrix, rotate
+from farpoint._kernels.vectors import Vector, combine, dot, matrix, rotate
 
 __all__ = ["search_direction", "search_pose"]
 
@@ -100,10 +100,16 @@ def _draw_distinct(sample: np.ndarray, n: int, state: np.ndarray) -> None:
 
 
 @formula
-def _flow2(pairs: np.ndarray, R: np.ndarray, i: int) -> float:
-    """Squared length of the flow that the rotation leaves of match ``i``."""
+def _flow(pairs: np.ndarray, R: np.ndarray, i: int) -> Vector:
+    """The flow that the rotation leaves of match ``i``."""
     at = address(i)
-    flow = combine(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
+    return combine(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
+
+
+@formula
+def _flow2(pairs: np.ndarray, R: np.ndarray, i: int) -> float:
+    """Its squared length."""
+    flow = _flow(pairs, R, i)
     return dot(flow, flow)
 
 
@@ -232,7 +238,7 @@ def _solve_sample(
         copy(best.t, other.t)
     elif flow > LONG_FLOW and _turn_of_sample(pairs, sample, other.R):
         _longest_flow_first(pairs, other.R, sample)
-        _flow_of(pairs, sample[0], other.R, other.t)
+        _along_flow(pairs, sample[0], other.R, other.t)
     else:
         _step_away(start, flow, state, other.R)
         _longest_flow_first(pairs, other.R, sample)
@@ -255,10 +261,9 @@ def _turn_of_sample(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> boo
 
 
 @inner_kernel
-def _flow_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None:
-    """The direction in which the rotation leaves match ``i`` to flow."""
-    at = address(i)
-    x, y, z = combine(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
+def _along_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None:
+    """The direction ``t`` in which the rotation leaves match ``i`` to flow."""
+    x, y, z = _flow(pairs, R, i)
     over = 1.0 / math.sqrt(x * x + y * y + z * z + 1e-300)
     t[0], t[1], t[2] = x * over, y * over, z * over
 

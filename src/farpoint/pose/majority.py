@@ -26,15 +26,16 @@ from farpoint.pose.options import RelativePoseOptions
 
 __all__ = ["BETWEEN", "majority_motion"]
 
-# Correlation of neighbours' residuals from which on a motion may lie between two.
-BETWEEN = 0.6
+# Correlation of neighbours' residuals from which on a motion may lie between two; and where more
+# than this share of the matches is repeated, so that many of another motion are called wrong.
+BETWEEN, BESIDE_REPEATED, MANY_REPEATED = 0.6, 0.4, 0.1
 # And its noise, over the tolerance: with less, what neighbours share is what trackers do wrong.
 LEAST_NOISE = 0.1
 # Share of the variance that is its own at the least: two of one point share all of it.
 LEAST_OWN = 0.05
 # Noise that is believed while the motion of most is searched for, over what each match has of its
 # own, and then: what neighbours differ by is more where they belong to two motions.
-NARROW, BELIEVED = 0.125, (1.0, 0.5, 0.25)
+NARROW, BELIEVED = 0.2, (1.0, 0.5, 0.25)
 # Samples that are drawn for it at the most: enough where half of the matches are its own.
 SAMPLES = 300
 # Least share of the matches that it has.
@@ -58,16 +59,20 @@ def majority_motion(
     noise that each match has of its own. With no more than that, either motion is likelier than the
     one between. Errors that are smooth over the image, of a lens or of tracks, are as smooth with
     less noise, and lead to no other motion: then the fit stays, by which all matches are heard.
-    What another motion has moved lies apart. Nor is it worse to have looked twice: where all agree
-    on what is found, and it is plainly likelier, the first search had missed it.
+    What another motion has moved lies apart, of the matches that the fit takes for right: wrong
+    ones lie anywhere. Nor is it worse to have looked twice: where what is found is plainly
+    likelier, the first search had missed it.
     """
-    if coherence < BETWEEN or fit.noise.sigma < LEAST_NOISE * tolerance:
+    many_repeated = fit.noise.wrong * fit.noise.repeated > MANY_REPEATED
+    between = BESIDE_REPEATED if many_repeated else BETWEEN
+    if coherence < between or fit.noise.sigma < LEAST_NOISE * tolerance:
         return fit
     own = max(1.0 - coherence, LEAST_OWN) * fit.noise.variance
-    effort = replace(options, max_iterations=min(options.max_iterations, SAMPLES))
+    least, most = (min(n, SAMPLES) for n in (options.min_iterations, options.max_iterations))
+    effort = replace(options, min_iterations=least, max_iterations=most)
     some = _with_noise_up_to(NARROW * own, matches.some(MAX_SEARCHED))
     narrow = fit_moving(some, tolerance, effort, state)
-    off = np.abs(residuals(matches, narrow))
+    off = np.abs(residuals(matches, narrow)[fit.probability > 0.5])
     for share in BELIEVED:
         if _is_apart(off, BAND_SIGMA * math.sqrt(share * own)):
             found = refit_moving(_with_noise_up_to(share * own, matches), narrow)
