@@ -202,15 +202,14 @@ def test_a_pose_that_gives_way_is_drawn_by_the_matches_that_retreat(seed):
     here, held = at(np.zeros(5), True), at(np.zeros(5), False)
     shift2 = Explained(view, prior, view.R, -view.t).parallax ** 2 / normal[0]
     # At the edge the slope has a kink, and matches that retreat by very little are left alone.
-    assume((np.abs(shift2 - mixture.FAR_SIGMA**2) > 0.2).all())
+    assume((np.abs(shift2 - mixture.FAR_SIGMA**2) > 0.2).all() and here.squares > held.squares)
     numeric = gradient(lambda step: at(step, True).cost, 5, 1e-6)
     # The variance of a shift is taken as it is.
-    np.testing.assert_allclose(here.g, numeric, rtol=0.0, atol=0.25 * np.abs(numeric).max() + 1.0)
+    np.testing.assert_allclose(here.g, numeric, rtol=0.0, atol=0.06 * np.abs(numeric).max() + 0.5)
     assert here.cost == held.cost
     # What is added is a square of each.
     more = np.linalg.eigvalsh(here.H - held.H)
-    assert more.min() > -1e-6 * more.max() - 1e-6
-    assert here.squares >= held.squares
+    assert more.min() > -1e-6 * more.max()
 
 
 def test_where_noise_has_tails_retreats_draw_the_pose_as_far_as_matches_are_good():
@@ -227,7 +226,7 @@ def test_where_noise_has_tails_retreats_draw_the_pose_as_far_as_matches_are_good
 
     plain, tailed = np.trace(drawn(-view.t, 1e-9)), np.trace(drawn(-view.t, 0.4))
     assert plain > 0.0
-    assert 0.0 <= tailed < 0.36 * plain
+    assert 0.0 < tailed < 0.36 * plain
 
 
 def test_the_maximum_of_the_likelihood_is_found_from_nearby():
