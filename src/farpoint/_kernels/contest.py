@@ -24,6 +24,7 @@ from farpoint._kernels.squares import determinant_beside_one
 from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
 
 __all__ = [
+    "COARSE",
     "EQUAL",
     "GATE_SIGMA",
     "NEAR",

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.contest import narrowness
+from farpoint._kernels.contest import COARSE, narrowness
 from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.five_rays import Effort
@@ -234,7 +234,7 @@ def _settle(
 ) -> Numbers:
     """As `settle_motion`; the prior of those searched is then 1 only for the right ones."""
     normal, count = scratch(6, 6), matches.total
-    _refine(matches, found, normal)
+    _refine(matches, COARSE, found, normal)
     residual, parallax, right = found.said[1], found.said[2], found.said[3]
     variance, grown = found.mixture[0], found.grown
     if not grow_noise(matches.pairs, residual, parallax, right, count, variance, grown):
@@ -259,7 +259,7 @@ def _seen(matches: PackedMatches, found: Found) -> Seen:
 
 
 @inner_kernel
-def _refine(matches: PackedMatches, found: Found, normal: np.ndarray) -> float:
+def _refine(matches: PackedMatches, precision: float, found: Found, normal: np.ndarray) -> float:
     """As `refinement.refine_pose`, by what the pose as it was makes plausible of the matches.
 
     Again where it ends at a pose that some of them made, and from which they lie too far away.
@@ -267,7 +267,7 @@ def _refine(matches: PackedMatches, found: Found, normal: np.ndarray) -> float:
     pose = Pose(found.R, found.t, found.mixture, normal, scratch(1))
     for _ in range(MAX_ROUNDS):
         end = _plausible(matches, found)
-        refine_pose(matches, FINE, MAX_REFINEMENTS, pose)
+        refine_pose(matches, precision, MAX_REFINEMENTS, pose)
         _explain(matches, found)
         if not _beyond(end, found.said[2], found.said[3]):
             break
@@ -298,7 +298,7 @@ def _conclude(
 ) -> Numbers:
     """Refine the pose once more, now that its noise is known, and hear all matches on it."""
     normal = scratch(6, 6)
-    cost = _refine(matches, found, normal)
+    cost = _refine(matches, FINE, found, normal)
     predicted, shows = _be_sure(matches, least_signal, found)
     parallax, right = found.said[2], found.said[3]
     sigma, wrong = math.sqrt(found.mixture[0]), found.mixture[1]

@@ -6,8 +6,9 @@ import numpy as np
 
 from farpoint._kernels.coherence import bounded
 from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.formulas import greater
 from farpoint._kernels.pairs import address, ray0
-from farpoint._kernels.scratch import clear, index_room, scratch
+from farpoint._kernels.scratch import clear, index_room, index_scratch, scratch
 
 __all__ = ["PARTS", "design_effect"]
 
@@ -53,36 +54,31 @@ def _parts(pairs: np.ndarray, rows: np.ndarray) -> np.ndarray:
         parts[k] = 0
     step = 1
     for _ in range(SPLITS):
-        for part in range(step):
-            _split(pairs, rows, parts, part, step)
+        _split(pairs, rows, parts, step)
         step *= 2
     return parts
 
 
 @inner_kernel
-def _split(pairs: np.ndarray, rows: np.ndarray, parts: np.ndarray, part: int, step: int) -> None:
-    """Move what lies beyond the middle of a part, along its longest axis, ``step`` parts on."""
-    sums, squares, size = scratch(3), scratch(3), 1e-300
+def _split(pairs: np.ndarray, rows: np.ndarray, parts: np.ndarray, step: int) -> None:
+    """Move what lies beyond the middle of its part, along its longest axis, ``step`` parts on."""
+    sizes, sums, squares = scratch(PARTS), scratch(PARTS, 3), scratch(PARTS, 3)
+    clear(sizes)
     clear(sums)
     clear(squares)
     for k in range(rows.size):
-        if parts[k] == part:
-            size += 1.0
-            ray = ray0(pairs, address(rows[k]))
-            for i in range(3):
-                sums[i] += ray[i]
-                squares[i] += ray[i] * ray[i]
-    longest = 0
-    for i in range(1, 3):
-        if _spread(sums, squares, size, i) > _spread(sums, squares, size, longest):
-            longest = i
+        part, ray = parts[k], ray0(pairs, address(rows[k]))
+        sizes[part] += 1.0
+        for i in range(3):
+            sums[part, i] += ray[i]
+            squares[part, i] += ray[i] * ray[i]
+    longest, middle = index_scratch(PARTS), scratch(PARTS)
+    for part in range(step):
+        size, widest = greater(sizes[part], 1.0), -1.0
+        for i in range(3):
+            spread = squares[part, i] - sums[part, i] * sums[part, i] / size
+            if spread > widest:
+                longest[part], middle[part], widest = i, sums[part, i] / size, spread
     for k in range(rows.size):
-        if parts[k] == part:
-            ray = ray0(pairs, address(rows[k]))
-            if ray[longest] > sums[longest] / size:
-                parts[k] += step
-
-
-@inner_kernel
-def _spread(sums: np.ndarray, squares: np.ndarray, size: float, i: int) -> float:
-    return squares[i] - sums[i] * sums[i] / size
+        part, ray = parts[k], ray0(pairs, address(rows[k]))
+        parts[k] += step if ray[longest[part]] > middle[part] else 0

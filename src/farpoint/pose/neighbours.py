@@ -36,8 +36,9 @@ def coherence_of(fit: MovingFit) -> float:
     """
     if len(fit.matches) < LEAST_MATCHES:
         return 0.0
-    rows, sigma = _right_in_order(fit), fit.noise.sigma
-    return coherence(fit.matches.pairs, fit.residual, rows, sigma, ASKED)
+    rows = _right(fit)
+    in_order = rows[np.argsort(fit.matches.rays0[rows, 0])]
+    return coherence(fit.matches.pairs, fit.residual, in_order, fit.noise.sigma, ASKED)
 
 
 def doubt_where_alike(
@@ -61,12 +62,10 @@ def doubt_where_alike(
 
 def _sharing_of(fit: MovingFit) -> float:
     """How many times larger the covariance is for the errors that matches share."""
-    rows, sigma = _right_in_order(fit), fit.noise.sigma
-    effect = BEYOND * design_effect(fit.matches.pairs, fit.residual, rows, sigma)
-    return max(growth_by_few(FREEDOM) * effect, 1.0)
+    effect = design_effect(fit.matches.pairs, fit.residual, _right(fit), fit.noise.sigma)
+    return max(growth_by_few(FREEDOM) * BEYOND * effect, 1.0)
 
 
-def _right_in_order(fit: MovingFit) -> np.ndarray:
-    """Rows of the right matches, by the first coordinate of their rays in camera 0."""
-    right = np.flatnonzero(fit.probability > 0.5)
-    return right[np.argsort(fit.matches.rays0[right, 0])]
+def _right(fit: MovingFit) -> np.ndarray:
+    """Rows of the right matches."""
+    return np.flatnonzero(fit.probability > 0.5)
