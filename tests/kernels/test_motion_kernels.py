@@ -11,6 +11,7 @@ from numba.core import config
 from numba.core.runtime import _nrt_python
 from numba.core.runtime.nrt import rtsys
 
+from farpoint._kernels.coherence import coherence
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.contest import NEAR, is_rival
 from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
@@ -19,6 +20,7 @@ from farpoint._kernels.likelihood import explain
 from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
 from farpoint._kernels.pose import Pose, Seen
 from farpoint._kernels.refinement import refine_pose
+from farpoint._kernels.sharing import LIKELY, design_effect
 from farpoint.geometry import so3
 
 SPREAD, LEAST_SIGNAL = 500.0, 0.4
@@ -140,7 +142,7 @@ def test_how_sure_the_motion_is_goes_by_how_many_are_right():
     expected = np.empty((5, 5))
     right = found.said[3, :60].sum()
     assert here(seen_by(view.pairs, found), right, False, PLAIN, expected)
-    assert settled[-3:] == (False, True, False)
+    assert (settled.is_predicted, settled.shows_direction, settled.grows) == (False, True, False)
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-12)
 
 
@@ -148,7 +150,7 @@ def test_how_sure_the_motion_is_goes_by_how_many_are_right():
 def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(least_signal, shows):
     view = two_views(6, 60, noise_rad=1e-3, error_rad=1e-3, baseline_m=0.05)
     found, _, settled = find(view, least_signal=least_signal)
-    assert settled[-3:] == (True, shows, False)
+    assert (settled.is_predicted, settled.shows_direction, settled.grows) == (True, shows, False)
     expected = np.empty((5, 5))
     right = found.said[3, :60].sum()
     assert here(seen_by(view.pairs, found), right, True, least_signal, expected) == shows
@@ -165,6 +167,24 @@ def test_where_much_of_the_flow_is_noise_it_is_predicted_and_the_motion_moved(le
     residual = np.empty(len(found.said[1]))
     explain(seen_by(view.pairs, found), residual, *np.empty((2, len(residual))))
     np.testing.assert_allclose(found.said[1], residual, rtol=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_what_neighbours_share_is_told_of_the_right_ones(share):
+    view, rng = two_views(8, 300, noise_rad=1e-3), np.random.default_rng(8)
+    view.rays1[:40] = np.roll(view.rays1[:40], 1, axis=0)
+    view.rays1[:, 1] += 3e-3 * share * np.sin(20.0 * view.rays0[:, 0])
+    view.rays1[:, 1] += 1e-3 * rng.normal(size=300)
+    found, _, settled = find(view)
+    rows = np.flatnonzero(found.said[3, :300] > 0.5)
+    sigma = np.sqrt(found.mixture[0])
+    alike = coherence(view.pairs, found.said[1], rows, sigma, 400)
+    assert (settled.coherence, settled.likeness) == (alike, np.sqrt(len(rows)) * alike)
+    if share:
+        assert settled.likeness > 2.0 * LIKELY
+        assert settled.design_effect == design_effect(view.pairs, found.said[1], rows, sigma) > 2.0
+    else:
+        assert (settled.likeness < LIKELY, settled.design_effect) == (True, 1.0)
 
 
 @pytest.mark.parametrize("matches", [60, 2 * MAX_SEARCHED])

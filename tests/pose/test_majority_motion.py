@@ -21,7 +21,6 @@ from farpoint.metrics import chi2_quantile
 from farpoint.pose import majority, moving_fit, relative_pose
 from farpoint.pose.matches import Matches, matches_from_points
 from farpoint.pose.moving_fit import MovingFit
-from farpoint.pose.neighbours import coherence_of
 from farpoint.pose.options import DEFAULTS
 from farpoint.synthetic import PointSceneOptions, make_point_scene
 
@@ -68,9 +67,9 @@ def searched_again(*_):
     raise AssertionError("searched again")
 
 
-def majority_of(matches: Matches, fit: MovingFit) -> MovingFit:
+def majority_of(matches: Matches, fit: MovingFit, tolerance: float = 1.5) -> MovingFit:
     state = np.array([1], np.uint64)
-    return majority.majority_motion(matches, fit, coherence_of(fit), 1.5, DEFAULTS, state)
+    return majority.majority_motion(matches, fit, tolerance, DEFAULTS, state)
 
 
 def far_off(scenes: list[Traffic]) -> int:
@@ -129,7 +128,7 @@ def test_smooth_errors_lead_to_no_other_motion():
         scene = traffic(seed, 0.0, 0.0)
         points1 = scene.points1 + smooth_field(seed, scene.points1, 1.0, 60.0)
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += coherence_of(fit) > majority.BETWEEN
+        were_smooth += fit.coherence > majority.BETWEEN
         assert majority_of(matches, fit) is fit
     assert were_smooth >= 20
 
@@ -144,7 +143,7 @@ def test_wrong_matches_do_not_make_smooth_errors_look_apart(share):
         wrong = rng.uniform(size=len(points1)) < share
         points1[wrong] = rng.uniform((0.0, 0.0), CAMERA.size, (np.count_nonzero(wrong), 2))
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += coherence_of(fit) > majority.BETWEEN
+        were_smooth += fit.coherence > majority.BETWEEN
         assert majority_of(matches, fit) is fit
     assert were_smooth >= 10
 
@@ -174,7 +173,7 @@ def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
         matches = matches_from_points(scene.points0, points1, camera, camera)
         state = np.array([1], np.uint64)
         fit = moving_fit.fit_moving(matches, 1.5, DEFAULTS, state)
-        were_alike += coherence_of(fit) > majority.BETWEEN
+        were_alike += fit.coherence > majority.BETWEEN
         assert majority_of(matches, fit) is fit
     assert were_alike >= least
 
@@ -182,12 +181,11 @@ def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
 def test_what_neighbours_share_of_a_small_noise_is_not_looked_at_again(monkeypatch):
     monkeypatch.setattr(majority, "fit_moving", searched_again)
     matches, fit = fit_of(*traffic(1, 0.0, 0.0)[:2])
-    small = replace(fit, noise=fit.noise._replace(variance=0.14**2))
-    state = np.array([1], np.uint64)
-    assert majority.majority_motion(matches, small, 0.9, 1.5, DEFAULTS, state) is small
+    small = replace(fit, noise=fit.noise._replace(variance=0.14**2), coherence=0.9)
+    assert majority_of(matches, small) is small
     # A tolerance of less says that less is wrong.
     with pytest.raises(AssertionError, match="searched again"):
-        majority.majority_motion(matches, small, 0.9, 1.0, DEFAULTS, state)
+        majority_of(matches, small, tolerance=1.0)
 
 
 def test_a_motion_of_few_is_not_that_of_most(monkeypatch):
@@ -204,8 +202,7 @@ def test_a_motion_of_few_is_not_that_of_most(monkeypatch):
 def test_neighbours_may_be_off_by_more_than_each_match():
     """The correlation is no more than one on average only."""
     matches, fit = fit_of(*traffic(2, 0.4, 6.0)[:2])
-    state = np.array([1], np.uint64)
-    found = majority.majority_motion(matches, fit, 1.1, 1.5, DEFAULTS, state)
+    found = majority_of(matches, replace(fit, coherence=1.1))
     assert np.isfinite(found.covariance).all()
 
 
@@ -226,13 +223,14 @@ def test_a_likelier_motion_that_the_first_search_missed_is_taken():
             R_cam1_from_cam0=so3.exp(np.array([0.02, 0.0, 0.0])) @ fit.R_cam1_from_cam0,
             noise=fit.noise._replace(variance=16.0 * fit.noise.variance),
             cost=fit.cost + 1.0,
+            coherence=0.7,
         )
-        state = np.array([1], np.uint64)
-        found = majority.majority_motion(matches, missed, 0.7, 1.5, DEFAULTS, state)
+        found = majority_of(matches, missed)
         assert found is not missed
         assert so3.angle_between(found.R_cam1_from_cam0, fit.R_cam1_from_cam0) < 1e-4
         # One that is as likely stays.
-        assert majority.majority_motion(matches, fit, 0.7, 1.5, DEFAULTS, state) is fit
+        alike = replace(fit, coherence=0.7)
+        assert majority_of(matches, alike) is alike
 
 
 def test_no_more_noise_is_believed_than_each_match_has_of_its_own():
@@ -253,7 +251,7 @@ def test_two_of_each_point_are_not_two_motions():
     scene = traffic(1, 0.0, 0.0, 150)
     points0, points1 = np.repeat(scene.points0, 2, axis=0), np.repeat(scene.points1, 2, axis=0)
     matches, fit = fit_of(points0, points1)
-    assert coherence_of(fit) > 0.99
+    assert fit.coherence > 0.99
     assert majority_of(matches, fit) is fit
 
 
@@ -261,5 +259,5 @@ def test_where_neighbours_are_off_alike_it_is_said(monkeypatch):
     monkeypatch.setattr(relative_pose, "majority_motion", lambda _matches, fit, *_: fit)
     scene = traffic(2, 0.4, 6.0)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
-    assert coherence_of(fit_of(scene.points0, scene.points1)[1]) > majority.BETWEEN
+    assert fit_of(scene.points0, scene.points1)[1].coherence > majority.BETWEEN
     assert "Neighbouring matches are off alike" in pose.reason

@@ -55,8 +55,8 @@ def shared(monkeypatch, in_doubt) -> list[float]:
     """How many times larger each covariance since is made; 1 for noise of each match's own."""
     found: list[float] = []
 
-    def doubted(matches, fit, coherence):
-        matches, fit = neighbours.doubt_where_alike(matches, fit, coherence)
+    def doubted(matches, fit):
+        matches, fit = neighbours.doubt_where_alike(matches, fit)
         assert (fit.matches.sharing, fit.matches.doubt) == (matches.sharing, matches.doubt)
         found.append(matches.sharing)
         in_doubt.append(matches.doubt > 1.0)
@@ -137,9 +137,13 @@ def test_a_point_that_is_found_twice_tells_what_it_tells_once(in_doubt, apart_px
     assert np.mean(np.array(squares) <= chi2_quantile(0.95, 3)) > 0.9
 
 
-def test_few_matches_show_nothing_of_their_neighbours(shared):
+def test_few_right_matches_show_nothing_of_their_neighbours(shared):
     estimate(scene(1, 0.1, 49), 1)
-    assert shared == [1.0]
+    found = scene(1, 0.1, 90)
+    points1 = found.points1 + smooth_field(1, found.points1)
+    points1[:45] = np.roll(points1[:45], 1, axis=0)
+    estimate_relative_pose(found.points0, points1, CAMERA)
+    assert shared == [1.0, 1.0]
 
 
 def squares(seed: int, fps: float, most: int) -> list[float]:

@@ -9,12 +9,15 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.pairs import address, ray0, ray1
+from farpoint._kernels.scratch import index_room, room
 from farpoint._kernels.vectors import combine, dot
 
 __all__ = ["bounded", "coherence"]
 
 # No residual counts for more, in sigma.
 MOST_SIGMA = 3.0
+# All that lie less apart, rad, lie at one place.
+LEAST_WIDTH = 1e-12
 
 
 @kernel
@@ -23,20 +26,55 @@ def coherence(
 ) -> float:
     """Correlation of the residuals of matches with those of their neighbours.
 
-    The neighbour is that of these ``rows`` which is nearest in both images together; they are in
-    the order of their first coordinate in image 0. At ``most`` so many are asked for theirs. 0 on
-    average where residuals are noise; 0 as well where there are hardly any.
+    The neighbour is that of these ``rows`` which is nearest in both images together. At ``most`` so
+    many are asked for theirs. 0 on average where residuals are noise; 0 as well where there are
+    hardly any.
     """
+    in_order = index_room(rows.size)
+    _sort(pairs, rows, in_order)
     asked = rows.size if rows.size < most else most
     product = square = 0.0
     for j in range(asked):
         place = j * rows.size // asked
-        here, neighbour = int(rows[place]), int(_neighbour(pairs, rows, place))
+        here, neighbour = int(in_order[place]), int(_neighbour(pairs, in_order, place))
         if neighbour >= 0:
             own = bounded(residual[here], sigma)
             product += own * bounded(residual[neighbour], sigma)
             square += own * own
     return product / square if square > 0.0 else 0.0
+
+
+@inner_kernel
+def _sort(pairs: np.ndarray, rows: np.ndarray, in_order: np.ndarray) -> None:
+    """Bring rows in the order of their first coordinate in image 0.
+
+    First into strips, as many as there are rows, of equal width; then one by one, of those that lie
+    in one strip.
+    """
+    count = rows.size
+    places, ends = room(count), index_room(count)
+    low, high = math.inf, -math.inf
+    for k in range(count):
+        places[k] = ray0(pairs, address(rows[k]))[0]
+        low, high = lesser(low, places[k]), greater(high, places[k])
+        ends[k] = 0
+    over = (count - 1.0) / greater(high - low, LEAST_WIDTH)
+    for k in range(count):
+        ends[int((places[k] - low) * over)] += 1
+    for s in range(1, count):
+        ends[s] += ends[s - 1]
+    for k in range(count):
+        s = int((places[k] - low) * over)
+        ends[s] -= 1
+        in_order[ends[s]] = k
+    for j in range(1, count):
+        k, i = in_order[j], j
+        while i > 0 and places[in_order[i - 1]] > places[k]:
+            in_order[i] = in_order[i - 1]
+            i -= 1
+        in_order[i] = k
+    for j in range(count):
+        in_order[j] = rows[in_order[j]]
 
 
 @inner_kernel

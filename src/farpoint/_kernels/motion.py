@@ -22,6 +22,7 @@ from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.search import search_pose
+from farpoint._kernels.sharing import tell_sharing
 
 __all__ = ["MAX_SEARCHED", "Found", "Settled", "fit_motion", "settle_motion"]
 
@@ -70,10 +71,16 @@ class Settled(NamedTuple):
     """Whether enough of that is signal."""
     grows: bool
     """Whether the noise was found to grow with the parallax."""
+    coherence: float
+    """Correlation of residuals with those of their neighbours."""
+    likeness: float
+    """That over what noise would have."""
+    design_effect: float
+    """As of `sharing.tell_sharing`."""
 
 
 # What `Settled` is made of.
-Numbers = tuple[float, float, int, float, float, int, int, bool, bool, bool]
+Numbers = tuple[float, float, int, float, float, int, int, bool, bool, bool, float, float, float]
 
 
 class Found(NamedTuple):
@@ -304,6 +311,9 @@ def _conclude(
     sigma, wrong = math.sqrt(found.mixture[0]), found.mixture[1]
     agreeing, odds, likelier = weigh(parallax, right, sigma, wrong, found.labels)
     beyond, supporting = _count_beyond(searched, right, matches.total, found)
+    alike, likeness, effect = tell_sharing(
+        matches.pairs, found.said[1], right, matches.total, sigma
+    )
     return (
         cost,
         narrowness(normal),
@@ -315,6 +325,9 @@ def _conclude(
         predicted,
         shows,
         grows,
+        alike,
+        likeness,
+        effect,
     )
 
 

@@ -2,21 +2,62 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from farpoint._kernels.coherence import bounded
+from farpoint._kernels.coherence import bounded, coherence
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import greater
 from farpoint._kernels.pairs import address, ray0
 from farpoint._kernels.scratch import clear, index_room, index_scratch, scratch
 
-__all__ = ["PARTS", "design_effect"]
+__all__ = ["LIKELY", "PARTS", "design_effect", "tell_sharing"]
+
+# Right matches that are asked for their neighbour, at the most. Fewer cannot show anything.
+ASKED, LEAST_MATCHES = 400, 50
+# Correlation of neighbours' residuals, over the root of how many are asked, from which on they are
+# likely to be no noise: that of noise is 1.1 over that root, and exceeds this once in a hundred.
+LIKELY = 2.5
 
 # The image is split in two, and each part again, as often as this.
 SPLITS = 4
 PARTS = 2**SPLITS
 # Degrees of freedom of the residuals that the pose has taken.
 OF_POSE = 5.0
+
+
+@inner_kernel
+def tell_sharing(
+    pairs: np.ndarray, residual: np.ndarray, right: np.ndarray, count: int, sigma: float
+) -> tuple[float, float, float]:
+    """The `coherence` of right matches, that over what noise would have, and the `design_effect`.
+
+    Two of the same point, which a detector of features finds again and again, are neighbours, and
+    err alike, too. Of few matches, 0 and 0. The last is 1 where they are not likely to be alike.
+    """
+    rows = _right(right, count)
+    if rows.size < LEAST_MATCHES:
+        return 0.0, 0.0, 1.0
+    alike = coherence(pairs, residual, rows, sigma, ASKED)
+    likeness = math.sqrt(min(rows.size, ASKED)) * alike
+    if likeness < LIKELY:
+        return alike, likeness, 1.0
+    return alike, likeness, design_effect(pairs, residual, rows, sigma)
+
+
+@inner_kernel
+def _right(right: np.ndarray, count: int) -> np.ndarray:
+    """Rows of the right matches."""
+    total = 0
+    for i in range(count):
+        total += 1 if right[i] > 0.5 else 0
+    rows, taken = index_room(total), 0
+    for i in range(count):
+        if right[i] > 0.5:
+            rows[taken] = i
+            taken += 1
+    return rows
 
 
 @kernel

@@ -48,26 +48,24 @@ OF_MOVED, OF_AGREEING = 1.0 / 3.0, 0.2
 def majority_motion(
     matches: Matches,
     fit: MovingFit,
-    coherence: float,
     tolerance: float,
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> MovingFit:
     """The fit; or the motion of most of its matches, if it lies between that and another.
 
-    ``coherence`` is that of the fit, as of `coherence_of`. What neighbours do not share is the
-    noise that each match has of its own. With no more than that, either motion is likelier than the
-    one between. Errors that are smooth over the image, of a lens or of tracks, are as smooth with
-    less noise, and lead to no other motion: then the fit stays, by which all matches are heard.
-    What another motion has moved lies apart, of the matches that the fit takes for right: wrong
-    ones lie anywhere. Nor is it worse to have looked twice: where what is found is plainly
-    likelier, the first search had missed it.
+    What neighbours do not share is the noise that each match has of its own. With no more than
+    that, either motion is likelier than the one between. Errors that are smooth over the image, of
+    a lens or of tracks, are as smooth with less noise, and lead to no other motion: then the fit
+    stays, by which all matches are heard. What another motion has moved lies apart, of the matches
+    that the fit takes for right: wrong ones lie anywhere. Nor is it worse to have looked twice:
+    where what is found is plainly likelier, the first search had missed it.
     """
     many_repeated = fit.noise.wrong * fit.noise.repeated > MANY_REPEATED
     between = BESIDE_REPEATED if many_repeated else BETWEEN
-    if coherence < between or fit.noise.sigma < LEAST_NOISE * tolerance:
+    if fit.coherence < between or fit.noise.sigma < LEAST_NOISE * tolerance:
         return fit
-    own = max(1.0 - coherence, LEAST_OWN) * fit.noise.variance
+    own = max(1.0 - fit.coherence, LEAST_OWN) * fit.noise.variance
     least, most = (min(n, SAMPLES) for n in (options.min_iterations, options.max_iterations))
     effort = replace(options, min_iterations=least, max_iterations=most)
     some = _with_noise_up_to(NARROW * own, matches.some(MAX_SEARCHED))

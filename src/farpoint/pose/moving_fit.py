@@ -83,6 +83,13 @@ class MovingFit:
         Of the motion against all matches wrong.
     beyond_rotation, supporting : int
         Of the right matches searched, those that contradict every rotation that may fit; and all.
+    coherence : float
+        Correlation of the residuals of right matches with those of their neighbours; 0 for few.
+    likeness : float
+        That over what noise would have.
+    design_effect : float
+        How many times larger the variance of a sum of residuals is, over parts of the image, than
+        if they were independent, where they are not likely to be.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -105,6 +112,9 @@ class MovingFit:
     log_odds: float
     beyond_rotation: int
     supporting: int
+    coherence: float
+    likeness: float
+    design_effect: float
 
     @property
     def residual(self) -> np.ndarray:
@@ -276,4 +286,7 @@ def _moving_fit(
         log_odds=settled.log_odds,
         beyond_rotation=settled.beyond_rotation,
         supporting=settled.supporting,
+        coherence=settled.coherence,
+        likeness=settled.likeness,
+        design_effect=settled.design_effect,
     )

@@ -23,7 +23,7 @@ from farpoint.pose.far_rotation import IDENTITY, far_rotation
 from farpoint.pose.majority import BETWEEN, majority_motion
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
 from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
-from farpoint.pose.neighbours import coherence_of, doubt_where_alike
+from farpoint.pose.neighbours import doubt_where_alike
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
@@ -157,17 +157,14 @@ def _find(
         # What the search made of a plane, it did with noise that was told wrong.
         moving = replace(refit_moving(matches, moving), is_planar=True)
         course.lap("refinement_s")
-    coherence = coherence_of(moving)
-    majority = majority_motion(matches, moving, coherence, tolerance, options, state)
-    if majority is not moving:
-        moving, coherence = majority, coherence_of(majority)
-    if coherence > BETWEEN:
+    moving = majority_motion(matches, moving, tolerance, options, state)
+    if moving.coherence > BETWEEN:
         course.remark = (
             "Neighbouring matches are off alike: by the lens or the shutter, or some move by "
             "themselves or were taken for the next of their kind."
         )
     if options.count_sharing:
-        matches, moving = doubt_where_alike(matches, moving, coherence)
+        matches, moving = doubt_where_alike(matches, moving)
         course.sharing = matches.sharing
     turned = turning_when_asked(matches, moving.far_rotation_cam1_from_cam0, tolerance)
     if is_plainly_translating(moving):
