@@ -35,10 +35,16 @@ def turned(fit: MovingFit) -> TurningFit:
 
 
 @pytest.fixture
+def unlikely(fit):
+    """The same, if all matches made it much less likely."""
+    return replace(fit, cost=fit.cost + 1e3)
+
+
+@pytest.fixture
 def elsewhere(fit, monkeypatch):
     """`likelier_elsewhere` where the motions found, in turn, are so much less likely."""
 
-    def run(*against: float):
+    def run(*against: float, fit: MovingFit = fit):
         waiting = list(against)
 
         def nearest(_matches, _pose, _start_R, rival: Pose) -> float:
@@ -64,14 +70,24 @@ def test_without_any_there_is_no_rival(fit, elsewhere):
     assert elsewhere(np.inf) == (fit, None)
 
 
-def test_a_likelier_motion_is_taken_and_compared_again(fit, elsewhere):
-    best, other = elsewhere(-9.0, 12.0)
-    assert best is not fit
+def test_a_likelier_motion_is_taken_and_compared_again(unlikely, elsewhere):
+    best, other = elsewhere(-9.0, 12.0, fit=unlikely)
+    assert best is not unlikely
     assert other.against == 12.0
 
 
-def test_where_each_is_likelier_than_the_last_there_is_no_telling(elsewhere):
-    _, other = elsewhere(-9.0, -9.0, -9.0)
+def test_one_that_all_matches_make_less_likely_is_not_taken(fit, elsewhere):
+    best, other = elsewhere(-9.0)
+    assert best is fit
+    assert other.against == 0.0
+    np.testing.assert_array_equal(other.direction_cam1_from_cam0, UP)
+
+
+def test_where_each_is_likelier_than_the_last_there_is_no_telling(monkeypatch, unlikely, elsewhere):
+    monkeypatch.setattr(
+        rivals, "refit_moving", lambda _, start: replace(start, cost=start.cost - 1)
+    )
+    _, other = elsewhere(-9.0, -9.0, -9.0, fit=unlikely)
     assert other.against == 0.0
 
 
@@ -82,12 +98,12 @@ def test_a_plain_motion_has_no_rival_that_comes_near(fit):
 
 
 @pytest.fixture
-def met(fit, monkeypatch):
+def met(unlikely, monkeypatch):
     """`likelier_met` where the motion that was met is so much less likely."""
 
     def run(against: float):
         monkeypatch.setattr(rivals, "judge_rival", lambda *_: against)
-        return rivals.likelier_met(replace(fit, rival=(np.eye(3), UP)))
+        return rivals.likelier_met(replace(unlikely, rival=(np.eye(3), UP)))
 
     return run
 

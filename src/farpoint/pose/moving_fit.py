@@ -117,6 +117,11 @@ class MovingFit:
     design_effect: float
 
     @property
+    def log_likelihood(self) -> float:
+        """Of all matches, averaged over the poses nearby."""
+        return -self.cost * len(self.matches) - self.narrowness
+
+    @property
     def residual(self) -> np.ndarray:
         """Sampson residual (N,) of each match for unit noise."""
         return self.said[1, : len(self.matches)]
@@ -170,19 +175,18 @@ def fit_moving(
 
 
 def is_plainly_likelier(fit: MovingFit, other: MovingFit) -> bool:
-    """Whether a fit is likelier than another to the same matches, by parallax and by its ratios."""
-    return min(np.subtract(_log_likelihoods(fit), _log_likelihoods(other))) > NEAR
-
-
-def _log_likelihoods(fit: MovingFit) -> tuple[float, float]:
-    """Log likelihood of all matches, averaged over the poses nearby, by parallax and by its ratios.
+    """Whether a fit is likelier than another to the same matches, by parallax and by its ratios.
 
     What is plausible of a match is a density of its parallax. That grows where all shrink, for a
     rotation that takes some of what they share; a density of their ratios does not.
     """
-    ratios = np.hypot(fit.parallax / fit.noise.sigma, BAND_SIGMA)
-    by_parallax = -fit.cost * len(fit.matches) - fit.narrowness
-    return by_parallax, by_parallax + float(fit.probability @ np.log(ratios))
+    by_parallax = fit.log_likelihood - other.log_likelihood
+    return min(by_parallax, by_parallax + _log_ratios(fit) - _log_ratios(other)) > NEAR
+
+
+def _log_ratios(fit: MovingFit) -> float:
+    """Logarithm of the density of all parallax over that of its ratios."""
+    return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, BAND_SIGMA)))
 
 
 def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:

@@ -214,14 +214,18 @@ def likelier_elsewhere(
         found = _elsewhere(fit, between)
         if found is None or found.against >= 0.0:
             return fit, found
+        before = fit
         fit, other = _likelier(fit, found)
+        if fit is before:
+            break
     return fit, other and other._replace(against=0.0)
 
 
 def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, OtherMotion | None]:
     """The likelier of the two by what is against the other, and the one that it then is not.
 
-    Where all matches lead back from there, there is no telling: the other is as likely.
+    Where all matches lead back from there, or to what they make no likelier, there is no telling:
+    the other is as likely.
     """
     if other is None or other.against >= 0.0:
         return fit, other
@@ -232,7 +236,8 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         direction_cam1_from_cam0=other.direction_cam1_from_cam0,
     )
     found = refit_moving(fit.matches, start)
-    if _cosine(found, fit) > _cosine(found, other):
+    leads_back = _cosine(found, fit) > _cosine(found, other)
+    if leads_back or found.log_likelihood < fit.log_likelihood:
         return fit, other._replace(against=0.0)
     return found, OtherMotion(R, t, -other.against, other.because)
 
