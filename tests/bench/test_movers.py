@@ -12,7 +12,7 @@ from farpoint.bench.tables import movers
 
 def test_what_moves_is_one_region_and_moves_as_one():
     views, rng = some_views(1)[0], np.random.default_rng(1)
-    moved = movers.with_mover(views, 0.3, 4.0, rng)
+    moved = movers.with_mover(views, 0.3, rng, shift_px=4.0)
     shift = moved.points1 - views.points1
     moves = np.any(shift != 0.0, axis=1)
     assert moves.sum() == round(0.3 * len(views.points0))
@@ -22,13 +22,24 @@ def test_what_moves_is_one_region_and_moves_as_one():
     assert spread[0] < spread[1]
 
 
+def test_dirt_is_anywhere_and_stands_still_but_for_the_noise():
+    views, rng = some_views(1)[0], np.random.default_rng(1)
+    moved = movers.with_stuck(views, 0.3, rng)
+    stuck = np.any(moved.points1 != views.points1, axis=1)
+    assert stuck.sum() == round(0.3 * len(views.points0))
+    flow = moved.points1[stuck] - views.points0[stuck]
+    assert 0.15 < np.std(flow) < 0.3
+    spread = [np.std(views.points0[which], axis=0).mean() for which in (stuck, ~stuck)]
+    assert spread[0] > 0.7 * spread[1]
+
+
 def test_a_cell_has_a_row_for_each_estimator(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(movers, "_SHARES", (0.2,))
-    monkeypatch.setattr(movers, "_SHIFTS_PX", (20.0,))
+    monkeypatch.setattr(movers, "_MOVES", {"with the camera": movers.with_stuck})
     (table,) = movers.movers_table(BenchOptions(tables=("movers",), pairs=3), silent)
     rows = [dict(zip((c.name for c in table.columns), row, strict=True)) for row in table.rows]
     assert rows[0]["estimator"] == "farpoint"
-    assert all((row["moving_percent"], row["shift_px"]) == (20, 20.0) for row in rows)
+    assert all((row["moving_percent"], row["moves"]) == (20, "with the camera") for row in rows)
     assert rows[0]["rotation_median_deg"] < 0.1
     assert rows[0]["failed"] == 0
     assert "--tables movers --pairs 3" in table.command

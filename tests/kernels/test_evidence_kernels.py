@@ -92,3 +92,17 @@ def test_a_few_wrong_matches_do_not_drag_the_rotation_from_the_others():
     view = shaken(two_views(1, 60, baseline_m=0.0), 1)
     view.rays1[:4] = two_views(5, 60).rays1[:4]  # captured, hundreds of sigma away
     assert beyond(view, np.ones(60), 6.0) == (4, 60)
+
+
+@pytest.mark.parametrize("matches", [0, 5, 40])
+def test_who_stands_still_is_told_by_the_noise_of_each(matches):
+    view, rng = two_views(9, matches, noise_rad=1e-3), np.random.default_rng(9)
+    view.rays1[:] = sphere.normalize(view.rays0 + 5e-3 * rng.normal(size=(matches, 3)))
+    standing = np.empty(matches, bool)
+    count = evidence.find_standing(view.pairs, 3.0, standing)
+    flow = np.linalg.norm(view.rays1 - view.rays0, axis=1)
+    squares = (np.sum(noise**2, axis=(1, 2)) for noise in (view.noise0, view.noise1))
+    expected = flow < 3.0 * np.sqrt(0.5 * sum(squares))
+    np.testing.assert_array_equal(standing, expected)
+    assert count == expected.sum()
+    assert matches < 40 or 5 < count < 35

@@ -9,12 +9,14 @@ import numpy as np
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.formulas import greater, lesser, whole
 from farpoint._kernels.linear import apply_rotation_step
+from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
 from farpoint._kernels.rotation import rotation_linearize
 from farpoint._kernels.rotation_residual import count_beyond
 from farpoint._kernels.scratch import scratch
 from farpoint._kernels.squares import solve_three_spd
+from farpoint._kernels.vectors import combine, dot
 
-__all__ = ["NEAR_SIGMA", "count_beyond_rotation", "weigh"]
+__all__ = ["NEAR_SIGMA", "count_beyond_rotation", "find_standing", "weigh"]
 
 # Parallax below this is a far point's, in sigma.
 NEAR_SIGMA = 3.0
@@ -85,3 +87,18 @@ def count_beyond_rotation(
         count_beyond(pairs, right, R, limit), count_beyond(pairs, right, other_R, limit)
     )
     return whole(lesser(fewest, count_beyond(pairs, right, nearest, limit))), total
+
+
+@kernel
+def find_standing(pairs: np.ndarray, within: float, standing: np.ndarray) -> int:
+    """Tell which matches (N,) stand still in the image, but for so much, by the unit of the noise.
+
+    Returns how many.
+    """
+    count = 0
+    for i in range(standing.size):
+        at = address(i)
+        flow = combine(1.0, ray1(pairs, at), -1.0, ray0(pairs, at))
+        standing[i] = dot(flow, flow) < within * within * flow_variance(pairs, at)
+        count += 1 if standing[i] else 0
+    return count

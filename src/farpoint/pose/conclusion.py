@@ -28,10 +28,10 @@ __all__ = [
 class Course:
     """How an estimate went, written down along the way.
 
-    A stage's seconds end when the next stage begins. A remark is for whoever reads the reason.
+    A stage's seconds end when the next stage begins. Remarks are for whoever reads the reason.
     """
 
-    remark: str = ""
+    remarks: tuple[str, ...] = ()
     iterations: int = 0
     cost: float | None = None
     sign_probability: float | None = None
@@ -40,6 +40,10 @@ class Course:
     refinement_s: float = 0.0
     covariance_s: float = 0.0
     _since: float = field(default_factory=time.perf_counter)
+
+    def remark(self, sentence: str) -> None:
+        """Add a sentence to the reason."""
+        self.remarks += (sentence,)
 
     def lap(self, stage: str) -> None:
         """Book the time since the last lap on ``stage``."""
@@ -110,7 +114,7 @@ def observed(
             f"{stats.near} near and {stats.far} far matches agree on one motion; "
             f"its direction is known to {sigma_deg:.2g} deg.",
             because,
-            course.remark,
+            *course.remarks,
         ),
         rotation_cam1_from_cam0=R,
         rotation_covariance=covariance[:3, :3].copy(),
@@ -135,7 +139,7 @@ def turned(
     """Rotation alone: the camera only turned, stood still, or its direction is not observable."""
     return RelativePose(
         status=status,
-        reason=_said(reason, course.remark),
+        reason=_said(reason, *course.remarks),
         rotation_cam1_from_cam0=R,
         rotation_covariance=rotation_covariance,
         direction_cam1_from_cam0=None,

@@ -19,8 +19,8 @@ from farpoint.pose.moving_fit import (
     MovingFit,
     fit_moving,
     is_plainly_likelier,
+    judge,
     refit_moving,
-    residuals,
 )
 from farpoint.pose.options import RelativePoseOptions
 
@@ -70,7 +70,7 @@ def majority_motion(
     effort = replace(options, min_iterations=least, max_iterations=most)
     some = _with_noise_up_to(NARROW * own, matches.some(MAX_SEARCHED))
     narrow = fit_moving(some, tolerance, effort, state)
-    off = np.abs(residuals(matches, narrow)[fit.probability > 0.5])
+    off = np.abs(judge(matches, narrow)[0, fit.probability > 0.5])
     for share in BELIEVED:
         if _is_apart(off, BAND_SIGMA * math.sqrt(share * own)):
             found = refit_moving(_with_noise_up_to(share * own, matches), narrow)

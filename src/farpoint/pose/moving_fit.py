@@ -27,9 +27,9 @@ __all__ = [
     "MovingFit",
     "fit_moving",
     "is_plainly_likelier",
+    "judge",
     "pose_of",
     "refit_moving",
-    "residuals",
     "seen_by",
 ]
 
@@ -201,11 +201,15 @@ def refit_moving(matches: Matches, fit: MovingFit) -> MovingFit:
     return _moving_fit(matches, fit.iterations, fit.is_planar, fit.rival, found, settled)
 
 
-def residuals(matches: Matches, fit: MovingFit) -> np.ndarray:
-    """Sampson residuals (N,) of the motion fitted, by the noise of these matches."""
-    found, other, right = np.empty((3, packed_length(len(matches))))
-    explain(seen_by(fit, matches.pairs, matches.weights()), found, other, right)
-    return found[: len(matches)]
+def judge(matches: Matches, fit: MovingFit) -> np.ndarray:
+    """Residual, parallax and probability (3, N) of matches, also others, by the motion fitted.
+
+    Those that `likelihood.explain` tells, by the noise of these matches, wherever they lie along
+    their epipolar lines.
+    """
+    rows = np.empty((3, packed_length(len(matches))))
+    explain(seen_by(fit, matches.pairs, matches.weights()), *rows)
+    return rows[:, : len(matches)]
 
 
 def seen_by(fit: MovingFit, pairs: np.ndarray, prior: np.ndarray) -> Seen:

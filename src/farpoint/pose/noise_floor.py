@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint.pose.matches import Matches
-from farpoint.pose.moving_fit import MovingFit, residuals
+from farpoint.pose.moving_fit import MovingFit, judge
 
 __all__ = ["noise_floor"]
 
@@ -32,11 +32,11 @@ def noise_floor(matches: Matches, fit: MovingFit) -> float:
     """
     if matches.told is None:
         return 0.0
-    told = residuals(matches, fit)
+    told = judge(matches, fit)[0]
     right = (fit.probability > 0.5) & (np.abs(told) > 1e-9)
     if np.count_nonzero(right) < LEAST_MATCHES:
         return 0.0
-    squares = residuals(matches.told.alike(), fit)[right] ** 2
+    squares = judge(matches.told.alike(), fit)[0, right] ** 2
     # The same residual, once in units of the same noise for all and once of that told of it.
     variances = squares / told[right] ** 2 + FLOORS[:, None]
     factor = np.mean(squares / variances, axis=1, keepdims=True)

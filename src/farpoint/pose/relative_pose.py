@@ -28,6 +28,7 @@ from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.rivals import hold_against_rivals, likelier_of_plane
+from farpoint.pose.stuck import without_stuck
 from farpoint.pose.turning_fit import TurningFit, turning_when_asked
 from farpoint.pose.verdict import (
     is_consensus,
@@ -157,9 +158,16 @@ def _find(
         # What the search made of a plane, it did with noise that was told wrong.
         moving = replace(refit_moving(matches, moving), is_planar=True)
         course.lap("refinement_s")
+    given = len(matches)
+    matches, moving = without_stuck(matches, moving, tolerance, options, state)
+    if len(matches) < given:
+        course.remark(
+            f"{given - len(matches)} matches stand still in the image: they go along with the "
+            "camera, as dirt on its lens does."
+        )
     moving = majority_motion(matches, moving, tolerance, options, state)
     if moving.coherence > BETWEEN:
-        course.remark = (
+        course.remark(
             "Neighbouring matches are off alike: by the lens or the shutter, or some move by "
             "themselves or were taken for the next of their kind."
         )

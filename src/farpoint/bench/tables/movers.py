@@ -1,10 +1,11 @@
-"""Accuracy where something moves by itself, against every installed peer."""
+"""Accuracy where something moves by itself, or along with the camera, against installed peers."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -16,33 +17,33 @@ from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.views import TwoViews, views_of_scene
 
-__all__ = ["movers_table", "with_mover"]
+__all__ = ["movers_table", "with_mover", "with_stuck"]
 
 _PAIRS = 60
 _BASELINE_M = 0.1
 _MATCHES = 300
 _SHARES = (0.1, 0.2, 0.3, 0.4)
-_SHIFTS_PX = (1.0, 3.0, 10.0)
+_NOISE_PX = 0.22
 _COLUMNS = (
     Column("moving_percent"),
-    Column("shift_px"),
+    Column("moves"),
     Column("estimator"),
     *ERROR_COLUMNS,
 )
 
 
 def movers_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Rows for something that takes more and more of the image, and moves farther and farther."""
+    """Rows for what takes more and more of the image, moves farther and farther, or not at all."""
     rng = np.random.default_rng(options.seed)
     rows: list[tuple[Cell, ...]] = []
     for share in _SHARES:
-        for shift_px in _SHIFTS_PX:
-            rows += _cell_rows(share, shift_px, options, rng, progress)
+        for moves, make in _MOVES.items():
+            rows += _cell_rows(share, moves, make, options, rng, progress)
             yield _table(rows, options)
 
 
 def with_mover(
-    views: TwoViews, share: float, shift_px: float, rng: np.random.Generator
+    views: TwoViews, share: float, rng: np.random.Generator, *, shift_px: float
 ) -> TwoViews:
     """Views with something in them that moves by itself.
 
@@ -57,6 +58,24 @@ def with_mover(
     return replace(views, points1=points1)
 
 
+def with_stuck(views: TwoViews, share: float, rng: np.random.Generator) -> TwoViews:
+    """Views with dirt on the lens: this share of matches, anywhere, stand still in the image."""
+    stuck = rng.permutation(len(views.points0))[: round(share * len(views.points0))]
+    points1 = views.points1.copy()
+    points1[stuck] = views.points0[stuck] + rng.normal(0.0, _NOISE_PX, (len(stuck), 2))
+    return replace(views, points1=points1)
+
+
+# What of the image moves, by what is said of it in the table.
+_Make = Callable[[TwoViews, float, np.random.Generator], TwoViews]
+_MOVES: dict[str, _Make] = {
+    "1 px aside": partial(with_mover, shift_px=1.0),
+    "3 px aside": partial(with_mover, shift_px=3.0),
+    "10 px aside": partial(with_mover, shift_px=10.0),
+    "with the camera": with_stuck,
+}
+
+
 def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
     return Table(
         name="movers",
@@ -66,9 +85,11 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
         rows=tuple(rows),
         notes=(
             f"{options.pairs or _PAIRS} pairs a cell, the same for all: {_MATCHES} matches, noise "
-            f"0.22 px, {100 * _BASELINE_M:g} cm, turns up to 5 deg about every axis; half of the "
-            "points at 1-4 m, half at 25-35 m",
-            "the matches nearest to some point are shifted by so much in image 1, to some side",
+            f"{_NOISE_PX:g} px, {100 * _BASELINE_M:g} cm, turns up to 5 deg about every axis; half "
+            "of the points at 1-4 m, half at 25-35 m",
+            "aside: the matches nearest to some point are shifted by so much in image 1, to some "
+            "side",
+            "with the camera: matches anywhere stand still in the image, as dirt on the lens does",
             "means are over the answers given; gross: rotation more than 1 deg or direction more "
             "than 30 deg off",
         ),
@@ -77,7 +98,8 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
 
 def _cell_rows(
     share: float,
-    shift_px: float,
+    moves: str,
+    make: _Make,
     options: BenchOptions,
     rng: np.random.Generator,
     progress: Progress,
@@ -89,9 +111,10 @@ def _cell_rows(
         far_share=0.5,
         matches=_MATCHES,
         outliers=0,
+        noise_px=_NOISE_PX,
     )
-    views = [with_mover(views_of_scene(scene), share, shift_px, rng) for scene in scenes]
-    name = f"movers of {100 * share:g} % by {shift_px:g} px"
+    views = [make(views_of_scene(scene), share, rng) for scene in scenes]
+    name = f"{100 * share:g} % move {moves}"
     courses = race(
         all_estimators(),
         views,
@@ -101,7 +124,7 @@ def _cell_rows(
     return [
         (
             round(100 * share),
-            shift_px,
+            moves,
             course.estimator.name,
             *error_cells(errors_of(course, views)),
         )
