@@ -63,7 +63,7 @@ def followed(monkeypatch):
         given = _matches(matches), challenger, best, second, rival
         return Followed(*challenge(*given), len(steps), best, second)
 
-    within = "copy_pose", "_explains", "_follow", "_keep_better", "_weigh", "_is_elsewhere"
+    within = "copy_pose", "_explains", "follow", "_keep_better", "_weigh", "_is_elsewhere"
     for name in within:
         function = getattr(contest, name)
         monkeypatch.setattr(contest, name, getattr(function, "py_func", function))

@@ -34,6 +34,7 @@ __all__ = [
     "START_POOR",
     "START_WRONG",
     "challenge",
+    "follow",
     "is_close_second",
     "is_rival",
     "is_same",
@@ -186,7 +187,7 @@ def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
 
 
 @inner_kernel
-def _follow(matches: PackedMatches, refinement: Refinement, best: Pose) -> tuple[bool, bool]:
+def follow(matches: PackedMatches, refinement: Refinement, best: Pose) -> tuple[bool, bool]:
     """Refine a hypothesis that may compete; whether it does, and whether it did as it was.
 
     Given up as soon as it does not promise to come about as far as the best, or is seen on its way
@@ -224,7 +225,7 @@ def challenge(
     """
     lowest = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     refinement = Refinement(challenger, lowest, scratch(4), scratch(4), scratch(5))
-    competes, was_near = _follow(matches, refinement, best)
+    competes, was_near = follow(matches, refinement, best)
     if not competes:
         return NO_RIVAL, was_near
     is_equal = best.cost[0] < challenger.cost[0] + NEAR and _is_elsewhere(challenger, best)

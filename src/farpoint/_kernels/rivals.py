@@ -12,8 +12,9 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.contest import REFINEMENTS, refine
+from farpoint._kernels.contest import REFINEMENTS, follow, refine
 from farpoint._kernels.pose import PackedMatches, Pose, copy_pose
+from farpoint._kernels.refinement import Refinement
 from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.vectors import dot, vector
 
@@ -32,17 +33,20 @@ def nearest_rival(matches: PackedMatches, pose: Pose, start_R: np.ndarray, rival
 
     Both averaged over the poses nearby. It is looked for from the rotation ``start_R`` (3, 3), with
     directions all over the sphere, and the noise of ``pose``, which stays as it is. ``rival``
-    receives it; infinite where there is none.
+    receives it; infinite where there is none that comes near, as of `contest.follow`.
     """
     own = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
+    lowest = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
+    refinement = Refinement(other, lowest, scratch(4), scratch(4), scratch(5))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
     rival.cost[0] = math.inf
     start_t = scratch(3)
     for k in range(STARTS):
         _place(k, start_t)
-        _refine_from(matches, start_R, start_t, pose.mixture, other)
-        if other.cost[0] < rival.cost[0] and _is_elsewhere(other, pose):
+        _start_from(start_R, start_t, pose.mixture, other)
+        competes, _ = follow(matches, refinement, own)
+        if competes and other.cost[0] < rival.cost[0] and _is_elsewhere(other, pose):
             copy_pose(other, rival)
     return rival.cost[0] - own.cost[0]
 
@@ -61,10 +65,15 @@ def _refine_from(
     matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose
 ) -> None:
     """The motion that this one leads to, with the noise that it needs."""
+    _start_from(R, t, mixture, pose)
+    refine(matches, REFINEMENTS, pose)
+
+
+@inner_kernel
+def _start_from(R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose) -> None:
     copy(R, pose.R)
     copy(t, pose.t)
     copy(mixture, pose.mixture)
-    refine(matches, REFINEMENTS, pose)
 
 
 @inner_kernel
