@@ -51,9 +51,10 @@ def iterations_needed(
     *,
     flow_rad: float = 0.0,
     contest: np.int64 = RIVAL,
+    sigma: float = 0.2,
 ) -> int:
     effort = five_rays.Effort(3.0, confidence, least, most)
-    return five_rays.iterations_needed(wrong, flow_rad, contest, effort)
+    return five_rays.iterations_needed(wrong, flow_rad, contest, sigma, effort)
 
 
 def constraints(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -201,6 +202,13 @@ def test_long_flow_asks_for_more_hypotheses():
     # Nor is the start then likely to have led to it.
     alone = [iterations_needed(0.2, 0.99, flow_rad=flow, contest=NO_RIVAL) for flow in (0.0, 0.5)]
     assert alone[1] > 3 * alone[0]
+
+
+def test_a_pose_that_calls_all_matches_right_and_noisy_is_doubted():
+    plain, noisy = (iterations_needed(0.05, 0.999, sigma=sigma) for sigma in (0.5, 0.7))
+    assert noisy == iterations_needed(0.05, 0.999, contest=EQUAL) > 3 * plain
+    # Among many wrong matches noise is what it is.
+    assert iterations_needed(0.2, 0.999, sigma=0.7) == iterations_needed(0.2, 0.999)
 
 
 def test_a_start_without_a_rival_needs_fewer_samples():

@@ -12,7 +12,7 @@ from farpoint._kernels import five_rays, search
 from farpoint._kernels.contest import EQUAL, NEAR, NO_RIVAL, RIVAL
 from farpoint._kernels.pose import PackedMatches, Pose
 
-FLOW, CONFIDENCE, MATCHES = 0.01, 0.99, 60
+FLOW, CONFIDENCE, MATCHES, SIGMA = 0.01, 0.99, 60, 0.2
 
 
 def interpreted(kernel: Callable) -> Callable:
@@ -20,9 +20,9 @@ def interpreted(kernel: Callable) -> Callable:
     return getattr(kernel, "py_func", kernel)
 
 
-def needed(wrong: float, contest: np.int64) -> int:
+def needed(wrong: float, contest: np.int64, sigma: float = SIGMA) -> int:
     effort = five_rays.Effort(3.0, CONFIDENCE, 0, 10**6)
-    return interpreted(five_rays.iterations_needed)(wrong, FLOW, contest, effort)
+    return interpreted(five_rays.iterations_needed)(wrong, FLOW, contest, sigma, effort)
 
 
 @pytest.fixture
@@ -38,6 +38,7 @@ def drawn(monkeypatch):
         least: int = 0,
         most: int = 10**6,
         scores: tuple[float, float] = (1.0, 1.0),
+        sigma: float = SIGMA,
     ) -> int:
         samples: list[int] = []
         shares = iter(wrong)
@@ -67,7 +68,8 @@ def drawn(monkeypatch):
         empty = np.ones(9)
         matches = PackedMatches(empty, empty, MATCHES, 100.0, 1e-6, math.inf, gives_way=True)
         effort = five_rays.Effort(3.0, CONFIDENCE, least, most)
-        poses = (Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3))
+        poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3)]
+        poses[0].mixture[0] = sigma * sigma
         told, *_ = interpreted(search.search_pose)(matches, empty, effort, empty, *poses)
         assert told == len(samples)
         return len(samples)
@@ -90,6 +92,12 @@ def test_an_equal_asks_for_four_times_as_many(drawn):
     assert drawn([0.4, 0.4], {2: (EQUAL, 5.0)}) == needed(0.4, contest=EQUAL)
     # A rival since does not make it any less.
     assert drawn([0.4, 0.4, 0.4], {2: (EQUAL, 5.0), 3: (RIVAL, 1.0)}) == needed(0.4, EQUAL)
+
+
+def test_the_noise_of_the_best_decides_too(drawn):
+    noisy = needed(0.05, contest=NO_RIVAL, sigma=1.0)
+    assert noisy > 3 * needed(0.05, contest=NO_RIVAL)
+    assert drawn([0.05], sigma=1.0) == noisy
 
 
 def test_what_came_near_a_poor_pose_is_no_equal_of_a_much_better_one(drawn):

@@ -80,10 +80,10 @@ def far_off(scenes: list[Traffic]) -> int:
 
 @pytest.mark.parametrize(
     ("share", "shift_px", "most", "between"),
-    [(0.2, 3.0, 8, 12), (0.3, 3.0, 11, 25), (0.4, 6.0, 9, 30)],
+    [(0.2, 3.0, 7, 9), (0.3, 3.0, 11, 25), (0.4, 6.0, 8, 30)],
 )
 def test_the_camera_moves_as_most_matches_do(monkeypatch, share, shift_px, most, between):
-    """Of 40 poses 6, 8 and 6 are off; of the likeliest, between both motions, 14, 29 and 35."""
+    """Of 40 poses 5, 9 and 5 are off; of the likeliest, between both motions, 10, 29 and 34."""
     scenes = [traffic(seed, share, shift_px) for seed in range(40)]
     assert far_off(scenes) <= most
     monkeypatch.setattr(majority, "BETWEEN", 2.0)

@@ -36,6 +36,9 @@ AS_FAR_AS_ANY = 2.0
 START_DOUBT = 0.02
 # Share of samples without a wrong match that lead to the better one of two equals.
 HIT_AMONG_EQUALS = 1.0 / 16.0
+# A pose that calls all but this share right, with more noise than this part of the tolerance, may
+# be a wrong minimum: as rarely do samples leave it for a better one.
+FEW_WRONG, MUCH_NOISE = 0.1, 0.2
 # Newton's steps: how many, the longest, and one after which the next would be its square.
 NEWTON_STEPS = 7
 # Pairs that are worked on at once: five, and empty seats.
@@ -170,6 +173,7 @@ def iterations_needed(
     wrong: float,
     flow: float,
     contest: np.int64,
+    sigma: float,
     effort: Effort,
 ) -> int:
     """Samples of five until the pose has been found, with the confidence of the ``effort``.
@@ -179,14 +183,16 @@ def iterations_needed(
     the start leaves (rad); once there was a rival, nothing is known (``contest``, of `contest`). A
     sample without a wrong match converges to the right pose every second time, half as often where
     that flow is long and samples start from their own rotation, and less where the pose is in
-    doubt. Between two equals it does so one time in sixteen, as measured on handheld sequences.
+    doubt. Between two equals it does so one time in sixteen, as measured on handheld sequences, and
+    where the noise of nearly all, ``sigma``, is as large as that of a wrong minimum.
     """
     right = greater(1.0 - wrong, 0.0)
     square = right * right
     away = 1.0 + flow / LONG_FLOW * flow / LONG_FLOW
     start_doubt = lesser(START_DOUBT * away / (square + 1e-9), 1.0)
     doubt = start_doubt if contest == NO_RIVAL else 1.0
-    often = HIT_AMONG_EQUALS if contest == EQUAL else 0.5 / (1.0 + doubt)
+    is_noisy = wrong < FEW_WRONG and sigma > MUCH_NOISE * effort.tolerance
+    often = HIT_AMONG_EQUALS if is_noisy or contest == EQUAL else 0.5 / (1.0 + doubt)
     hit = often / lesser(away, AS_FAR_AS_ANY) * square * square * right
     if hit <= 0.0:
         return effort.max_iterations

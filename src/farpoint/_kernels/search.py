@@ -174,7 +174,7 @@ def search_pose(
     wrong = unexplained(matches, best, tolerance)
     contest = NO_RIVAL
     iteration = 0
-    while iteration < iterations_needed(wrong, flow, contest, effort):
+    while iteration < iterations_needed(wrong, flow, contest, math.sqrt(best.mixture[0]), effort):
         iteration += 1
         _draw_distinct(sample, count, state)
         if not _solve_sample(pairs, sample, iteration % 3, start, flow, state, best, other):
