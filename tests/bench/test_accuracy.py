@@ -20,6 +20,7 @@ def course_of(rotations: np.ndarray, directions: np.ndarray) -> Course:
         rotations=rotations,
         directions=directions,
         seconds=np.zeros(len(rotations)),
+        first_seconds=np.zeros(len(rotations)),
     )
 
 

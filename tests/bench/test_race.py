@@ -32,6 +32,7 @@ def test_short_calls_are_repeated_and_long_ones_not(monkeypatch: pytest.MonkeyPa
     estimator = estimator_of("any", calls.append)
     (course,) = race((estimator,), VIEWS[:2], seed=0, repeats=3)
     np.testing.assert_allclose(course.seconds, [0.001, 0.05])
+    np.testing.assert_allclose(course.first_seconds, [0.003, 0.05])
     assert len(calls) == 1 + 3 + 1
 
 
