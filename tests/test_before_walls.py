@@ -70,8 +70,8 @@ def test_a_direction_that_is_given_is_the_right_one(
 ):
     later = flown(shared_data, 20.0, 3)
     nees = squares(flight, results) + squares(later, list(Odometry(later.camera).run(later)))
-    # 5 degrees of freedom. Where a plane is not asked for its other motion whenever noise was told,
-    # one of ninety is that, a thousand sigma off.
+    # 5 degrees of freedom. Where other motions are taken on the word of some of the matches, three
+    # of a hundred are those, a thousand sigma off.
     assert np.max(nees) < 40.0
     assert np.mean(np.array(nees) < 11.07) > 0.85
 

@@ -153,12 +153,10 @@ def _find(
     course.iterations = moving.iterations
     course.lap("search_s")
     floor = noise_floor(matches, moving)
-    if matches.told is not None:
-        if floor:
-            matches = matches.told.with_floor(floor)
-            moving = refit_moving(matches, moving)
-        # What the search made of a plane, it did with noise that may be told wrong.
-        moving = replace(moving, is_planar=True)
+    if floor and matches.told is not None:
+        matches = matches.told.with_floor(floor)
+        # What the search made of a plane, it did with noise that was told wrong.
+        moving = replace(refit_moving(matches, moving), is_planar=True)
         course.lap("refinement_s")
     given = len(matches)
     matches, moving = without_stuck(matches, moving, tolerance, options, state)

@@ -224,8 +224,9 @@ def likelier_elsewhere(
 def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, OtherMotion | None]:
     """The likelier of the two by what is against the other, and the one that it then is not.
 
-    Where all matches lead back from there, or to what they make no likelier, there is no telling:
-    the other is as likely.
+    Where all matches lead back from there, or, of a motion elsewhere, to what they make no
+    likelier, there is no telling: the other is as likely. (Between the two that a plane allows, the
+    latter chose worse on video: by it a drone before house fronts took a wrong one.)
     """
     if other is None or other.against >= 0.0:
         return fit, other
@@ -237,7 +238,8 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
     )
     found = refit_moving(fit.matches, start)
     leads_back = _cosine(found, fit) > _cosine(found, other)
-    if leads_back or found.log_likelihood < fit.log_likelihood:
+    is_unlikelier = found.log_likelihood < fit.log_likelihood and other.because != PLANE
+    if leads_back or is_unlikelier:
         return fit, other._replace(against=0.0)
     return found, OtherMotion(R, t, -other.against, other.because)
 
