@@ -35,13 +35,14 @@ def test_what_changes_slowly_over_the_image_is():
     assert told(view, noisy) == pytest.approx(0.5, abs=0.15)
 
 
-@pytest.mark.parametrize("width", [1.0, 1e-3, 0.0])
-def test_the_neighbour_is_the_nearest_right_match_in_both_images(width):
+@pytest.mark.parametrize(("width", "aside"), [(1.0, 0.0), (1.0, 50.0), (1e-3, 0.0), (0.0, 0.0)])
+def test_the_neighbour_is_the_nearest_right_match_in_both_images(width, aside):
     rng = np.random.default_rng(2)
     view, residual = two_views(2, ASKED, noise_rad=1e-4), rng.normal(size=ASKED)
-    # All but one in a column as narrow as that.
+    # All but one in a column as narrow as that, and one far away.
     view.rays0[1:, 0] *= width
-    right = rng.uniform(0.2, 1.0, ASKED)
+    view.rays0[0, 0] += aside
+    right = np.append(1.0, rng.uniform(0.2, 1.0, ASKED - 1))
     rows = np.flatnonzero(right > 0.5)
     tree = cKDTree(np.c_[view.rays0, view.rays1][rows])
     _, nearest = tree.query(tree.data, k=2)
