@@ -27,7 +27,8 @@ from farpoint.pose.neighbours import doubt_where_alike
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
-from farpoint.pose.rivals import hold_against_rivals, likelier_of_plane
+from farpoint.pose.rivals import doubt_between, hold_against_rivals, likelier_of_plane
+from farpoint.pose.small import rotation_vector
 from farpoint.pose.stuck import without_stuck
 from farpoint.pose.turning_fit import TurningFit, turning_when_asked
 from farpoint.pose.verdict import (
@@ -221,8 +222,9 @@ def _conclude_moving(
             if is_vague
             else "The flow beyond the rotation is too short: most of it is noise."
         )
-        doubt = _doubt_of_rotation(fit.R_cam1_from_cam0, turned().R_cam1_from_cam0)
-        doubtful = rotation_covariance + doubt
+        # Or that of a turn, which is as likely.
+        apart = np.array(rotation_vector(turned().R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
+        doubtful = rotation_covariance + doubt_between(apart, 0.5)
         return _rotation_alone(fit, reason, doubtful, labels, course)
     return conclusion.observed(
         fit.R_cam1_from_cam0,
@@ -255,19 +257,14 @@ def _rotation_alone(
     )
 
 
-def _doubt_of_rotation(R: np.ndarray, other_R: np.ndarray) -> np.ndarray:
-    """Covariance (3, 3), rad^2, of a rotation that may as well be the other one.
+def _doubt_if_moving(fit: TurningFit, moving: MovingFit) -> np.ndarray:
+    """Covariance (3, 3), rad^2, of a rotation that may as well be that of a motion.
 
     About which axis the two differ depends on a direction that is not known.
     """
-    apart = (R - other_R).ravel()
+    apart = (fit.R_cam1_from_cam0 - moving.R_cam1_from_cam0).ravel()
     angle = 2.0 * math.asin(min(math.sqrt(apart @ apart / 8.0), 1.0))
-    return 0.5 * angle * angle * IDENTITY
-
-
-def _doubt_if_moving(fit: TurningFit, moving: MovingFit) -> np.ndarray:
-    """Covariance (3, 3), rad^2, of a rotation that may as well be that of a motion."""
-    doubt = _doubt_of_rotation(fit.R_cam1_from_cam0, moving.R_cam1_from_cam0)
+    doubt = 0.5 * angle * angle * IDENTITY
     own = moving.matches.sharing * moving_covariance(moving)[:3, :3]
     return doubt + own if fixes_rotation(own) else doubt
 

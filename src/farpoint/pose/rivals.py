@@ -23,6 +23,7 @@ from farpoint.pose.turning_fit import TurningFit
 __all__ = [
     "Held",
     "OtherMotion",
+    "doubt_between",
     "hold_against_rivals",
     "likelier_elsewhere",
     "likelier_met",
@@ -101,15 +102,8 @@ class OtherMotion(NamedTuple):
         return self.probability(fit.matches.doubt, HEARD_BETWEEN) * mixed
 
     def doubt_of_rotation(self, fit: MovingFit) -> np.ndarray:
-        """Covariance (3, 3), rad^2, of a rotation that this one's may be, or a third.
-
-        The square of what the two differ by times the `probability` of the second, most of it along
-        the axis of that: a third one may differ from both any way.
-        """
-        apart = self._turn_from(fit)
-        any_way = float(apart @ apart) / 3.0 * np.eye(3)
-        mixed = ALONG * np.outer(apart, apart) + (1.0 - ALONG) * any_way
-        return self.probability(fit.matches.doubt) * mixed
+        """Covariance (3, 3), rad^2, of a rotation that this one's may be, or a third."""
+        return doubt_between(self._turn_from(fit), self.probability(fit.matches.doubt))
 
     def probability(self, doubt: float, heard: float = HEARD) -> float:
         """Of this motion to be the right one, if the variance of the noise is in so much doubt.
@@ -121,6 +115,16 @@ class OtherMotion(NamedTuple):
 
     def _turn_from(self, fit: MovingFit) -> np.ndarray:
         return np.array(rotation_vector(self.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
+
+
+def doubt_between(apart: np.ndarray, probability: float) -> np.ndarray:
+    """Covariance (3, 3), rad^2, of a rotation, where another one has this probability.
+
+    The square of the rotation vector by which the two are ``apart`` times that, most of it along
+    the axis of it: a third one may differ from both any way.
+    """
+    any_way = float(apart @ apart) / 3.0 * np.eye(3)
+    return probability * (ALONG * np.outer(apart, apart) + (1.0 - ALONG) * any_way)
 
 
 def _cosine(one: OtherMotion | MovingFit, other: OtherMotion | MovingFit) -> float:
