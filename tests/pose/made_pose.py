@@ -16,6 +16,7 @@ STATS = PoseStats(
     cost=1.0,
     sign_probability=None,
     sharing=1.0,
+    half_ratio=None,
     search_s=0.0,
     refinement_s=0.0,
     covariance_s=0.0,

@@ -123,6 +123,7 @@ def made_up_pose(
             cost=1.1,
             sign_probability=1.0,
             sharing=1.0,
+            half_ratio=None,
             search_s=0.001,
             refinement_s=0.002,
             covariance_s=0.0005,

@@ -22,6 +22,7 @@ class OdometryOptions:
     pose : RelativePoseOptions
         How the motion is estimated from them. By default `shared_error_px` is 0.002: what the
         tracker's windows were seen to have in common on rendered streets; and `half_deals` is 8.
+        `expected_half_ratio` is that of the first pair, from which it goes on.
     path : PathOptions
         How motions are strung together.
     seed : int

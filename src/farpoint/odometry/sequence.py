@@ -12,6 +12,7 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.frames import Frame
 from farpoint.metrics import SplitHalf, image_cells, split_half
+from farpoint.odometry.half_ratios import HalfRatios
 from farpoint.odometry.options import OdometryOptions
 from farpoint.odometry.result import OdometryResult
 from farpoint.pose import (
@@ -79,6 +80,7 @@ class Odometry:
         self.seconds = {"tracks": 0.0, "pose": 0.0, "path": 0.0}
         self._tracker = Tracker(self.options.tracker)
         self._reference: _Reference | None = None
+        self._half_ratios = HalfRatios(self.options.pose.expected_half_ratio)
         self._path = PathBuilder(self._estimate, self.options.path)
         self._next_index = 0
         self._has_seen = False  # an image, which fixed the size
@@ -147,7 +149,7 @@ class Odometry:
         """
         tracks = result.tracks
         # A lens is wrong for both halves alike, and so is what all tracks have in common.
-        options = replace(self.options.pose, shared_error_px=0.0)
+        options = replace(self._pose_options(), shared_error_px=0.0)
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
             partial(self._estimate_by, self.camera, options),
@@ -163,6 +165,7 @@ class Odometry:
         matched = time.perf_counter()
         tracks = self._without_perspective(tracks)
         pose = self._estimate(tracks.points0, tracks.points1, tracks.covariance_px2)
+        self._half_ratios.add(pose.stats.half_ratio)
         estimated = time.perf_counter()
         if pose.status is not PoseStatus.FAILED:
             good = tracks.select(pose.labels != TrackLabel.OUTLIER)
@@ -189,7 +192,7 @@ class Odometry:
             tracks.points0[some],
             tracks.points1[some],
             self.camera,
-            options=replace(self.options.pose, count_sharing=False),
+            options=replace(self.options.pose, count_sharing=False, half_deals=0),
             seed=self.options.seed,
         )
         if rough.rotation_cam1_from_cam0 is None:
@@ -205,9 +208,12 @@ class Odometry:
         return with_lens_doubt(
             self.camera,
             lambda camera: self._estimate_by(
-                camera, self.options.pose, points0, points1, covariance_px2
+                camera, self._pose_options(), points0, points1, covariance_px2
             ),
         )
+
+    def _pose_options(self) -> RelativePoseOptions:
+        return replace(self.options.pose, expected_half_ratio=self._half_ratios.mean)
 
     def _estimate_by(
         self,

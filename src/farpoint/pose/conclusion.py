@@ -36,6 +36,7 @@ class Course:
     cost: float | None = None
     sign_probability: float | None = None
     sharing: float = 1.0
+    half_ratio: float | None = None
     search_s: float = 0.0
     refinement_s: float = 0.0
     covariance_s: float = 0.0
@@ -184,6 +185,7 @@ def _stats(labels: np.ndarray, course: Course) -> PoseStats:
         cost=course.cost,
         sign_probability=course.sign_probability,
         sharing=course.sharing,
+        half_ratio=course.half_ratio,
         search_s=course.search_s,
         refinement_s=course.refinement_s,
         covariance_s=course.covariance_s,

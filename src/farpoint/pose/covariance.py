@@ -12,13 +12,13 @@ from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit, pose_of, seen_by
 
-__all__ = ["growth_by_halves", "moving_covariance", "shared_covariance"]
+__all__ = ["growth_by_halves", "half_ratio", "moving_covariance", "shared_covariance"]
 
 # Up to this sigma of the direction over both axes, rad, all poses that the covariance allows tell
 # about the same.
 STRAIGHT_SIGMA = math.radians(1.5)
-# Degrees of freedom that the covariance as computed counts, beside what halves show of it.
-COMPUTED = 20.0
+# Degrees of freedom that what was expected of halves counts, beside what they show.
+EXPECTED = 40.0
 # Fewer matches make no halves.
 LEAST_MATCHES = 30
 
@@ -42,22 +42,29 @@ def moving_covariance(fit: MovingFit) -> np.ndarray:
     return positive(covariance)
 
 
-def growth_by_halves(fit: MovingFit, deals: int) -> float:
-    """How much larger a covariance is than computed, as halves of the matches show it.
+def half_ratio(fit: MovingFit, deals: int) -> float | None:
+    """Squared difference of the poses by halves of the matches, over what the covariance expects.
 
     Tracks of one surface err together: some surfaces ask for another motion than others, and which
     of them a pose follows is decided by few. Then half of the tracks lead to a pose farther from
     that of the other half than their noise would take it (delete-d jackknife: Shao and Wu, Ann.
-    Stat. 17, 1989, DOI 10.1214/aos/1176347263). A factor: 1 without ``deals``, and for few matches.
+    Stat. 17, 1989, DOI 10.1214/aos/1176347263). The mean of random ``deals``; None without any, and
+    for few matches.
     """
     matches = fit.matches
     if deals == 0 or len(matches) < LEAST_MATCHES or not math.isfinite(fit.covariance[0, 0]):
-        return 1.0
+        return None
     state = np.zeros(1, np.uint64)
     judging = matches.judging(fit.said[0], gives_way=True)
-    shown = disagreement(judging, pose_of(fit), fit.covariance, deals, state)
+    return disagreement(judging, pose_of(fit), fit.covariance, deals, state)
+
+
+def growth_by_halves(ratio: float | None, expected: float, deals: int) -> float:
+    """How much larger a covariance is than computed, by the `half_ratio` found and expected."""
+    if ratio is None:
+        return expected
     freedom = 5.0 * deals
-    return (COMPUTED + freedom * shown) / (COMPUTED + freedom)
+    return (EXPECTED * expected + freedom * ratio) / (EXPECTED + freedom)
 
 
 def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:

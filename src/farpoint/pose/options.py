@@ -41,6 +41,10 @@ class RelativePoseOptions:
     half_deals : int
         How often the matches are dealt into two halves, by whose poses the covariance is corrected;
         0 for never. For tracks: those of one surface err together.
+    expected_half_ratio : float
+        What the halves are expected to show: the mean `PoseStats.half_ratio` of earlier pairs of
+        the same video, which `Odometry` keeps. It counts as much as 8 deals do, and alone where
+        there are none. 1 is what independent noise shows.
     false_alarm_rate : float
         Probability, in (0, 1), with which a camera that only turned may be said to have moved, one
         that stood still to have turned, and chance to have been a consensus.
@@ -55,11 +59,13 @@ class RelativePoseOptions:
     shared_error_px: float = 0.0
     count_sharing: bool = True
     half_deals: int = 0
+    expected_half_ratio: float = 1.0
     false_alarm_rate: float = 1e-3
 
     def __post_init__(self) -> None:
         pixels = "matching_tolerance_px", "flow_saturation_px"
         settle_float(self, "a positive number of pixels", lambda px: px > 0, *pixels)
+        settle_float(self, "a positive number", lambda ratio: ratio > 0, "expected_half_ratio")
         rates = "confidence", "false_alarm_rate"
         settle_float(self, "a probability in (0, 1)", lambda rate: 0 < rate < 1, *rates)
         settle_float(self, "0 px or more", lambda px: px >= 0, "shared_error_px")

@@ -18,7 +18,12 @@ from farpoint.pose import conclusion
 from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma, fixes_rotation
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import Course, given_labels, label_matches
-from farpoint.pose.covariance import growth_by_halves, moving_covariance, shared_covariance
+from farpoint.pose.covariance import (
+    growth_by_halves,
+    half_ratio,
+    moving_covariance,
+    shared_covariance,
+)
 from farpoint.pose.far_rotation import IDENTITY, far_rotation
 from farpoint.pose.majority import BETWEEN, majority_motion
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
@@ -46,6 +51,9 @@ MIN_MATCHES = 8
 # A motion that leaves so much less noise than a rotation may be the truth, be there ever so few
 # matches to say so.
 FAR_LESS_NOISE = 0.5
+# Share of a flow too short for a direction that noise makes, about: so far towards that of a turn
+# may the rotation be.
+SHORT_OF_TURN = 0.5
 
 
 def estimate_relative_pose(
@@ -198,7 +206,9 @@ def _conclude_moving(
     if not is_motion(fit, rate):
         return conclusion.no_consensus(matches, fit.agreeing, course)
     fit, covariance, rival = hold_against_rivals(fit, other, turned, rate)
-    covariance *= matches.sharing * growth_by_halves(fit, options.half_deals)
+    ratio = course.half_ratio = half_ratio(fit, options.half_deals)
+    covariance *= growth_by_halves(ratio, options.expected_half_ratio, options.half_deals)
+    covariance *= matches.sharing
     if options.shared_error_px > 0.0:
         covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
@@ -222,9 +232,8 @@ def _conclude_moving(
             if is_vague
             else "The flow beyond the rotation is too short: most of it is noise."
         )
-        # Or that of a turn, which is as likely.
         apart = np.array(rotation_vector(turned().R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
-        doubtful = rotation_covariance + doubt_between(apart, 0.5)
+        doubtful = rotation_covariance + doubt_between(apart, SHORT_OF_TURN**2)
         return _rotation_alone(fit, reason, doubtful, labels, course)
     return conclusion.observed(
         fit.R_cam1_from_cam0,

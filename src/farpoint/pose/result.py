@@ -60,6 +60,9 @@ class PoseStats:
     sharing : float
         How many times larger the covariance is than of matches that err independently, since
         neighbours were seen to err alike; 1 where they do not.
+    half_ratio : float or None
+        Squared difference of the poses by halves of the matches, over what the covariance as
+        computed expects of it; None where none were dealt (`RelativePoseOptions.half_deals`).
     search_s, refinement_s, covariance_s : float
         Time spent in each stage, seconds.
     """
@@ -72,6 +75,7 @@ class PoseStats:
     cost: float | None
     sign_probability: float | None
     sharing: float
+    half_ratio: float | None
     search_s: float
     refinement_s: float
     covariance_s: float

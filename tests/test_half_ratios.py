@@ -1,0 +1,75 @@
+"""What halves of the tracks have shown of a video, and what its next pair makes of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from boards import CAMERA, drive
+from farpoint import Odometry, OdometryOptions, RelativePoseOptions
+from farpoint.odometry.half_ratios import HalfRatios
+from farpoint.tracks import TrackerOptions
+
+
+def test_the_mean_begins_with_what_was_expected_and_goes_to_what_is_shown():
+    ratios = HalfRatios(1.0)
+    ratios.add(None)
+    assert ratios.mean == 1.0
+    ratios.add(2.5)
+    assert ratios.mean == pytest.approx((2 * 1.0 + 2.5) / 3)
+    shown = np.random.default_rng(3).gamma(8.0, 0.7 / 8.0, 90)
+    for ratio in shown:
+        ratios.add(ratio)
+    assert ratios.mean == pytest.approx((2 * 1.0 + 2.5 + shown.sum()) / (2 + 1 + 90))
+
+
+def test_two_motions_of_one_pair_do_not_tell_of_the_others():
+    ratios = HalfRatios(1.0)
+    ratios.add(50.0)
+    assert ratios.mean == pytest.approx((2 * 1.0 + 3.0) / 3)
+
+
+def test_what_is_long_past_is_forgotten():
+    ratios = HalfRatios(1.0)
+    for ratio in [2.0] * 1000 + [0.5] * 300:
+        ratios.add(ratio)
+    assert ratios.mean == pytest.approx(0.5 + 1.5 * 0.99**300)
+
+
+def odometry(**options) -> Odometry:
+    pose = RelativePoseOptions(**options)
+    return Odometry(CAMERA, OdometryOptions(tracker=TrackerOptions(max_tracks=250), pose=pose))
+
+
+def test_a_pair_is_held_to_what_the_pairs_before_have_shown():
+    images = drive(4)
+    learning, computed = odometry(half_deals=8), odometry()
+    expected = 2.0
+    for k, image in enumerate(images):
+        ours, plain = (each.process(image, 0.1 * k).pose for each in (learning, computed))
+        if ours is None:
+            continue
+        shown = ours.stats.half_ratio
+        np.testing.assert_allclose(
+            ours.covariance,
+            (40.0 * expected / (k + 1) + 40.0 * shown) / 80.0 * plain.covariance,
+            rtol=1e-9,
+        )
+        expected += shown
+
+
+def test_halves_of_a_pair_are_held_to_it_too():
+    images = drive(2)
+    sure, unsure = (
+        odometry(half_deals=8, expected_half_ratio=expected) for expected in (1.0, 9.0)
+    )
+    halves = [
+        each.split_half([each.process(image, 0.1 * k) for k, image in enumerate(images)][-1])
+        for each in (sure, unsure)
+    ]
+    assert np.trace(halves[1].covariance) > 2.0 * np.trace(halves[0].covariance)
+
+
+def test_a_ratio_that_is_none_is_refused():
+    with pytest.raises(ValueError, match="expected_half_ratio"):
+        RelativePoseOptions(expected_half_ratio=0.0)
