@@ -60,9 +60,7 @@ def test_a_pair_is_held_to_what_the_pairs_before_have_shown():
 
 def test_halves_of_a_pair_are_held_to_it_too():
     images = drive(2)
-    sure, unsure = (
-        odometry(half_deals=8, expected_half_ratio=expected) for expected in (1.0, 9.0)
-    )
+    sure, unsure = (odometry(half_deals=8, expected_half_ratio=expected) for expected in (1.0, 9.0))
     halves = [
         each.split_half([each.process(image, 0.1 * k) for k, image in enumerate(images)][-1])
         for each in (sure, unsure)
