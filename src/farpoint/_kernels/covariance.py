@@ -31,7 +31,7 @@ PLAIN = 0.85
 SIGNAL = 0.25
 # Matches whose residuals weigh as much as the noise that was found, in saying how the gradient
 # varies: few residuals, or a few that most depends on, tell little of it.
-STATED = 60.0
+STATED = 120.0
 # Matches of which one tells of the pose along a given axis.
 TELLING = 5.0
 # How much larger than the covariance of one pose the mean over all may be.
