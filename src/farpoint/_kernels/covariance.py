@@ -7,9 +7,10 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.contest import narrowness
 from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.information import information
-from farpoint._kernels.likelihood import add_retreats
+from farpoint._kernels.likelihood import add_retreats, linearize
 from farpoint._kernels.linear import eigen_five, sandwich, tangent_basis
 from farpoint._kernels.pose import Seen, apply_step, take_step
 from farpoint._kernels.scratch import clear, copy, scratch
@@ -139,14 +140,17 @@ def covariance_around(
 ) -> None:
     """Mean ``out`` (5, 5) of the covariance over the poses that a ``covariance`` allows.
 
-    To second order: larger by half of what it changes by, a sigma to either side, along its two
-    widest axes. Along no axis it shrinks, or grows by more than `MOST_GROWTH` times.
+    To second order: larger by what it is, on average, a sigma to either side along each axis, more
+    than here; each side counts as far as the poses there are likely. Along no axis it shrinks, or
+    grows by more than `MOST_GROWTH` times.
     """
-    values, axes, steps = scratch(5, 5), scratch(5, 5), scratch(2, 5)
+    values, axes, steps = scratch(5, 5), scratch(5, 5), scratch(5, 5)
     growth, half = scratch(5, 5), scratch(5, 5)
     copy(covariance, values)
     eigen_five(values, axes)
-    _widest(values, axes, steps)
+    for k in range(5):
+        for i in range(5):
+            steps[k, i] = math.sqrt(values[k, k]) * axes[k, i]
     _grow(seen, right, predicted, covariance, steps, growth)
     # In axes in which the covariance is the identity, growth is what it is times as large.
     for k in range(5):
@@ -155,16 +159,13 @@ def covariance_around(
             axes[k, i] /= sigma
     _product(axes, growth, half)
     _product(half, axes, growth)
-    for k in range(5):
-        for i in range(5):
-            axes[k, i] *= values[k, k]
     eigen_five(growth, half)
     clear(out)
     for k in range(5):
         more = 1.0 + lesser(greater(growth[k, k], 0.0), MOST_GROWTH)
         for i in range(5):
             for j in range(5):
-                out[i, j] += more * _along(half, axes, k, i) * _along(half, axes, k, j)
+                out[i, j] += more * _along(half, steps, k, i) * _along(half, steps, k, j)
 
 
 @formula
@@ -177,20 +178,6 @@ def _along(A: np.ndarray, B: np.ndarray, i: int, j: int) -> float:
 
 
 @inner_kernel
-def _widest(values: np.ndarray, axes: np.ndarray, steps: np.ndarray) -> None:
-    """A sigma along the two axes (rows) with the largest ``values``, on a diagonal (5, 5)."""
-    first = second = -1
-    for k in range(5):
-        if first < 0 or values[k, k] > values[first, first]:
-            first, second = k, first
-        elif second < 0 or values[k, k] > values[second, second]:
-            second = k
-    for i in range(5):
-        steps[0, i] = math.sqrt(values[first, first]) * axes[first, i]
-        steps[1, i] = math.sqrt(values[second, second]) * axes[second, i]
-
-
-@inner_kernel
 def _grow(
     seen: Seen,
     right: float,
@@ -199,21 +186,53 @@ def _grow(
     steps: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """How much larger (5, 5) a ``covariance`` is on average around the pose.
+    """How much larger (5, 5) a ``covariance`` is on average, by such ``steps`` (rows) around here.
 
-    It is `MOST_GROWTH` times as large again where hardly anything would be signal.
+    Of the two poses a step ahead and back, each counts as its likelihood, averaged over the poses
+    nearby. The covariance is `MOST_GROWTH` times as large again where hardly anything is signal.
     """
-    step, there = scratch(5), scratch(5, 5)
+    back = scratch(5)
     clear(out)
+    _add_beside(seen, right, predicted, covariance, back, -5.0, out)
     for k in range(5):
-        side, weight = (0.0, -2.0) if k == 0 else (1.0 if k < 3 else -1.0, 0.5)
+        ahead = steps[k]
         for i in range(5):
-            step[i] = side * steps[k % 2, i]
-        shows = covariance_beside(seen, right, predicted, step, there)
-        for i in range(5):
-            for j in range(5):
-                value = there[i, j] if shows else (1.0 + MOST_GROWTH) * covariance[i, j]
-                out[i, j] += weight * value
+            back[i] = -ahead[i]
+        against = _log_likelihood_beside(seen, back) - _log_likelihood_beside(seen, ahead)
+        share = 1.0 / (1.0 + math.exp(lesser(against, 50.0)))
+        _add_beside(seen, right, predicted, covariance, ahead, share, out)
+        _add_beside(seen, right, predicted, covariance, back, 1.0 - share, out)
+
+
+@inner_kernel
+def _add_beside(
+    seen: Seen,
+    right: float,
+    predicted: bool,
+    covariance: np.ndarray,
+    step: np.ndarray,
+    weight: float,
+    out: np.ndarray,
+) -> None:
+    """Add the covariance a ``step`` beside this pose, times a weight."""
+    there = scratch(5, 5)
+    shows = covariance_beside(seen, right, predicted, step, there)
+    for i in range(5):
+        for j in range(5):
+            value = there[i, j] if shows else (1.0 + MOST_GROWTH) * covariance[i, j]
+            out[i, j] += weight * value
+
+
+@inner_kernel
+def _log_likelihood_beside(seen: Seen, step: np.ndarray) -> float:
+    """Of all matches, averaged over the poses around that a ``step`` (5,) beside this one."""
+    moved_R, moved_t, normal, shares = scratch(3, 3), scratch(3), scratch(6, 6), scratch(4)
+    copy(seen.R, moved_R)
+    copy(seen.t, moved_t)
+    apply_step(moved_R, moved_t, step)
+    moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.spread)
+    cost = linearize(moved, False, normal, shares)
+    return greater(-cost - narrowness(normal), -1e300)
 
 
 @inner_kernel
