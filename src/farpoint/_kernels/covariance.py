@@ -193,6 +193,7 @@ def _grow(
     """
     back = scratch(5)
     clear(out)
+    clear(back)
     _add_beside(seen, right, predicted, covariance, back, -5.0, out)
     for k in range(5):
         ahead = steps[k]

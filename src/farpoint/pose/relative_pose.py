@@ -271,9 +271,8 @@ def _doubt_if_moving(fit: TurningFit, moving: MovingFit) -> np.ndarray:
 
     About which axis the two differ depends on a direction that is not known.
     """
-    apart = (fit.R_cam1_from_cam0 - moving.R_cam1_from_cam0).ravel()
-    angle = 2.0 * math.asin(min(math.sqrt(apart @ apart / 8.0), 1.0))
-    doubt = 0.5 * angle * angle * IDENTITY
+    apart = rotation_vector(fit.R_cam1_from_cam0 @ moving.R_cam1_from_cam0.T)
+    doubt = 0.5 * math.hypot(*apart) ** 2 * IDENTITY
     own = moving.matches.sharing * moving_covariance(moving)[:3, :3]
     return doubt + own if fixes_rotation(own) else doubt
 
