@@ -59,13 +59,15 @@ def test_a_pair_is_held_to_what_the_pairs_before_have_shown():
 
 
 def test_halves_of_a_pair_are_held_to_it_too():
-    images = drive(2)
-    sure, unsure = (odometry(half_deals=8, expected_half_ratio=expected) for expected in (1.0, 9.0))
-    halves = [
+    images = drive(5)
+    plain, doubting = odometry(), odometry(half_deals=8, expected_half_ratio=50.0)
+    computed, doubted = (
         each.split_half([each.process(image, 0.1 * k) for k, image in enumerate(images)][-1])
-        for each in (sure, unsure)
-    ]
-    assert np.trace(halves[1].covariance) > 2.0 * np.trace(halves[0].covariance)
+        for each in (plain, doubting)
+    )
+    # After four pairs, which show about one, (2 * 50 + 4) / 6 is expected, and no longer 50.
+    ratio = np.trace(doubted.covariance) / np.trace(computed.covariance)
+    assert 0.5 * 17.0 < ratio < 0.5 * 25.0
 
 
 def test_a_ratio_that_is_none_is_refused():
