@@ -12,13 +12,21 @@ from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit, pose_of, seen_by
 
-__all__ = ["growth_by_halves", "half_ratio", "moving_covariance", "shared_covariance"]
+__all__ = [
+    "growth_by_halves",
+    "half_ratio",
+    "moving_covariance",
+    "shared_covariance",
+    "shared_direction_covariance",
+]
 
 # Up to this sigma of the direction over both axes, rad, all poses that the covariance allows tell
 # about the same.
 STRAIGHT_SIGMA = math.radians(1.5)
 # Degrees of freedom that what was expected of halves counts, beside what they show.
 EXPECTED = 40.0
+# Share of an error of all matches that is not the same all over the image.
+UNEVEN = 0.5
 # Fewer matches make no halves.
 LEAST_MATCHES = 30
 
@@ -84,3 +92,15 @@ def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
         return np.zeros((3, 3))
     per_unit = 0.5 * float(np.median(1.0 / matches.precision))  # rad^2; both images have noise
     return sigma**2 * per_unit * np.eye(3)
+
+
+def shared_direction_covariance(fit: MovingFit, sigma: float) -> np.ndarray:
+    """Covariance (2, 2), rad^2, of a direction where errors of all matches, ``sigma``, are uneven.
+
+    An error that is the same all over the image is taken for a turn; one that changes over it, as
+    the flow does, moves the direction. As large as the turn of the direction that moves a typical
+    match by so much of ``sigma``, in units of the noise.
+    """
+    right = float(np.add.reduce(fit.probability))
+    flow2 = float(fit.probability @ (fit.parallax * fit.parallax)) / max(right, 1.0)
+    return (UNEVEN * sigma) ** 2 / (2.0 * max(flow2, 1e-12)) * np.eye(2)  # both images have noise

@@ -34,7 +34,9 @@ class RelativePoseOptions:
         there are samples of five.
     shared_error_px : float
         1-sigma, px, by which all matches may be off in one way: no number of them averages it away,
-        and the covariance of the rotation is never less. As `matching_tolerance_px` for rays.
+        and the covariance of the rotation is never less. Half of it may change over the image,
+        and turn the direction by as much over the typical parallax. As `matching_tolerance_px` for
+        rays.
     count_sharing : bool
         Count what matches have in common where neighbours err alike and nothing was told of their
         noise. False takes them for independent.
