@@ -17,9 +17,10 @@ from farpoint._kernels.contest import NEAR, is_rival
 from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain
-from farpoint._kernels.motion import MAX_SEARCHED, Found, Settled, fit_motion, settle_motion
+from farpoint._kernels.motion import fit_motion
 from farpoint._kernels.pose import Pose, Seen
 from farpoint._kernels.refinement import refine_pose
+from farpoint._kernels.settling import MAX_SEARCHED, Found, Settled, settle_motion
 from farpoint._kernels.sharing import LIKELY, design_effect
 from farpoint.geometry import so3
 

@@ -9,7 +9,7 @@ import pytest
 from pose_kit import rotation_error
 
 from farpoint import Camera, PoseStatus, estimate_relative_pose
-from farpoint._kernels.motion import settle_motion
+from farpoint._kernels.settling import settle_motion
 from farpoint.geometry import so3, sphere
 from farpoint.pose import moving_fit
 from farpoint.pose.matches import matches_from_points

@@ -19,11 +19,11 @@ from farpoint._kernels.formulas import choose, formula, greater, root
 from farpoint._kernels.likelihood import explain, judge_pose
 from farpoint._kernels.linear import add, add_outer
 from farpoint._kernels.mixture import clutter_at, clutter_of, densities
-from farpoint._kernels.motion import MAX_REFINEMENTS
 from farpoint._kernels.pairs import address, flow_variance, noise0, noise1, ray0, ray1
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.scratch import clear, copy, room, scratch
+from farpoint._kernels.settling import MAX_REFINEMENTS
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.twins import planar_twin
 from farpoint._kernels.vectors import (

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint._kernels.plausible import BAND_SIGMA
+from farpoint._kernels.settling import MAX_SEARCHED
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import (
     MovingFit,

@@ -14,10 +14,11 @@ import numpy as np
 from farpoint._kernels.contest import NEAR
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain
-from farpoint._kernels.motion import Found, Settled, fit_motion, settle_motion
+from farpoint._kernels.motion import fit_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
 from farpoint._kernels.plausible import BAND_SIGMA
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
+from farpoint._kernels.settling import Found, Settled, settle_motion
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.motion import MAX_SEARCHED
 from farpoint._kernels.plane import other_motion
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.rivals import judge_rival, nearest_rival
+from farpoint._kernels.settling import MAX_SEARCHED
 from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma
 from farpoint.pose.covariance import moving_covariance

@@ -20,7 +20,7 @@ import numpy as np
 import scipy  # its parts load on first use
 
 from farpoint._kernels.evidence import NEAR_SIGMA
-from farpoint._kernels.motion import MAX_SEARCHED
+from farpoint._kernels.settling import MAX_SEARCHED
 from farpoint._kernels.turning import Judged, flow_beside_rotation, likelier_moving
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit
