@@ -28,6 +28,7 @@ class HalfRatios:
     Attributes
     ----------
     mean : float
+        Squared differences of halves over what covariances expect of them, without a unit.
     """
 
     def __init__(self, expected: float) -> None:

@@ -97,9 +97,11 @@ def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
 def shared_direction_covariance(fit: MovingFit, sigma: float) -> np.ndarray:
     """Covariance (2, 2), rad^2, of a direction where errors of all matches, ``sigma``, are uneven.
 
+    In the tangent basis of the direction, in camera 1.
+
     An error that is the same all over the image is taken for a turn; one that changes over it, as
     the flow does, moves the direction. As large as the turn of the direction that moves a typical
-    match by so much of ``sigma``, in units of the noise.
+    match by `UNEVEN` of ``sigma``, in units of the noise.
     """
     right = float(np.add.reduce(fit.probability))
     flow2 = float(fit.probability @ (fit.parallax * fit.parallax)) / max(right, 1.0)
