@@ -22,7 +22,7 @@ __all__ = [
 
 # Up to this sigma of the direction over both axes, rad, all poses that the covariance allows tell
 # about the same.
-STRAIGHT_SIGMA = math.radians(1.5)
+STRAIGHT_SIGMA = math.radians(2.5)
 # Degrees of freedom that what was expected of halves counts, beside what they show.
 EXPECTED = 40.0
 # Share of an error of all matches that is not the same all over the image.
