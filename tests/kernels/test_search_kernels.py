@@ -49,12 +49,13 @@ def iterations_needed(
     least: int = 0,
     most: int = 10**6,
     *,
+    known: float = 1.0,
     flow_rad: float = 0.0,
     contest: np.int64 = RIVAL,
     sigma: float = 0.2,
 ) -> int:
     effort = five_rays.Effort(3.0, confidence, least, most)
-    return five_rays.iterations_needed(wrong, flow_rad, contest, sigma, effort)
+    return five_rays.iterations_needed(wrong, known, flow_rad, contest, sigma, effort)
 
 
 def constraints(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -169,16 +170,37 @@ def test_the_direction_is_found_among_wrong_matches(wrong):
     np.testing.assert_array_equal(t, search_direction(view, 3.0, seed=1))
 
 
+@kernel
+def draw_sample(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndarray) -> None:
+    search._draw_distinct(sample, among, n, state)
+
+
+def test_a_sample_is_distinct_and_of_those_that_it_is_drawn_among():
+    among = np.zeros(40)
+    among[[3, 4, 8, 20, 21, 39]] = 1.0
+    state, met = np.array([5], np.uint64), set()
+    for _ in range(200):
+        sample = np.empty(5, np.int64)
+        draw_sample(sample, among, 40, state)
+        assert len(set(sample)) == 5
+        met |= set(sample.tolist())
+    assert met == set(np.flatnonzero(among).tolist())
+
+
 @quick
 @given(
     wrong=st.floats(0.0, 0.85),
+    known=st.floats(0.1, 1.0),
     confidence=st.sampled_from([0.9, 0.99, 0.9999]),
     contest=st.sampled_from([(RIVAL, 1 / 4), (EQUAL, 1 / 16)]),
 )
-def test_the_stop_rule_keeps_its_confidence(wrong, confidence, contest):
-    # A sample of five hits when none is wrong and, not every time, when it converges.
-    hit = contest[1] * (1.0 - wrong) ** 5
-    needed = iterations_needed(wrong, confidence, most=10**7, contest=contest[0])
+def test_the_stop_rule_keeps_its_confidence(wrong, known, confidence, contest):
+    # A sample of five hits when none is wrong and, not every time, when it converges. Of known
+    # matches fewer are wrong, if a pose explains more of all than chance would.
+    right = 1.0 - wrong
+    among = min(right / known, 1.0) * min(right / five_rays.BEYOND_CHANCE, 1.0)
+    hit = contest[1] * 0.5 * (right**5 + among**5)
+    needed = iterations_needed(wrong, confidence, most=10**7, known=known, contest=contest[0])
     assert 1.0 - (1.0 - hit) ** needed >= confidence - 1e-9
     # One round fewer misses the confidence, up to the rounding up.
     assert 1.0 - (1.0 - hit) ** (needed - 2) <= confidence + 1e-9
@@ -192,6 +214,15 @@ def test_the_stop_rule_keeps_to_its_bounds():
     assert iterations_needed(1.2, 0.99, 24, 2000) == 2000
     counts = [iterations_needed(w, 0.99) for w in np.linspace(0.0, 0.9, 50)]
     assert counts == sorted(counts)
+
+
+def test_known_matches_ask_for_fewer_hypotheses_unless_they_agree_by_chance():
+    known = [iterations_needed(0.5, 0.99, known=share) for share in (1.0, 0.7, 0.5)]
+    assert known[0] > 3 * known[1] > 6 * known[2]
+    # All that agree with a pose are known: of a poor one, they say little about a better one.
+    alone = [iterations_needed(1.0 - right, 0.99, known=right) for right in (0.4, 0.3, 0.2, 0.1)]
+    assert alone == sorted(alone)
+    assert alone[-1] > 100 * alone[0]
 
 
 def test_long_flow_asks_for_more_hypotheses():

@@ -20,16 +20,18 @@ def interpreted(kernel: Callable) -> Callable:
     return getattr(kernel, "py_func", kernel)
 
 
-def needed(wrong: float, contest: np.int64, sigma: float = SIGMA) -> int:
+def needed(wrong: float, contest: np.int64, sigma: float = SIGMA, known: int = MATCHES) -> int:
     effort = five_rays.Effort(3.0, CONFIDENCE, 0, 10**6)
-    return interpreted(five_rays.iterations_needed)(wrong, FLOW, contest, sigma, effort)
+    share = known / MATCHES
+    return interpreted(five_rays.iterations_needed)(wrong, share, FLOW, contest, sigma, effort)
 
 
 @pytest.fixture
 def drawn(monkeypatch):
     """Samples that a search draws if some (by their number) are a rival of the best or its equal,
-    better by so much, and show this share of ``wrong`` matches from then on. The truncated squares
-    of the start, and of every sample, are the ``scores``, each of the matches up to 9.
+    better by so much, and show this share of ``wrong`` matches from then on, and that so many are
+    ``known``. The truncated squares of the start, and of every sample, are the ``scores``, each of
+    the matches up to 9.
     """
 
     def run(
@@ -39,22 +41,44 @@ def drawn(monkeypatch):
         most: int = 10**6,
         scores: tuple[float, float] = (1.0, 1.0),
         sigma: float = SIGMA,
+        known: list[int] | None = None,
+        agrees: bool = False,
+        turns: list[int] | None = None,
     ) -> int:
         samples: list[int] = []
         shares = iter(wrong)
+        marked = iter(known or [])
+        last = [MATCHES]
 
         def challenge(_matches, _challenger, best, _second, _rival):
             contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
             best.cost[0] -= gain
             return contest, False
 
+        def get_to_know(*_):
+            # After a rival, those that agree with the best are marked, and those with the other.
+            last[0] = next(marked, last[0])
+            return last[0] / MATCHES
+
+        def draw(_sample, among, *_):
+            samples.append(len(samples) + 1)
+            is_of_known = last[0] < MATCHES and len(samples) % 2 == 0
+            assert is_of_known == (among is not everyone)
+
+        def solve(_pairs, _sample, turn, *_):
+            if turns is not None:
+                turns.append(turn)
+            return True
+
         mocks = {
-            "_draw_distinct": lambda *_: samples.append(len(samples) + 1),
+            "_draw_distinct": draw,
+            "_get_to_know": get_to_know,
+            "_agrees": lambda *_: agrees,
             "challenge": challenge,
             "unexplained": lambda *_: next(shares),
             "_typical_flow": lambda *_: FLOW,
             "iterations_needed": interpreted(five_rays.iterations_needed),
-            "_solve_sample": lambda *_: True,
+            "_solve_sample": solve,
             "score_pose": lambda *_: scores[1] if samples else scores[0],
             "noise_of": lambda *given: given[-1].fill(1.0),
             "is_rival": lambda *_: False,
@@ -65,8 +89,8 @@ def drawn(monkeypatch):
         mocks |= {name: lambda *_: None for name in nothing}
         for name, mock in mocks.items():
             monkeypatch.setattr(search, name, mock)
-        empty = np.ones(9)
-        matches = PackedMatches(empty, empty, MATCHES, 100.0, 1e-6, math.inf, gives_way=True)
+        empty, everyone = np.ones(9), np.ones(MATCHES)
+        matches = PackedMatches(empty, everyone, MATCHES, 100.0, 1e-6, math.inf, gives_way=True)
         effort = five_rays.Effort(3.0, CONFIDENCE, least, most)
         poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3)]
         poses[0].mixture[0] = sigma * sigma
@@ -120,6 +144,21 @@ def test_a_better_pose_changes_what_is_needed(drawn):
     assert needed(0.2, contest=RIVAL) > 3
     assert drawn([0.5, 0.2], {3: (RIVAL, 0.0)}) == needed(0.2, contest=RIVAL)
     assert drawn([0.2, 0.5], {1: (RIVAL, 0.0)}) == needed(0.5, contest=RIVAL)
+
+
+def test_the_more_is_known_of_the_matches_the_fewer_samples_are_needed(drawn):
+    first, later = (needed(0.5, contest=RIVAL, known=known) for known in (36, 45))
+    assert first < later < 0.5 * needed(0.5, contest=RIVAL)
+    assert drawn([0.5, 0.5], {2: (RIVAL, 0.0)}, known=[30, 33, 36]) == first
+    assert drawn([0.5] * 3, {2: (RIVAL, 0.0), 3: (RIVAL, 0.0)}, known=[30, 33, 36, 40, 45]) == later
+
+
+@pytest.mark.parametrize(("agrees", "solved"), [(False, {0, 1, 2}), (True, {1, 2})])
+def test_a_sample_that_agrees_with_the_best_is_not_solved_from_there(drawn, agrees, solved):
+    turns: list[int] = []
+    assert drawn([0.5], least=60, most=60, agrees=agrees, turns=turns) == 60
+    assert set(turns) == solved
+    assert len(turns) == 20 * len(solved)
 
 
 def test_a_search_that_has_drawn_enough_already_stops_at_once(drawn):

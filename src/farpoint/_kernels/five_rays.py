@@ -39,6 +39,8 @@ HIT_AMONG_EQUALS = 1.0 / 16.0
 # A pose that calls all but this share right, with more noise than this part of the tolerance, may
 # be a wrong minimum: as rarely do samples leave it for a better one.
 FEW_WRONG, MUCH_NOISE = 0.1, 0.2
+# A pose that this share of the matches agrees with has to do with the right one.
+BEYOND_CHANCE = 0.4
 # Newton's steps: how many, the longest, and one after which the next would be its square.
 NEWTON_STEPS = 7
 # Pairs that are worked on at once: five, and empty seats.
@@ -171,12 +173,16 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
 @kernel
 def iterations_needed(
     wrong: float,
+    known: float,
     flow: float,
     contest: np.int64,
     sigma: float,
     effort: Effort,
 ) -> int:
     """Samples of five until the pose has been found, with the confidence of the ``effort``.
+
+    Half of them are of the share of matches that is ``known`` to agree with a pose that was met: of
+    these, as many are right as agree with the best, if those are more than agree by chance.
 
     The start already led to it, but for a doubt that was measured on drawn and real pairs: it grows
     with the share of ``wrong`` matches, and with the square of the ``flow`` that the rotation of
@@ -193,7 +199,9 @@ def iterations_needed(
     doubt = start_doubt if contest == NO_RIVAL else 1.0
     is_noisy = wrong < FEW_WRONG and sigma > MUCH_NOISE * effort.tolerance
     often = HIT_AMONG_EQUALS if is_noisy or contest == EQUAL else 0.5 / (1.0 + doubt)
-    hit = often / lesser(away, AS_FAR_AS_ANY) * square * square * right
+    among = lesser(right / known, 1.0) * lesser(right / BEYOND_CHANCE, 1.0)
+    clean = 0.5 * (right**5 + among**5)
+    hit = often / lesser(away, AS_FAR_AS_ANY) * clean
     if hit <= 0.0:
         return effort.max_iterations
     needed = math.log(lesser((1.0 - effort.confidence) / doubt, 1.0)) / math.log(1.0 - hit)

@@ -22,6 +22,7 @@ from farpoint._kernels.contest import (
     unexplained,
 )
 from farpoint._kernels.direction import intersect_circles
+from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.five_rays import (
     LONG_FLOW,
     Effort,
@@ -43,7 +44,7 @@ from farpoint._kernels.plausible import largest
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.scratch import clear, copy, index_scratch, room, scratch
 from farpoint._kernels.twins import layer_twin, planar_twin
-from farpoint._kernels.vectors import Vector, combine, dot, matrix, rotate
+from farpoint._kernels.vectors import Vector, combine, dot, matrix, rotate, vector
 
 __all__ = ["search_direction", "search_pose"]
 
@@ -53,6 +54,8 @@ PROMISING = 2.0
 SUPPORTED = 0.5
 # Pairs of matches whose directions the search starts from.
 DIRECTIONS = np.int64(16)
+# So many known matches have samples of their own.
+LEAST_KNOWN = 8
 
 
 @kernel
@@ -87,16 +90,41 @@ def search_direction(
 
 
 @inner_kernel
-def _draw_distinct(sample: np.ndarray, n: int, state: np.ndarray) -> None:
-    """Fill ``sample`` with distinct indices below ``n``."""
+def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndarray) -> None:
+    """Fill ``sample`` with distinct indices below ``n``, of those that ``among`` is not 0 for."""
     for s in range(sample.size):
         fresh = False
         while not fresh:
             sample[s] = draw_index(state, n)
-            fresh = True
+            fresh = among[sample[s]] > 0.0
             for q in range(s):
                 if sample[q] == sample[s]:
                     fresh = False
+
+
+@inner_kernel
+def _agrees(pairs: np.ndarray, sample: np.ndarray, tolerance: float, pose: Pose) -> bool:
+    """Whether a sample agrees with a pose: from there it leads back to it."""
+    turn, towards = matrix(pose.R), vector(pose.t)
+    for s in range(sample.size):
+        if not abs(sampson(pairs, address(sample[s]), turn, towards)) < tolerance:
+            return False
+    return True
+
+
+@inner_kernel
+def _get_to_know(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
+    """Mark the matches that agree with a pose as ``known``; the share of those that are.
+
+    1 where so few are that samples of them would all be alike.
+    """
+    turn, towards = matrix(pose.R), vector(pose.t)
+    count = 0
+    for i in range(matches.total):
+        if abs(sampson(matches.pairs, address(i), turn, towards)) < tolerance:
+            known[i] = 1.0
+        count += 1 if known[i] > 0.0 else 0
+    return count / matches.total if count >= LEAST_KNOWN else 1.0
 
 
 @formula
@@ -150,7 +178,9 @@ def search_pose(
 
     The start is the direction that the flow of the ``candidates`` suggests there. Samples are
     solved in turn from the best pose, for a better one nearby, and from about the rotation of the
-    start, or their own, with a direction from anywhere, or from their own rays. A hypothesis that
+    start, or their own, with a direction from anywhere, or from their own rays. Every second sample
+    is drawn from the matches that agree with a pose that was the best or its rival: where a better
+    one is found, few of its matches are new, and hardly any wrong one is known. A hypothesis that
     agrees with the matches about as well as the first pose, and as any since, is refined, and
     judged by its likelihood with the noise that it needs: a wrong minimum looks good only with more
     noise than there is. Once there has been a rival, many more are tried. At last come the motions
@@ -172,12 +202,21 @@ def search_pose(
     copy(best.t, other.t)
     lowest = score_pose(pairs, prior, best.R, other.t, limit, math.inf)
     wrong = unexplained(matches, best, tolerance)
+    known = room(count)
+    clear(known)
+    share = _get_to_know(matches, best, tolerance, known)
     contest = NO_RIVAL
     iteration = 0
-    while iteration < iterations_needed(wrong, flow, contest, math.sqrt(best.mixture[0]), effort):
+    while iteration < iterations_needed(
+        wrong, share, flow, contest, math.sqrt(best.mixture[0]), effort
+    ):
         iteration += 1
-        _draw_distinct(sample, count, state)
-        if not _solve_sample(pairs, sample, iteration % 3, start, flow, state, best, other):
+        among = known if iteration % 2 == 0 and share < 1.0 else prior
+        _draw_distinct(sample, among, count, state)
+        turn = iteration // 2 % 3
+        if turn == 0 and _agrees(pairs, sample, tolerance, best):
+            continue
+        if not _solve_sample(pairs, sample, turn, start, flow, state, best, other):
             continue
         most = lesser(PROMISING * lowest, SUPPORTED * lowest + (1.0 - SUPPORTED) * limit * count)
         raw = score_pose(pairs, prior, other.R, other.t, limit, most)
@@ -192,6 +231,8 @@ def search_pose(
             far_better = best.cost[0] < before - NEAR
             contest = RIVAL if far_better else greater(contest, outcome)
             wrong = unexplained(matches, best, tolerance)
+            _get_to_know(matches, best, tolerance, known)
+            share = _get_to_know(matches, other, tolerance, known)
     is_planar = _search_twins(matches, best, other, second, rival)
     return iteration, is_planar, is_rival(rival, best), is_close_second(second, best)
 
