@@ -120,6 +120,9 @@ def test_of_few_matches_an_equal_is_a_rival(followed):
     assert followed([AWAY, (90.0, 1.0)], matches=FEW).contest == RIVAL
 
 
-def test_one_that_was_near_as_it_was_is_told(followed):
-    assert followed([(129.0, 1.0), (128.0, 0.1)], same_after=1).was_near
-    assert not followed([(131.0, 9.0), (100.5, 0.1)], same_after=2).was_near
+@pytest.mark.parametrize(("matches", "near"), [(9, 30.0), (40, 50.0), (160, 100.0)])
+def test_one_that_was_near_as_it_was_is_told(followed, matches, near):
+    # As near as the two motions of a plane may be apart by chance, of so many matches.
+    inside, outside = BEST + near - 1.0, BEST + near + 1.0
+    assert followed([(inside, 9.0), (inside, 0.1)], same_after=1, matches=matches).was_near
+    assert not followed([(outside, 99.0), (BEST, 0.1)], same_after=2, matches=matches).was_near

@@ -187,7 +187,7 @@ def test_the_other_motion_is_a_minimum_of_its_own_and_nearly_as_low():
         refinement.refine_pose(matches_of(view, SPREAD, gives_way=False), 1e-6, 50, pose)
         costs.append(pose.cost[0])
         np.testing.assert_allclose(pose.t, start[1], rtol=0.0, atol=0.05)
-    assert abs(costs[1] - costs[0]) < plane.RIVAL
+    assert abs(costs[1] - costs[0]) < plane.NEAR_OF_PLANE
 
 
 def test_the_motion_that_was_asked_about_stays_as_it_is():

@@ -28,7 +28,9 @@ __all__ = [
     "EQUAL",
     "GATE_SIGMA",
     "NEAR",
+    "NEAR_OF_PLANE",
     "NO_RIVAL",
+    "OF_MATCHES",
     "REFINEMENTS",
     "RIVAL",
     "START_POOR",
@@ -50,6 +52,9 @@ GATE_SIGMA = 3.0
 # Log likelihood to which hypotheses are refined, and up to which two come near each other.
 COARSE = 0.1
 NEAR = 30.0
+# What the two motions of a plane differ by at the most, by chance, of so many matches: it grows
+# with the root of their number.
+NEAR_OF_PLANE, OF_MATCHES = 100.0, 160.0
 # What a hypothesis was to the best pose: nothing, a rival, or one as good and of another direction.
 NO_RIVAL, RIVAL, EQUAL = (np.int64(contest) for contest in range(3))
 # Of so few matches many motions are about as likely, and more samples find none that was missed.
@@ -188,20 +193,22 @@ def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
 
 @inner_kernel
 def follow(matches: PackedMatches, refinement: Refinement, best: Pose) -> tuple[bool, bool]:
-    """Refine a hypothesis that may compete; whether it does, and whether it did as it was.
+    """Refine a hypothesis that may compete; whether it does, and whether it was near as it was.
 
     Given up as soon as it does not promise to come about as far as the best, or is seen on its way
     there. A step's promise is a modest one: more matches come within reach with it, and that there
-    is less noise gains, too. As much as the last step gained, the next one may.
+    is less noise gains, too. As much as the last step gained, the next one may. As it was it is
+    near enough for the other motion of a plane if by chance alone it could be that.
     """
     pose, enough = refinement.pose, best.cost[0] + NEAR
+    by_chance = greater(NEAR, NEAR_OF_PLANE * math.sqrt(matches.total / OF_MATCHES))
     begin(matches, refinement)
     cost, was_near = math.inf, False
     for step in range(REFINEMENTS):
         before, goes_on = cost, advance(matches, COARSE, refinement)
         cost = pose.cost[0] + narrowness(pose.normal)
         if step == 0:
-            before, was_near = cost, cost < enough
+            before, was_near = cost, cost < best.cost[0] + by_chance
         hoped_for = PROMISES * refinement.state[PROMISED] + before - cost
         if not cost - hoped_for < enough or is_same(pose.R, pose.t, best):
             return False, was_near

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.contest import GATE_SIGMA, is_same
+from farpoint._kernels.contest import GATE_SIGMA, NEAR_OF_PLANE, OF_MATCHES, is_same
 from farpoint._kernels.formulas import choose, formula, greater, root
 from farpoint._kernels.likelihood import explain, judge_pose
 from farpoint._kernels.linear import add, add_outer
@@ -40,10 +40,6 @@ from farpoint._kernels.vectors import (
 
 __all__ = ["other_motion"]
 
-# Log likelihood that the other motion may lack: more than the chance of so many matches makes.
-# That grows with the root of their number.
-RIVAL = 100.0
-OF_MATCHES = 160.0
 FINE = 0.1
 # Share of the right matches that lie anywhere on their lines, and not about the plane.
 OFF_SHARE = 0.1
@@ -80,7 +76,7 @@ def other_motion(
         _put(other, twin_R, twin_t, own.mixture)
         other.cost[0] = judge_pose(matches, other, scratch(4))
     growth = math.sqrt(greater(count / OF_MATCHES, 1.0))
-    is_near = other.cost[0] < own.cost[0] + growth * RIVAL
+    is_near = other.cost[0] < own.cost[0] + growth * NEAR_OF_PLANE
     if not is_near or is_same(other.R, other.t, own):
         return False, 0.0
     return True, _evidence(matches, pose, other, is_told)
