@@ -123,19 +123,21 @@ def likelihood_by(
     clutter = anywhere + near
     peak = 2.0 * SPREAD / np.sqrt(2.0 * np.pi * MIXTURE[0])
     across = along = 1.0
-    found = 0.0
+    found, off = 0.0, plane.OFF / plane.OF_ALL
     for _ in range(plane.RELIEF_ROUNDS):
         retreat = np.where(shift < 0.0, np.maximum(shift**2 / across - 9.0, 0.0), 0.0)
         exponent = -0.5 * (c2 / across + retreat) / variance
         kinds = shares * np.exp(exponent) / np.sqrt(variance * across)
-        about = (1.0 - plane.OFF_SHARE) * peak * np.exp(-0.5 * a2 / along) / np.sqrt(along)
-        density = kinds.sum(axis=0) * (plane.OFF_SHARE + about) + clutter
+        about = (1.0 - off) * peak * np.exp(-0.5 * a2 / along) / np.sqrt(along)
+        density = kinds.sum(axis=0) * (off + about) + clutter
         found = np.log(density).sum()
         w = kinds[0] * about / density
         sums = w.sum(), np.sum(w * c2) + plane.KNOWN, np.sum(w * a2)
         across, along = sums[1] / (sums[0] + plane.KNOWN), sums[2] / max(sums[0], 1.0)
         if along < across:
             across = along = (sums[1] + sums[2]) / (2.0 * sums[0] + plane.KNOWN)
+        lines = kinds.sum(axis=0) / density
+        off = (plane.OFF + off * lines.sum()) / (plane.OF_ALL + np.sum((off + about) * lines))
     return Relief(found, across, along)
 
 
@@ -176,6 +178,16 @@ def test_what_speaks_for_the_first_motion_is_relief_along_its_lines(
 def test_a_bare_wall_speaks_for_neither(shape):
     # Where each motion leaves its own lines free, their likelihoods differ by 3.
     assert abs(other_of(wall(40, shape=shape)).against) < 0.5
+
+
+def test_one_match_off_a_wall_of_many_says_little_and_the_next_one_more():
+    # Of a wrong match or two on its line, any motion makes as much. A share of one in ten that is
+    # taken for granted gives 6 for each.
+    against = [other_of(wall(320, off)).against for off in (0, 1, 2, 4, 6)]
+    said = np.diff(against) / (1, 1, 2, 2)
+    assert 1.0 < said[0] < 3.5
+    assert np.all(np.diff(said[1:]) > 0.0)
+    assert said[-1] > 1.5 * said[0]
 
 
 def test_the_other_motion_is_a_minimum_of_its_own_and_nearly_as_low():

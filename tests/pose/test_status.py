@@ -95,8 +95,8 @@ def test_flow_that_is_mostly_noise_tells_no_direction():
     # Where the flow is not asked for its signal, ten of seventeen that are given are wrong.
     assert of_given >= given - 1
     assert refused >= 40
-    assert of_refused >= 0.6 * refused
-    assert as_noise >= 5
+    assert of_refused >= 0.8 * refused
+    assert as_noise >= 1
 
 
 def test_ten_right_matches_outvote_ten_wrong_ones():

@@ -41,8 +41,9 @@ from farpoint._kernels.vectors import (
 __all__ = ["other_motion"]
 
 FINE = 0.1
-# Share of the right matches that lie anywhere on their lines, and not about the plane.
-OFF_SHARE = 0.1
+# Matches that lie anywhere on their lines, and not about the plane, of so many: as much is believed
+# before any is seen. A wrong match or two lie on the lines of any motion.
+OFF, OF_ALL = 1.0, 10.0
 # Matches whose noise counts as much as what was found of it before.
 KNOWN = 60.0
 PLANE_ROUNDS = 8
@@ -116,8 +117,9 @@ def _likelihood_by(
     """Log likelihood of how far matches are off the plane, by a motion, from what `_part` says.
 
     A match is about the plane, off by the noise and, along its epipolar line, by the relief; or
-    anywhere on that line; or wrong. The variances across the line and along it are found by EM, the
-    latter no smaller than the former. Where they are alike, so is all that is said by any motion.
+    anywhere on that line; or wrong. The share of those anywhere and the variances across the line
+    and along it are found by EM, the latter no smaller than the former. Where they are alike, so is
+    all that is said by any motion.
     """
     pairs, variance, poor = matches.pairs, mixture[0], mixture[2]
     R, t = matrix(pose.R), vector(pose.t)
@@ -125,17 +127,20 @@ def _likelihood_by(
     clutter, _ = clutter_at(clutter_of(mixture, matches.spread), 0.0)
     # Density on a line of a match about the plane, at its place, over that of one anywhere.
     peak = 2.0 * matches.spread / math.sqrt(2.0 * math.pi * variance)
-    across, along, likelihood = 1.0, 1.0, 0.0
+    across, along, off_share, likelihood = 1.0, 1.0, OFF / OF_ALL, 0.0
     for _ in range(RELIEF_ROUNDS):
         weight = squares_across = squares_along = likelihood = 0.0
+        on_line, off_plane = OF_ALL, OFF
         for i in range(matches.total):
             at, prior = address(i), matches.prior[i] / math.sqrt(across)
             across2, along2 = parts[2 * i], parts[2 * i + 1]
             residual, precision = math.sqrt(across2 * variance), 1.0 / (variance * across)
             good, fair, bad = densities(pairs, at, R, t, residual, precision, poor, prior)
-            about = (1.0 - OFF_SHARE) * peak / math.sqrt(along) * math.exp(-0.5 * along2 / along)
-            density = (good + fair + bad) * (OFF_SHARE + about) + clutter
+            about = (1.0 - off_share) * peak / math.sqrt(along) * math.exp(-0.5 * along2 / along)
+            density = (good + fair + bad) * (off_share + about) + clutter
             likelihood += math.log(density)
+            on_line += (good + fair + bad) * (off_share + about) / density
+            off_plane += (good + fair + bad) * off_share / density
             w = good * about / density
             weight += w
             squares_across += w * across2
@@ -145,6 +150,7 @@ def _likelihood_by(
         if along < across:
             along = (squares_across + squares_along + KNOWN) / (2.0 * weight + KNOWN)
             across = along
+        off_share = off_plane / on_line
     return likelihood
 
 
