@@ -103,16 +103,6 @@ def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndar
 
 
 @inner_kernel
-def _agrees(pairs: np.ndarray, sample: np.ndarray, tolerance: float, pose: Pose) -> bool:
-    """Whether a sample agrees with a pose: from there it leads back to it."""
-    turn, towards = matrix(pose.R), vector(pose.t)
-    for s in range(sample.size):
-        if not abs(sampson(pairs, address(sample[s]), turn, towards)) < tolerance:
-            return False
-    return True
-
-
-@inner_kernel
 def _get_to_know(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
     """Mark the matches that agree with a pose as ``known``; the share of those that are.
 
@@ -211,11 +201,10 @@ def search_pose(
         wrong, share, flow, contest, math.sqrt(best.mixture[0]), effort
     ):
         iteration += 1
-        among = known if iteration % 2 == 0 and share < 1.0 else prior
-        _draw_distinct(sample, among, count, state)
-        turn = iteration // 2 % 3
-        if turn == 0 and _agrees(pairs, sample, tolerance, best):
-            continue
+        are_known = iteration % 2 == 0 and share < 1.0
+        _draw_distinct(sample, known if are_known else prior, count, state)
+        # From the best pose samples of known matches would lead back to it.
+        turn = 1 + iteration // 2 % 2 if are_known else iteration // 2 % 3
         if not _solve_sample(pairs, sample, turn, start, flow, state, best, other):
             continue
         most = lesser(PROMISING * lowest, SUPPORTED * lowest + (1.0 - SUPPORTED) * limit * count)
