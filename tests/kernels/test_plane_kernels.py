@@ -185,9 +185,10 @@ def test_one_match_off_a_wall_of_many_says_little_and_the_next_one_more():
     # taken for granted gives 6 for each.
     against = [other_of(wall(320, off)).against for off in (0, 1, 2, 4, 6)]
     said = np.diff(against) / (1, 1, 2, 2)
-    assert 1.0 < said[0] < 3.5
+    assert np.all(said[:2] > 1.0)
+    assert np.all(said[:2] < 4.0)
     assert np.all(np.diff(said[1:]) > 0.0)
-    assert said[-1] > 1.5 * said[0]
+    assert said[-1] > 1.25 * said[0]
 
 
 def test_the_other_motion_is_a_minimum_of_its_own_and_nearly_as_low():

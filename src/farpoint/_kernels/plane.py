@@ -43,7 +43,7 @@ __all__ = ["other_motion"]
 FINE = 0.1
 # Matches that lie anywhere on their lines, and not about the plane, of so many: as much is believed
 # before any is seen. A wrong match or two lie on the lines of any motion.
-OFF, OF_ALL = 1.0, 10.0
+OFF, OF_ALL = 4.0, 40.0
 # Matches whose noise counts as much as what was found of it before.
 KNOWN = 60.0
 PLANE_ROUNDS = 8

@@ -55,6 +55,7 @@ FAR_LESS_NOISE = 0.5
 # Share of a flow too short for a direction that noise makes, about: so far towards that of a turn
 # may the rotation be.
 SHORT_OF_TURN = 0.5
+MOSTLY_NOISE = "The flow beyond the rotation is too short: most of it is noise."
 
 
 def estimate_relative_pose(
@@ -224,7 +225,8 @@ def _conclude_moving(
     between = "" if rival is None else rival.said_beside(fit)
     if rival is not None and not rival.is_nearby(fit):
         doubtful = rotation_covariance + rival.doubt_of_rotation(fit)
-        return _rotation_alone(fit, between, doubtful, labels, course)
+        reason = between if fit.shows_direction else f"{between} {MOSTLY_NOISE}"
+        return _rotation_alone(fit, reason, doubtful, labels, course)
     is_vague = sigma > MAX_DIRECTION_SIGMA or sign < 1.0 - rate
     if is_vague or not fit.shows_direction:
         reason = (
@@ -232,7 +234,7 @@ def _conclude_moving(
             f"its direction is uncertain by {math.degrees(sigma):.0f} deg, "
             f"its sign right with {100 * sign:.0f} %."
             if is_vague
-            else "The flow beyond the rotation is too short: most of it is noise."
+            else MOSTLY_NOISE
         )
         apart = np.array(rotation_vector(turned().R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
         doubtful = rotation_covariance + doubt_between(apart, SHORT_OF_TURN**2)
