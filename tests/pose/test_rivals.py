@@ -98,27 +98,73 @@ def test_a_plain_motion_has_no_rival_that_comes_near(fit):
 
 
 @pytest.fixture
-def met(unlikely, monkeypatch):
-    """`likelier_met` where the motion that was met is so much less likely."""
+def met(monkeypatch):
+    """`likelier_met` where the motion that was met is so much less likely than this one."""
 
-    def run(against: float):
+    def run(against: float, than: MovingFit):
         monkeypatch.setattr(rivals, "judge_rival", lambda *_: against)
-        return rivals.likelier_met(replace(unlikely, rival=(np.eye(3), UP)))
+        return rivals.likelier_met(replace(than, rival=(np.eye(3), UP)))
 
     return run
 
 
-def test_a_motion_that_the_search_has_met_is_judged(fit, met):
-    best, other = met(5.0)
-    assert best.direction_cam1_from_cam0 is fit.direction_cam1_from_cam0
+def is_same_way(one: MovingFit | rivals.OtherMotion, other: MovingFit) -> bool:
+    return np.array_equal(one.direction_cam1_from_cam0, other.direction_cam1_from_cam0)
+
+
+def test_a_motion_that_the_search_has_met_is_judged(fit, unlikely, met):
+    best, other = met(5.0, than=fit)
+    assert is_same_way(best, fit)
     assert other.against == 5.0
     np.testing.assert_array_equal(other.direction_cam1_from_cam0, UP)
-    best, other = met(-5.0)
-    assert best.direction_cam1_from_cam0 is not fit.direction_cam1_from_cam0
+    best, other = met(-5.0, than=unlikely)
+    assert not is_same_way(best, unlikely)
     assert other.against == 5.0
-    np.testing.assert_array_equal(other.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
-    assert met(np.inf)[1] is None
+    assert is_same_way(other, unlikely)
+    assert met(np.inf, than=unlikely)[1] is None
     assert rivals.likelier_met(replace(fit, rival=None))[1] is None
+
+
+def test_one_that_all_matches_make_far_likelier_is_taken_against_residuals(unlikely, met):
+    best, other = met(5.0, than=unlikely)
+    assert not is_same_way(best, unlikely)
+    # The two contradict each other.
+    assert is_same_way(other, unlikely)
+    assert other.against == 0.0
+
+
+def test_what_residuals_rule_out_is_not_asked_again(unlikely, met):
+    best, other = met(100.0, than=unlikely)
+    assert is_same_way(best, unlikely)
+    assert other.against == 100.0
+
+
+@pytest.mark.parametrize("change", [{"is_predicted": True}, {"cost": -1e-3}])
+def test_flow_that_is_mostly_noise_or_a_little_likelier_is_none_that_is_taken(
+    fit, met, monkeypatch, change
+):
+    """Of 110 matches with a cost of 0 but this."""
+    there = replace(fit, direction_cam1_from_cam0=UP, cost=-1.0, narrowness=0.0)
+    plain = replace(fit, cost=0.0, narrowness=0.0)
+    monkeypatch.setattr(rivals, "refit_moving", lambda *_: there)
+    assert not is_same_way(met(5.0, than=plain)[0], fit)
+    there = replace(there, **change)
+    best, other = met(5.0, than=plain)
+    assert is_same_way(best, fit)
+    assert other.against == 5.0
+
+
+def test_matches_of_one_surface_do_not_each_tell_where_they_lie(fit, met, monkeypatch):
+    """All that is plausible of them counts as of 3 sqrt(110) matches, of 110."""
+    plain = replace(fit, cost=0.0, narrowness=0.0, said=np.ones_like(fit.said))
+    for gain, is_taken in ((60.0, True), (20.0, False)):
+        said = np.ones_like(fit.said)
+        said[0] = np.exp(gain / 110)
+        there = replace(
+            plain, direction_cam1_from_cam0=UP, cost=-gain / len(fit.matches), said=said
+        )
+        monkeypatch.setattr(rivals, "refit_moving", lambda *_, there=there: there)
+        assert is_same_way(met(5.0, than=plain)[0], fit) != is_taken
 
 
 def test_a_rotation_with_a_rival_is_doubted_most_about_the_axis_between_them(fit):

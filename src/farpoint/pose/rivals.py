@@ -44,6 +44,12 @@ COS_NEARBY = math.cos(math.radians(10.0))
 # Up to here a direction is the less sure for the other motion of a plane, even if that is unlikely.
 COS_IN_REACH = math.cos(math.radians(30.0))
 
+# Log likelihood that residuals may have against a motion that is the right one, and that by which
+# it must be likelier then, with where the matches lie on their lines.
+CONTESTED, CLEAR = 60.0, 8.0
+# Of n matches as many lie there by themselves as this times the root of n, at the most.
+SURFACES = 3.0
+
 # Share of a difference of log likelihoods that tells the odds of two motions. Each is free along
 # other lines, and so counts another part of the same noise: a second one of 5 to 7 less is the
 # right one in 3 of 100 simulated scenes, not in 1 of 400.
@@ -226,13 +232,14 @@ def likelier_elsewhere(
 
 
 def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, OtherMotion | None]:
-    """The likelier of the two by what is against the other, and the one that it then is not.
+    """The likelier of the two by all that the matches tell, and the one that it then is not.
 
-    Where all matches lead back from there, or, of a motion elsewhere, to what they make no
-    likelier, there is no telling: the other is as likely. (Between the two that a plane allows, the
-    latter chose worse on video: by it a drone before house fronts took a wrong one.)
+    What is against the other is told by residuals. Where that may be chance, or matches that go
+    wrong together, all are fitted to the other, too: with where they lie on their lines, it must be
+    likelier as well, or by far. Where the two contradict each other, or all matches lead back,
+    there is no telling: the other is as likely.
     """
-    if other is None or other.against >= 0.0:
+    if other is None or other.against >= CONTESTED:
         return fit, other
     R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
     start = replace(
@@ -242,10 +249,25 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
     )
     found = refit_moving(fit.matches, start)
     leads_back = _cosine(found, fit) > _cosine(found, other)
-    is_unlikelier = found.log_likelihood < fit.log_likelihood and other.because != PLANE
-    if leads_back or is_unlikelier:
-        return fit, other._replace(against=0.0)
-    return found, OtherMotion(R, t, -other.against, other.because)
+    if leads_back or not _is_likelier(found, fit, other.against):
+        return fit, other._replace(against=max(other.against, 0.0))
+    return found, OtherMotion(R, t, max(-other.against, 0.0), other.because)
+
+
+def _is_likelier(found: MovingFit, fit: MovingFit, against: float) -> bool:
+    if against < 0.0:
+        return found.log_likelihood > fit.log_likelihood
+    return not found.is_predicted and _by_surfaces(found) > _by_surfaces(fit) + CLEAR
+
+
+def _by_surfaces(fit: MovingFit) -> float:
+    """Log likelihood, by where matches lie on their lines only as far as they do by themselves.
+
+    What is plausible of a match is learnt from the others: those of one surface lie together.
+    """
+    n = len(fit.matches)
+    by_place = float(fit.probability @ np.log(fit.said[0, :n]))
+    return fit.log_likelihood - (1.0 - min(SURFACES / math.sqrt(n), 1.0)) * by_place
 
 
 def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
