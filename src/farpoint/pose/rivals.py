@@ -248,16 +248,20 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         direction_cam1_from_cam0=other.direction_cam1_from_cam0,
     )
     found = refit_moving(fit.matches, start)
-    leads_back = _cosine(found, fit) > _cosine(found, other)
-    if leads_back or not _is_likelier(found, fit, other.against):
+    if _cosine(found, fit) > _cosine(found, other):
         return fit, other._replace(against=max(other.against, 0.0))
-    return found, OtherMotion(R, t, max(-other.against, 0.0), other.because)
+    gain = _gain(found, fit, other.against)
+    if gain > (0.0 if other.against < 0.0 else CLEAR):
+        return found, OtherMotion(R, t, max(-other.against, 0.0), other.because)
+    contradicts = other.against < 0.0 or gain > 0.0
+    return fit, other._replace(against=0.0) if contradicts else other
 
 
-def _is_likelier(found: MovingFit, fit: MovingFit, against: float) -> bool:
+def _gain(found: MovingFit, fit: MovingFit, against: float) -> float:
+    """By how much one fit is likelier than another, if residuals are so much against it."""
     if against < 0.0:
-        return found.log_likelihood > fit.log_likelihood
-    return not found.is_predicted and _by_surfaces(found) > _by_surfaces(fit) + CLEAR
+        return found.log_likelihood - fit.log_likelihood
+    return -math.inf if found.is_predicted else _by_surfaces(found) - _by_surfaces(fit)
 
 
 def _by_surfaces(fit: MovingFit) -> float:
