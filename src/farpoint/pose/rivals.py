@@ -44,9 +44,9 @@ COS_NEARBY = math.cos(math.radians(10.0))
 # Up to here a direction is the less sure for the other motion of a plane, even if that is unlikely.
 COS_IN_REACH = math.cos(math.radians(30.0))
 
-# Log likelihood that residuals may have against a motion that is the right one, and that by which
-# it must be likelier then, with where the matches lie on their lines.
-CONTESTED, CLEAR = 60.0, 8.0
+# Log likelihood that residuals may have against a motion that is the right one, in all and for each
+# match; and that by which it must be likelier then, with where the matches lie on their lines.
+CONTESTED, FOR_EACH, CLEAR = 60.0, 0.25, 8.0
 # Of n matches as many lie there by themselves as this times the root of n, at the most.
 SURFACES = 3.0
 
@@ -239,7 +239,7 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
     likelier as well, or by far. Where the two contradict each other, or all matches lead back,
     there is no telling: the other is as likely.
     """
-    if other is None or other.against >= CONTESTED:
+    if other is None or other.against >= min(CONTESTED, FOR_EACH * len(fit.matches)):
         return fit, other
     R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
     start = replace(
