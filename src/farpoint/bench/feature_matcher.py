@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from farpoint.errors import optional_import
 
-__all__ = ["FeatureMatcher"]
+__all__ = ["FeatureMatcher", "Matcher"]
 
 _FEATURES = 1000
 _RATIO = 0.8
+
+
+class Matcher(Protocol):
+    """Whatever finds points of one image in another."""
+
+    def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points (N, 2) of one image, and where they are in the other."""
+        ...
 
 
 class FeatureMatcher:

@@ -27,6 +27,7 @@ TableName = Literal[
     "lenses",
     "tracks",
     "path",
+    "steps",
 ]
 TABLES: tuple[TableName, ...] = get_args(TableName)
 
@@ -93,14 +94,14 @@ class BenchOptions:
     pairs : int or None
         Pairs of views in each cell of ``paper``, ``accuracy``, ``pairs`` and ``movers``, scenes for
         each time in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of
-        frames of ``lenses`` and of each row of ``tracks``, motions of each drive of ``path``. None
-        takes 2000, 300, 60, 60, 30, 60, 60, 60, 40, 60 and 100.
+        frames of ``lenses`` and of each row of ``tracks`` and ``steps``, motions of each drive of
+        ``path``. None takes 2000, 300, 60, 60, 30, 60, 60, 60, 40, 60, 40 and 100.
     seed : int
         Of scenes and estimators: the same seed gives the same figures, times aside.
     data : tuple of Path
         Real data: files of matches (``.npz``), image sequences with their calibration, or folders
-        of them. ``pairs`` needs the former; ``pipeline`` and ``drawing`` render a drive where the
-        latter are missing.
+        of them. ``pairs`` needs the former, ``steps`` the latter with a file of true poses;
+        ``pipeline`` and ``drawing`` render a drive where there are none.
     full : bool
         Every pair of the files, the whole grid of the table of coverage, 10 minutes of ``live``:
         hours.
@@ -133,7 +134,7 @@ class BenchOptions:
         words = ["farpoint", "bench", "--tables", table]
         words += [] if self.pairs is None else ["--pairs", str(self.pairs)]
         words += ["--seed", str(self.seed)]
-        if self.data and table in ("pairs", "pipeline", "drawing"):
+        if self.data and table in ("pairs", "pipeline", "drawing", "steps"):
             words += ["--data", *map(str, self.data)]
         words += ["--full"] if self.full and table in ("pairs", "coverage", "live") else []
         if table == "coverage":

@@ -24,6 +24,7 @@ from farpoint.bench.tables.paper import paper_table
 from farpoint.bench.tables.path import path_table
 from farpoint.bench.tables.pipeline import pipeline_table
 from farpoint.bench.tables.start import start_table
+from farpoint.bench.tables.steps import steps_table
 from farpoint.bench.tables.timing import timing_table
 from farpoint.bench.tables.tracks import tracks_table
 from farpoint.errors import InputError, MissingExtraError
@@ -43,8 +44,14 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "lenses": (unprojection_table, wide_table),
     "tracks": (tracks_table,),
     "path": (path_table,),
+    "steps": (steps_table,),
     "drawing": (drawing_table,),
     "live": (live_tables,),
+}
+# What of the data some are made of.
+_NEEDED: dict[TableName, str] = {
+    "pairs": "files of matches (.npz)",
+    "steps": "image sequences with a calibration and true poses",
 }
 
 
@@ -124,7 +131,7 @@ def _growing(
 ) -> Iterator[BenchReport]:
     """The report with each table, or more of its rows; at last with the reason if there is none."""
     made: dict[str, Table] = {}
-    reason = "--data names no files of matches (.npz)"
+    reason = f"--data names no {_NEEDED.get(name, 'data')}"
     try:
         for table in make():
             made[table.name] = table

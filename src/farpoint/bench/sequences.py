@@ -11,9 +11,14 @@ import numpy as np
 from farpoint.camera import Camera, Pinhole, load_camera
 from farpoint.errors import InputError
 from farpoint.frames import open_frames
+from farpoint.metrics import poses_at_frames, poses_at_times
 from farpoint.synthetic.sequence import render_drive
+from farpoint.trajectory.files import read_trajectory
 
-__all__ = ["Sequence", "find_sequences", "rendered_sequence"]
+__all__ = ["Film", "Sequence", "filmed", "find_sequences", "rendered_sequence"]
+
+# Names of files with the true poses of the camera, beside its images.
+_TRUTHS = ("poses.txt", "groundtruth.txt")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +49,49 @@ class Sequence:
         else:
             frames = open_frames(self.source)
         return [frame.image for frame in islice(frames, count) if frame.image is not None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Film:
+    """Images of a sequence, where it is known from where they were taken.
+
+    Attributes
+    ----------
+    camera : Camera
+    images : list of ndarray of uint8, each (H, W)
+    world_from_cam : ndarray, shape (len(images), 4, 4)
+        True poses.
+    """
+
+    camera: Camera
+    images: list[np.ndarray]
+    world_from_cam: np.ndarray
+
+    def cam1_from_cam0(self, index0: int, index1: int) -> np.ndarray:
+        """True motion (4, 4) between two of the images."""
+        return np.linalg.inv(self.world_from_cam[index1]) @ self.world_from_cam[index0]
+
+
+def filmed(sequence: Sequence) -> Film | None:
+    """The whole sequence; None without a file of true poses among its images."""
+    folder = sequence.source
+    truths = [folder / name for name in _TRUTHS if (folder / name).is_file()] if folder else []
+    if folder is None or not truths:
+        return None
+    truth = read_trajectory(truths[0])
+    frames = [frame for frame in open_frames(folder) if frame.image is not None]
+    if truth.timestamps is None:
+        numbers = np.array([frame.index for frame in frames])
+        poses = poses_at_frames(truth.world_from_body, numbers)
+    else:
+        times = np.array([frame.timestamp for frame in frames])
+        poses = poses_at_times(truth.timestamps, truth.world_from_body, times)
+    known = np.isfinite(poses).all(axis=(1, 2))
+    images = [frame.image for frame, is_known in zip(frames, known, strict=True) if is_known]
+    height, width = images[0].shape
+    return Film(
+        camera=sequence.camera.with_size(width, height), images=images, world_from_cam=poses[known]
+    )
 
 
 def find_sequences(places: tuple[Path, ...]) -> list[Sequence]:

@@ -6,12 +6,11 @@ import itertools
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
 from farpoint.bench.consistency import CONSISTENCY_COLUMNS, consistency_cells, pose_errors
-from farpoint.bench.feature_matcher import FeatureMatcher
+from farpoint.bench.feature_matcher import FeatureMatcher, Matcher
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.plain_script import PlainScript
 from farpoint.bench.table import Cell, Column, Table
@@ -26,11 +25,7 @@ _PAIRS_PER_STREET = 3
 _CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 
 
-class _Matcher(Protocol):
-    def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
-
-
-_MATCHERS: dict[str, Callable[[], _Matcher]] = {
+_MATCHERS: dict[str, Callable[[], Matcher]] = {
     "Lucas-Kanade, 500 corners": partial(PlainScript, _CAMERA, 500),
     "Lucas-Kanade, 150 corners": partial(PlainScript, _CAMERA, 150),
     "SIFT": partial(FeatureMatcher, "SIFT"),

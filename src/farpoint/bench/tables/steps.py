@@ -1,0 +1,119 @@
+"""Accuracy on real images that are frames apart, matched by OpenCV, against every peer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from farpoint.bench.accuracy import ERROR_COLUMNS, error_cells, errors_of
+from farpoint.bench.estimators import all_estimators
+from farpoint.bench.feature_matcher import FeatureMatcher, Matcher
+from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.plain_script import PlainScript
+from farpoint.bench.race import race
+from farpoint.bench.sequences import Film, filmed, find_sequences
+from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.views import TwoViews
+from farpoint.camera import Camera
+
+__all__ = ["steps_table"]
+
+_PAIRS = 40
+_STEPS = (1, 2, 4, 8)
+_MIN_TRANSLATION_M = 0.01
+# Fewer matches are no pair.
+_LEAST_MATCHES = 8
+
+
+_MATCHERS: dict[str, Callable[[Camera], Matcher]] = {
+    "Lucas-Kanade": lambda camera: PlainScript(camera, 500),
+    "SIFT": lambda _: FeatureMatcher("SIFT"),
+}
+
+
+def steps_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
+    """Rows for every sequence with its truth, kind of match and step, as they are filled."""
+    rows: list[tuple[Cell, ...]] = []
+    for sequence in find_sequences(options.data):
+        film = filmed(sequence)
+        if film is None:
+            continue
+        for kind, make in _MATCHERS.items():
+            for step in _STEPS:
+                views = _views(film, make(film.camera), step, options.pairs or _PAIRS)
+                if views:
+                    named = sequence.name, kind, step
+                    rows += _rows(named, views, options.seed, progress)
+                    yield _table(rows, options)
+
+
+def _views(film: Film, matcher: Matcher, step: int, most: int) -> list[TwoViews]:
+    """Pairs of images so many frames apart, evenly over the film."""
+    firsts = np.arange(len(film.images) - step)
+    firsts = firsts[np.unique(np.linspace(0, len(firsts) - 1, most).astype(int))]
+    views = []
+    for first in firsts if len(firsts) else ():
+        points0, points1 = matcher.match(film.images[first], film.images[first + step])
+        if len(points0) < _LEAST_MATCHES:
+            continue
+        motion = film.cam1_from_cam0(first, first + step)
+        views.append(
+            TwoViews(
+                camera=film.camera,
+                points0=points0,
+                points1=points1,
+                rotation_cam1_from_cam0=motion[:3, :3],
+                translation_cam1_from_cam0=motion[:3, 3],
+            )
+        )
+    return views
+
+
+def _rows(
+    named: tuple[str, str, int], views: Sequence[TwoViews], seed: int, progress: Progress
+) -> list[tuple[Cell, ...]]:
+    name, kind, step = named
+    courses = race(
+        all_estimators(),
+        views,
+        seed=seed,
+        progress=lambda done, total: progress(f"{name}, {kind}, {step} apart", done, total),
+    )
+    matches = round(float(np.median([len(v.points0) for v in views])))
+    return [
+        (
+            *named,
+            len(views),
+            matches,
+            course.estimator.name,
+            *error_cells(errors_of(course, views, min_translation=_MIN_TRANSLATION_M)),
+        )
+        for course in courses
+    ]
+
+
+def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
+    return Table(
+        name="steps",
+        title="Real images that are frames apart: errors against the truth",
+        command=options.command("steps"),
+        columns=(
+            Column("sequence"),
+            Column("kind"),
+            Column("step"),
+            Column("pairs"),
+            Column("matches"),
+            Column("estimator"),
+            *ERROR_COLUMNS,
+        ),
+        rows=tuple(rows),
+        notes=(
+            f"pairs spread evenly over each sequence; those of fewer than {_LEAST_MATCHES} matches "
+            "are none",
+            "tracks as the plain script makes them, features by the ratio of their distances",
+            "means are over the answers given; gross: rotation more than 1 deg or direction more "
+            "than 30 deg off",
+            f"a true motion under {100 * _MIN_TRANSLATION_M:g} cm has no direction to compare",
+        ),
+    )
