@@ -86,12 +86,11 @@ def filmed(sequence: Sequence) -> Film | None:
     else:
         times = np.array([frame.timestamp for frame in frames])
         poses = poses_at_times(truth.timestamps, truth.world_from_body, times)
-    known = np.isfinite(poses).all(axis=(1, 2))
-    images = [frame.image for frame, is_known in zip(frames, known, strict=True) if is_known]
+    known = np.flatnonzero(np.isfinite(poses[:, 0, 0]))
+    images = [image for k in known if (image := frames[k].image) is not None]
     height, width = images[0].shape
-    return Film(
-        camera=sequence.camera.with_size(width, height), images=images, world_from_cam=poses[known]
-    )
+    camera = sequence.camera.with_size(width, height)
+    return Film(camera=camera, images=images, world_from_cam=poses[known])
 
 
 def find_sequences(places: tuple[Path, ...]) -> list[Sequence]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from farpoint.bench.match_files import find_match_files, read_matches
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.race import race
 from farpoint.bench.table import Cell, Column, Table
-from farpoint.bench.views import TwoViews
+from farpoint.bench.views import TwoViews, spread
 
 __all__ = ["pairs_table"]
 
@@ -37,7 +37,8 @@ def pairs_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
     rows: list[tuple[Cell, ...]] = []
     for path in find_match_files(options.data):
         found = read_matches(path)
-        views = found.views if options.full else _spread(found.views, options.pairs or _PAIRS)
+        most = len(found.views) if options.full else options.pairs or _PAIRS
+        views = tuple(found.views[k] for k in spread(len(found.views), most))
         if views:
             rows += _file_rows(found.name, views, options.seed, progress)
             yield _table(rows, options)
@@ -59,12 +60,6 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
             f"a true motion under {100 * _MIN_TRANSLATION_M:g} cm has no direction to compare",
         ),
     )
-
-
-def _spread(views: Sequence[TwoViews], count: int) -> tuple[TwoViews, ...]:
-    """At most `count` of the views, evenly spread."""
-    chosen = np.unique(np.linspace(0, len(views) - 1, min(count, len(views))).astype(int))
-    return tuple(views[k] for k in chosen)
 
 
 def _file_rows(

@@ -14,7 +14,7 @@ from farpoint.bench.plain_script import PlainScript
 from farpoint.bench.race import race
 from farpoint.bench.sequences import Film, filmed, find_sequences
 from farpoint.bench.table import Cell, Column, Table
-from farpoint.bench.views import TwoViews
+from farpoint.bench.views import TwoViews, spread
 from farpoint.camera import Camera
 
 __all__ = ["steps_table"]
@@ -50,10 +50,8 @@ def steps_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
 
 def _views(film: Film, matcher: Matcher, step: int, most: int) -> list[TwoViews]:
     """Pairs of images so many frames apart, evenly over the film."""
-    firsts = np.arange(len(film.images) - step)
-    firsts = firsts[np.unique(np.linspace(0, len(firsts) - 1, most).astype(int))]
     views = []
-    for first in firsts if len(firsts) else ():
+    for first in spread(max(len(film.images) - step, 0), most):
         points0, points1 = matcher.match(film.images[first], film.images[first + step])
         if len(points0) < _LEAST_MATCHES:
             continue
