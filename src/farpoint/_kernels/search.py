@@ -184,13 +184,7 @@ def search_pose(
     second.cost[0] = rival.cost[0] = math.inf
     copy(best.R, start)
     flow = _typical_flow(pairs, count, start)
-    start_noise(tolerance, best.mixture)
-    search_direction(pairs, prior, candidates, tolerance, DIRECTIONS, state, best.R, best.t)
-    refine(matches, REFINEMENTS, best)
-    noise_of(matches, best, tolerance, other.mixture)
-    limit = GATE_SIGMA * GATE_SIGMA * other.mixture[0]
-    copy(best.t, other.t)
-    lowest = score_pose(pairs, prior, best.R, other.t, limit, math.inf)
+    limit, lowest = _start(matches, candidates, tolerance, state, best, other)
     wrong = unexplained(matches, best, tolerance)
     known = room(count)
     clear(known)
@@ -224,6 +218,31 @@ def search_pose(
             share = _get_to_know(matches, other, tolerance, known)
     is_planar = _search_twins(matches, best, other, second, rival)
     return iteration, is_planar, is_rival(rival, best), is_close_second(second, best)
+
+
+@inner_kernel
+def _start(
+    matches: PackedMatches,
+    candidates: np.ndarray,
+    tolerance: float,
+    state: np.ndarray,
+    best: Pose,
+    other: Pose,
+) -> tuple[float, float]:
+    """Put ``best`` where, at its rotation, the flow of the ``candidates`` leads.
+
+    Returns the square beyond which no match supports it, and the truncated squares of all matches
+    there. ``other`` is room.
+    """
+    start_noise(tolerance, best.mixture)
+    search_direction(
+        matches.pairs, matches.prior, candidates, tolerance, DIRECTIONS, state, best.R, best.t
+    )
+    refine(matches, REFINEMENTS, best)
+    noise_of(matches, best, tolerance, other.mixture)
+    limit = GATE_SIGMA * GATE_SIGMA * other.mixture[0]
+    copy(best.t, other.t)
+    return limit, score_pose(matches.pairs, matches.prior, best.R, other.t, limit, math.inf)
 
 
 @inner_kernel
