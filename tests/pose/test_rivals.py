@@ -157,6 +157,27 @@ def test_one_of_flow_that_is_mostly_noise_or_a_little_likelier_is_not_taken(
     assert other.against == against
 
 
+@pytest.mark.parametrize(
+    ("gain", "because", "is_taken"),
+    [
+        (1.0, rivals.ELSEWHERE, True),
+        (-1.0, rivals.ELSEWHERE, False),
+        (-1.0, rivals.PLANE, True),
+        (-20.0, rivals.PLANE, False),
+    ],
+)
+def test_the_relief_of_a_plane_is_believed_unless_matches_are_clearly_against_it(
+    fit, monkeypatch, gain, because, is_taken
+):
+    plain = replace(fit, cost=0.0, narrowness=0.0, said=np.ones_like(fit.said))
+    there = replace(plain, direction_cam1_from_cam0=UP, cost=-gain / len(fit.matches))
+    monkeypatch.setattr(rivals, "refit_moving", lambda *_: there)
+    other = rivals.OtherMotion(np.eye(3), UP, -5.0, because)
+    best, left = rivals._likelier(plain, other)
+    assert is_same_way(best, there) == is_taken
+    assert left.against == (5.0 if is_taken else 0.0)
+
+
 def test_matches_of_one_surface_do_not_each_tell_where_they_lie(fit, met, monkeypatch):
     """All that is plausible of them counts as of 3 sqrt(110) matches, of 110."""
     plain = replace(fit, cost=0.0, narrowness=0.0, said=np.ones_like(fit.said))

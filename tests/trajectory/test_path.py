@@ -106,6 +106,26 @@ def test_slow_motion_is_measured_from_a_keyframe():
     assert math.degrees(math.acos(abs(way[0]) / np.linalg.norm(way))) < 1.5
 
 
+def test_what_follows_from_known_distances_makes_no_keyframe():
+    scene = cloud(poses_of(forward(8), np.zeros((8, 3))), noise_px=0.1)
+    builder, steps = PathBuilder(estimate, INDEPENDENT), []
+    for k, tracks in enumerate(scene.tracks()):
+        motion = motion_of(tracks)
+        if k == 5:
+            motion = dataclasses.replace(
+                motion,
+                status=PoseStatus.ROTATION_ONLY,
+                direction_cam1_from_cam0=None,
+                direction_basis=None,
+                covariance=None,
+            )
+        builder.add(CAMERA, tracks, motion, 0.1)
+        assert builder._last.moved.is_resected == (k == 5)
+        steps.append(builder._last.steps)
+    # The motion after it is measured from where the distances were.
+    assert steps == [1, 1, 1, 1, 1, 1, 2, 1]
+
+
 def test_turning_on_the_spot_carries_the_scale_across():
     steps = np.concatenate([forward(15), np.zeros((10, 3)), forward(15, seed=1)])
     turns = np.zeros((40, 3))

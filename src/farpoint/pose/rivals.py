@@ -234,10 +234,10 @@ def likelier_elsewhere(
 def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, OtherMotion | None]:
     """The likelier of the two by all that the matches tell, and the one that it then is not.
 
-    What is against the other is told by residuals. Where that may be chance, or matches that go
-    wrong together, all are fitted to the other, too: with where they lie on their lines, it must be
-    likelier as well, or by far. Where the two contradict each other, or all matches lead back,
-    there is no telling: the other is as likely.
+    What is against the other is told by residuals, of a plane by its relief. That may be chance, or
+    matches that go wrong together. So all are fitted to the other, too, and asked where they lie on
+    their lines. Where the two contradict each other, or all matches lead back, there is no telling:
+    the other is as likely.
     """
     if other is None or other.against >= min(CONTESTED, FOR_EACH * len(fit.matches)):
         return fit, other
@@ -250,18 +250,17 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
     found = refit_moving(fit.matches, start)
     if _cosine(found, fit) > _cosine(found, other):
         return fit, other._replace(against=max(other.against, 0.0))
-    gain = _gain(found, fit, other.against)
-    if gain > (0.0 if other.against < 0.0 else CLEAR):
+    gain = _by_surfaces(found) - _by_surfaces(fit)
+    if other.against >= 0.0:
+        is_likelier = gain > CLEAR and not found.is_predicted
+        is_in_doubt = gain > 0.0 and not found.is_predicted
+    else:
+        is_agreed = found.log_likelihood > fit.log_likelihood
+        is_likelier = is_agreed or (other.because == PLANE and gain > -CLEAR)
+        is_in_doubt = True
+    if is_likelier:
         return found, OtherMotion(R, t, max(-other.against, 0.0), other.because)
-    contradicts = other.against < 0.0 or gain > 0.0
-    return fit, other._replace(against=0.0) if contradicts else other
-
-
-def _gain(found: MovingFit, fit: MovingFit, against: float) -> float:
-    """By how much one fit is likelier than another, if residuals are so much against it."""
-    if against < 0.0:
-        return found.log_likelihood - fit.log_likelihood
-    return -math.inf if found.is_predicted else _by_surfaces(found) - _by_surfaces(fit)
+    return fit, other._replace(against=0.0) if is_in_doubt else other
 
 
 def _by_surfaces(fit: MovingFit) -> float:

@@ -117,12 +117,14 @@ class PathBuilder:
         return point
 
     def _makes_keyframe(self, link: Link) -> bool:
-        if isinstance(link.moved, Moved) and not link.moved.fit.points:
+        moved = link.moved if isinstance(link.moved, Moved) else None
+        if moved is not None and not moved.fit.points:
             return True  # it has set the scale
-        return (
-            self._is_firm(link.motion)
-            or len(link.tracks) < self._options.keyframe_share * link.begun
-        )
+        if len(link.tracks) < self._options.keyframe_share * link.begun:
+            return True
+        # What follows from distances says nothing new of them.
+        is_resected = moved is not None and moved.is_resected
+        return self._is_firm(link.motion) and not is_resected
 
     def _is_firm(self, motion: RelativePose) -> bool:
         return is_firm(motion, math.radians(self._options.keyframe_direction_deg))
