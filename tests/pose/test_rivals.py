@@ -133,10 +133,21 @@ def test_one_that_all_matches_make_far_likelier_is_taken_against_residuals(unlik
     assert other.against == 0.0
 
 
-def test_what_residuals_rule_out_is_not_asked_again(unlikely, met):
-    best, other = met(100.0, than=unlikely)
-    assert is_same_way(best, unlikely)
-    assert other.against == 100.0
+@pytest.mark.parametrize(
+    ("matches", "against", "is_asked"),
+    [(110, 27.0, True), (110, 28.0, False), (400, 59.0, True), (400, 61.0, False)],
+)
+def test_what_residuals_rule_out_is_not_asked_again(
+    unlikely, met, monkeypatch, matches, against, is_asked
+):
+    rows = np.resize(np.arange(110), matches)
+    many = replace(unlikely, matches=unlikely.matches.select(rows), said=unlikely.said[:, rows])
+    asked = []
+    monkeypatch.setattr(rivals, "refit_moving", lambda _, start: asked.append(1) or start)
+    _, other = met(against, than=many)
+    assert len(asked) == is_asked
+    if not is_asked:
+        assert other.against == against
 
 
 @pytest.mark.parametrize(
