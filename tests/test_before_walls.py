@@ -68,10 +68,14 @@ def squares(flight: RenderedSequence, results: list[OdometryResult]) -> list[flo
 def test_a_direction_that_is_given_is_the_right_one(
     shared_data: Path, flight: RenderedSequence, results: list[OdometryResult]
 ):
-    later = flown(shared_data, 20.0, 3)
-    for nees in (squares(flight, results), squares(later, list(Odometry(later.camera).run(later)))):
+    found = [squares(flight, results)]
+    for seed in (3, 7):
+        later = flown(shared_data, 20.0, seed)
+        found.append(squares(later, list(Odometry(later.camera).run(later))))
+    for nees in found:
         # 5 degrees of freedom. Where other motions are taken on the word of some of the matches,
-        # three of fifty in the later flight are those, a thousand sigma off.
+        # three of fifty in the first of the later flights are those, a thousand sigma off; where
+        # that of a plane is not asked for unless it comes as near as any rival, one in the other.
         assert np.max(nees) < 40.0
         assert np.mean(np.array(nees) < 11.07) > 0.85
 

@@ -17,6 +17,7 @@ __all__ = [
     "ERROR_COLUMNS",
     "GROSS_DIRECTION_DEG",
     "GROSS_ROTATION_DEG",
+    "MIN_TRANSLATION_M",
     "Errors",
     "bound_ratios",
     "error_cells",
@@ -25,6 +26,8 @@ __all__ = [
 
 GROSS_ROTATION_DEG = 1.0
 GROSS_DIRECTION_DEG = 30.0
+# Of real motions: a shorter one has no direction to compare.
+MIN_TRANSLATION_M = 0.01
 # What `error_cells` fills.
 ERROR_COLUMNS = (
     Column("rotation_median_deg", 4),

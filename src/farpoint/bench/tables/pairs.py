@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from farpoint.bench.accuracy import ERROR_COLUMNS, error_cells, errors_of
+from farpoint.bench.accuracy import ERROR_COLUMNS, MIN_TRANSLATION_M, error_cells, errors_of
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.match_files import find_match_files, read_matches
 from farpoint.bench.options import BenchOptions, Progress
@@ -18,7 +18,6 @@ __all__ = ["pairs_table"]
 
 _PAIRS = 60
 _REPEATS = 3
-_MIN_TRANSLATION_M = 0.01
 _COLUMNS = (
     Column("data"),
     Column("pairs"),
@@ -57,7 +56,7 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
             "peers are given points without lens distortion, outside of their time",
             "gross: rotation more than 1 deg or direction more than 30 deg off",
             "the truth is noisy itself: KITTI's by some 0.02-0.04 deg from frame to frame",
-            f"a true motion under {100 * _MIN_TRANSLATION_M:g} cm has no direction to compare",
+            f"a true motion under {100 * MIN_TRANSLATION_M:g} cm has no direction to compare",
         ),
     )
 
@@ -76,7 +75,7 @@ def _file_rows(
     firsts_ms = [1e3 * float(np.median(course.first_seconds)) for course in courses]
     rows: list[tuple[Cell, ...]] = []
     for course, median_ms, first_ms in zip(courses, medians_ms, firsts_ms, strict=True):
-        errors = errors_of(course, views, min_translation=_MIN_TRANSLATION_M)
+        errors = errors_of(course, views, min_translation=MIN_TRANSLATION_M)
         rows.append(
             (
                 name,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from farpoint.bench.accuracy import ERROR_COLUMNS, error_cells, errors_of
+from farpoint.bench.accuracy import ERROR_COLUMNS, MIN_TRANSLATION_M, error_cells, errors_of
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.feature_matcher import FeatureMatcher, Matcher
 from farpoint.bench.options import BenchOptions, Progress
@@ -21,10 +21,8 @@ __all__ = ["steps_table"]
 
 _PAIRS = 40
 _STEPS = (1, 2, 4, 8)
-_MIN_TRANSLATION_M = 0.01
 # Fewer matches are no pair.
 _LEAST_MATCHES = 8
-
 
 _MATCHERS: dict[str, Callable[[Camera], Matcher]] = {
     "Lucas-Kanade": lambda camera: PlainScript(camera, 500),
@@ -85,7 +83,7 @@ def _rows(
             len(views),
             matches,
             course.estimator.name,
-            *error_cells(errors_of(course, views, min_translation=_MIN_TRANSLATION_M)),
+            *error_cells(errors_of(course, views, min_translation=MIN_TRANSLATION_M)),
         )
         for course in courses
     ]
@@ -112,6 +110,6 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
             "tracks as the plain script makes them, features by the ratio of their distances",
             "means are over the answers given; gross: rotation more than 1 deg or direction more "
             "than 30 deg off",
-            f"a true motion under {100 * _MIN_TRANSLATION_M:g} cm has no direction to compare",
+            f"a true motion under {100 * MIN_TRANSLATION_M:g} cm has no direction to compare",
         ),
     )
