@@ -9,7 +9,7 @@ import pytest
 from kernels_kit import matches_of, two_views
 
 from farpoint._kernels import contest
-from farpoint._kernels.contest import EQUAL, FEW, NO_RIVAL, RIVAL
+from farpoint._kernels.contest import EQUAL, FEW, NEAR, NO_RIVAL, RIVAL
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.refinement import PROMISED
 
@@ -38,6 +38,7 @@ def followed(monkeypatch):
         same_after: int = 99,
         elsewhere: bool = True,
         matches: int = FEW + 1,
+        within: float = NEAR,
     ) -> Followed:
         steps: list[int] = []
 
@@ -60,11 +61,11 @@ def followed(monkeypatch):
         best.cost[0], second.cost[0], rival.cost[0] = BEST, np.inf, np.inf
         challenger.t[:] = (1.0, 0.0, 0.0) if elsewhere else best.t
         challenge = getattr(contest.challenge, "py_func", contest.challenge)
-        given = _matches(matches), challenger, best, second, rival
+        given = _matches(matches), challenger, best, second, rival, within
         return Followed(*challenge(*given), len(steps), best, second)
 
-    within = "copy_pose", "_explains", "follow", "_keep_better", "_weigh", "_is_elsewhere"
-    for name in within:
+    inner = "copy_pose", "_explains", "follow", "_keep_better", "_weigh", "_is_elsewhere"
+    for name in inner:
         function = getattr(contest, name)
         monkeypatch.setattr(contest, name, getattr(function, "py_func", function))
     return run
@@ -121,8 +122,18 @@ def test_of_few_matches_an_equal_is_a_rival(followed):
 
 
 @pytest.mark.parametrize(("matches", "near"), [(9, 30.0), (40, 50.0), (160, 100.0)])
-def test_one_that_was_near_as_it_was_is_told(followed, matches, near):
-    # As near as the two motions of a plane may be apart by chance, of so many matches.
-    inside, outside = BEST + near - 1.0, BEST + near + 1.0
-    assert followed([(inside, 9.0), (inside, 0.1)], same_after=1, matches=matches).was_near
-    assert not followed([(outside, 99.0), (BEST, 0.1)], same_after=2, matches=matches).was_near
+def test_the_motions_of_a_plane_may_be_so_far_apart_by_chance(matches, near):
+    near_of_plane = getattr(contest.near_of_plane, "py_func", contest.near_of_plane)
+    assert near_of_plane(matches) == near
+
+
+def test_one_that_was_near_as_it_was_is_told(followed):
+    inside, outside = BEST + 49.0, BEST + 51.0
+    assert followed([(inside, 9.0), (inside, 0.1)], same_after=1, within=50.0).was_near
+    assert not followed([(outside, 99.0), (BEST, 0.1)], same_after=2, within=50.0).was_near
+
+
+def test_one_that_ends_as_near_as_is_asked_for_is_a_rival(followed):
+    ends = [(199.0, 99.0), (149.0, 0.1)]
+    assert followed(ends, within=50.0).contest != NO_RIVAL
+    assert followed(ends, within=48.0).contest == NO_RIVAL

@@ -49,7 +49,7 @@ def drawn(monkeypatch):
         marked = iter(known or [])
         last = [MATCHES]
 
-        def challenge(_matches, _challenger, best, _second, _rival):
+        def challenge(_matches, _challenger, best, _second, _rival, _within):
             contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
             best.cost[0] -= gain
             return contest, False

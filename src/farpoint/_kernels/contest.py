@@ -41,6 +41,7 @@ __all__ = [
     "is_rival",
     "is_same",
     "narrowness",
+    "near_of_plane",
     "noise_of",
     "refine",
     "start_noise",
@@ -192,23 +193,24 @@ def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
 
 
 @inner_kernel
-def follow(matches: PackedMatches, refinement: Refinement, best: Pose) -> tuple[bool, bool]:
+def follow(
+    matches: PackedMatches, refinement: Refinement, best: Pose, within: float
+) -> tuple[bool, bool]:
     """Refine a hypothesis that may compete; whether it does, and whether it was near as it was.
 
-    Given up as soon as it does not promise to come about as far as the best, or is seen on its way
-    there. A step's promise is a modest one: more matches come within reach with it, and that there
-    is less noise gains, too. As much as the last step gained, the next one may. As it was it is
-    near enough for the other motion of a plane if by chance alone it could be that.
+    Near is ``within`` such a log likelihood of the best. Given up as soon as it does not promise to
+    come so near, or is seen on its way to the best. A step's promise is a modest one: more matches
+    come within reach with it, and that there is less noise gains, too. As much as the last step
+    gained, the next one may.
     """
-    pose, enough = refinement.pose, best.cost[0] + NEAR
-    by_chance = greater(NEAR, NEAR_OF_PLANE * math.sqrt(matches.total / OF_MATCHES))
+    pose, enough = refinement.pose, best.cost[0] + within
     begin(matches, refinement)
     cost, was_near = math.inf, False
     for step in range(REFINEMENTS):
         before, goes_on = cost, advance(matches, COARSE, refinement)
         cost = pose.cost[0] + narrowness(pose.normal)
         if step == 0:
-            before, was_near = cost, cost < best.cost[0] + by_chance
+            before, was_near = cost, cost < enough
         hoped_for = PROMISES * refinement.state[PROMISED] + before - cost
         if not cost - hoped_for < enough or is_same(pose.R, pose.t, best):
             return False, was_near
@@ -221,18 +223,18 @@ def follow(matches: PackedMatches, refinement: Refinement, best: Pose) -> tuple[
 
 @inner_kernel
 def challenge(
-    matches: PackedMatches, challenger: Pose, best: Pose, second: Pose, rival: Pose
+    matches: PackedMatches, challenger: Pose, best: Pose, second: Pose, rival: Pose, within: float
 ) -> tuple[np.int64, bool]:
     """Refine a hypothesis that may compete, and keep it if it is better.
 
-    Returns `NO_RIVAL`; or `RIVAL` if it comes near the best, or is better; or `EQUAL` if the two
-    come near each other and their directions do not, of more than `FEW` matches; and whether it
-    came near as it was. ``second`` receives the one that has lost then, ``rival`` too if they are
-    equal, if it is better than the one before.
+    Returns `NO_RIVAL`; or `RIVAL` if it comes near the best, ``within`` a log likelihood, or is
+    better; or `EQUAL` if the two come near each other and their directions do not, of more than
+    `FEW` matches; and whether it came near as it was. ``second`` receives the one that has lost
+    then, ``rival`` too if they are equal, if it is better than the one before.
     """
     lowest = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     refinement = Refinement(challenger, lowest, scratch(4), scratch(4), scratch(5))
-    competes, was_near = follow(matches, refinement, best)
+    competes, was_near = follow(matches, refinement, best, within)
     if not competes:
         return NO_RIVAL, was_near
     is_equal = best.cost[0] < challenger.cost[0] + NEAR and _is_elsewhere(challenger, best)
@@ -247,6 +249,12 @@ def challenge(
     if wins:
         copy_pose(challenger, best)
     return contest, was_near
+
+
+@inner_kernel
+def near_of_plane(count: int) -> float:
+    """Log likelihood that the two motions of a plane may differ by, of so many matches."""
+    return greater(NEAR, NEAR_OF_PLANE * math.sqrt(count / OF_MATCHES))
 
 
 @inner_kernel

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.contest import REFINEMENTS, follow, refine
+from farpoint._kernels.contest import NEAR, REFINEMENTS, follow, refine
 from farpoint._kernels.pose import PackedMatches, Pose, copy_pose
 from farpoint._kernels.refinement import Refinement
 from farpoint._kernels.scratch import copy, scratch
@@ -45,7 +45,7 @@ def nearest_rival(matches: PackedMatches, pose: Pose, start_R: np.ndarray, rival
     for k in range(STARTS):
         _place(k, start_t)
         _start_from(start_R, start_t, pose.mixture, other)
-        competes, _ = follow(matches, refinement, own)
+        competes, _ = follow(matches, refinement, own, NEAR)
         if competes and other.cost[0] < rival.cost[0] and _is_elsewhere(other, pose):
             copy_pose(other, rival)
     return rival.cost[0] - own.cost[0]

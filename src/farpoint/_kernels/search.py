@@ -16,6 +16,7 @@ from farpoint._kernels.contest import (
     challenge,
     is_close_second,
     is_rival,
+    near_of_plane,
     noise_of,
     refine,
     start_noise,
@@ -208,7 +209,7 @@ def search_pose(
         lowest = lesser(raw, lowest)
         noise_of(matches, best, tolerance, other.mixture)
         before = best.cost[0]
-        outcome, _ = challenge(matches, other, best, second, rival)
+        outcome, _ = challenge(matches, other, best, second, rival, NEAR)
         if outcome != NO_RIVAL:
             # What came near the best so far was no rival of a much better one.
             far_better = best.cost[0] < before - NEAR
@@ -255,12 +256,13 @@ def _search_twins(
     if is_planar:
         copy(best.mixture, other.mixture)
         # The best may lie between the two: it goes to one of them when it is refined.
-        contest, was_near = challenge(matches, other, best, second, rival)
+        within = near_of_plane(matches.total)
+        contest, was_near = challenge(matches, other, best, second, rival, within)
         is_planar = contest != NO_RIVAL or was_near
         gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     if layer_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
         copy(best.mixture, other.mixture)
-        challenge(matches, other, best, second, rival)
+        challenge(matches, other, best, second, rival, NEAR)
     return is_planar
 
 
