@@ -190,9 +190,9 @@ def test_the_relief_of_a_plane_is_believed_unless_matches_are_clearly_against_it
 
 
 def test_matches_of_one_surface_do_not_each_tell_where_they_lie(fit, met, monkeypatch):
-    """All that is plausible of them counts as of 3 sqrt(110) matches, of 110."""
+    """All that is plausible of them counts as of 5 sqrt(110) matches, of 110."""
     plain = replace(fit, cost=0.0, narrowness=0.0, said=np.ones_like(fit.said))
-    for gain, is_taken in ((60.0, True), (20.0, False)):
+    for gain, is_taken in ((20.0, True), (15.0, False)):
         said = np.ones_like(fit.said)
         said[0] = np.exp(gain / 110)
         there = replace(

@@ -48,7 +48,7 @@ COS_IN_REACH = math.cos(math.radians(30.0))
 # match; and that by which it must be likelier then, with where the matches lie on their lines.
 CONTESTED, FOR_EACH, CLEAR = 60.0, 0.25, 8.0
 # Of n matches as many lie there by themselves as this times the root of n, at the most.
-SURFACES = 3.0
+SURFACES = 5.0
 
 # Share of a difference of log likelihoods that tells the odds of two motions. Each is free along
 # other lines, and so counts another part of the same noise: a second one of 5 to 7 less is the
