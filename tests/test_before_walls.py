@@ -75,7 +75,8 @@ def test_a_direction_that_is_given_is_the_right_one(
     for nees in found:
         # 5 degrees of freedom. Where other motions are taken on the word of some of the matches,
         # three of fifty in the first of the later flights are those, a thousand sigma off; where
-        # that of a plane is not asked for unless it comes as near as any rival, one in the other.
+        # that of a plane is not asked for unless it comes as near as any rival, one in the other;
+        # and there one again if it must come near before it is refined.
         assert np.max(nees) < 40.0
         assert np.mean(np.array(nees) < 11.07) > 0.85
 
