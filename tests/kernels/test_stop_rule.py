@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from farpoint._kernels import five_rays, search
+from farpoint._kernels import contest, five_rays, search
 from farpoint._kernels.contest import EQUAL, NEAR, NO_RIVAL, RIVAL
 from farpoint._kernels.pose import PackedMatches, Pose
 
@@ -49,7 +49,8 @@ def drawn(monkeypatch):
         marked = iter(known or [])
         last = [MATCHES]
 
-        def challenge(_matches, _challenger, best, _second, _rival, _within):
+        def challenge(_matches, _challenger, best, _second, _rival, within):
+            assert within == NEAR
             contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
             best.cost[0] -= gain
             return contest, False
@@ -168,3 +169,30 @@ def test_the_bounds_hold_whatever_is_wrong(drawn):
     assert drawn([0.0], least=16) == 16
     assert drawn([1.0], most=40) == 40
     assert drawn([0.9, 0.9], {1: (RIVAL, 0.0)}, most=25) == 25
+
+
+@pytest.mark.parametrize("outcome", [(NO_RIVAL, False), (NO_RIVAL, True), (RIVAL, False)])
+def test_the_other_motion_of_a_plane_may_be_as_far_away_as_chance_has_it(monkeypatch, outcome):
+    """And it is told whether it came so near, as it was or once refined; one of layers is not."""
+    asked: list[float] = []
+
+    def challenge(*given):
+        asked.append(given[-1])
+        return outcome
+
+    mocks = {
+        "planar_twin": lambda *_: True,
+        "layer_twin": lambda *_: True,
+        "challenge": challenge,
+        "near_of_plane": interpreted(contest.near_of_plane),
+        "copy": lambda *_: None,
+    }
+    monkeypatch.setattr(contest, "greater", max)
+    for name, mock in mocks.items():
+        monkeypatch.setattr(search, name, mock)
+    empty = np.ones(9)
+    matches = PackedMatches(empty, empty, 640, 100.0, 1e-6, math.inf, gives_way=True)
+    poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(4)]
+    is_planar = interpreted(search._search_twins)(matches, *poses)
+    assert asked == [200.0, NEAR]
+    assert is_planar == (outcome != (NO_RIVAL, False))
