@@ -17,7 +17,9 @@ from farpoint._kernels.scratch import clear, copy, scratch
 from farpoint._kernels.squares import promise, solve_five_spd
 
 __all__ = [
+    "MEASURED",
     "PLAIN",
+    "PREDICTED",
     "covariance_around",
     "covariance_beside",
     "covariance_here",
@@ -25,6 +27,9 @@ __all__ = [
     "step_by_prediction",
 ]
 
+# How the flow of a match is known. Of a type of its own: for a plain word numba would compile all
+# that is asked of it twice.
+MEASURED, PREDICTED = np.bool_(False), np.bool_(True)
 # Where less than this of what the measured flow tells, along any axis, is signal, the flow is
 # predicted.
 PLAIN = 0.85
@@ -52,14 +57,13 @@ def covariance_here(
     if none of them is known to be right or wrong, less than nothing is known of the pose.
     """
     normal, noise, spare = scratch(6, 6), scratch(5, 5), scratch(5, 5)
-    scatter, variance = scratch(5, 5), scratch(5, 5)
-    whole = normal[:5, :5]
+    scatter, variance, whole = scratch(5, 5), scratch(5, 5), scratch(5, 5)
     share, alike = _learn(seen, predicted, normal, noise, scatter)
     heard, sure = _heard(alike), _sure(right, alike)
     known = sure * share
     for i in range(5):
         for j in range(5):
-            whole[i, j] *= known
+            whole[i, j] = known * normal[i, j]
             noise[i, j] *= known
             variance[i, j] = heard * sure * scatter[i, j] + (1.0 - heard) * whole[i, j]
     _bound(variance)
@@ -78,7 +82,7 @@ def covariance_here(
 def step_by_prediction(seen: Seen) -> None:
     """Move the pose by the solution of the normal equations of `information`."""
     normal, noise, scatter, x = scratch(6, 6), scratch(5, 5), scratch(5, 5), scratch(5)
-    _learn(seen, True, normal, noise, scatter)
+    _learn(seen, PREDICTED, normal, noise, scatter)
     _bound(normal)
     if solve_five_spd(normal, 0.0, x):
         take_step(seen.R, seen.t, x, promise(normal, x)[1])
@@ -247,7 +251,7 @@ def covariance_beside(
     """
     moved_R, moved_t, there = scratch(3, 3), scratch(3), scratch(5, 5)
     normal, noise, scatter = scratch(6, 6), scratch(5, 5), scratch(5, 5)
-    whole = normal[:5, :5]
+    whole = scratch(5, 5)
     copy(seen.R, moved_R)
     copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
@@ -256,7 +260,7 @@ def covariance_beside(
     known = _sure(right, alike) * share
     for i in range(5):
         for j in range(5):
-            whole[i, j] *= known
+            whole[i, j] = known * normal[i, j]
             noise[i, j] *= 0.0 if predicted else known
     _bound(whole)
     if not sandwich(whole, noise, whole, SIGNAL, there):

@@ -9,7 +9,13 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import COARSE, narrowness
-from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
+from farpoint._kernels.covariance import (
+    MEASURED,
+    PLAIN,
+    PREDICTED,
+    covariance_here,
+    step_by_prediction,
+)
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.growth import grow_noise
 from farpoint._kernels.likelihood import explain
@@ -161,12 +167,12 @@ def settle(
     _refine(matches, COARSE, found, normal)
     residual, parallax, right = found.said[1], found.said[2], found.said[3]
     variance, grown = found.mixture[0], found.grown
-    if not grow_noise(matches.pairs, residual, parallax, right, count, variance, grown):
-        return _conclude(searched, matches, least_signal, False, found)
+    grows = grow_noise(matches.pairs, residual, parallax, right, count, variance, grown)
+    pairs = grown if grows else matches.pairs
     spread, least, most = matches.spread, matches.min_variance, matches.max_variance
     gives_way = matches.gives_way
-    doubted = PackedMatches(grown, matches.prior, count, spread, least, most, gives_way)
-    return _conclude(searched, doubted, least_signal, True, found)
+    told = PackedMatches(pairs, matches.prior, count, spread, least, most, gives_way)
+    return _conclude(searched, told, least_signal, grows, found)
 
 
 @inner_kernel
@@ -258,11 +264,11 @@ def _be_sure(matches: PackedMatches, least_signal: float, found: Found) -> tuple
     for i in range(matches.total):
         right += found.said[3, i]
     seen, covariance = _seen(matches, found), found.covariance
-    if covariance_here(seen, right, False, PLAIN, covariance):
+    if covariance_here(seen, right, MEASURED, PLAIN, covariance):
         return False, True
     step_by_prediction(seen)
     _explain(matches, found)
-    return True, covariance_here(seen, right, True, least_signal, covariance)
+    return True, covariance_here(seen, right, PREDICTED, least_signal, covariance)
 
 
 @inner_kernel

@@ -93,10 +93,8 @@ def _parts(pairs: np.ndarray, rows: np.ndarray) -> np.ndarray:
     parts = index_room(rows.size)
     for k in range(rows.size):
         parts[k] = 0
-    step = 1
-    for _ in range(SPLITS):
-        _split(pairs, rows, parts, step)
-        step *= 2
+    for k in range(SPLITS):
+        _split(pairs, rows, parts, 1 << k)
     return parts
 
 
