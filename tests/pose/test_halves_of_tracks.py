@@ -51,5 +51,6 @@ def test_few_matches_have_no_halves(matches, has_halves):
 def test_the_fewest_that_have_halves_show_about_what_was_computed():
     options = RelativePoseOptions(half_deals=16)
     shown = [estimate(scene(seed, 60), options=options).stats.half_ratio for seed in range(60)]
-    # 1.05, and 1.18 of 32 matches; the mean scatters by 0.03.
-    assert 0.9 < np.mean(shown) < 1.2
+    # 0.89, and 0.7 of 32 matches: halves are expected to know their noise less well than they do.
+    # The mean scatters by 0.03.
+    assert 0.8 < np.mean(shown) < 1.0

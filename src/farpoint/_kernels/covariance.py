@@ -20,6 +20,7 @@ __all__ = [
     "MEASURED",
     "PLAIN",
     "PREDICTED",
+    "SIGNAL",
     "covariance_around",
     "covariance_beside",
     "covariance_here",

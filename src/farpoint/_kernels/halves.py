@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.covariance import SIGNAL, covariance_here
 from farpoint._kernels.formulas import formula, lesser
 from farpoint._kernels.linear import draw_index
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
-from farpoint._kernels.pose import PackedMatches, Pose
+from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.squares import inverse_square, size2
@@ -25,29 +26,61 @@ MAX_REFINEMENTS = np.int64(10)
 
 @kernel
 def disagreement(
-    matches: PackedMatches, pose: Pose, covariance: np.ndarray, deals: int, state: np.ndarray
+    matches: PackedMatches,
+    pose: Pose,
+    predicted: bool,
+    deals: int,
+    patch: np.ndarray,
+    state: np.ndarray,
 ) -> float:
-    """Squared difference of the poses by two halves, over that which a ``covariance`` expects.
+    """Squared difference of the poses by two halves, over that which their covariances expect.
 
     The mean over random ``deals``, by the generator's ``state``, of the difference d of two poses,
-    each refined from this one by half of the matches: ``d^T (4 C)^-1 d / 5`` with C (5, 5) that of
-    all matches, since independent halves have twice that each. 1 on average where C holds, and
-    where it is not positive definite.
+    each refined from this one by half of the matches: ``d^T (C_1 + C_2)^-1 d / 5`` with what is
+    expected of either half (5, 5), as of `covariance.covariance_here`, at this pose. Matches of one
+    ``patch`` (N,) go to the same half. 1 where no half fixes a motion.
     """
-    inverse, positive = inverse_square(covariance)
-    if not positive:
-        return 1.0
-    count, middle, total = matches.total, matches.total // 2, 0.0
-    rows, first, second = _in_order(count), _in_order(middle), _in_order(count - middle)
+    total, counted, right = 0.0, 0, 0.0
+    for i in range(matches.total):
+        right += matches.prior[i]
+    sizes = _sizes(patch)
+    order, half = _in_order(sizes.size), index_room(sizes.size)
+    first, second = index_room(matches.total), index_room(matches.total)
     one = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
+    expected, beside = scratch(5, 5), scratch(5, 5)
     for _ in range(deals):
-        _deal(rows, state, first, second)
-        _refine_by(matches, first, pose, one)
-        _refine_by(matches, second, pose, other)
+        taken = _deal(sizes, order, state, half)
+        _write_halves(patch, half, first, second)
+        if not _refine_by(matches, first[:taken], right, predicted, pose, one, expected):
+            continue
+        rest = second[: matches.total - taken]
+        if not _refine_by(matches, rest, right, predicted, pose, other, beside):
+            continue
+        for i in range(5):
+            for j in range(5):
+                expected[i, j] += beside[i, j]
+        inverse, positive = inverse_square(expected)
+        if not positive:
+            continue
         square = size2(inverse, _apart(one.R, one.t, other.R, other.t, pose.t))
-        total += lesser(0.05 * square, MOST)
-    return total / deals
+        total += lesser(square / 5.0, MOST)
+        counted += 1
+    return total / counted if counted > 0 else 1.0
+
+
+@inner_kernel
+def _sizes(patch: np.ndarray) -> np.ndarray:
+    """How many matches are in each patch."""
+    patches = 0
+    for i in range(patch.size):
+        patches = max(patches, patch[i] + 1)
+    sizes = index_room(patches)
+    for k in range(patches):
+        sizes[k] = 0
+    for i in range(patch.size):
+        sizes[patch[i]] += 1
+    return sizes
 
 
 @inner_kernel
@@ -59,33 +92,67 @@ def _in_order(count: int) -> np.ndarray:
 
 
 @inner_kernel
-def _deal(rows: np.ndarray, state: np.ndarray, first: np.ndarray, second: np.ndarray) -> None:
-    """Shuffle the rows, and write them into two halves."""
-    for i in range(rows.size):
-        j = i + draw_index(state, rows.size - i)
-        row = rows[j]
-        rows[j] = rows[i]
-        rows[i] = row
-        if i < first.size:
-            first[i] = row
+def _deal(sizes: np.ndarray, order: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
+    """Shuffle the patches, and deal each to the smaller half; the matches that the first has."""
+    first = second = 0
+    for i in range(order.size):
+        j = i + draw_index(state, order.size - i)
+        patch = order[j]
+        order[j] = order[i]
+        order[i] = patch
+        half[patch] = 1 if first > second else 0
+        if first > second:
+            second += int(sizes[patch])
         else:
-            second[i - first.size] = row
+            first += int(sizes[patch])
+    return first
 
 
 @inner_kernel
-def _refine_by(matches: PackedMatches, rows: np.ndarray, start: Pose, pose: Pose) -> None:
-    """The pose that these matches lead to from a start, with the noise that it needs."""
+def _write_halves(
+    patch: np.ndarray, half: np.ndarray, first: np.ndarray, second: np.ndarray
+) -> None:
+    """Write down the matches of each half."""
+    a = b = 0
+    for i in range(patch.size):
+        if half[patch[i]] == 0:
+            first[a] = i
+            a += 1
+        else:
+            second[b] = i
+            b += 1
+
+
+@inner_kernel
+def _refine_by(
+    matches: PackedMatches,
+    rows: np.ndarray,
+    right: float,
+    predicted: bool,
+    start: Pose,
+    pose: Pose,
+    expected: np.ndarray,
+) -> bool:
+    """The pose that these matches lead to from a start, with the noise that it needs.
+
+    And the covariance (5, 5) that is ``expected`` of them, at the start; False where they fix no
+    motion. As if as many were ``right`` as of all: few would know their noise less well.
+    """
     panels = (rows.size + LANES - 1) // LANES
     pairs, prior = room(panels * PANEL), room(panels * LANES)
     take_pairs(matches.pairs, rows, pairs)
     for j in range(prior.size):
         prior[j] = matches.prior[rows[j]] if j < rows.size else 0.0
+    seen = Seen(pairs, prior, start.R, start.t, start.mixture, matches.spread)
+    if not covariance_here(seen, right, predicted, SIGNAL, expected):
+        return False
     copy(start.R, pose.R)
     copy(start.t, pose.t)
     copy(start.mixture, pose.mixture)
     spread, least, most = matches.spread, matches.min_variance, matches.max_variance
     some = PackedMatches(pairs, prior, rows.size, spread, least, most, matches.gives_way)
     refine_pose(some, FINE, MAX_REFINEMENTS, pose)
+    return True
 
 
 @formula

@@ -8,9 +8,9 @@ import numpy as np
 
 from farpoint._kernels.coherence import bounded, coherence
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import greater
 from farpoint._kernels.pairs import address, ray0
-from farpoint._kernels.scratch import clear, index_room, index_scratch, scratch
+from farpoint._kernels.patches import split_image
+from farpoint._kernels.scratch import clear, index_room, room, scratch
 
 __all__ = ["LIKELY", "PARTS", "design_effect", "tell_sharing"]
 
@@ -21,8 +21,8 @@ ASKED, LEAST_MATCHES = 400, 50
 LIKELY = 2.5
 
 # The image is split in two, and each part again, as often as this.
-SPLITS = 4
-PARTS = 2**SPLITS
+SPLITS = np.int64(4)
+PARTS = 2**4
 # Degrees of freedom of the residuals that the pose has taken.
 OF_POSE = 5.0
 
@@ -90,34 +90,10 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
 @inner_kernel
 def _parts(pairs: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """The part of each match, by its ray in camera 0."""
-    parts = index_room(rows.size)
+    rays, parts = room(3 * rows.size), index_room(rows.size)
     for k in range(rows.size):
-        parts[k] = 0
-    for k in range(SPLITS):
-        _split(pairs, rows, parts, 1 << k)
+        ray = ray0(pairs, address(rows[k]))
+        for i in range(3):
+            rays[3 * k + i] = ray[i]
+    split_image(rays, SPLITS, parts)
     return parts
-
-
-@inner_kernel
-def _split(pairs: np.ndarray, rows: np.ndarray, parts: np.ndarray, step: int) -> None:
-    """Move what lies beyond the middle of its part, along its longest axis, ``step`` parts on."""
-    sizes, sums, squares = scratch(PARTS), scratch(PARTS, 3), scratch(PARTS, 3)
-    clear(sizes)
-    clear(sums)
-    clear(squares)
-    for k in range(rows.size):
-        part, ray = parts[k], ray0(pairs, address(rows[k]))
-        sizes[part] += 1.0
-        for i in range(3):
-            sums[part, i] += ray[i]
-            squares[part, i] += ray[i] * ray[i]
-    longest, middle = index_scratch(PARTS), scratch(PARTS)
-    for part in range(step):
-        size, widest = greater(sizes[part], 1.0), -1.0
-        for i in range(3):
-            spread = squares[part, i] - sums[part, i] * sums[part, i] / size
-            if spread > widest:
-                longest[part], middle[part], widest = i, sums[part, i] / size, spread
-    for k in range(rows.size):
-        part, ray = parts[k], ray0(pairs, address(rows[k]))
-        parts[k] += step if ray[longest[part]] > middle[part] else 0

@@ -24,6 +24,7 @@ from farpoint.pose import (
     failed_pose,
 )
 from farpoint.pose.lens_doubt import with_lens_doubt
+from farpoint.pose.patches import patches_of
 from farpoint.tracks import Tracker, Tracks, grey_size, trackable_region
 from farpoint.trajectory.path import PathBuilder
 from farpoint.trajectory.perspective import without_perspective
@@ -144,17 +145,21 @@ class Odometry:
         result : OdometryResult
             Of this odometry; the frame decides how the tracks are dealt.
         cell_px : float, optional
-            Deal whole image cells of this width, px, so that errors which neighbouring tracks
-            share do not cancel; by default every track is dealt by itself.
+            Deal whole image cells of this width, px, so that errors which tracks farther apart
+            share do not cancel; by default patches of three to six tracks, whose windows overlap.
         """
         tracks = result.tracks
         # A lens is wrong for both halves alike, and so is what all tracks have in common.
         options = replace(self._pose_options(), shared_error_px=0.0)
+        if cell_px is None:
+            groups = patches_of(self.camera.unproject(tracks.points0))
+        else:
+            groups = image_cells(tracks.points0, cell_px)
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
             partial(self._estimate_by, self.camera, options),
             seed=result.frame1,
-            groups=None if cell_px is None else image_cells(tracks.points0, cell_px),
+            groups=groups,
         )
 
     def _compare(

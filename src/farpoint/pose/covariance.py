@@ -11,13 +11,13 @@ from farpoint._kernels.halves import disagreement
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit, pose_of, seen_by
+from farpoint.pose.patches import patches_of
 
 __all__ = [
     "growth_by_halves",
     "half_ratio",
     "moving_covariance",
     "shared_covariance",
-    "shared_direction_covariance",
 ]
 
 # Up to this sigma of the direction over both axes, rad, all poses that the covariance allows tell
@@ -25,10 +25,8 @@ __all__ = [
 STRAIGHT_SIGMA = math.radians(2.5)
 # Degrees of freedom that what was expected of halves counts, beside what they show.
 EXPECTED = 40.0
-# Share of an error of all matches that is not the same all over the image.
-UNEVEN = 0.5
-# Of fewer matches halves are too small: they differ by more than the noise of theirs, 1.1 to 1.6
-# times for 48 to 32 drawn matches.
+# Of fewer matches halves are too small: more is expected of them than they differ by, which is 0.65
+# to 0.9 of it for 24 to 48 drawn matches.
 LEAST_MATCHES = 60
 
 
@@ -57,15 +55,17 @@ def half_ratio(fit: MovingFit, deals: int) -> float | None:
     Tracks of one surface err together: some surfaces ask for another motion than others, and which
     of them a pose follows is decided by few. Then half of the tracks lead to a pose farther from
     that of the other half than their noise would take it (delete-d jackknife: Shao and Wu, Ann.
-    Stat. 17, 1989, DOI 10.1214/aos/1176347263). The mean of random ``deals``; None without any, and
-    for few matches.
+    Stat. 17, 1989, DOI 10.1214/aos/1176347263; of whole patches, since neighbours are not
+    independent: Künsch, Ann. Stat. 17, 1989, DOI 10.1214/aos/1176347265). The mean of random
+    ``deals``; None without any, and for few matches.
     """
     matches = fit.matches
     if deals == 0 or len(matches) < LEAST_MATCHES or not math.isfinite(fit.covariance[0, 0]):
         return None
     state = np.zeros(1, np.uint64)
     judging = matches.judging(fit.said[0], gives_way=True)
-    return disagreement(judging, pose_of(fit), fit.covariance, deals, state)
+    patch = patches_of(matches.rays0)
+    return disagreement(judging, pose_of(fit), fit.is_predicted, deals, patch, state)
 
 
 def growth_by_halves(ratio: float | None, expected: float, deals: int) -> float:
@@ -93,17 +93,3 @@ def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
         return np.zeros((3, 3))
     per_unit = 0.5 * float(np.median(1.0 / matches.precision))  # rad^2; both images have noise
     return sigma**2 * per_unit * np.eye(3)
-
-
-def shared_direction_covariance(fit: MovingFit, sigma: float) -> np.ndarray:
-    """Covariance (2, 2), rad^2, of a direction where errors of all matches, ``sigma``, are uneven.
-
-    In the tangent basis of the direction, in camera 1.
-
-    An error that is the same all over the image is taken for a turn; one that changes over it, as
-    the flow does, moves the direction. As large as the turn of the direction that moves a typical
-    match by `UNEVEN` of ``sigma``, in units of the noise.
-    """
-    right = float(np.add.reduce(fit.probability))
-    flow2 = float(fit.probability @ (fit.parallax * fit.parallax)) / max(right, 1.0)
-    return (UNEVEN * sigma) ** 2 / (2.0 * max(flow2, 1e-12)) * np.eye(2)  # both images have noise

@@ -23,7 +23,6 @@ from farpoint.pose.covariance import (
     half_ratio,
     moving_covariance,
     shared_covariance,
-    shared_direction_covariance,
 )
 from farpoint.pose.far_rotation import IDENTITY, far_rotation
 from farpoint.pose.majority import BETWEEN, majority_motion
@@ -211,9 +210,7 @@ def _conclude_moving(
     ratio = course.half_ratio = half_ratio(fit, options.half_deals)
     covariance *= growth_by_halves(ratio, options.expected_half_ratio, options.half_deals)
     covariance *= matches.sharing
-    if options.shared_error_px > 0.0:
-        covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
-        covariance[3:, 3:] += shared_direction_covariance(fit, options.shared_error_px)
+    covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
         return conclusion.unfixed_rotation(matches, course)
