@@ -1,7 +1,8 @@
 """Do neighbouring tracks of a video err alike, and are its covariances too small for it?
 
 Prints the correlation of the tracks' errors by their distance, and the split-half test with the
-tracks dealt one by one and by image cells, in which errors that neighbours share do not cancel.
+tracks dealt by patches of three to six and by image cells, in which errors that neighbours share do
+not cancel.
 
 The error of a track is its distance from the epipolar line of the estimated motion, over the sigma
 that its covariance predicts. Covariances of motions take those errors as independent.
@@ -87,7 +88,7 @@ def main() -> None:
     print(correlation)
     for cell_px, found in halves.items():
         pose = evaluate_halves(found).pose
-        dealt = "one by one" if cell_px is None else f"by cells of {cell_px} px"
+        dealt = "by patches" if cell_px is None else f"by cells of {cell_px} px"
         print(
             f"halves dealt {dealt}: {pose.count} compared, sigma over difference "
             f"{pose.sigma_over_error:.2f}, in 95 % {pose.coverage95.share:.2f}"

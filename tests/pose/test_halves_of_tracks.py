@@ -34,8 +34,8 @@ def growths() -> np.ndarray:
 
 
 def test_halves_of_white_noise_show_what_was_computed(growths):
-    # 0.98: each has 40 degrees of freedom of 80, and scatters by 0.11; their mean by 0.012.
-    assert 0.94 < growths.mean() < 1.02
+    # 1.01: each has 40 degrees of freedom of 80, and scatters by 0.11; their mean by 0.012.
+    assert 0.97 < growths.mean() < 1.05
     assert 0.06 < growths.std() < 0.16
 
 
@@ -51,6 +51,6 @@ def test_few_matches_have_no_halves(matches, has_halves):
 def test_the_fewest_that_have_halves_show_about_what_was_computed():
     options = RelativePoseOptions(half_deals=16)
     shown = [estimate(scene(seed, 60), options=options).stats.half_ratio for seed in range(60)]
-    # 0.89, and 0.7 of 32 matches: halves are expected to know their noise less well than they do.
+    # 0.93, and 0.8 of 32 matches: halves are expected to know their noise less well than they do.
     # The mean scatters by 0.03.
-    assert 0.8 < np.mean(shown) < 1.0
+    assert 0.83 < np.mean(shown) < 1.03

@@ -98,12 +98,7 @@ def test_what_all_matches_are_off_by_alike_is_counted_once(translation_m, told):
     assert 0.75 * one_px**2 < extra[0, 0] < one_px**2
     if plain.covariance is not None:
         extra = shifted.covariance - plain.covariance
-        np.testing.assert_array_equal(extra[3:, :3], 0.0)
-        np.testing.assert_allclose(extra[3:, 3:], extra[3, 3] * np.eye(2), atol=1e-12)
-        turned = scene.camera.unproject(scene.points0) @ plain.rotation_cam1_from_cam0.T
-        flow_px = np.linalg.norm(scene.points1 - scene.camera.project(turned), axis=1)
-        # Half of it, over the flow; a pixel away from the middle is less, as above.
-        assert 0.8 < np.sqrt(extra[3, 3] * np.mean(flow_px**2)) / 0.25 < 1.2
+        np.testing.assert_array_equal(extra[3:], 0.0)
 
 
 def test_equal_round_noise_is_the_same_as_none_told():

@@ -28,6 +28,8 @@ EXPECTED = 40.0
 # Of fewer matches halves are too small: more is expected of them than they differ by, which is 0.65
 # to 0.9 of it for 24 to 48 drawn matches.
 LEAST_MATCHES = 60
+# Halves of matches with independent noise differ by a little less than is expected of them.
+OF_NOISE = 0.95
 
 
 def moving_covariance(fit: MovingFit) -> np.ndarray:
@@ -65,7 +67,8 @@ def half_ratio(fit: MovingFit, deals: int) -> float | None:
     state = np.zeros(1, np.uint64)
     judging = matches.judging(fit.said[0], gives_way=True)
     patch = patches_of(matches.rays0)
-    return disagreement(judging, pose_of(fit), fit.is_predicted, deals, patch, state)
+    shown = disagreement(judging, pose_of(fit), fit.is_predicted, deals, patch, state)
+    return shown / OF_NOISE
 
 
 def growth_by_halves(ratio: float | None, expected: float, deals: int) -> float:

@@ -34,15 +34,14 @@ class RelativePoseOptions:
         there are samples of five.
     shared_error_px : float
         1-sigma, px, by which all matches may be off in one way: no number of them averages it away,
-        and the covariance of the rotation is never less. Half of it may change over the image,
-        and turn the direction by as much over the typical parallax. As `matching_tolerance_px` for
-        rays.
+        and the covariance of the rotation is never less. As `matching_tolerance_px` for rays.
     count_sharing : bool
         Count what matches have in common where neighbours err alike and nothing was told of their
         noise. False takes them for independent.
     half_deals : int
         How often the matches are dealt into two halves, by whose poses the covariance is corrected;
-        0 for never. For tracks: those of one surface err together.
+        0 for never. For tracks: those of one surface err together. Patches of three to six that
+        lie together go to the same half.
     expected_half_ratio : float
         What the halves are expected to show: the mean `PoseStats.half_ratio` of earlier pairs of
         the same video, which `Odometry` keeps. It counts as much as 8 deals do, and alone where
