@@ -1,11 +1,11 @@
 """The split-half test: does the covariance hold, where nobody knows the truth?
 
 The matches of a pair are dealt at random into two halves and the motion is estimated from each.
-Their noise is independent, so the difference of the two must be as large as the sum of their
+If their noise is independent, the difference of the two must be as large as the sum of their
 covariances says. What both halves share (a wrong calibration, a moving object that is tracked in
 both, errors that neighbouring tracks have in common) cancels in the difference: the test can show
 that a covariance is too small, not that nothing is missing. Neighbours dealt to one half together
-(`image_cells`) keep their common errors in it.
+(`image_cells`, and patches of them in `Odometry.split_half`) keep their common errors in it.
 """
 
 from __future__ import annotations
