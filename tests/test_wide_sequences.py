@@ -41,14 +41,15 @@ def room_walk(data: Path, frames: int, start_s: float) -> tuple[Camera, Trajecto
 
 
 def test_a_195_degree_fisheye_carried_through_a_room(shared_data: Path):
-    camera, path = room_walk(shared_data, 25, 20.0)
+    walks = [room_walk(shared_data, 25, start_s) for start_s in (20.0, 60.0)]
+    camera, _ = walks[0]
     assert np.rad2deg(field_of_view(camera).diagonal_rad) > 195.0
-    errors = run_rendered(RenderedSequence(camera, path, seed=7))
+    errors = run_rendered(*(RenderedSequence(camera, path, seed=7) for _, path in walks))
     assert set(errors.statuses) == {PoseStatus.OK}
     assert np.median(errors.rotation_deg) < 0.01
     assert max(errors.bound_ratios()) < 1.6
-    # Steps of 3 cm far from everything: neighbouring tracks share some of their errors.
-    assert min(covered(errors)) > 0.7
+    # Steps of 3 cm far from everything: what tracks share is counted as far as halves show it.
+    assert min(covered(errors)) > 0.8
 
 
 def test_a_360_camera_driven_through_the_street():

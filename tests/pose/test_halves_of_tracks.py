@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pose_kit import estimate, point_scene
 
-from farpoint import PoseStatus, RelativePoseOptions
+from farpoint import PoseStatus, RelativePoseOptions, estimate_relative_pose
 from farpoint.synthetic import PointScene
 
 OPTIONS = RelativePoseOptions(half_deals=8)
@@ -54,3 +54,17 @@ def test_the_fewest_that_have_halves_show_about_what_was_computed():
     # 0.93, and 0.8 of 32 matches: halves are expected to know their noise less well than they do.
     # The mean scatters by 0.03.
     assert 0.83 < np.mean(shown) < 1.03
+
+
+def test_neighbours_that_err_alike_go_to_the_same_half():
+    shown = []
+    for seed in range(12):
+        view = scene(seed, 60)
+        # Five of each, side by side: they tell as much as one does.
+        rng = np.random.default_rng(seed)
+        step = rng.normal(0.0, 2.0, (300, 2))
+        pixels = [np.repeat(points, 5, axis=0) + step for points in (view.points0, view.points1)]
+        pose = estimate_relative_pose(*pixels, view.camera, options=OPTIONS)
+        shown.append(pose.stats.half_ratio)
+    # 3.5 by patches of three to six; 1.05 if each is dealt by itself.
+    assert 2.5 < np.mean(shown) < 5.0
