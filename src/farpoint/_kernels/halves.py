@@ -28,6 +28,7 @@ MAX_REFINEMENTS = np.int64(10)
 def disagreement(
     matches: PackedMatches,
     pose: Pose,
+    right: float,
     predicted: bool,
     deals: int,
     patch: np.ndarray,
@@ -37,12 +38,11 @@ def disagreement(
 
     The mean over random ``deals``, by the generator's ``state``, of the difference d of two poses,
     each refined from this one by half of the matches: ``d^T (C_1 + C_2)^-1 d / 5`` with what is
-    expected of either half (5, 5), as of `covariance.covariance_here`, at this pose. Matches of one
-    ``patch`` (N,) go to the same half. 1 where no half fixes a motion.
+    expected of either half (5, 5), as of `covariance.covariance_here`, at this pose, which so many
+    matches were found to share. Matches of one ``patch`` (N,) go to the same half. 1 where no half
+    fixes a motion.
     """
-    total, counted, right = 0.0, 0, 0.0
-    for i in range(matches.total):
-        right += matches.prior[i]
+    total, counted = 0.0, 0
     sizes = _sizes(patch)
     order, half = _in_order(sizes.size), index_room(sizes.size)
     first, second = index_room(matches.total), index_room(matches.total)

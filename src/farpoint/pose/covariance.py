@@ -66,8 +66,8 @@ def half_ratio(fit: MovingFit, deals: int) -> float | None:
         return None
     state = np.zeros(1, np.uint64)
     judging = matches.judging(fit.said[0], gives_way=True)
-    patch = patches_of(matches.rays0)
-    shown = disagreement(judging, pose_of(fit), fit.is_predicted, deals, patch, state)
+    right, patch = float(np.add.reduce(fit.probability)), patches_of(matches.rays0)
+    shown = disagreement(judging, pose_of(fit), right, fit.is_predicted, deals, patch, state)
     return shown / OF_NOISE
 
 
