@@ -17,12 +17,15 @@ from farpoint import (
     OdometryOptions,
     OdometryResult,
     PoseStatus,
+    RelativePose,
     RelativePoseOptions,
     TrackLabel,
 )
 from farpoint.errors import InputError
 from farpoint.geometry import so3, sphere
 from farpoint.metrics import evaluate_halves
+from farpoint.pose import failed_pose
+from farpoint.pose.patches import patches_of
 from farpoint.tracks import TrackerOptions
 
 OPTIONS = OdometryOptions(tracker=TrackerOptions(max_tracks=250))
@@ -93,6 +96,24 @@ def test_halves_of_the_tracks_of_a_pair_agree_about_its_motion():
     by_cells = odometry.split_half(results[3], cell_px=40.0)
     assert by_cells.dof == 5
     assert not np.array_equal(by_cells.difference, again.difference)
+
+
+def test_tracks_that_lie_together_go_to_the_same_half(monkeypatch: pytest.MonkeyPatch):
+    odometry = Odometry(CAMERA, OPTIONS)
+    result = list(odometry.run(frames(list(IMAGES))))[3]
+    dealt: list[np.ndarray] = []
+
+    def estimate(_camera, _options, points0: np.ndarray, *_others) -> RelativePose:
+        dealt.append(points0)
+        return failed_pose("Not asked.")
+
+    monkeypatch.setattr(odometry, "_estimate_by", estimate)
+    odometry.split_half(result)
+    first = (result.tracks.points0[:, None] == dealt[0]).all(axis=2).any(axis=1)
+    assert len(dealt[0]) + len(dealt[1]) == len(result.tracks)
+    patch = patches_of(CAMERA.unproject(result.tracks.points0))
+    assert 20 < len(set(patch)) < len(patch) / 2.5
+    assert all(len(set(first[patch == k])) == 1 for k in set(patch))
 
 
 def test_what_all_tracks_have_in_common_is_in_the_pose_and_not_between_its_halves():

@@ -34,8 +34,9 @@ def growths() -> np.ndarray:
 
 
 def test_halves_of_white_noise_show_what_was_computed(growths):
-    # 1.01: each has 40 degrees of freedom of 80, and scatters by 0.11; their mean by 0.012.
-    assert 0.97 < growths.mean() < 1.05
+    # 1.006: each has 40 degrees of freedom of 80, and scatters by 0.11; their mean by 0.012. It is
+    # 0.98 where halves are held to all that is expected of them.
+    assert 0.985 < growths.mean() < 1.03
     assert 0.06 < growths.std() < 0.16
 
 

@@ -39,8 +39,8 @@ def disagreement(
     The mean over random ``deals``, by the generator's ``state``, of the difference d of two poses,
     each refined from this one by half of the matches: ``d^T (C_1 + C_2)^-1 d / 5`` with what is
     expected of either half (5, 5), as of `covariance.covariance_here`, at this pose, which so many
-    matches were found to share. Matches of one ``patch`` (N,) go to the same half. 1 where no half
-    fixes a motion.
+    matches were found to share. Matches of one ``patch`` (N,) go to the same half. Deals of which a
+    half fixes no motion are left out; 1 where all are.
     """
     total, counted = 0.0, 0
     sizes = _sizes(patch)

@@ -22,7 +22,7 @@ LIKELY = 2.5
 
 # The image is split in two, and each part again, as often as this.
 SPLITS = np.int64(4)
-PARTS = 2**4
+PARTS = 2 ** int(SPLITS)
 # Degrees of freedom of the residuals that the pose has taken.
 OF_POSE = 5.0
 

@@ -10,13 +10,13 @@ from farpoint._kernels.patches import split_image
 
 __all__ = ["patches_of"]
 
-# As many matches are in a patch, to twice as many, about: so far apart do windows overlap that are
-# as dense as a tracker has them.
+# A patch has so many matches on average at the least, and twice as many at the most. Of 6, the
+# regions of poses on rendered sequences hold the truth as often.
 TOGETHER = 3.0
 
 
 def patches_of(rays: np.ndarray) -> np.ndarray:
-    """Number (N,) of the patch of the image that each of the ``rays`` (N, 3) is in.
+    """Number (N,) of the patch of the image that each of the unit ``rays`` (N, 3) is in.
 
     Windows of points nearby share pixels, and what they show moves and bends alike. Of a patch as
     large as that, the errors add up; those of another are its own.
