@@ -10,25 +10,15 @@ import pytest
 from farpoint import Camera, Odometry, OdometryResult, PoseStatus
 from farpoint.geometry import so3, sphere
 from farpoint.metrics.path_consistency import PathSamples, evaluate_path
-from farpoint.synthetic import RenderedSequence
-from farpoint.trajectory.files import Trajectory, read_tum
-
-STREET_FROM_HALL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+from farpoint.synthetic import RenderedSequence, carried
+from farpoint.trajectory.files import read_tum
 
 
 def flown(shared_data: Path, start_s: float, seed: int) -> RenderedSequence:
     """70 frames, 30 a second, of a racing drone, its camera ahead, low over the street."""
     body = read_tum(shared_data / "trajectories" / "indoor_forward_7_snapdragon_with_gt.txt")
-    times = body.timestamps - body.timestamps[0]
-    rows = np.searchsorted(times, start_s + np.arange(70) / 30.0)
-    poses = np.tile(np.eye(4), (len(rows), 1, 1))
-    poses[:, :3, :3] = STREET_FROM_HALL @ body.world_from_body[rows, :3, :3] @ STREET_FROM_HALL.T
-    ways = body.world_from_body[rows, :3, 3] @ STREET_FROM_HALL.T
-    ways -= [ways[:, 0].mean(), ways[:, 1].max() + 1.0, ways[:, 2].mean()]
-    poses[:, :3, 3] = ways + np.array([1.9, 0.0, 20.0])
     camera = Camera.pinhole(320, 240, 200.0, 200.0, 159.5, 119.5)
-    path = Trajectory(timestamps=times[rows], world_from_body=poses)
-    return RenderedSequence(camera, path, seed=seed)
+    return RenderedSequence(camera, carried(body, start_s, 70, 30.0), seed=seed)
 
 
 @pytest.fixture(scope="module")

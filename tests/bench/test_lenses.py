@@ -28,7 +28,7 @@ def test_every_model_sees_most_of_the_image_it_is_timed_on(monkeypatch: pytest.M
 
 def test_a_small_drive_fills_a_row(monkeypatch: pytest.MonkeyPatch):
     small = Camera(model=KannalaBrandt(fx=90, fy=90, cx=119.5, cy=119.5), size=(240, 240))
-    monkeypatch.setattr(lenses, "_CAMERAS", (("small fisheye", small),))
+    monkeypatch.setattr(lenses, "CAMERAS", {"small fisheye": small})
     (table,) = lenses.wide_table(OPTIONS, silent)
     row = dict(zip((column.name for column in table.columns), table.rows[0], strict=True))
     assert (row["lens"], row["pairs"], row["OK"]) == ("small fisheye", 2, 2)

@@ -20,6 +20,7 @@ from farpoint.bench.tables import start as start_module
 from farpoint.errors import InputError, MissingExtraError
 from farpoint.geometry import so3
 from farpoint.pose import estimate_relative_pose
+from farpoint.synthetic import cramer_rao_bound
 
 SMALL_GRID = CoverageGrid(baselines_m=(0.0, 0.2), matches=(90,), outlier_shares=(0.2,), trials=12)
 SEEDED = BenchOptions(tables=("paper", "accuracy", "coverage"), pairs=2, seed=4, grid=SMALL_GRID)
@@ -128,6 +129,30 @@ def test_a_cell_of_coverage_is_what_its_estimates_say():
     assert cell["rotation_nees"] == pytest.approx(np.mean(squared))
     assert cell["rotation_68"] == np.mean(np.array(squared) < chi2.ppf(0.68, 3))
     assert cell["pose_95"] is not None
+    assert (cell["observable"], cell["observable_OK"]) == (8, 8)
+
+
+def test_what_hardly_shows_is_not_observable():
+    """Some of these motions have a bound below 5 degrees, none of those at rest."""
+    cells = {}
+    for baseline_m in (0.0, 0.02):
+        scenes = draw_scenes(
+            12,
+            np.random.default_rng(2),
+            baseline_m=baseline_m,
+            far_share=0.5,
+            matches=90,
+            outliers=0,
+            noise_px=1.0,
+        )
+        names = [column.name for column in coverage._COLUMNS[5:]]
+        cells[baseline_m] = dict(zip(names, coverage._figures(scenes, 0), strict=True))
+    assert (cells[0.0]["observable"], cells[0.0]["observable_OK"]) == (0, 0)
+    bounds = [np.linalg.eigvalsh(cramer_rao_bound(s)[3:, 3:])[-1] ** 0.5 for s in scenes]
+    below = int(np.sum(np.degrees(bounds) < 5.0))
+    assert 0 < below < 12
+    assert cells[0.02]["observable"] == below
+    assert cells[0.02]["observable_OK"] <= min(below, cells[0.02]["OK"])
 
 
 def test_an_interruption_leaves_what_was_found(tmp_path: Path):

@@ -11,13 +11,14 @@ from farpoint.geometry import so3
 from farpoint.synthetic import (
     ImagingOptions,
     RenderedSequence,
+    carried,
     pure_rotation,
     render_drive,
     sideways,
     standing_still,
     street_drive,
 )
-from farpoint.synthetic.street import BLOCK_M, ROAD_M
+from farpoint.synthetic.street import BLOCK_M, LANE_M, ROAD_M
 from farpoint.trajectory.files import Trajectory, read_tum
 
 CAMERA = Camera.pinhole(64, 48, 50.0, 50.0, 31.5, 23.5)
@@ -133,3 +134,35 @@ def test_what_cannot_be_rendered_says_why(field, make):
     with pytest.raises(InputError) as error:
         make()
     assert error.value.field == field
+
+
+def measured(seconds: float, *, gap_s: tuple[float, float] = (9e9, 9e9)) -> Trajectory:
+    """Fly ahead and up at 100 poses a second, turning left; axes x ahead, y left, z up."""
+    times = np.arange(0.0, seconds, 0.01)
+    times = times[(times < gap_s[0]) | (times > gap_s[1])]
+    poses = np.tile(np.eye(4), (len(times), 1, 1))
+    poses[:, :3, :3] = so3.exp(np.outer(times, [0.0, 0.0, 0.2]))
+    poses[:, :3, 3] = np.outer(times, [1.0, 0.0, 0.3]) + np.array([3.0, -7.0, 1.0])
+    return Trajectory(timestamps=1e9 + times, world_from_body=poses)
+
+
+def test_what_is_carried_moves_as_it_was_measured():
+    path = carried(measured(4.0), 1.0, 21, 10.0)
+    assert len(path) == 21
+    positions = path.world_from_body[:, :3, 3]
+    # Ahead is z in the street, up is -y, and the lowest point is a metre above ground.
+    np.testing.assert_allclose(np.diff(positions, axis=0), [[0.0, -0.03, 0.1]] * 20, atol=1e-6)
+    assert positions[:, 1].max() == pytest.approx(-1.0)
+    np.testing.assert_allclose(positions[:, [0, 2]].mean(axis=0), [LANE_M, 20.0], atol=1e-9)
+    turned = so3.log(path.world_from_body[:, :3, :3])
+    np.testing.assert_allclose(turned[:, 1], -0.2 * (1.0 + np.arange(21) / 10.0), atol=1e-6)
+
+
+def test_what_was_not_measured_cannot_be_carried():
+    with pytest.raises(InputError, match=r"body: expected poses without a gap from 3 to 5 s"):
+        carried(measured(4.0), 3.0, 21, 10.0)
+    with pytest.raises(InputError, match=r"without a gap from 0.5 to 2.5 s"):
+        carried(measured(4.0, gap_s=(1.0, 2.0)), 0.5, 21, 10.0)
+    untimed = Trajectory(timestamps=None, world_from_body=measured(1.0).world_from_body)
+    with pytest.raises(InputError, match="poses with their times"):
+        carried(untimed, 0.0, 2, 10.0)

@@ -26,10 +26,16 @@ TableName = Literal[
     "live",
     "lenses",
     "tracks",
+    "motions",
     "path",
     "steps",
+    "halves",
 ]
 TABLES: tuple[TableName, ...] = get_args(TableName)
+
+# Tables that look at the data, and those of which there can be more.
+_OF_DATA = ("pairs", "pipeline", "drawing", "motions", "steps", "halves")
+_FULLER = ("pairs", "coverage", "live")
 
 Progress = Callable[[str, int, int], None]
 """Told what is being done, how many steps of it are done, and how many there are."""
@@ -94,14 +100,16 @@ class BenchOptions:
     pairs : int or None
         Pairs of views in each cell of ``paper``, ``accuracy``, ``pairs`` and ``movers``, scenes for
         each time in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of
-        frames of ``lenses`` and of each row of ``tracks`` and ``steps``, motions of each drive of
-        ``path``. None takes 2000, 300, 60, 60, 30, 60, 60, 60, 40, 60, 40 and 100.
+        frames of ``lenses`` and of each row of ``tracks``, ``motions`` and ``steps``, motions of
+        each drive of ``path``. None takes 2000, 300, 60, 60, 30, 60, 60, 60, 40, 60, 168, 40 and
+        100.
     seed : int
         Of scenes and estimators: the same seed gives the same figures, times aside.
     data : tuple of Path
-        Real data: files of matches (``.npz``), image sequences with their calibration, or folders
-        of them. ``pairs`` needs the former, ``steps`` the latter with a file of true poses;
-        ``pipeline`` and ``drawing`` render a drive where there are none.
+        Real data: files of matches (``.npz``), image sequences with their calibration, measured
+        motions (TUM's format), or folders of them. ``pairs`` needs the first; ``halves`` the
+        second, ``steps`` with a file of true poses; ``pipeline`` and ``drawing`` render a drive
+        where there are none. ``motions`` moves as the third, too.
     full : bool
         Every pair of the files, the whole grid of the table of coverage, 10 minutes of ``live``:
         hours.
@@ -134,9 +142,9 @@ class BenchOptions:
         words = ["farpoint", "bench", "--tables", table]
         words += [] if self.pairs is None else ["--pairs", str(self.pairs)]
         words += ["--seed", str(self.seed)]
-        if self.data and table in ("pairs", "pipeline", "drawing", "steps"):
+        if self.data and table in _OF_DATA:
             words += ["--data", *map(str, self.data)]
-        words += ["--full"] if self.full and table in ("pairs", "coverage", "live") else []
+        words += ["--full"] if self.full and table in _FULLER else []
         if table == "coverage":
             words += _changed_words(self.grid)
         return shlex.join(words)

@@ -8,13 +8,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from farpoint.bench.table import Cell, Column
 from farpoint.geometry import sphere
 from farpoint.metrics import chi2_quantile, direction_error, nees, rotation_error
 from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
 from farpoint.pose import PoseStatus
 from farpoint.synthetic import PointScene, RenderedSequence, cramer_rao_bound
 
-__all__ = ["RenderedErrors", "run_rendered"]
+__all__ = [
+    "RENDERED_COLUMNS",
+    "RENDERED_NOTES",
+    "RenderedErrors",
+    "rendered_cells",
+    "run_rendered",
+]
+
+RENDERED_COLUMNS = (
+    Column("pairs"),
+    Column("OK"),
+    Column("rotation_median_deg", 4),
+    Column("direction_median_deg", 3),
+    Column("rotation_over_bound", 2),
+    Column("direction_over_bound", 2),
+    Column("rotation_95", 3),
+    Column("direction_95", 3),
+    Column("pose_95", 3),
+)
+RENDERED_NOTES = (
+    "over_bound: by the Cramer-Rao bound of the tracks that are right, at the spread of their true "
+    "errors",
+    "95: share of the 95 % regions that hold the truth; the rotation of all but FAILED",
+)
 
 _RIGHT_PX = 1.0  # a track farther from the truth shows something else
 _RIGHT_SIGMA = 5.0
@@ -23,6 +47,8 @@ _RIGHT_SIGMA = 5.0
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderedErrors:
     """Errors over P pairs of frames; NaN where there is no answer.
+
+    Of a rotation alone its normalised square is known, and nothing else.
 
     Attributes
     ----------
@@ -90,35 +116,58 @@ def run_rendered(
     return RenderedErrors(statuses=tuple(statuses), **dict(zip(names, columns, strict=True)))
 
 
+def rendered_cells(errors: RenderedErrors) -> tuple[Cell, ...]:
+    """The cells of `RENDERED_COLUMNS`; those of directions are None where there are none."""
+    ok = sum(status is PoseStatus.OK for status in errors.statuses)
+    rotation_deg, direction_deg = (
+        float(np.nanmedian(angles)) if ok else None
+        for angles in (errors.rotation_deg, errors.direction_deg)
+    )
+    return (
+        len(errors.statuses),
+        ok,
+        rotation_deg,
+        direction_deg,
+        *errors.bound_ratios(),
+        _covered(errors.rotation_nees, 3),
+        _covered(errors.direction_nees, 2),
+        _covered(errors.pose_nees, 5),
+    )
+
+
+def _covered(squares: np.ndarray, dof: int) -> float | None:
+    """Share of the regions that hold the truth, of those that are given."""
+    given = squares[~np.isnan(squares)]
+    return float(np.mean(given <= chi2_quantile(0.95, dof))) if given.size else None
+
+
 def _row(sequence: RenderedSequence, result: OdometryResult) -> tuple[float, ...]:
     """The numbers of one pair, in the order of `RenderedErrors`."""
-    pose = result.pose
+    pose, tracks = result.pose, len(result.tracks)
     assert pose is not None
-    if pose.status is not PoseStatus.OK:
-        return (*7 * (math.nan,), len(result.tracks))
+    R_found, R_covariance = pose.rotation_cam1_from_cam0, pose.rotation_covariance
+    if R_found is None or R_covariance is None:
+        return (*7 * (math.nan,), tracks)
     motion = sequence.cam1_from_cam0(result.frame0, result.frame1)
     R, direction = motion[None, :3, :3], sphere.normalize(motion[None, :3, 3])
-    R_found = pose.rotation_cam1_from_cam0
-    found, basis = pose.direction_cam1_from_cam0, pose.direction_basis
-    assert R_found is not None
-    assert found is not None
-    assert basis is not None
     turn = rotation_error(R_found[None], R)
+    turn_nees = float(nees(turn, R_covariance[None])[0])
+    found, basis, covariance = pose.direction_cam1_from_cam0, pose.direction_basis, pose.covariance
+    if found is None or basis is None or covariance is None:
+        return (math.nan, math.nan, turn_nees, *4 * (math.nan,), tracks)
     error = np.concatenate([turn, direction_error(found[None], basis[None], direction)], axis=1)
-    covariance = pose.covariance
-    assert covariance is not None
     bound = cramer_rao_bound(_scene(sequence, result, motion))
     # The bound lives in the tangent space of the truth, so the truth takes the estimate's place.
     off = direction_error(direction, sphere.tangent_basis(direction), found[None])
     return (
         math.degrees(np.linalg.norm(turn)),
         math.degrees(float(sphere.angle_between(found, direction[0]))),
-        float(nees(turn, covariance[None, :3, :3])[0]),
+        turn_nees,
         float(nees(error[:, 3:], covariance[None, 3:, 3:])[0]),
         float(nees(error, covariance[None])[0]),
         float(nees(turn, bound[None, :3, :3])[0]),
         float(nees(off, bound[None, 3:, 3:])[0]),
-        len(result.tracks),
+        tracks,
     )
 
 

@@ -16,8 +16,10 @@ from farpoint.bench.tables.accuracy import accuracy_table
 from farpoint.bench.tables.coverage import coverage_table
 from farpoint.bench.tables.drawing import drawing_table
 from farpoint.bench.tables.growth import growth_tables
+from farpoint.bench.tables.halves import halves_table
 from farpoint.bench.tables.lenses import unprojection_table, wide_table
 from farpoint.bench.tables.live import live_tables
+from farpoint.bench.tables.motions import motions_table
 from farpoint.bench.tables.movers import movers_table
 from farpoint.bench.tables.pairs import pairs_table
 from farpoint.bench.tables.paper import paper_table
@@ -43,8 +45,10 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "pipeline": (pipeline_table,),
     "lenses": (unprojection_table, wide_table),
     "tracks": (tracks_table,),
+    "motions": (motions_table,),
     "path": (path_table,),
     "steps": (steps_table,),
+    "halves": (halves_table,),
     "drawing": (drawing_table,),
     "live": (live_tables,),
 }
@@ -52,6 +56,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
 _NEEDED: dict[TableName, str] = {
     "pairs": "files of matches (.npz)",
     "steps": "image sequences with a calibration and true poses",
+    "halves": "image sequences with a calibration",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -13,9 +14,16 @@ from farpoint.errors import InputError
 from farpoint.frames import open_frames
 from farpoint.metrics import poses_at_frames, poses_at_times
 from farpoint.synthetic.sequence import render_drive
-from farpoint.trajectory.files import read_trajectory
+from farpoint.trajectory.files import Trajectory, read_trajectory, read_tum
 
-__all__ = ["Film", "Sequence", "filmed", "find_sequences", "rendered_sequence"]
+__all__ = [
+    "Film",
+    "Sequence",
+    "filmed",
+    "find_sequences",
+    "find_trajectories",
+    "rendered_sequence",
+]
 
 # Names of files with the true poses of the camera, beside its images.
 _TRUTHS = ("poses.txt", "groundtruth.txt")
@@ -104,6 +112,18 @@ def find_sequences(places: tuple[Path, ...]) -> list[Sequence]:
         inside = map(_sequence, sorted(filter(Path.is_dir, place.iterdir())))
         sequences += [sequence for sequence in inside if sequence is not None]
     return sequences
+
+
+def find_trajectories(places: tuple[Path, ...]) -> dict[str, Trajectory]:
+    """Measured motions by name: files in TUM's format, alone or in folders that hold no images."""
+    found = {}
+    for place in places:
+        folders = [] if place.is_file() else [place, *filter(Path.is_dir, place.iterdir())]
+        inside = (file for f in folders if _sequence(f) is None for file in f.glob("*.txt"))
+        for file in sorted([place] if place.is_file() else inside):
+            with suppress(InputError):  # most files are something else
+                found[file.stem] = read_tum(file)
+    return found
 
 
 def _sequence(folder: Path) -> Sequence | None:

@@ -9,7 +9,13 @@ from farpoint.synthetic.paper import (
     paper_example,
     paper_protocol,
 )
-from farpoint.synthetic.paths import pure_rotation, sideways, standing_still, street_drive
+from farpoint.synthetic.paths import (
+    carried,
+    pure_rotation,
+    sideways,
+    standing_still,
+    street_drive,
+)
 from farpoint.synthetic.points import (
     OutlierKind,
     PointScene,
@@ -34,6 +40,7 @@ __all__ = [
     "RenderedSequence",
     "RenderedView",
     "SimulatedImu",
+    "carried",
     "cramer_rao_bound",
     "make_point_scene",
     "paper_camera",

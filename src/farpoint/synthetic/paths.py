@@ -1,4 +1,5 @@
-"""Ways a camera moves through the street: a drive with turns, and the plain motions for tests.
+"""Ways a camera moves through the street: a drive with turns, motions that were measured
+elsewhere, and the plain ones for tests.
 
 Poses are ``world_from_cam`` in the world of `farpoint.synthetic.street`: x right, y down, z
 forward, the ground at y = 0. The same arguments give the same poses, bit for bit.
@@ -15,13 +16,25 @@ from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from scipy.spatial.transform import Rotation
 
 from farpoint.errors import InputError
+from farpoint.metrics import poses_at_times
 from farpoint.synthetic.street import BLOCK_M, LANE_M
 from farpoint.trajectory.files import Trajectory
 
-__all__ = ["CAMERA_HEIGHT_M", "pure_rotation", "sideways", "standing_still", "street_drive"]
+__all__ = [
+    "CAMERA_HEIGHT_M",
+    "carried",
+    "pure_rotation",
+    "sideways",
+    "standing_still",
+    "street_drive",
+]
 
 CAMERA_HEIGHT_M = 1.65
 _START_M = 14.0  # along the first street
+_BETWEEN_M = 20.0  # where what is carried hovers about
+_LEAST_HEIGHT_M = 1.0
+# From x ahead, y left and z up to x right, y down and z ahead.
+_CAMERA_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 _STEP_M = 0.05  # of the table of the route
 _SPEED = 9.0  # m/s on straight streets
 _LATERAL_ACCELERATION = 2.2  # m/s^2 allowed in turns
@@ -79,6 +92,41 @@ def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
     )
     turns = np.stack([yaw + np.radians(0.4 * sway[3]), pitch, roll], axis=1)
     return _trajectory(times, position, turns)
+
+
+def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajectory:
+    """Move as something did elsewhere, a hand or a drone, with a camera that looks ahead.
+
+    Parameters
+    ----------
+    body : Trajectory
+        Poses ``world_from_body`` with their times; axes of both are x ahead, y left, z up.
+    start_s : float
+        When to begin, seconds after the first of them.
+    frames, fps
+        Number of poses, at least 1, and how many there are in a second.
+
+    Raises
+    ------
+    InputError
+        Where an argument is out of its range, or poses are missing within this time.
+    """
+    times = _finite(start_s, "start_s") + _times(frames, fps)
+    if body.timestamps is None:
+        raise InputError("expected poses with their times", field="body")
+    since = body.timestamps - body.timestamps[0]
+    measured = poses_at_times(since, body.world_from_body, times)
+    if np.isnan(measured).any():
+        raise InputError(
+            f"expected poses without a gap from {times[0]:g} to {times[-1]:g} s", field="body"
+        )
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    poses[:, :3, :3] = _CAMERA_FROM_BODY @ measured[:, :3, :3] @ _CAMERA_FROM_BODY.T
+    ways = measured[:, :3, 3] @ _CAMERA_FROM_BODY.T
+    lowest = ways[:, 1].max()
+    middle = np.array([ways[:, 0].mean(), lowest + _LEAST_HEIGHT_M, ways[:, 2].mean()])
+    poses[:, :3, 3] = ways - middle + np.array([LANE_M, 0.0, _BETWEEN_M])
+    return Trajectory(timestamps=times, world_from_body=poses)
 
 
 def pure_rotation(frames: int, fps: float = 30.0, *, rate_deg_s: float = 20.0) -> Trajectory:

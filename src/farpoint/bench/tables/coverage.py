@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import product
@@ -13,7 +14,7 @@ from farpoint.bench.options import BenchOptions, CoverageGrid, Progress
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.pose import PoseStatus, estimate_relative_pose
-from farpoint.synthetic import PointScene
+from farpoint.synthetic import PointScene, cramer_rao_bound
 
 __all__ = ["coverage_table"]
 
@@ -24,8 +25,12 @@ _COLUMNS = (
     Column("outliers_percent"),
     Column("matches"),
     *(Column(status.value) for status in PoseStatus),
+    Column("observable"),
+    Column("observable_OK"),
     *CONSISTENCY_COLUMNS,
 )
+# A direction whose Cramer-Rao bound (1 sigma) is below this along every axis can be observed.
+_OBSERVABLE = math.radians(5.0)
 
 
 def coverage_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
@@ -73,9 +78,21 @@ def _table(rows: Sequence[tuple[Cell, ...]], grid: CoverageGrid, options: BenchO
             "pose: rotation and direction where the status is OK, 5 degrees of freedom; "
             "rotation: all but FAILED, 3; nees: mean, ideally the degrees of freedom",
             "sigma_over_error: above 1 the sigmas are too large by this factor (median)",
+            "observable: motions whose direction has a Cramer-Rao bound below 5 degrees along "
+            f"every axis (1 sigma); observable_OK: those that are OK{_share_observed(rows)}",
             "at baseline 0 nothing moves, so OK is a false alarm and the pose has no truth",
         ),
     )
+
+
+def _share_observed(rows: Sequence[tuple[Cell, ...]]) -> str:
+    """How many of all observable motions are OK, in words."""
+    names = [column.name for column in _COLUMNS]
+    observable, ok = (
+        sum(int(row[names.index(name)] or 0) for row in rows)
+        for name in ("observable", "observable_OK")
+    )
+    return f", over all rows, {ok} of {observable} ({ok / observable:.1%})" if observable else ""
 
 
 def _figures(scenes: Sequence[PointScene], seed: int) -> tuple[Cell, ...]:
@@ -89,4 +106,17 @@ def _figures(scenes: Sequence[PointScene], seed: int) -> tuple[Cell, ...]:
         np.array([scene.translation_cam1_from_cam0 for scene in scenes]),
     )
     counts = Counter(pose.status for pose in poses)
-    return (*(counts[status] for status in PoseStatus), *consistency_cells(errors))
+    observable = [pose for scene, pose in zip(scenes, poses, strict=True) if _is_observable(scene)]
+    return (
+        *(counts[status] for status in PoseStatus),
+        len(observable),
+        sum(pose.status is PoseStatus.OK for pose in observable),
+        *consistency_cells(errors),
+    )
+
+
+def _is_observable(scene: PointScene) -> bool:
+    if not scene.translation_cam1_from_cam0.any():
+        return False
+    variances = np.linalg.eigvalsh(cramer_rao_bound(scene)[3:, 3:])
+    return bool(variances[-1] < _OBSERVABLE**2)

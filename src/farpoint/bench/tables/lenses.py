@@ -9,13 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from farpoint.bench.cameras import CAMERAS
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.race import one_thread
-from farpoint.bench.rendered import RenderedErrors, run_rendered
-from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.rendered import (
+    RENDERED_COLUMNS,
+    RENDERED_NOTES,
+    rendered_cells,
+    run_rendered,
+)
+from farpoint.bench.table import Column, Table
 from farpoint.camera import (
     Arctangent,
-    Camera,
     CameraModel,
     Division,
     DoubleSphere,
@@ -26,8 +31,6 @@ from farpoint.camera import (
     Scaramuzza,
     Unified,
 )
-from farpoint.metrics import chi2_quantile
-from farpoint.pose import PoseStatus
 from farpoint.synthetic import RenderedSequence, street_drive
 
 __all__ = ["unprojection_table", "wide_table"]
@@ -67,20 +70,6 @@ _LENSES: tuple[tuple[str, CameraModel], ...] = (
     ("equirectangular", Equirectangular(width=_SIZE[0], height=_SIZE[1])),
 )
 
-_CAMERAS: tuple[tuple[str, Camera], ...] = (
-    ("pinhole, 65 deg", Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)),
-    (
-        "fisheye, 195 deg",
-        Camera(
-            model=KannalaBrandt(
-                fx=190.978, fy=190.973, cx=254.932, cy=256.897, k1=3.48e-3, k2=7.15e-4
-            ),
-            size=(512, 512),
-        ),
-    ),
-    ("360", Camera(model=Equirectangular(width=1024, height=512), size=(1024, 512))),
-)
-
 
 def unprojection_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
     """Seconds for a million pixels, by every model."""
@@ -111,7 +100,7 @@ def wide_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
     frames = min(pairs, _PAIRS_PER_STREET) + 1
     seeds = range(options.seed, options.seed + streets)
     rows = []
-    for name, camera in _CAMERAS:
+    for name, camera in CAMERAS.items():
         errors = run_rendered(
             *(
                 RenderedSequence(camera, street_drive(frames, _FPS, seed), seed=seed)
@@ -119,51 +108,19 @@ def wide_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
             ),
             progress=lambda done, total: progress(f"drive, {name}", done, total),  # noqa: B023
         )
-        rows.append((name, *_cells(errors)))
+        rows.append((name, *rendered_cells(errors)))
     return (
         Table(
             name="wide",
             title="Rendered drives through wide lenses, 30 frames a second",
             command=options.command("lenses"),
-            columns=(
-                Column("lens"),
-                Column("pairs"),
-                Column("OK"),
-                Column("rotation_median_deg", 4),
-                Column("direction_median_deg", 3),
-                Column("rotation_over_bound", 2),
-                Column("direction_over_bound", 2),
-                Column("rotation_95", 2),
-                Column("direction_95", 2),
-                Column("pose_95", 2),
-            ),
+            columns=(Column("lens"), *RENDERED_COLUMNS),
             rows=tuple(rows),
             notes=(
-                "over_bound: by the Cramer-Rao bound of the tracks that are right, at the spread "
-                "of their true errors",
+                *RENDERED_NOTES,
                 f"{frames - 1} pairs in each street, which share most of their tracks",
             ),
         ),
-    )
-
-
-def _cells(errors: RenderedErrors) -> tuple[Cell, ...]:
-    ok = sum(status is PoseStatus.OK for status in errors.statuses)
-    covered = (
-        float(np.mean(values[~np.isnan(values)] <= chi2_quantile(0.95, dof)))
-        for values, dof in (
-            (errors.rotation_nees, 3),
-            (errors.direction_nees, 2),
-            (errors.pose_nees, 5),
-        )
-    )
-    return (
-        len(errors.statuses),
-        ok,
-        float(np.nanmedian(errors.rotation_deg)),
-        float(np.nanmedian(errors.direction_deg)),
-        *errors.bound_ratios(),
-        *covered,
     )
 
 

@@ -9,12 +9,12 @@ from functools import partial
 
 import numpy as np
 
+from farpoint.bench.cameras import PINHOLE
 from farpoint.bench.consistency import CONSISTENCY_COLUMNS, consistency_cells, pose_errors
 from farpoint.bench.feature_matcher import FeatureMatcher, Matcher
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.plain_script import PlainScript
 from farpoint.bench.table import Cell, Column, Table
-from farpoint.camera import Camera
 from farpoint.pose import PoseStatus, RelativePose, estimate_relative_pose
 from farpoint.synthetic import RenderedSequence, street_drive
 
@@ -22,12 +22,11 @@ __all__ = ["tracks_table"]
 
 _PAIRS = 60
 _PAIRS_PER_STREET = 3
-_CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 
 
 _MATCHERS: dict[str, Callable[[], Matcher]] = {
-    "Lucas-Kanade, 500 corners": partial(PlainScript, _CAMERA, 500),
-    "Lucas-Kanade, 150 corners": partial(PlainScript, _CAMERA, 150),
+    "Lucas-Kanade, 500 corners": partial(PlainScript, PINHOLE, 500),
+    "Lucas-Kanade, 150 corners": partial(PlainScript, PINHOLE, 150),
     "SIFT": partial(FeatureMatcher, "SIFT"),
     "ORB": partial(FeatureMatcher, "ORB"),
 }
@@ -70,12 +69,12 @@ def _figures(kind: str, fps: float, options: BenchOptions, progress: Progress) -
         progress(name, len(poses), pairs)
         seed = options.seed + street
         path = street_drive(2 * _PAIRS_PER_STREET, fps, seed)
-        sequence = RenderedSequence(_CAMERA, path, seed=seed)
+        sequence = RenderedSequence(PINHOLE, path, seed=seed)
         images = [frame.image for frame in sequence if frame.image is not None]
         matcher = _MATCHERS[kind]()
         for first in range(0, 2 * _PAIRS_PER_STREET, 2)[: pairs - len(poses)]:
             points0, points1 = matcher.match(images[first], images[first + 1])
-            poses.append(estimate_relative_pose(points0, points1, _CAMERA, seed=options.seed))
+            poses.append(estimate_relative_pose(points0, points1, PINHOLE, seed=options.seed))
             truths.append(sequence.cam1_from_cam0(first, first + 1))
             sizes.append(len(points0))
     progress(name, pairs, pairs)

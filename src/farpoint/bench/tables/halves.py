@@ -1,0 +1,81 @@
+"""Halves of the tracks of real images: do covariances hold where nobody knows the truth?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.sequences import Sequence, find_sequences
+from farpoint.bench.table import Cell, Column, Table
+from farpoint.frames import open_frames
+from farpoint.metrics import SplitHalf, evaluate_halves
+from farpoint.odometry import Odometry, OdometryOptions
+
+__all__ = ["halves_table"]
+
+# Runs of the odometry, each with other random samples: what is tracked depends on every estimate
+# before.
+_RUNS = 10
+
+
+def halves_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
+    """A row for each image sequence of the data, as they are filled."""
+    rows: list[tuple[Cell, ...]] = []
+    seeds = range(options.seed, options.seed + _RUNS)
+    for sequence in find_sequences(options.data):
+        runs = []
+        for done, seed in enumerate(seeds):
+            progress(f"halves of {sequence.name}", done, len(seeds))
+            runs.append(_halves(sequence, seed))
+        progress(f"halves of {sequence.name}", len(seeds), len(seeds))
+        rows.append((sequence.name, *_cells(runs)))
+        yield Table(
+            name="halves",
+            title="Two halves of the tracks of real images: their difference over its covariance",
+            command=options.command("halves"),
+            columns=(
+                Column("sequence"),
+                Column("runs"),
+                Column("pairs"),
+                Column("in_pose"),
+                Column("in_rotation"),
+                Column("ratio", 2),
+                Column("lowest_run", 2),
+                Column("highest_run", 2),
+                Column("pose_68", 3),
+                Column("pose_95", 3),
+            ),
+            rows=tuple(rows),
+            notes=(
+                "ratio: squared differences over what the covariances say, 1 if honest, more if "
+                "they are too small; of all runs together, and of the lowest and highest by itself",
+                "in_pose, in_rotation: pairs whose halves both have a direction, or but a rotation",
+                "pose_68, pose_95: of the former, the share within these regions",
+                "patches of three to six tracks are dealt together; seeds of the runs: "
+                f"{seeds[0]} to {seeds[-1]}",
+            ),
+        )
+
+
+def _halves(sequence: Sequence, seed: int) -> list[SplitHalf]:
+    """The test on every pair of frames of one run."""
+    assert sequence.source is not None
+    odometry = Odometry(sequence.camera, OdometryOptions(seed=seed))
+    results = odometry.run(open_frames(sequence.source))
+    return [odometry.split_half(result) for result in results if result.pose is not None]
+
+
+def _cells(runs: list[list[SplitHalf]]) -> tuple[Cell, ...]:
+    alone = [evaluate_halves(run).ratio.ratio for run in runs]
+    found = evaluate_halves([half for run in runs for half in run])
+    return (
+        len(runs),
+        found.pairs,
+        found.compared,
+        found.compared_in_rotation,
+        found.ratio.ratio,
+        min(alone),
+        max(alone),
+        found.pose.coverage68.share,
+        found.pose.coverage95.share,
+    )

@@ -1,0 +1,89 @@
+"""Odometry over rendered streets, moved as a car, a hand or a drone: are its covariances honest?"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+
+import numpy as np
+
+from farpoint.bench.cameras import FISHEYE, PINHOLE
+from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.rendered import (
+    RENDERED_COLUMNS,
+    RENDERED_NOTES,
+    rendered_cells,
+    run_rendered,
+)
+from farpoint.bench.sequences import find_trajectories
+from farpoint.bench.table import Cell, Column, Table
+from farpoint.errors import InputError
+from farpoint.synthetic import RenderedSequence, carried, street_drive
+from farpoint.trajectory.files import Trajectory
+
+__all__ = ["motions_table"]
+
+_PAIRS = 168
+# Pairs of one street share most of their tracks, and with them their errors.
+_PAIRS_PER_STREET = 24
+_DRIVEN_FPS = (10.0, 30.0)
+_CARRIED_FPS = 20.0
+_LENSES = {"pinhole, 65 deg": PINHOLE, "fisheye, 195 deg": FISHEYE}
+
+# Paths through so many streets, each of so many frames, for a seed.
+_Paths = Callable[[int, int, int], list[Trajectory]]
+
+
+def motions_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
+    """A row for each motion and lens, as they are filled."""
+    pairs = options.pairs or _PAIRS
+    streets, frames = math.ceil(pairs / _PAIRS_PER_STREET), min(pairs, _PAIRS_PER_STREET) + 1
+    rows: list[tuple[Cell, ...]] = []
+    for (motion, paths), lens in itertools.product(_motions(options), _LENSES):
+        camera, name = _LENSES[lens], f"{motion}, {lens}"
+        sequences = [
+            RenderedSequence(camera, path, seed=options.seed + k)
+            for k, path in enumerate(paths(streets, frames, options.seed))
+        ]
+        if not sequences:
+            continue
+        errors = run_rendered(*sequences, progress=partial(progress, name))
+        rows.append((motion, lens, len(sequences), *rendered_cells(errors)))
+        yield Table(
+            name="motions",
+            title="Odometry over rendered streets, by how the camera moves",
+            command=options.command("motions"),
+            columns=(Column("motion"), Column("lens"), Column("streets"), *RENDERED_COLUMNS),
+            rows=tuple(rows),
+            notes=(
+                *RENDERED_NOTES,
+                f"{frames - 1} pairs in each street, which share most of their tracks",
+                f"measured motions, of --data: {_CARRIED_FPS:g} frames a second, begun anywhere",
+            ),
+        )
+
+
+def _motions(options: BenchOptions) -> Iterator[tuple[str, _Paths]]:
+    for fps in _DRIVEN_FPS:
+        yield f"drive, {fps:g} fps", partial(_drives, fps)
+    for name, body in find_trajectories(options.data).items():
+        yield name, partial(_parts, body)
+
+
+def _drives(fps: float, streets: int, frames: int, seed: int) -> list[Trajectory]:
+    return [street_drive(frames, fps, seed + k) for k in range(streets)]
+
+
+def _parts(body: Trajectory, streets: int, frames: int, seed: int) -> list[Trajectory]:
+    """Parts of a measured motion, one of each of as many equal stretches; none where it is lost."""
+    assert body.timestamps is not None  # TUM's format has them
+    duration = body.timestamps[-1] - body.timestamps[0] - frames / _CARRIED_FPS
+    places = np.arange(streets) + np.random.default_rng(seed).uniform(size=streets)
+    parts = []
+    for start_s in np.maximum(duration, 0.0) * places / streets:
+        with suppress(InputError):
+            parts.append(carried(body, start_s, frames, _CARRIED_FPS))
+    return parts
