@@ -249,8 +249,16 @@ def test_without_truth_the_claims_and_the_halves_are_left(run: Path):
     assert (halves.pairs, halves.pose.mean_nees) == (1, pytest.approx(5.0))
     text = to_text(evaluate_folder(run).evaluation)
     assert "two halves of the matches, 1 pairs: 1 compared" in text
+    assert "opposite" not in text
     assert "\nrotation, deg" not in text
     assert "\nclaimed rotation, deg" in text
+    opposed = replace(claimed, difference=np.array([0.0, 0.0, 0.0, np.inf, 0.0]))
+    with HalvesFile(run / "halves.csv") as file:
+        for halves in (claimed, opposed):
+            file.write(first_frame(), halves)
+    text = to_text(evaluate_folder(run).evaluation)
+    assert "difference over covariance, all together: 1 (" in text
+    assert "\nopposite directions, not counted: 1 pairs\n" in text
 
 
 def write_path(folder: Path, path: PathSamples) -> None:

@@ -9,8 +9,8 @@ from kernels_kit import View, matches_of, packed, pose_of, shaken, two_views
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.covariance import MEASURED, SIGNAL, covariance_here
 from farpoint._kernels.halves import MOST, disagreement
-from farpoint._kernels.linear import draw_index
 from farpoint._kernels.pairs import LANES, PANEL, packed_length, take_pairs
+from farpoint._kernels.patches import deal
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
 from farpoint.geometry import so3, sphere
@@ -72,28 +72,17 @@ def refined(matches: PackedMatches, start: Pose) -> Pose:
     return pose
 
 
-def dealt(patch: np.ndarray, state: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """Mask of the first half: patches in random order, each to the smaller half."""
-    sizes, first = [0, 0], np.zeros(len(patch), bool)
-    for i in range(len(order)):  # Fisher and Yates
-        j = i + draw_index(state, len(order) - i)
-        order[[i, j]] = order[[j, i]]
-        to_second = sizes[0] > sizes[1]
-        sizes[int(to_second)] += np.count_nonzero(patch == order[i])
-        first[patch == order[i]] = not to_second
-    return first
-
-
 @pytest.mark.parametrize("patches", [45, 12])
 def test_it_is_the_mean_over_halves_of_what_they_differ_by(patches):
     matches, pose = fitted(1, 45)
     rng = np.random.default_rng(2)
     matches.prior[:45] = rng.uniform(0.5, 1.0, 45)
-    patch, state, order = rng.permutation(np.arange(45) % patches), generator(), np.arange(patches)
+    patch, state = rng.permutation(np.arange(45) % patches), generator()
     squares = []
     for _ in range(DEALS):
-        first = dealt(patch, state, order)
-        halves = [some_of(matches, np.flatnonzero(half)) for half in (first, ~first)]
+        half = np.empty(45, np.int64)
+        deal(patch, state, half)
+        halves = [some_of(matches, np.flatnonzero(half == k)) for k in (0, 1)]
         covariance = sum(expected_of(half, pose) for half in halves)
         difference = apart(*(refined(half, pose) for half in halves), pose)
         squares.append(difference @ np.linalg.solve(covariance, difference) / 5.0)

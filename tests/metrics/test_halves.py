@@ -203,7 +203,12 @@ def test_opposite_directions_are_infinitely_apart():
     C = MIXING @ MIXING.T
     pose = pose_from(np.zeros(5), C)
     flipped = replace(pose, direction_cam1_from_cam0=-TRUE_DIRECTION)
-    assert pose_difference(pose, flipped).nees == np.inf
+    opposed, alike = pose_difference(pose, flipped), pose_difference(pose, pose)
+    assert opposed.nees == np.inf
+    found = evaluate_halves([opposed, alike, alike])
+    assert (found.compared, found.ratio.count, found.ratio.opposed) == (3, 2, 1)
+    assert (found.ratio.dof, found.ratio.ratio) == (10, pytest.approx(0.0, abs=1e-20))
+    assert found.pose.coverage95.share == pytest.approx(2.0 / 3.0)
 
 
 def test_arrays_of_different_length_are_refused():

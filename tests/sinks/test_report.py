@@ -209,6 +209,10 @@ def test_the_histogram_says_whether_the_covariances_hold(factor: float, words: s
     assert sum(counts) == 400
     assert (counts[-1] > 100) == (factor > 1.0)  # the bar of all that lie beyond
     assert halves_section(halves[:3]) == ""
+    opposed = replace(halves[0], difference=np.array([0.0, 0.0, 0.0, np.inf, 0.0]))
+    section = halves_section([*halves, opposed])
+    assert words in section
+    assert "The directions of 1 more are opposite" in section
 
 
 def test_the_headline_gives_four_answers(page: str) -> None:

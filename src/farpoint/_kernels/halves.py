@@ -7,8 +7,8 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.covariance import SIGNAL, covariance_here
 from farpoint._kernels.formulas import formula, lesser
-from farpoint._kernels.linear import draw_index
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
+from farpoint._kernels.patches import deal
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.scratch import copy, index_room, room, scratch
@@ -43,18 +43,15 @@ def disagreement(
     half fixes no motion are left out; 1 where all are.
     """
     total, counted = 0.0, 0
-    sizes = _sizes(patch)
-    order, half = _in_order(sizes.size), index_room(sizes.size)
-    first, second = index_room(matches.total), index_room(matches.total)
+    half = index_room(matches.total)
     one = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     expected, beside = scratch(5, 5), scratch(5, 5)
     for _ in range(deals):
-        taken = _deal(sizes, order, state, half)
-        _write_halves(patch, half, first, second)
-        if not _refine_by(matches, first[:taken], right, predicted, pose, one, expected):
+        taken = deal(patch, state, half)
+        some, rest = _rows_of(half, 0, taken), _rows_of(half, 1, matches.total - taken)
+        if not _refine_by(matches, some, right, predicted, pose, one, expected):
             continue
-        rest = second[: matches.total - taken]
         if not _refine_by(matches, rest, right, predicted, pose, other, beside):
             continue
         for i in range(5):
@@ -70,57 +67,15 @@ def disagreement(
 
 
 @inner_kernel
-def _sizes(patch: np.ndarray) -> np.ndarray:
-    """How many matches are in each patch."""
-    patches = 0
-    for i in range(patch.size):
-        patches = max(patches, patch[i] + 1)
-    sizes = index_room(patches)
-    for k in range(patches):
-        sizes[k] = 0
-    for i in range(patch.size):
-        sizes[patch[i]] += 1
-    return sizes
-
-
-@inner_kernel
-def _in_order(count: int) -> np.ndarray:
+def _rows_of(half: np.ndarray, which: int, count: int) -> np.ndarray:
+    """The matches of one half, of which there are so many."""
     rows = index_room(count)
-    for i in range(count):
-        rows[i] = i
+    k = 0
+    for i in range(half.size):
+        if half[i] == which:
+            rows[k] = i
+            k += 1
     return rows
-
-
-@inner_kernel
-def _deal(sizes: np.ndarray, order: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
-    """Shuffle the patches, and deal each to the smaller half; the matches that the first has."""
-    first = second = 0
-    for i in range(order.size):
-        j = i + draw_index(state, order.size - i)
-        patch = order[j]
-        order[j] = order[i]
-        order[i] = patch
-        half[patch] = 1 if first > second else 0
-        if first > second:
-            second += int(sizes[patch])
-        else:
-            first += int(sizes[patch])
-    return first
-
-
-@inner_kernel
-def _write_halves(
-    patch: np.ndarray, half: np.ndarray, first: np.ndarray, second: np.ndarray
-) -> None:
-    """Write down the matches of each half."""
-    a = b = 0
-    for i in range(patch.size):
-        if half[patch[i]] == 0:
-            first[a] = i
-            a += 1
-        else:
-            second[b] = i
-            b += 1
 
 
 @inner_kernel

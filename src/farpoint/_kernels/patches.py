@@ -1,4 +1,4 @@
-"""An image in patches: what lies together."""
+"""An image in patches: what lies together, and halves of it."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.formulas import greater
+from farpoint._kernels.linear import draw_index
 from farpoint._kernels.scratch import clear, index_room, room
 
-__all__ = ["split_image"]
+__all__ = ["deal", "split_image"]
 
 
 @kernel
@@ -49,3 +50,33 @@ def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
     for k in range(patch.size):
         part = patch[k]
         patch[k] += parts if rays[3 * k + longest[part]] > middle[part] else 0
+
+
+@kernel
+def deal(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
+    """Deal matches into two halves, those of one ``patch`` (N,) into the same.
+
+    Patches are dealt in random order, by the generator's ``state``, each to the smaller half.
+    Writes the ``half`` (N,) of each match, 0 or 1, and returns how many are in the first.
+    """
+    patches = 0
+    for i in range(patch.size):
+        patches = max(patches, patch[i] + 1)
+    sizes, order, half_of = index_room(patches), index_room(patches), index_room(patches)
+    for k in range(patches):
+        sizes[k], order[k] = 0, k
+    for i in range(patch.size):
+        sizes[patch[i]] += 1
+    first = second = 0
+    for k in range(patches):
+        j = k + draw_index(state, patches - k)
+        dealt = order[j]
+        order[j] = order[k]
+        half_of[dealt] = 1 if first > second else 0
+        if first > second:
+            second += sizes[dealt]
+        else:
+            first += sizes[dealt]
+    for i in range(patch.size):
+        half[i] = half_of[patch[i]]
+    return first

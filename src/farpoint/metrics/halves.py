@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from farpoint._kernels.patches import deal
 from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.metrics.pairs import direction_error
@@ -73,6 +74,8 @@ class ConsistencyRatio:
     ----------
     count : int
         Differences that were compared.
+    opposed : int
+        Others, of directions 90 degrees or more apart: infinite, whatever the covariances say.
     dof : int
         Their degrees of freedom in all.
     ratio : float
@@ -84,6 +87,7 @@ class ConsistencyRatio:
     """
 
     count: int
+    opposed: int
     dof: int
     ratio: float
     low: float
@@ -158,11 +162,13 @@ def split_half(
         raise InputError(f"expected arrays of one length, got {lengths}", field="matches")
     if groups is not None and np.shape(groups) != (lengths[0],):
         raise InputError(f"expected shape ({lengths[0]},), got {np.shape(groups)}", field="groups")
-    rng = np.random.default_rng(seed)
-    second = _every_other(lengths[0], rng) if groups is None else _whole_groups(groups, rng)
+    dealt = np.arange(lengths[0]) if groups is None else np.unique(groups, return_inverse=True)[1]
+    # A mask leaves the rows in their order: an estimator that looks at it sees nothing unusual.
+    half = np.empty(lengths[0], np.int64)
+    deal(dealt.ravel(), np.array([seed % 2**64], np.uint64), half)
     return pose_difference(
-        estimate(*(rows[~second] for rows in matches)),
-        estimate(*(rows[second] for rows in matches)),
+        estimate(*(rows[half == 0] for rows in matches)),
+        estimate(*(rows[half == 1] for rows in matches)),
     )
 
 
@@ -198,11 +204,13 @@ def pose_difference(a: RelativePose, b: RelativePose) -> SplitHalf:
 
 def consistency_ratio(halves: Sequence[SplitHalf]) -> ConsistencyRatio:
     """`ConsistencyRatio` of many differences; those without degrees of freedom do not count."""
-    compared = [half for half in halves if half.dof]
+    known = [half for half in halves if half.dof]
+    compared = [half for half in known if np.isfinite(half.nees)]
     dof = sum(half.dof for half in compared)
     nan = float("nan")
     return ConsistencyRatio(
         count=len(compared),
+        opposed=len(known) - len(compared),
         dof=dof,
         ratio=sum(half.nees for half in compared) / dof if dof else nan,
         low=chi2_quantile(0.025, dof) / dof if dof else nan,
@@ -227,25 +235,6 @@ def evaluate_halves(halves: Sequence[SplitHalf]) -> HalvesEvaluation:
         direction=consistency(differences[:, 3:], covariances[:, 3:, 3:]),
         pose=consistency(differences, covariances),
     )
-
-
-def _every_other(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Mask (N,) of half of the rows, at random. A mask leaves them in their old order, so that an
-    estimator that looks at the order sees nothing unusual.
-    """
-    mask = np.zeros(count, bool)
-    mask[np.array_split(rng.permutation(count), 2)[1]] = True
-    return mask
-
-
-def _whole_groups(groups: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Mask (N,) of about half of the rows: groups in random order, each to the smaller half."""
-    _, group, sizes = np.unique(groups, return_inverse=True, return_counts=True)
-    mask, filled = np.zeros(len(sizes), bool), [0, 0]
-    for k in rng.permutation(len(sizes)):
-        mask[k] = filled[1] < filled[0]
-        filled[int(mask[k])] += int(sizes[k])
-    return mask[group.ravel()]
 
 
 def _rotation_difference(a: RelativePose, b: RelativePose) -> np.ndarray:

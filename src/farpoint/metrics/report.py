@@ -119,11 +119,13 @@ def _halves_lines(halves: HalvesEvaluation) -> list[str]:
     """Without truth: the differences between estimates from two halves of the matches."""
     neither = halves.pairs - halves.compared - halves.compared_in_rotation
     r = halves.ratio
+    opposed = f"opposite directions, not counted: {r.opposed} pairs"
     return [
         f"two halves of the matches, {halves.pairs} pairs: {halves.compared} compared, "
         f"{halves.compared_in_rotation} in rotation alone, {neither} not at all",
         f"difference over covariance, all together: {_number(r.ratio)} "
         f"(1 is honest; chance: {_number(r.low)} to {_number(r.high)})",
+        *([opposed] if r.opposed else []),
         "",
         *_consistency_lines(halves, "differences", "differences"),
     ]

@@ -34,6 +34,7 @@ from farpoint.trajectory.prediction import point_predictor
 __all__ = ["Odometry"]
 
 _ENOUGH_TRACKS = 200  # for a first estimate of a motion
+_FRAMES = 1_000_000  # whose tracks are dealt each in its own way, for a seed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,7 +159,7 @@ class Odometry:
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
             partial(self._estimate_by, self.camera, options),
-            seed=result.frame1,
+            seed=result.frame1 + _FRAMES * self.options.seed,
             groups=groups,
         )
 

@@ -6,16 +6,21 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.contest import GATE_SIGMA
 from farpoint._kernels.covariance import covariance_around
-from farpoint._kernels.halves import disagreement
+from farpoint._kernels.halves import MOST, disagreement
+from farpoint._kernels.patches import deal
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit, pose_of, seen_by
 from farpoint.pose.patches import patches_of
+from farpoint.pose.small import rotation_vector, size2
+from farpoint.pose.turning_fit import TurningFit, fit_turning
 
 __all__ = [
     "growth_by_halves",
     "half_ratio",
+    "half_ratio_of_turn",
     "moving_covariance",
     "shared_covariance",
 ]
@@ -71,11 +76,29 @@ def half_ratio(fit: MovingFit, deals: int) -> float | None:
     return shown / OF_NOISE
 
 
-def growth_by_halves(ratio: float | None, expected: float, deals: int) -> float:
-    """How much larger a covariance is than computed, by the `half_ratio` found and expected."""
+def half_ratio_of_turn(matches: Matches, fit: TurningFit, deals: int) -> float | None:
+    """As `half_ratio`, of rotations that halves of the matches lead to without a translation."""
+    if deals == 0 or len(matches) < LEAST_MATCHES:
+        return None
+    patch, tolerance = patches_of(matches.rays0), GATE_SIGMA * fit.noise.sigma
+    state, half, squares = np.zeros(1, np.uint64), np.empty(len(matches), np.int64), []
+    for _ in range(deals):
+        deal(patch, state, half)
+        one, other = (
+            fit_turning(matches.select(half == k), fit.R_cam1_from_cam0, tolerance) for k in (0, 1)
+        )
+        apart = rotation_vector(one.R_cam1_from_cam0 @ other.R_cam1_from_cam0.T)
+        squares.append(min(size2(apart, one.covariance + other.covariance) / 3.0, MOST))
+    return float(np.mean(squares))
+
+
+def growth_by_halves(ratio: float | None, expected: float, freedom: int) -> float:
+    """How much larger a covariance is than computed, by the `half_ratio` found and expected.
+
+    The former has so many degrees of ``freedom`` in all deals.
+    """
     if ratio is None:
         return expected
-    freedom = 5.0 * deals
     return (EXPECTED * expected + freedom * ratio) / (EXPECTED + freedom)
 
 

@@ -21,6 +21,7 @@ from farpoint.pose.conclusion import Course, given_labels, label_matches
 from farpoint.pose.covariance import (
     growth_by_halves,
     half_ratio,
+    half_ratio_of_turn,
     moving_covariance,
     shared_covariance,
 )
@@ -208,7 +209,7 @@ def _conclude_moving(
         return conclusion.no_consensus(matches, fit.agreeing, course)
     fit, covariance, rival = hold_against_rivals(fit, other, turned, rate)
     ratio = course.half_ratio = half_ratio(fit, options.half_deals)
-    covariance *= growth_by_halves(ratio, options.expected_half_ratio, options.half_deals)
+    covariance *= growth_by_halves(ratio, options.expected_half_ratio, 5 * options.half_deals)
     covariance *= matches.sharing
     covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
@@ -294,7 +295,9 @@ def _conclude_turning(
     if not is_consensus(agreeing, len(matches), 2, chance, options.false_alarm_rate):
         return conclusion.no_consensus(matches, agreeing, course)
     course.cost = fit.cost
-    covariance = matches.sharing * fit.covariance
+    ratio = course.half_ratio = half_ratio_of_turn(matches, fit, options.half_deals)
+    growth = growth_by_halves(ratio, options.expected_half_ratio, 3 * options.half_deals)
+    covariance = matches.sharing * growth * fit.covariance
     covariance += shared_covariance(matches, options.shared_error_px)
     stands_still = is_static(fit.R_cam1_from_cam0, covariance, options.false_alarm_rate)
     if moving.noise.mean_sigma < FAR_LESS_NOISE * fit.noise.mean_sigma:

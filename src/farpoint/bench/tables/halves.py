@@ -39,6 +39,7 @@ def halves_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
                 Column("pairs"),
                 Column("in_pose"),
                 Column("in_rotation"),
+                Column("opposed"),
                 Column("ratio", 2),
                 Column("lowest_run", 2),
                 Column("highest_run", 2),
@@ -50,6 +51,7 @@ def halves_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
                 "ratio: squared differences over what the covariances say, 1 if honest, more if "
                 "they are too small; of all runs together, and of the lowest and highest by itself",
                 "in_pose, in_rotation: pairs whose halves both have a direction, or but a rotation",
+                "opposed: pairs whose halves claim opposite directions; in no ratio",
                 "pose_68, pose_95: of the former, the share within these regions",
                 "patches of three to six tracks are dealt together; seeds of the runs: "
                 f"{seeds[0]} to {seeds[-1]}",
@@ -73,6 +75,7 @@ def _cells(runs: list[list[SplitHalf]]) -> tuple[Cell, ...]:
         found.pairs,
         found.compared,
         found.compared_in_rotation,
+        found.ratio.opposed,
         found.ratio.ratio,
         min(alone),
         max(alone),

@@ -26,6 +26,8 @@ def halves_section(halves: Sequence[SplitHalf]) -> str:
     dof = Counter(half.dof for half in tested).most_common(1)[0][0]
     values = np.array([half.nees for half in tested if half.dof == dof])
     verdict = _verdict(ratio.ratio, ratio.low, ratio.high)
+    if ratio.opposed:
+        verdict += f" The directions of {ratio.opposed} more are opposite, so one of them is wrong."
     return (
         f"<section><h2>Is the covariance honest?</h2>"
         f'<p class="quiet">{ratio.count} pairs were estimated twice, from two halves of their '
