@@ -74,9 +74,9 @@ def deal(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
         order[j] = order[k]
         half_of[dealt] = 1 if first > second else 0
         if first > second:
-            second += sizes[dealt]
+            second += int(sizes[dealt])
         else:
-            first += sizes[dealt]
+            first += int(sizes[dealt])
     for i in range(patch.size):
         half[i] = half_of[patch[i]]
     return first
