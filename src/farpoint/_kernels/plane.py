@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.contest import GATE_SIGMA, NEAR_OF_PLANE, OF_MATCHES, is_same
+from farpoint._kernels.contest import GATE_SIGMA, is_same, near_of_plane
 from farpoint._kernels.formulas import choose, formula, greater, root
 from farpoint._kernels.likelihood import explain, judge_pose
 from farpoint._kernels.linear import add, add_outer
@@ -76,8 +76,7 @@ def other_motion(
         # By chance there may be no minimum. The matches are explained as well for all that.
         _put(other, twin_R, twin_t, own.mixture)
         other.cost[0] = judge_pose(matches, other, scratch(4))
-    growth = math.sqrt(greater(count / OF_MATCHES, 1.0))
-    is_near = other.cost[0] < own.cost[0] + growth * NEAR_OF_PLANE
+    is_near = other.cost[0] < own.cost[0] + near_of_plane(count)
     if not is_near or is_same(other.R, other.t, own):
         return False, 0.0
     return True, _evidence(matches, pose, other, is_told)
