@@ -30,8 +30,9 @@ def needed(wrong: float, contest: np.int64, sigma: float = SIGMA, known: int = M
 def drawn(monkeypatch):
     """Samples that a search draws if some (by their number) are a rival of the best or its equal,
     better by so much, and show this share of ``wrong`` matches from then on, and that so many are
-    ``known``. The truncated squares of the start, and of every sample, are the ``scores``, each of
-    the matches up to 9.
+    ``known``; and if turns have ``explained`` the best, each time that is asked. Others that are
+    known have these costs. The truncated squares of the start, and of every sample, are the
+    ``scores``, each of the matches up to 9.
     """
 
     def run(
@@ -43,14 +44,19 @@ def drawn(monkeypatch):
         sigma: float = SIGMA,
         known: list[int] | None = None,
         turns: list[int] | None = None,
+        explained: list[bool] | None = None,
+        known_costs: tuple[float, float] = (math.inf, math.inf),
     ) -> int:
         samples: list[int] = []
+        by_turn = [False] if explained is None else explained
         shares = iter(wrong)
         marked = iter(known or [])
         last = [MATCHES]
 
-        def challenge(_matches, _challenger, best, _second, _rival, within):
-            assert within == NEAR
+        def challenge(_matches, _challenger, best, second, rival, within):
+            # The best costs 1 at first.
+            assert within == (NEAR if len(samples) == 1 else min(NEAR, max(known_costs) - 1.0))
+            second.cost[0], rival.cost[0] = known_costs
             contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
             best.cost[0] -= gain
             return contest, False
@@ -77,6 +83,7 @@ def drawn(monkeypatch):
             "unexplained": lambda *_: next(shares),
             "_typical_flow": lambda *_: FLOW,
             "iterations_needed": interpreted(five_rays.iterations_needed),
+            "turn_explains": lambda *_: by_turn.pop(0),
             "_solve_sample": solve,
             "_start": lambda *_: (9.0, scores[0]),
             "score_pose": lambda *_: scores[1],
@@ -115,6 +122,21 @@ def test_an_equal_asks_for_four_times_as_many(drawn):
     assert drawn([0.4, 0.4], {2: (EQUAL, 5.0)}) == needed(0.4, contest=EQUAL)
     # A rival since does not make it any less.
     assert drawn([0.4, 0.4, 0.4], {2: (EQUAL, 5.0), 3: (RIVAL, 1.0)}) == needed(0.4, EQUAL)
+
+
+def test_an_equal_of_a_motion_that_a_turn_explains_is_a_rival_like_any(drawn):
+    assert drawn([0.4, 0.4], {2: (EQUAL, 5.0)}, explained=[True]) == needed(0.4, RIVAL)
+    # It is asked again where the best is a better one.
+    better = {2: (EQUAL, 5.0), 3: (EQUAL, 0.0), 4: (EQUAL, 1.0)}
+    assert drawn([0.4] * 4, better, explained=[True, False]) == needed(0.4, EQUAL)
+    explained = [True, True]
+    assert drawn([0.4] * 4, better, explained=explained) == needed(0.4, RIVAL)
+    assert explained == []
+
+
+@pytest.mark.parametrize("known_costs", [(3.0, math.inf), (3.0, 8.0), (9.0, 8.0), (99.0, 8.0)])
+def test_one_that_is_no_better_than_those_known_is_given_up(drawn, known_costs):
+    assert drawn([0.4], least=3, most=3, known_costs=known_costs) == 3
 
 
 def test_the_noise_of_the_best_decides_too(drawn):

@@ -8,6 +8,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import (
+    EQUAL,
     GATE_SIGMA,
     NEAR,
     NO_RIVAL,
@@ -44,6 +45,7 @@ from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.scratch import clear, copy, index_scratch, room, scratch
+from farpoint._kernels.turning import turn_explains
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import Vector, combine, dot, matrix, rotate, vector
 
@@ -174,7 +176,8 @@ def search_pose(
     one is found, few of its matches are new, and hardly any wrong one is known. A hypothesis that
     agrees with the matches about as well as the first pose, and as any since, is refined, and
     judged by its likelihood with the noise that it needs: a wrong minimum looks good only with more
-    noise than there is. Once there has been a rival, many more are tried. At last come the motions
+    noise than there is. Once there has been a rival, many more are tried, and the most where it
+    was an equal, unless a turn explains all that the best one does. At last come the motions
     that look like the best one. ``best`` receives it, ``second`` the next best, ``rival`` the next
     best of those elsewhere. Returns the number of samples, whether the other motion of a plane was
     a rival, and whether there is a rival and a second that came near the best.
@@ -191,6 +194,7 @@ def search_pose(
     clear(known)
     share = _get_to_know(matches, best, tolerance, known)
     contest = NO_RIVAL
+    is_turn, judged = False, math.inf
     iteration = 0
     while iteration < iterations_needed(
         wrong, share, flow, contest, math.sqrt(best.mixture[0]), effort
@@ -209,7 +213,13 @@ def search_pose(
         lowest = lesser(raw, lowest)
         noise_of(matches, best, tolerance, other.mixture)
         before = best.cost[0]
-        outcome, _ = challenge(matches, other, best, second, rival, NEAR)
+        # Once others are known, one that is no better than they are tells nothing new.
+        within = lesser(NEAR, greater(second.cost[0], rival.cost[0]) - before)
+        outcome, _ = challenge(matches, other, best, second, rival, within)
+        if outcome == EQUAL:
+            if best.cost[0] < judged:
+                is_turn, judged = turn_explains(matches, start, tolerance, best), best.cost[0]
+            outcome = RIVAL if is_turn else EQUAL
         if outcome != NO_RIVAL:
             # What came near the best so far was no rival of a much better one.
             far_better = best.cost[0] < before - NEAR
