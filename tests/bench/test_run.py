@@ -199,15 +199,16 @@ def test_times_are_positive_and_the_chart_is_xml(tmp_path: Path, monkeypatch: py
     absent(monkeypatch, "poselib", "pycolmap")
     monkeypatch.setattr("farpoint.bench.tables.start._start", lambda _: (0.5, 1.5))
     report = run(BenchOptions(tables=("time",), pairs=1), tmp_path)
-    time, matches, outliers, start = report.tables
+    time, matches, outliers, baselines, start = report.tables
     assert [column(time, "time_over_farpoint")[row] for row in (0, 4)] == [1.0, 1.0]
     assert all(value > 0.0 for value in column(time, "median_ms"))
     assert column(matches, "matches") == [8, 20, 50, 110, 300, 500, 1000, 2000, 5000]
     assert column(outliers, "outliers_percent") == [0, 10, 20, 30, 40, 50, 60]
+    assert column(baselines, "baseline_cm") == [20.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.0]
     ms = column(matches, "farpoint_ms")
     assert f"take {ms[8] / ms[5]:.1f} times" in matches.notes[0]
     assert column(start, "total_s") == [2.0, 2.0]
-    for name in ("time_matches", "time_outliers"):
+    for name in ("time_matches", "time_outliers", "time_baselines"):
         ElementTree.parse(tmp_path / f"{name}.svg")
 
 

@@ -1,4 +1,4 @@
-"""How the time of an estimate grows with the matches and with the share of wrong ones."""
+"""How the time of an estimate grows: with the matches, the wrong ones, and shorter steps."""
 
 from __future__ import annotations
 
@@ -22,22 +22,34 @@ _MATCHES = (8, 20, 50, 110, 300, 500, 1000, 2000, 5000)
 _OUTLIER_PERCENTS = (0, 10, 20, 30, 40, 50, 60)
 _OUTLIER_PERCENT = 10  # while the matches grow
 _OUTLIER_MATCHES = 500  # while the share of wrong ones grows
+_BASELINES_CM = (20.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.0)
+_BASELINE_CM = 5.0  # while anything else grows
+_BASELINE_SIZE = (110, 20)  # matches, and wrong ones, while steps become shorter
 
 
 def growth_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """A row for each number of matches, and one for each share of wrong ones."""
+    """A row for each number of matches, each share of wrong ones, and each length of a step."""
     estimators = all_estimators()
     by_matches = _median_ms(
-        [(matches, round(_OUTLIER_PERCENT / 100 * matches)) for matches in _MATCHES],
+        [(n, round(_OUTLIER_PERCENT / 100 * n), _BASELINE_CM) for n in _MATCHES],
         estimators,
         options,
         lambda done, total: progress("growth with matches", done, total),
     )
     by_outliers = _median_ms(
-        [(_OUTLIER_MATCHES, round(p / 100 * _OUTLIER_MATCHES)) for p in _OUTLIER_PERCENTS],
+        [
+            (_OUTLIER_MATCHES, round(p / 100 * _OUTLIER_MATCHES), _BASELINE_CM)
+            for p in _OUTLIER_PERCENTS
+        ],
         estimators,
         options,
         lambda done, total: progress("growth with outliers", done, total),
+    )
+    by_baselines = _median_ms(
+        [(*_BASELINE_SIZE, baseline_cm) for baseline_cm in _BASELINES_CM],
+        estimators,
+        options,
+        lambda done, total: progress("growth with shorter steps", done, total),
     )
     growth = by_matches[_MATCHES.index(5000), 0] / by_matches[_MATCHES.index(500), 0]
     return (
@@ -63,25 +75,43 @@ def growth_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...
             options,
             (),
         ),
+        _growth_table(
+            "time_baselines",
+            "Growth with shorter steps, {} matches, {} of them wrong".format(*_BASELINE_SIZE),
+            Column("baseline_cm", 1),
+            "length of the translation, cm",
+            _BASELINES_CM,
+            by_baselines,
+            estimators,
+            options,
+            ("half of the matches 1-4 m away; farpoint says of 0 that the camera only turned",),
+        ),
     )
 
 
 def _median_ms(
-    cells: Sequence[tuple[int, int]],
+    cells: Sequence[tuple[int, int, float]],
     estimators: Sequence[Estimator],
     options: BenchOptions,
     progress: Callable[[int, int], None],
 ) -> np.ndarray:
-    """Median times (cells, estimators), ms, of cells of so many matches and wrong ones.
+    """Median times (cells, estimators), ms, of cells of so many matches, wrong ones, and cm.
 
     The cells take turns too: their ratios are what counts.
     """
     rng = np.random.default_rng(options.seed)
     rounds = min(options.pairs or _SCENES, _SCENES)
     scenes = [
-        draw_scenes(1, rng, baseline_m=0.05, far_share=0.5, matches=matches, outliers=outliers)[0]
+        draw_scenes(
+            1,
+            rng,
+            baseline_m=0.01 * baseline_cm,
+            far_share=0.5,
+            matches=matches,
+            outliers=outliers,
+        )[0]
         for _ in range(rounds)
-        for matches, outliers in cells
+        for matches, outliers, baseline_cm in cells
     ]
     views = [views_of_scene(scene) for scene in scenes]
     courses = race(estimators, views, seed=options.seed, repeats=_REPEATS, progress=progress)
@@ -94,7 +124,7 @@ def _growth_table(
     title: str,
     first: Column,
     x_label: str,
-    keys: Sequence[int],
+    keys: Sequence[float],
     medians_ms: np.ndarray,
     estimators: Sequence[Estimator],
     options: BenchOptions,
