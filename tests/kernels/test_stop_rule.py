@@ -46,6 +46,7 @@ def drawn(monkeypatch):
         turns: list[int] | None = None,
         explained: list[bool] | None = None,
         known_costs: tuple[float, float] = (math.inf, math.inf),
+        cost: float = 1.0,
     ) -> int:
         samples: list[int] = []
         by_turn = [False] if explained is None else explained
@@ -54,8 +55,9 @@ def drawn(monkeypatch):
         last = [MATCHES]
 
         def challenge(_matches, _challenger, best, second, rival, within):
-            # The best costs 1 at first.
-            assert within == (NEAR if len(samples) == 1 else min(NEAR, max(known_costs) - 1.0))
+            # The best costs 1 at first, or infinitely much.
+            known = max(known_costs) if len(samples) > 1 else math.inf
+            assert within == (known - best.cost[0] if known < best.cost[0] + NEAR else NEAR)
             second.cost[0], rival.cost[0] = known_costs
             contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
             best.cost[0] -= gain
@@ -99,7 +101,7 @@ def drawn(monkeypatch):
         matches = PackedMatches(empty, everyone, MATCHES, 100.0, 1e-6, math.inf, gives_way=True)
         effort = five_rays.Effort(3.0, CONFIDENCE, least, most)
         poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3)]
-        poses[0].mixture[0] = sigma * sigma
+        poses[0].mixture[0], poses[0].cost[0] = sigma * sigma, cost
         told, *_ = interpreted(search.search_pose)(matches, empty, effort, empty, *poses)
         assert told == len(samples)
         return len(samples)
@@ -137,6 +139,10 @@ def test_an_equal_of_a_motion_that_a_turn_explains_is_a_rival_like_any(drawn):
 @pytest.mark.parametrize("known_costs", [(3.0, math.inf), (3.0, 8.0), (9.0, 8.0), (99.0, 8.0)])
 def test_one_that_is_no_better_than_those_known_is_given_up(drawn, known_costs):
     assert drawn([0.4], least=3, most=3, known_costs=known_costs) == 3
+
+
+def test_any_is_near_a_start_that_is_infinitely_unlikely(drawn):
+    assert drawn([0.4], least=3, most=3, cost=math.inf) == 3
 
 
 def test_the_noise_of_the_best_decides_too(drawn):

@@ -83,6 +83,17 @@ def test_halves_of_a_turn_show_what_was_computed():
     assert estimate(turn(3, 59), options=options).stats.half_ratio is None
 
 
+def test_turns_of_which_no_half_fixes_one_show_nothing():
+    """Matches at one place or two; on both, one of which is too small for a half."""
+    camera, rng = turn(0).camera, np.random.default_rng(1)
+    for places in ([(320.0, 240.0)] * 100, [(100.0, 50.0)] * 95 + [(500.0, 400.0)] * 5):
+        points = np.array(places)
+        pose = estimate_relative_pose(
+            points, points + rng.normal(0.0, 0.2, (100, 2)), camera, options=OPTIONS
+        )
+        assert pose.stats.half_ratio in (None, 1.0)
+
+
 @pytest.mark.parametrize("drawn", [scene, turn])
 def test_neighbours_that_err_alike_go_to_the_same_half(drawn):
     shown = []

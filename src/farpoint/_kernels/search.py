@@ -214,7 +214,8 @@ def search_pose(
         noise_of(matches, best, tolerance, other.mixture)
         before = best.cost[0]
         # Once others are known, one that is no better than they are tells nothing new.
-        within = lesser(NEAR, greater(second.cost[0], rival.cost[0]) - before)
+        worst = greater(second.cost[0], rival.cost[0])
+        within = worst - before if worst < before + NEAR else NEAR
         outcome, _ = challenge(matches, other, best, second, rival, within)
         if outcome == EQUAL:
             if best.cost[0] < judged:

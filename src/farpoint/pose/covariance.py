@@ -10,6 +10,7 @@ from farpoint._kernels.contest import GATE_SIGMA
 from farpoint._kernels.covariance import covariance_around
 from farpoint._kernels.halves import MOST, disagreement
 from farpoint._kernels.patches import deal
+from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit, pose_of, seen_by
@@ -33,6 +34,8 @@ EXPECTED = 40.0
 # Of fewer matches halves are too small: more is expected of them than they differ by, which is 0.65
 # to 0.9 of it for 24 to 48 drawn matches.
 LEAST_MATCHES = 60
+# So many matches are no half: two fix a rotation, and more must tell their noise.
+LEAST_HALF = 8
 # Halves of matches with independent noise differ by a little less than is expected of them.
 OF_NOISE = 0.95
 
@@ -77,19 +80,26 @@ def half_ratio(fit: MovingFit, deals: int) -> float | None:
 
 
 def half_ratio_of_turn(matches: Matches, fit: TurningFit, deals: int) -> float | None:
-    """As `half_ratio`, of rotations that halves of the matches lead to without a translation."""
-    if deals == 0 or len(matches) < LEAST_MATCHES:
+    """As `half_ratio`, of rotations that halves of the matches lead to without a translation.
+
+    Deals of which a half fixes no rotation are left out; 1 where all are.
+    """
+    n = len(matches)
+    if deals == 0 or n < LEAST_MATCHES:
         return None
     patch, tolerance = patches_of(matches.rays0), GATE_SIGMA * fit.noise.sigma
-    state, half, squares = np.zeros(1, np.uint64), np.empty(len(matches), np.int64), []
+    state, half, squares = np.zeros(1, np.uint64), np.empty(n, np.int64), []
     for _ in range(deals):
-        deal(patch, state, half)
+        if not LEAST_HALF <= deal(patch, state, half) <= n - LEAST_HALF:
+            continue
         one, other = (
             fit_turning(matches.select(half == k), fit.R_cam1_from_cam0, tolerance) for k in (0, 1)
         )
-        apart = rotation_vector(one.R_cam1_from_cam0 @ other.R_cam1_from_cam0.T)
-        squares.append(min(size2(apart, one.covariance + other.covariance) / 3.0, MOST))
-    return float(np.mean(squares))
+        expected = one.covariance + other.covariance
+        if fixes_rotation(expected):
+            apart = rotation_vector(one.R_cam1_from_cam0 @ other.R_cam1_from_cam0.T)
+            squares.append(min(size2(apart, expected) / 3.0, MOST))
+    return float(np.mean(squares)) if squares else 1.0
 
 
 def growth_by_halves(ratio: float | None, expected: float, freedom: int) -> float:
