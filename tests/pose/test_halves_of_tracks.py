@@ -9,6 +9,9 @@ import pytest
 from pose_kit import estimate, point_scene
 
 from farpoint import PoseStatus, RelativePoseOptions, estimate_relative_pose
+from farpoint.pose.covariance import half_ratio_of_turn
+from farpoint.pose.matches import matches_from_points
+from farpoint.pose.turning_fit import fit_turning
 from farpoint.synthetic import PointScene
 
 OPTIONS = RelativePoseOptions(half_deals=8)
@@ -83,15 +86,22 @@ def test_halves_of_a_turn_show_what_was_computed():
     assert estimate(turn(3, 59), options=options).stats.half_ratio is None
 
 
-def test_turns_of_which_no_half_fixes_one_show_nothing():
-    """Matches at one place or two; on both, one of which is too small for a half."""
+def half_ratio_at(*places: tuple[float, float, int]) -> float | None:
+    """Of so many matches at each place, in px, of a camera that stands still."""
     camera, rng = turn(0).camera, np.random.default_rng(1)
-    for places in ([(320.0, 240.0)] * 100, [(100.0, 50.0)] * 95 + [(500.0, 400.0)] * 5):
-        points = np.array(places)
-        pose = estimate_relative_pose(
-            points, points + rng.normal(0.0, 0.2, (100, 2)), camera, options=OPTIONS
-        )
-        assert pose.stats.half_ratio in (None, 1.0)
+    points = np.concatenate([np.tile([x, y], (count, 1)) for x, y, count in places])
+    shaken = points + rng.normal(0.0, 0.2, points.shape)
+    matches = matches_from_points(points, shaken, camera, camera)
+    return half_ratio_of_turn(matches, fit_turning(matches, np.eye(3), 1.5), 8)
+
+
+def test_halves_that_fix_no_turn_are_left_out():
+    spread = [(100.0 * x, 100.0 * y, 4) for x in range(1, 6) for y in range(1, 5)]
+    assert 0.1 < half_ratio_at(*spread) < 5.0
+    # One patch, a second one that is too small for a half, and halves at one place each.
+    assert half_ratio_at((320.0, 240.0, 100)) == 1.0
+    assert half_ratio_at((100.0, 50.0, 95), (500.0, 400.0, 5)) == 1.0
+    assert half_ratio_at((100.0, 50.0, 50), (500.0, 400.0, 50)) == 1.0
 
 
 @pytest.mark.parametrize("drawn", [scene, turn])
