@@ -73,12 +73,12 @@ def test_a_window_taken_for_the_next_is_a_wrong_match(matches, repeated):
 def test_whole_windows_that_agree_on_another_motion_are_seen_to_be_off_alike():
     # Half of the matches are of another window, and the likeliest motion lies between.
     far_off = 0
-    for seed in range(120):
+    for seed in range(240):
         scene = court(seed, 500, 0.5, whole=True)
         pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
         assert pose.status is not PoseStatus.FAILED
         far_off += np.degrees(np.linalg.norm(rotation_error(pose, scene.R))) > 1.0
-    assert far_off <= 15  # 15; 25 of the likeliest
+    assert far_off <= 30  # 27; 54 of the likeliest
 
 
 @pytest.mark.parametrize("first_is_right", [False, True])
