@@ -128,8 +128,8 @@ def test_an_equal_asks_for_four_times_as_many(drawn):
 
 def test_an_equal_of_a_motion_that_a_turn_explains_is_a_rival_like_any(drawn):
     assert drawn([0.4, 0.4], {2: (EQUAL, 5.0)}, explained=[True]) == needed(0.4, RIVAL)
-    # It is asked again where the best is a better one.
-    better = {2: (EQUAL, 5.0), 3: (EQUAL, 0.0), 4: (EQUAL, 1.0)}
+    # It is asked of every best that has an equal.
+    better = {2: (EQUAL, 5.0), 3: (RIVAL, 1.0), 4: (EQUAL, 1.0)}
     assert drawn([0.4] * 4, better, explained=[True, False]) == needed(0.4, EQUAL)
     explained = [True, True]
     assert drawn([0.4] * 4, better, explained=explained) == needed(0.4, RIVAL)

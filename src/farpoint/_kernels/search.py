@@ -194,7 +194,6 @@ def search_pose(
     clear(known)
     share = _get_to_know(matches, best, tolerance, known)
     contest = NO_RIVAL
-    is_turn, judged = False, math.inf
     iteration = 0
     while iteration < iterations_needed(
         wrong, share, flow, contest, math.sqrt(best.mixture[0]), effort
@@ -217,10 +216,8 @@ def search_pose(
         worst = greater(second.cost[0], rival.cost[0])
         within = worst - before if worst < before + NEAR else NEAR
         outcome, _ = challenge(matches, other, best, second, rival, within)
-        if outcome == EQUAL:
-            if best.cost[0] < judged:
-                is_turn, judged = turn_explains(matches, start, tolerance, best), best.cost[0]
-            outcome = RIVAL if is_turn else EQUAL
+        if outcome == EQUAL and turn_explains(matches, start, tolerance, best):
+            outcome = RIVAL
         if outcome != NO_RIVAL:
             # What came near the best so far was no rival of a much better one.
             far_better = best.cost[0] < before - NEAR

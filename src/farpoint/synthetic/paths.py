@@ -103,8 +103,15 @@ def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajec
         Poses ``world_from_body`` with their times; axes of both are x ahead, y left, z up.
     start_s : float
         When to begin, seconds after the first of them.
-    frames, fps
-        Number of poses, at least 1, and how many there are in a second.
+    frames : int
+        Number of poses, at least 1.
+    fps : float
+        Frames per second.
+
+    Returns
+    -------
+    Trajectory
+        Poses ``world_from_cam`` over the road, the lowest a metre above ground.
 
     Raises
     ------

@@ -50,7 +50,7 @@ def halves_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
             notes=(
                 "ratio: squared differences over what the covariances say, 1 if honest, more if "
                 "they are too small; of all runs together, and of the lowest and highest by itself",
-                "in_pose, in_rotation: pairs whose halves both have a direction, or but a rotation",
+                "in_pose: pairs whose halves both have a direction; in_rotation: both a rotation",
                 "opposed: pairs whose halves claim opposite directions; in no ratio",
                 "pose_68, pose_95: of the former, the share within these regions",
                 "patches of three to six tracks are dealt together; seeds of the runs: "
