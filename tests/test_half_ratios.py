@@ -7,6 +7,7 @@ import pytest
 
 from boards import CAMERA, drive
 from farpoint import Odometry, OdometryOptions, RelativePoseOptions
+from farpoint.odometry import sequence
 from farpoint.odometry.half_ratios import HalfRatios
 from farpoint.tracks import TrackerOptions
 
@@ -68,6 +69,19 @@ def test_halves_of_a_pair_are_held_to_it_too():
     # After four pairs, which show about one, (2 * 50 + 4) / 6 is expected, and no longer 50.
     ratio = np.trace(doubted.covariance) / np.trace(computed.covariance)
     assert 0.5 * 17.0 < ratio < 0.5 * 25.0
+
+
+def test_every_pair_of_every_run_is_dealt_in_its_own_way(monkeypatch: pytest.MonkeyPatch):
+    dealt: list[int] = []
+    monkeypatch.setattr(sequence, "split_half", lambda *_, seed, **__: dealt.append(seed))
+    images = drive(3)
+    for seed in range(3):
+        run = Odometry(CAMERA, OdometryOptions(seed=seed))
+        for k, image in enumerate(images):
+            result = run.process(image, 0.1 * k)
+            if result.pose is not None:
+                run.split_half(result)
+    assert len(set(dealt)) == len(dealt) == 3 * (len(images) - 1)
 
 
 def test_a_ratio_that_is_none_is_refused():
