@@ -9,7 +9,7 @@ import pytest
 from kernels_kit import matches_of, two_views
 
 from farpoint._kernels import contest
-from farpoint._kernels.contest import EQUAL, FEW, NEAR, NO_RIVAL, RIVAL
+from farpoint._kernels.contest import NEAR
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.refinement import PROMISED
 
@@ -21,11 +21,12 @@ AWAY = (500.0, 200.0)
 class Followed(NamedTuple):
     """A hypothesis that was followed so many steps."""
 
-    contest: np.int64
+    competes: bool
     was_near: bool
     steps: int
     best: Pose
     second: Pose
+    rival: Pose
 
 
 @pytest.fixture
@@ -37,7 +38,6 @@ def followed(monkeypatch):
         *,
         same_after: int = 99,
         elsewhere: bool = True,
-        matches: int = FEW + 1,
         within: float = NEAR,
     ) -> Followed:
         steps: list[int] = []
@@ -61,8 +61,8 @@ def followed(monkeypatch):
         best.cost[0], second.cost[0], rival.cost[0] = BEST, np.inf, np.inf
         challenger.t[:] = (1.0, 0.0, 0.0) if elsewhere else best.t
         challenge = getattr(contest.challenge, "py_func", contest.challenge)
-        given = _matches(matches), challenger, best, second, rival, within
-        return Followed(*challenge(*given), len(steps), best, second)
+        given = _matches(), challenger, best, second, rival, within
+        return Followed(*challenge(*given), len(steps), best, second, rival)
 
     inner = "copy_pose", "_explains", "follow", "_keep_better", "_weigh", "_is_elsewhere"
     for name in inner:
@@ -71,8 +71,8 @@ def followed(monkeypatch):
     return run
 
 
-def _matches(count: int) -> PackedMatches:
-    return matches_of(two_views(0, count), 100.0, gives_way=True)
+def _matches() -> PackedMatches:
+    return matches_of(two_views(0, 33), 100.0, gives_way=True)
 
 
 def _pose() -> Pose:
@@ -81,18 +81,18 @@ def _pose() -> Pose:
 
 
 def test_one_that_promises_little_is_given_up_at_once(followed):
-    assert followed([(500.0, 10.0), (90.0, 1.0)])[:3] == (NO_RIVAL, False, 1)
+    assert followed([(500.0, 10.0), (90.0, 1.0)])[:3] == (False, False, 1)
 
 
 def test_one_that_ends_far_away_is_given_up_before_it_has_come_there(followed):
     ends = [AWAY, (300.0, 20.0), (290.0, 1.0), (289.0, 0.5), (288.9, 0.0)]
-    assert followed(ends)[:3] == (NO_RIVAL, False, 3)
+    assert followed(ends)[:3] == (False, False, 3)
 
 
 def test_one_that_falls_by_its_noise_is_followed(followed):
     # Of that a step promises nothing.
     falls = [AWAY, (170.0, 1.0), (140.0, 0.5), (120.0, 0.1), (115.0, 0.0)]
-    assert followed(falls)[:3] == (EQUAL, False, 5)
+    assert followed(falls)[:3] == (True, False, 5)
 
 
 def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
@@ -100,25 +100,24 @@ def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
 
 
 @pytest.mark.parametrize(
-    ("end", "elsewhere", "outcome"),
+    ("end", "elsewhere", "competes", "is_equal"),
     [
-        (90.0, True, EQUAL),
-        (90.0, False, RIVAL),
-        (60.0, True, RIVAL),
-        (120.0, True, EQUAL),
-        (131.0, True, NO_RIVAL),
+        (90.0, True, True, True),
+        (90.0, False, True, False),
+        (60.0, True, True, False),
+        (120.0, True, True, True),
+        (131.0, True, False, False),
     ],
 )
-def test_the_likelier_is_kept_and_the_other_remembered(followed, end, elsewhere, outcome):
+def test_the_likelier_is_kept_and_the_other_remembered(
+    followed, end, elsewhere, competes, is_equal
+):
     found = followed([AWAY, (end, 1.0)], elsewhere=elsewhere)
-    assert found.contest == outcome
+    assert found.competes == competes
     assert found.best.cost[0] == min(end, BEST)
-    lost = np.inf if outcome == NO_RIVAL else max(end, BEST)
-    assert found.second.cost[0] == lost
-
-
-def test_of_few_matches_an_equal_is_a_rival(followed):
-    assert followed([AWAY, (90.0, 1.0)], matches=FEW).contest == RIVAL
+    lost = max(end, BEST)
+    assert found.second.cost[0] == (lost if competes else np.inf)
+    assert found.rival.cost[0] == (lost if is_equal else np.inf)
 
 
 @pytest.mark.parametrize(("matches", "near"), [(9, 30.0), (40, 50.0), (160, 100.0)])
@@ -135,5 +134,5 @@ def test_one_that_was_near_as_it_was_is_told(followed):
 
 def test_one_that_ends_as_near_as_is_asked_for_is_a_rival(followed):
     ends = [(199.0, 99.0), (149.0, 0.1)]
-    assert followed(ends, within=50.0).contest != NO_RIVAL
-    assert followed(ends, within=48.0).contest == NO_RIVAL
+    assert followed(ends, within=50.0).competes
+    assert not followed(ends, within=48.0).competes

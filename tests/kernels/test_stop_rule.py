@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from farpoint._kernels import contest, five_rays, search
-from farpoint._kernels.contest import EQUAL, NEAR, NO_RIVAL, RIVAL
+from farpoint._kernels.contest import NEAR
 from farpoint._kernels.pose import PackedMatches, Pose
 
-FLOW, CONFIDENCE, MATCHES, SIGMA = 0.01, 0.99, 60, 0.2
+FLOW, CONFIDENCE, MATCHES = 0.01, 0.99, 60
 
 
 def interpreted(kernel: Callable) -> Callable:
@@ -20,36 +20,32 @@ def interpreted(kernel: Callable) -> Callable:
     return getattr(kernel, "py_func", kernel)
 
 
-def needed(wrong: float, contest: np.int64, sigma: float = SIGMA, known: int = MATCHES) -> int:
+def needed(wrong: float, is_contested: bool, known: int = MATCHES) -> int:
     effort = five_rays.Effort(3.0, CONFIDENCE, 0, 10**6)
     share = known / MATCHES
-    return interpreted(five_rays.iterations_needed)(wrong, share, FLOW, contest, sigma, effort)
+    return interpreted(five_rays.iterations_needed)(wrong, share, FLOW, is_contested, effort)
 
 
 @pytest.fixture
 def drawn(monkeypatch):
-    """Samples that a search draws if some (by their number) are a rival of the best or its equal,
-    better by so much, and show this share of ``wrong`` matches from then on, and that so many are
-    ``known``; and if turns have ``explained`` the best, each time that is asked. Others that are
+    """Samples that a search draws if some (by their number) are ``rivals`` of the best, and show
+    this share of ``wrong`` matches from then on, and that so many are ``known``. Others that are
     known have these costs. The truncated squares of the start, and of every sample, are the
     ``scores``, each of the matches up to 9.
     """
 
     def run(
         wrong: list[float],
-        contests: dict[int, tuple[np.int64, float]] | None = None,
+        rivals: tuple[int, ...] = (),
         least: int = 0,
         most: int = 10**6,
         scores: tuple[float, float] = (1.0, 1.0),
-        sigma: float = SIGMA,
         known: list[int] | None = None,
         turns: list[int] | None = None,
-        explained: list[bool] | None = None,
         known_costs: tuple[float, float] = (math.inf, math.inf),
         cost: float = 1.0,
     ) -> int:
         samples: list[int] = []
-        by_turn = [False] if explained is None else explained
         shares = iter(wrong)
         marked = iter(known or [])
         last = [MATCHES]
@@ -59,9 +55,7 @@ def drawn(monkeypatch):
             known = max(known_costs) if len(samples) > 1 else math.inf
             assert within == (known - best.cost[0] if known < best.cost[0] + NEAR else NEAR)
             second.cost[0], rival.cost[0] = known_costs
-            contest, gain = (contests or {}).get(samples[-1] if samples else 0, (NO_RIVAL, 0.0))
-            best.cost[0] -= gain
-            return contest, False
+            return samples[-1] in rivals, False
 
         def get_to_know(*_):
             # After a rival, those that agree with the best are marked, and those with the other.
@@ -85,7 +79,6 @@ def drawn(monkeypatch):
             "unexplained": lambda *_: next(shares),
             "_typical_flow": lambda *_: FLOW,
             "iterations_needed": interpreted(five_rays.iterations_needed),
-            "turn_explains": lambda *_: by_turn.pop(0),
             "_solve_sample": solve,
             "_start": lambda *_: (9.0, scores[0]),
             "score_pose": lambda *_: scores[1],
@@ -101,7 +94,7 @@ def drawn(monkeypatch):
         matches = PackedMatches(empty, everyone, MATCHES, 100.0, 1e-6, math.inf, gives_way=True)
         effort = five_rays.Effort(3.0, CONFIDENCE, least, most)
         poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3)]
-        poses[0].mixture[0], poses[0].cost[0] = sigma * sigma, cost
+        poses[0].cost[0] = cost
         told, *_ = interpreted(search.search_pose)(matches, empty, effort, empty, *poses)
         assert told == len(samples)
         return len(samples)
@@ -111,29 +104,12 @@ def drawn(monkeypatch):
 
 @pytest.mark.parametrize("wrong", [0.0, 0.3, 0.6])
 def test_without_a_rival_the_first_share_of_wrong_matches_decides(drawn, wrong):
-    assert drawn([wrong]) == needed(wrong, contest=NO_RIVAL)
+    assert drawn([wrong]) == needed(wrong, is_contested=False)
 
 
 def test_a_rival_asks_for_the_samples_of_a_search_that_knows_nothing(drawn):
-    assert needed(0.4, contest=RIVAL) > 2 * needed(0.4, contest=NO_RIVAL) > 4
-    assert drawn([0.4, 0.4], {2: (RIVAL, 0.0)}) == needed(0.4, contest=RIVAL)
-
-
-def test_an_equal_asks_for_four_times_as_many(drawn):
-    assert needed(0.4, contest=EQUAL) == pytest.approx(4 * needed(0.4, contest=RIVAL), rel=0.1)
-    assert drawn([0.4, 0.4], {2: (EQUAL, 5.0)}) == needed(0.4, contest=EQUAL)
-    # A rival since does not make it any less.
-    assert drawn([0.4, 0.4, 0.4], {2: (EQUAL, 5.0), 3: (RIVAL, 1.0)}) == needed(0.4, EQUAL)
-
-
-def test_an_equal_of_a_motion_that_a_turn_explains_is_a_rival_like_any(drawn):
-    assert drawn([0.4, 0.4], {2: (EQUAL, 5.0)}, explained=[True]) == needed(0.4, RIVAL)
-    # It is asked of every best that has an equal.
-    better = {2: (EQUAL, 5.0), 3: (RIVAL, 1.0), 4: (EQUAL, 1.0)}
-    assert drawn([0.4] * 4, better, explained=[True, False]) == needed(0.4, EQUAL)
-    explained = [True, True]
-    assert drawn([0.4] * 4, better, explained=explained) == needed(0.4, RIVAL)
-    assert explained == []
+    assert needed(0.4, is_contested=True) > 2 * needed(0.4, is_contested=False) > 4
+    assert drawn([0.4, 0.4], (2,)) == needed(0.4, is_contested=True)
 
 
 @pytest.mark.parametrize("known_costs", [(3.0, math.inf), (3.0, 8.0), (9.0, 8.0), (99.0, 8.0)])
@@ -145,39 +121,27 @@ def test_any_is_near_a_start_that_is_infinitely_unlikely(drawn):
     assert drawn([0.4], least=3, most=3, cost=math.inf) == 3
 
 
-def test_the_noise_of_the_best_decides_too(drawn):
-    noisy = needed(0.05, contest=NO_RIVAL, sigma=1.0)
-    assert noisy > 3 * needed(0.05, contest=NO_RIVAL)
-    assert drawn([0.05], sigma=1.0) == noisy
-
-
-def test_what_came_near_a_poor_pose_is_no_equal_of_a_much_better_one(drawn):
-    contests = {2: (EQUAL, 5.0), 3: (RIVAL, NEAR + 1.0)}
-    assert drawn([0.4, 0.4, 0.4], contests) == needed(0.4, contest=RIVAL)
-
-
 @pytest.mark.parametrize(
     ("scores", "is_tried"),
     # Up to twice the squares; and at least half the support, of 540 less the squares.
     [((50.0, 99.0), True), ((50.0, 101.0), False), ((340.0, 439.0), True), ((340.0, 441.0), False)],
 )
 def test_only_a_sample_that_comes_near_the_best_may_be_its_rival(drawn, scores, is_tried):
-    contest = RIVAL if is_tried else NO_RIVAL
-    tried = drawn([0.4, 0.4], {2: (RIVAL, 0.0)}, scores=scores)
-    assert tried == needed(0.4, contest=contest)
+    tried = drawn([0.4, 0.4], (2,), scores=scores)
+    assert tried == needed(0.4, is_contested=is_tried)
 
 
 def test_a_better_pose_changes_what_is_needed(drawn):
-    assert needed(0.2, contest=RIVAL) > 3
-    assert drawn([0.5, 0.2], {3: (RIVAL, 0.0)}) == needed(0.2, contest=RIVAL)
-    assert drawn([0.2, 0.5], {1: (RIVAL, 0.0)}) == needed(0.5, contest=RIVAL)
+    assert needed(0.2, is_contested=True) > 3
+    assert drawn([0.5, 0.2], (3,)) == needed(0.2, is_contested=True)
+    assert drawn([0.2, 0.5], (1,)) == needed(0.5, is_contested=True)
 
 
 def test_the_more_is_known_of_the_matches_the_fewer_samples_are_needed(drawn):
-    first, later = (needed(0.5, contest=RIVAL, known=known) for known in (36, 45))
-    assert first < later < 0.5 * needed(0.5, contest=RIVAL)
-    assert drawn([0.5, 0.5], {2: (RIVAL, 0.0)}, known=[30, 33, 36]) == first
-    assert drawn([0.5] * 3, {2: (RIVAL, 0.0), 3: (RIVAL, 0.0)}, known=[30, 33, 36, 40, 45]) == later
+    first, later = (needed(0.5, is_contested=True, known=known) for known in (36, 45))
+    assert first < later < 0.5 * needed(0.5, is_contested=True)
+    assert drawn([0.5, 0.5], (2,), known=[30, 33, 36]) == first
+    assert drawn([0.5] * 3, (2, 3), known=[30, 33, 36, 40, 45]) == later
 
 
 def test_samples_of_known_matches_are_not_solved_from_the_best_pose(drawn):
@@ -188,18 +152,18 @@ def test_samples_of_known_matches_are_not_solved_from_the_best_pose(drawn):
 
 
 def test_a_search_that_has_drawn_enough_already_stops_at_once(drawn):
-    late = needed(0.1, contest=RIVAL) + 2
-    assert needed(0.6, contest=NO_RIVAL) > late
-    assert drawn([0.6, 0.1], {late: (RIVAL, 0.0)}) == late
+    late = needed(0.1, is_contested=True) + 2
+    assert needed(0.6, is_contested=False) > late
+    assert drawn([0.6, 0.1], (late,)) == late
 
 
 def test_the_bounds_hold_whatever_is_wrong(drawn):
     assert drawn([0.0], least=16) == 16
     assert drawn([1.0], most=40) == 40
-    assert drawn([0.9, 0.9], {1: (RIVAL, 0.0)}, most=25) == 25
+    assert drawn([0.9, 0.9], (1,), most=25) == 25
 
 
-@pytest.mark.parametrize("outcome", [(NO_RIVAL, False), (NO_RIVAL, True), (RIVAL, False)])
+@pytest.mark.parametrize("outcome", [(False, False), (False, True), (True, False)])
 def test_the_other_motion_of_a_plane_may_be_as_far_away_as_chance_has_it(monkeypatch, outcome):
     """And it is told whether it came so near, as it was or once refined; one of layers is not."""
     asked: list[float] = []
@@ -223,4 +187,4 @@ def test_the_other_motion_of_a_plane_may_be_as_far_away_as_chance_has_it(monkeyp
     poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(4)]
     is_planar = interpreted(search._search_twins)(matches, *poses)
     assert asked == [200.0, NEAR]
-    assert is_planar == (outcome != (NO_RIVAL, False))
+    assert is_planar == any(outcome)

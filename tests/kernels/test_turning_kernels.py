@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernels_kit import View, matches_of, packed, pose_of, shaken, two_views
+from kernels_kit import packed, shaken, two_views
 
-from farpoint._kernels.compile import kernel
-from farpoint._kernels.pose import PackedMatches, Pose
-from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
 from farpoint._kernels.turning import (
     Judged,
     fit_rotation,
     flow_beside_rotation,
     likelier_moving,
-    turn_explains,
 )
 from farpoint.geometry import so3
 
@@ -116,38 +112,3 @@ def test_what_speaks_for_a_motion_are_matches_that_only_it_explains(bulk, middle
 def test_matches_beyond_doubt_leave_a_number():
     ones = np.ones(5)
     assert np.isfinite(likelier_moving(Judged(ones, 0.0 * ones, ones, ones), 1.0, 40.0, 0.0))
-
-
-@kernel
-def _explains(matches: PackedMatches, R: np.ndarray, tolerance: float, best: Pose) -> bool:
-    return turn_explains(matches, R, tolerance, best)
-
-
-def explained(view: View) -> bool:
-    """Whether a turn explains what the likeliest motion near the truth does."""
-    matches = matches_of(view, SPREAD, gives_way=True)
-    pose = pose_of(view.R, view.t, np.array([1.0, 0.02, 0.02, 0.02]))
-    refine_pose(matches, 0.1, 10, pose)
-    return bool(_explains(matches, view.R, 3.0, pose))
-
-
-def test_a_turn_explains_a_motion_that_is_none():
-    turns = [shaken(two_views(k, 120, baseline_m=0.0), k) for k in range(40)]
-    assert sum(map(explained, turns)) >= 38
-
-
-def test_no_turn_explains_a_motion_that_shows():
-    # Flows of 3 to 15 sigma; of half as much a turn takes 2 of 40.
-    steps = [shaken(two_views(k, 120, baseline_m=0.04), k) for k in range(40)]
-    assert not any(map(explained, steps))
-
-
-@pytest.mark.parametrize(("near", "is_turn"), [(1, True), (5, False)])
-def test_no_turn_explains_several_near_points_among_far_ones(near, is_turn):
-    found = []
-    for k in range(20):
-        view = two_views(k, 120, baseline_m=0.05, depth_m=(900.0, 1000.0))
-        beside = two_views(k, 120, baseline_m=0.05, depth_m=(1.5, 2.0))
-        view.rays1[:near] = beside.rays1[:near]
-        found.append(explained(shaken(view, k)))
-    assert np.mean(found) > 0.8 if is_turn else np.mean(found) < 0.2

@@ -25,12 +25,9 @@ from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vect
 
 __all__ = [
     "COARSE",
-    "EQUAL",
     "GATE_SIGMA",
     "NEAR",
-    "NO_RIVAL",
     "REFINEMENTS",
-    "RIVAL",
     "START_POOR",
     "START_WRONG",
     "challenge",
@@ -54,10 +51,6 @@ NEAR = 30.0
 # What the two motions of a plane differ by at the most, by chance, of so many matches: it grows
 # with the root of their number.
 NEAR_OF_PLANE, OF_MATCHES = 100.0, 160.0
-# What a hypothesis was to the best pose: nothing, a rival, or one as good and of another direction.
-NO_RIVAL, RIVAL, EQUAL = (np.int64(contest) for contest in range(3))
-# Of so few matches many motions are about as likely, and more samples find none that was missed.
-FEW = 32
 # Cosine of the angle from which on two directions are two motions.
 ELSEWHERE = 0.94
 # Gain of a refinement over what a step of it promises and the last one gained, at the most.
@@ -222,23 +215,21 @@ def follow(
 @inner_kernel
 def challenge(
     matches: PackedMatches, challenger: Pose, best: Pose, second: Pose, rival: Pose, within: float
-) -> tuple[np.int64, bool]:
+) -> tuple[bool, bool]:
     """Refine a hypothesis that may compete, and keep it if it is better.
 
-    Returns `NO_RIVAL`; or `RIVAL` if it comes near the best, ``within`` a log likelihood, or is
-    better; or `EQUAL` if the two come near each other and their directions do not, of more than
-    `FEW` matches; and whether it came near as it was. ``second`` receives the one that has lost
-    then, ``rival`` too if they are equal, if it is better than the one before.
+    Returns whether it comes near the best, ``within`` a log likelihood, or is better; and whether
+    it came near as it was. ``second`` receives the one that has lost then, if it is better than the
+    one before; ``rival`` too if the two come near each other and their directions do not.
     """
     lowest = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
     refinement = Refinement(challenger, lowest, scratch(4), scratch(4), scratch(5))
     competes, was_near = follow(matches, refinement, best, within)
     if not competes:
-        return NO_RIVAL, was_near
-    is_equal = best.cost[0] < challenger.cost[0] + NEAR and _is_elsewhere(challenger, best)
-    contest = EQUAL if is_equal and matches.total > FEW else RIVAL
+        return False, was_near
     if _is_twisted(matches, challenger):
-        return contest, was_near
+        return True, was_near
+    is_equal = best.cost[0] < challenger.cost[0] + NEAR and _is_elsewhere(challenger, best)
     wins = challenger.cost[0] < best.cost[0]
     loser = best if wins else challenger
     _keep_better(loser, second)
@@ -246,7 +237,7 @@ def challenge(
         _keep_better(loser, rival)
     if wins:
         copy_pose(challenger, best)
-    return contest, was_near
+    return True, was_near
 
 
 @inner_kernel

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import kernel, sum_kernel
-from farpoint._kernels.contest import EQUAL, NO_RIVAL
 from farpoint._kernels.epipolar import flow_along, sampson
 from farpoint._kernels.formulas import choose, formula, greater, lesser, whole
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
@@ -34,11 +33,8 @@ LONG_FLOW = 0.05
 AS_FAR_AS_ANY = 2.0
 # Probability that the start leads to another pose, with no wrong matches and a short flow.
 START_DOUBT = 0.02
-# Share of samples without a wrong match that lead to the better one of two equals.
-HIT_AMONG_EQUALS = 1.0 / 16.0
-# A pose that calls all but this share right, with more noise than this part of the tolerance, may
-# be a wrong minimum: as rarely do samples leave it for a better one.
-FEW_WRONG, MUCH_NOISE = 0.1, 0.2
+# Share of samples without a wrong match that lead to the right pose.
+CONVERGING = 0.5
 # A pose that this share of the matches agrees with has to do with the right one.
 BEYOND_CHANCE = 0.4
 # Newton's steps: how many, the longest, and one after which the next would be its square.
@@ -175,8 +171,7 @@ def iterations_needed(
     wrong: float,
     known: float,
     flow: float,
-    contest: np.int64,
-    sigma: float,
+    is_contested: bool,
     effort: Effort,
 ) -> int:
     """Samples of five until the pose has been found, with the confidence of the ``effort``.
@@ -186,22 +181,18 @@ def iterations_needed(
 
     The start already led to it, but for a doubt that was measured on drawn and real pairs: it grows
     with the share of ``wrong`` matches, and with the square of the ``flow`` that the rotation of
-    the start leaves (rad); once there was a rival, nothing is known (``contest``, of `contest`). A
-    sample without a wrong match converges to the right pose every second time, half as often where
-    that flow is long and samples start from their own rotation, and less where the pose is in
-    doubt. Between two equals it does so one time in sixteen, as measured on handheld sequences, and
-    where the noise of nearly all, ``sigma``, is as large as that of a wrong minimum.
+    the start leaves (rad); once there was a rival (``is_contested``), nothing is known. A sample
+    without a wrong match converges to the right pose every second time, and half as often where
+    that flow is long and samples start from their own rotation.
     """
     right = greater(1.0 - wrong, 0.0)
     square = right * right
     away = 1.0 + flow / LONG_FLOW * flow / LONG_FLOW
     start_doubt = lesser(START_DOUBT * away / (square + 1e-9), 1.0)
-    doubt = start_doubt if contest == NO_RIVAL else 1.0
-    is_noisy = wrong < FEW_WRONG and sigma > MUCH_NOISE * effort.tolerance
-    often = HIT_AMONG_EQUALS if is_noisy or contest == EQUAL else 0.5 / (1.0 + doubt)
+    doubt = 1.0 if is_contested else start_doubt
     among = lesser(right / known, 1.0) * lesser(right / BEYOND_CHANCE, 1.0)
     clean = 0.5 * (right**5 + among**5)
-    hit = often / lesser(away, AS_FAR_AS_ANY) * clean
+    hit = CONVERGING / lesser(away, AS_FAR_AS_ANY) * clean
     if hit <= 0.0:
         return effort.max_iterations
     needed = math.log(lesser((1.0 - effort.confidence) / doubt, 1.0)) / math.log(1.0 - hit)

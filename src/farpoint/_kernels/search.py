@@ -8,12 +8,9 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import (
-    EQUAL,
     GATE_SIGMA,
     NEAR,
-    NO_RIVAL,
     REFINEMENTS,
-    RIVAL,
     challenge,
     is_close_second,
     is_rival,
@@ -45,7 +42,6 @@ from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.scratch import clear, copy, index_scratch, room, scratch
-from farpoint._kernels.turning import turn_explains
 from farpoint._kernels.twins import layer_twin, planar_twin
 from farpoint._kernels.vectors import Vector, combine, dot, matrix, rotate, vector
 
@@ -176,11 +172,10 @@ def search_pose(
     one is found, few of its matches are new, and hardly any wrong one is known. A hypothesis that
     agrees with the matches about as well as the first pose, and as any since, is refined, and
     judged by its likelihood with the noise that it needs: a wrong minimum looks good only with more
-    noise than there is. Once there has been a rival, many more are tried, and the most where it
-    was an equal, unless a turn explains all that the best one does. At last come the motions
-    that look like the best one. ``best`` receives it, ``second`` the next best, ``rival`` the next
-    best of those elsewhere. Returns the number of samples, whether the other motion of a plane was
-    a rival, and whether there is a rival and a second that came near the best.
+    noise than there is. Once there has been a rival, more are tried. At last come the motions that
+    look like the best one. ``best`` receives it, ``second`` the next best, ``rival`` the next best
+    of those elsewhere. Returns the number of samples, whether the other motion of a plane was a
+    rival, and whether there is a rival and a second that came near the best.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, effort.tolerance
     other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
@@ -193,11 +188,9 @@ def search_pose(
     known = room(count)
     clear(known)
     share = _get_to_know(matches, best, tolerance, known)
-    contest = NO_RIVAL
+    is_contested = False
     iteration = 0
-    while iteration < iterations_needed(
-        wrong, share, flow, contest, math.sqrt(best.mixture[0]), effort
-    ):
+    while iteration < iterations_needed(wrong, share, flow, is_contested, effort):
         iteration += 1
         are_known = iteration % 2 == 0 and share < 1.0
         _draw_distinct(sample, known if are_known else prior, count, state)
@@ -211,17 +204,12 @@ def search_pose(
             continue
         lowest = lesser(raw, lowest)
         noise_of(matches, best, tolerance, other.mixture)
-        before = best.cost[0]
         # Once others are known, one that is no better than they are tells nothing new.
         worst = greater(second.cost[0], rival.cost[0])
-        within = worst - before if worst < before + NEAR else NEAR
-        outcome, _ = challenge(matches, other, best, second, rival, within)
-        if outcome == EQUAL and turn_explains(matches, start, tolerance, best):
-            outcome = RIVAL
-        if outcome != NO_RIVAL:
-            # What came near the best so far was no rival of a much better one.
-            far_better = best.cost[0] < before - NEAR
-            contest = RIVAL if far_better else greater(contest, outcome)
+        within = worst - best.cost[0] if worst < best.cost[0] + NEAR else NEAR
+        competes, _ = challenge(matches, other, best, second, rival, within)
+        if competes:
+            is_contested = True
             wrong = unexplained(matches, best, tolerance)
             _get_to_know(matches, best, tolerance, known)
             share = _get_to_know(matches, other, tolerance, known)
@@ -265,8 +253,8 @@ def _search_twins(
         copy(best.mixture, other.mixture)
         # The best may lie between the two: it goes to one of them when it is refined.
         within = near_of_plane(matches.total)
-        contest, was_near = challenge(matches, other, best, second, rival, within)
-        is_planar = contest != NO_RIVAL or was_near
+        competes, was_near = challenge(matches, other, best, second, rival, within)
+        is_planar = competes or was_near
         gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     if layer_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
         copy(best.mixture, other.mixture)

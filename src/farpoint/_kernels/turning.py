@@ -8,17 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.contest import GATE_SIGMA, start_noise
-from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.formulas import formula, greater, lesser
-from farpoint._kernels.pairs import address
-from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
-from farpoint._kernels.rotation_residual import whitened_turn
-from farpoint._kernels.scratch import copy, room, scratch
-from farpoint._kernels.vectors import matrix, vector
+from farpoint._kernels.scratch import room
+from farpoint._kernels.vectors import matrix
 
-__all__ = ["Judged", "fit_rotation", "flow_beside_rotation", "likelier_moving", "turn_explains"]
+__all__ = ["Judged", "fit_rotation", "flow_beside_rotation", "likelier_moving"]
 
 # No less of the information is there without knowing which matches are wrong.
 LEAST_KNOWN = 0.1
@@ -28,12 +23,6 @@ FAR_SHARE = 0.5
 LEAST_DOUBT = 1e-15
 # A match of less was not plausible of the motion at all.
 LEAST_PRIOR = 1e-12
-
-# A turn explains what a motion does if its variance is larger by so much at the most, over the root
-# of the number of matches, as chance has it for the best of all directions; and if no more of the
-# matches that agree with the motion are farther off than so many sigma.
-NOISIER, FAR_OFF, OFF_SIGMA = 7.0, 2, 4.0
-TURN_REFINEMENTS = np.int64(20)
 
 
 @kernel
@@ -69,33 +58,6 @@ def fit_rotation(
     narrowness = 0.5 * math.log(_determinant_beside_one(information))
     _keep_known(known, supporting, information)
     return cost, narrowness
-
-
-@inner_kernel
-def turn_explains(
-    matches: PackedMatches, R_start: np.ndarray, tolerance: float, best: Pose
-) -> bool:
-    """Whether a turn, from about ``R_start``, explains all that the best motion does.
-
-    Then one direction is as good as another, and it is in vain to look for a better one.
-    """
-    R, mixture, H = scratch(3, 3), scratch(4), scratch(3, 3)
-    copy(R_start, R)
-    start_noise(tolerance, mixture)
-    pairs, prior, count = matches.pairs, matches.prior, matches.total
-    spread, least = matches.spread, matches.min_variance
-    refine_rotation(pairs, prior, count, spread, least, TURN_REFINEMENTS, R, mixture, H)
-    if mixture[0] > (1.0 + NOISIER / math.sqrt(count)) * best.mixture[0]:
-        return False
-    gate, limit = GATE_SIGMA * math.sqrt(best.mixture[0]), OFF_SIGMA * OFF_SIGMA * mixture[0]
-    turn, moving_R, moving_t = matrix(R), matrix(best.R), vector(best.t)
-    far_off = 0
-    for i in range(count):
-        at = address(i)
-        square, _, _ = whitened_turn(pairs, at, turn)
-        agrees = abs(sampson(pairs, at, moving_R, moving_t)) < gate
-        far_off += 1 if agrees and square > limit else 0
-    return far_off <= FAR_OFF
 
 
 @formula
