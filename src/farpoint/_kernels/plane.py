@@ -13,13 +13,14 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
 from farpoint._kernels.contest import GATE_SIGMA, is_same, near_of_plane
+from farpoint._kernels.exponential import exp_and_roots, lane_log
 from farpoint._kernels.formulas import choose, formula, greater, root
 from farpoint._kernels.likelihood import explain, judge_pose
 from farpoint._kernels.linear import add, add_outer
 from farpoint._kernels.mixture import clutter_at, clutter_of, densities
-from farpoint._kernels.pairs import address, flow_variance, noise0, noise1, ray0, ray1
+from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, noise0, noise1, ray0, ray1
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.scratch import clear, copy, room, scratch
@@ -97,7 +98,8 @@ def _evidence(matches: PackedMatches, pose: Pose, other: Pose, is_told: bool) ->
     By the plane of either in turn: what one has explained of the noise, it has for its own motion.
     """
     mixture, evidence = pose.mixture, 0.0
-    off, parts = room(3 * matches.total), room(2 * matches.total)
+    off, parts = room(3 * matches.total), room(2 * matches.prior.size)
+    clear(parts)
     for k in range(2):
         planar = pose if k == 0 else other
         seen = Seen(matches.pairs, matches.prior, planar.R, planar.t, mixture, matches.spread)
@@ -120,36 +122,63 @@ def _likelihood_by(
     and along it are found by EM, the latter no smaller than the former. Where they are alike, so is
     all that is said by any motion.
     """
-    pairs, variance, poor = matches.pairs, mixture[0], mixture[2]
-    R, t = matrix(pose.R), vector(pose.t)
-    # Wrong matches speak for neither, wherever they lie.
-    clutter, _ = clutter_at(clutter_of(mixture, matches.spread), 0.0)
     # Density on a line of a match about the plane, at its place, over that of one anywhere.
-    peak = 2.0 * matches.spread / math.sqrt(2.0 * math.pi * variance)
-    across, along, off_share, likelihood = 1.0, 1.0, OFF / OF_ALL, 0.0
+    peak = 2.0 * matches.spread / math.sqrt(2.0 * math.pi * mixture[0])
+    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, mixture, matches.spread)
+    relief, sums, likelihood = scratch(3), scratch(5), 0.0
+    across, along, off_share = 1.0, 1.0, OFF / OF_ALL
     for _ in range(RELIEF_ROUNDS):
-        weight = squares_across = squares_along = likelihood = 0.0
-        on_line, off_plane = OF_ALL, OFF
-        for i in range(matches.total):
-            at, prior = address(i), matches.prior[i] / math.sqrt(across)
-            across2, along2 = parts[2 * i], parts[2 * i + 1]
-            residual, precision = math.sqrt(across2 * variance), 1.0 / (variance * across)
-            good, fair, bad = densities(pairs, at, R, t, residual, precision, poor, prior)
-            about = (1.0 - off_share) * peak / math.sqrt(along) * math.exp(-0.5 * along2 / along)
-            density = (good + fair + bad) * (off_share + about) + clutter
-            likelihood += math.log(density)
-            on_line += (good + fair + bad) * (off_share + about) / density
-            off_plane += (good + fair + bad) * off_share / density
-            w = good * about / density
-            weight += w
-            squares_across += w * across2
-            squares_along += w * along2
+        relief[0], relief[1], relief[2] = across, along, off_share
+        likelihood = _hear(seen, parts, peak, relief, sums)
+        on_line, off_plane, weight = OF_ALL + sums[0], OFF + sums[1], sums[2]
+        squares_across, squares_along = sums[3], sums[4]
         across = (squares_across + KNOWN) / (weight + KNOWN)
         along = squares_along / greater(weight, 1.0)
         if along < across:
             along = (squares_across + squares_along + KNOWN) / (2.0 * weight + KNOWN)
             across = along
         off_share = off_plane / on_line
+    return likelihood
+
+
+@sum_kernel
+def _hear(
+    seen: Seen, parts: np.ndarray, peak: float, relief: np.ndarray, sums: np.ndarray
+) -> float:
+    """Log likelihood of `_likelihood_by`, for variances across and along the lines and a share off.
+
+    ``sums`` (5,) receives the expected number of matches on their lines, of those of them that are
+    off the plane, and of the others; and the squares of these across their lines and along them.
+    """
+    pairs, prior, variance, poor = seen.pairs, seen.prior, seen.mixture[0], seen.mixture[2]
+    turn, towards = matrix(seen.R), vector(seen.t)
+    across, along, off_share = relief[0], relief[1], relief[2]
+    # Wrong matches speak for neither, wherever they lie.
+    clutter, _ = clutter_at(clutter_of(seen.mixture, seen.spread), 0.0)
+    precision, likeness = 1.0 / (variance * across), 1.0 / root(across)
+    highest = (1.0 - off_share) * peak / root(along)
+    likelihood = on_line = off_plane = about_it = squares_across = squares_along = 0.0
+    for panel in range(prior.size // LANES):
+        for lane in range(LANES):
+            i, at = panel * LANES + lane, panel * PANEL + lane
+            across2, along2 = parts[i], parts[prior.size + i]
+            residual = root(across2 * variance)
+            good, fair, bad = densities(
+                pairs, at, turn, towards, residual, precision, poor, prior[i] * likeness
+            )
+            near, _, _ = exp_and_roots(0.5 * along2 / along)
+            about = highest * near
+            density = (good + fair + bad) * (off_share + about) + clutter
+            over = 1.0 / density
+            likelihood += choose(prior[i] > 0.0, lane_log(density), 0.0)
+            on_line += (good + fair + bad) * (off_share + about) * over
+            off_plane += (good + fair + bad) * off_share * over
+            w = good * about * over
+            about_it += w
+            squares_across += w * across2
+            squares_along += w * along2
+    sums[0], sums[1], sums[2] = on_line, off_plane, about_it
+    sums[3], sums[4] = squares_across, squares_along
     return likelihood
 
 
@@ -162,7 +191,7 @@ def _part(
     off: np.ndarray,
     parts: np.ndarray,
 ) -> None:
-    """Squares of how far matches are off the plane (2 N,): across their lines, and along them.
+    """Squares of how far matches are off the plane: across their lines, then along them.
 
     Each over its variance; along a line, of what the noise across it does not tell of it. The two
     add up to the same towards any direction ``t``, however the noise of a match lies.
@@ -179,10 +208,10 @@ def _part(
         x, y = dot(away, line), -dot(away, aside)
         variance = dot(aside, by_aside) + 1e-300
         shared = dot(aside, by_line) / variance
-        parts[2 * i] = x * x / variance
+        parts[i] = x * x / variance
         along = y - shared * x
         own = greater(dot(line, by_line) - shared * shared * variance, 0.0) + 1e-300
-        parts[2 * i + 1] = along * along / own
+        parts[matches.prior.size + i] = along * along / own
 
 
 @formula
