@@ -49,7 +49,7 @@ __all__ = ["search_direction", "search_pose"]
 
 # A hypothesis is still worth refining with so many times the least truncated squares so far, if at
 # least this share of the most matches so far support it.
-PROMISING = 1.5
+PROMISING = 2.0
 SUPPORTED = 0.5
 # Pairs of matches whose directions the search starts from.
 DIRECTIONS = np.int64(16)
