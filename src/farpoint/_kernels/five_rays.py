@@ -33,7 +33,7 @@ LONG_FLOW = 0.05
 AS_FAR_AS_ANY = 2.0
 # Probability that the start leads to another pose, with no wrong matches and a short flow.
 START_DOUBT = 0.02
-# Share of samples without a wrong match that lead to the right pose.
+# Share of samples without a wrong match that lead to the right pose, where it is hardly in doubt.
 CONVERGING = 0.5
 # A pose that this share of the matches agrees with has to do with the right one.
 BEYOND_CHANCE = 0.4
@@ -182,8 +182,8 @@ def iterations_needed(
     The start already led to it, but for a doubt that was measured on drawn and real pairs: it grows
     with the share of ``wrong`` matches, and with the square of the ``flow`` that the rotation of
     the start leaves (rad); once there was a rival (``is_contested``), nothing is known. A sample
-    without a wrong match converges to the right pose every second time, and half as often where
-    that flow is long and samples start from their own rotation.
+    without a wrong match converges to the right pose every second time; half as often where that
+    flow is long and samples start from their own rotation, and where nothing is known.
     """
     right = greater(1.0 - wrong, 0.0)
     square = right * right
@@ -192,7 +192,7 @@ def iterations_needed(
     doubt = 1.0 if is_contested else start_doubt
     among = lesser(right / known, 1.0) * lesser(right / BEYOND_CHANCE, 1.0)
     clean = 0.5 * (right**5 + among**5)
-    hit = CONVERGING / lesser(away, AS_FAR_AS_ANY) * clean
+    hit = CONVERGING / (1.0 + doubt) / lesser(away, AS_FAR_AS_ANY) * clean
     if hit <= 0.0:
         return effort.max_iterations
     needed = math.log(lesser((1.0 - effort.confidence) / doubt, 1.0)) / math.log(1.0 - hit)
