@@ -38,6 +38,7 @@ def followed(monkeypatch):
         *,
         same_after: int = 99,
         elsewhere: bool = True,
+        twisted: bool = False,
         within: float = NEAR,
     ) -> Followed:
         steps: list[int] = []
@@ -53,7 +54,7 @@ def followed(monkeypatch):
             "finish": lambda *_: None,
             "narrowness": lambda *_: 0.0,
             "is_same": lambda *_: len(steps) >= same_after,
-            "_is_twisted": lambda *_: False,
+            "_is_twisted": lambda *_: twisted,
         }
         for name, mock in mocks.items():
             monkeypatch.setattr(contest, name, mock)
@@ -124,6 +125,13 @@ def test_the_likelier_is_kept_and_the_other_remembered(
 def test_the_motions_of_a_plane_may_be_so_far_apart_by_chance(matches, near):
     near_of_plane = getattr(contest.near_of_plane, "py_func", contest.near_of_plane)
     assert near_of_plane(matches) == near
+
+
+def test_one_that_is_turned_over_competes_but_is_not_kept(followed):
+    found = followed([AWAY, (90.0, 1.0)], twisted=True)
+    assert found.competes
+    costs = found.best.cost[0], found.second.cost[0], found.rival.cost[0]
+    assert costs == (BEST, np.inf, np.inf)
 
 
 def test_one_that_was_near_as_it_was_is_told(followed):

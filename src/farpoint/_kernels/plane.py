@@ -153,7 +153,7 @@ def _hear(
     pairs, prior, variance, poor = seen.pairs, seen.prior, seen.mixture[0], seen.mixture[2]
     turn, towards = matrix(seen.R), vector(seen.t)
     across, along, off_share = relief[0], relief[1], relief[2]
-    # Wrong matches speak for neither, wherever they lie.
+    # Wrong matches speak for neither, wherever they lie, nor do those that fill up the panels.
     clutter, _ = clutter_at(clutter_of(seen.mixture, seen.spread), 0.0)
     precision, likeness = 1.0 / (variance * across), 1.0 / root(across)
     highest = (1.0 - off_share) * peak / root(along)
@@ -170,7 +170,7 @@ def _hear(
             about = highest * near
             density = (good + fair + bad) * (off_share + about) + clutter
             over = 1.0 / density
-            likelihood += choose(prior[i] > 0.0, lane_log(density), 0.0)
+            likelihood += lane_log(density)
             on_line += (good + fair + bad) * (off_share + about) * over
             off_plane += (good + fair + bad) * off_share * over
             w = good * about * over
