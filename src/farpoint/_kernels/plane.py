@@ -145,10 +145,13 @@ def _likelihood_by(
 def _hear(
     seen: Seen, parts: np.ndarray, peak: float, relief: np.ndarray, sums: np.ndarray
 ) -> float:
-    """Log likelihood of `_likelihood_by`, for variances across and along the lines and a share off.
+    """Log likelihood of `_likelihood_by`, by the squares of how far matches are off, as of `_part`.
 
-    ``sums`` (5,) receives the expected number of matches on their lines, of those of them that are
-    off the plane, and of the others; and the squares of these across their lines and along them.
+    ``relief`` (3,) holds the variances across the lines and along them, over those of the noise,
+    and the share of matches anywhere on their lines; ``peak`` is the density of one about the plane
+    over that of one anywhere. ``sums`` (5,) receives the expected number of matches on their lines,
+    of those of them that are off the plane, and of the others; and the squares of these across
+    their lines and along them.
     """
     pairs, prior, variance, poor = seen.pairs, seen.prior, seen.mixture[0], seen.mixture[2]
     turn, towards = matrix(seen.R), vector(seen.t)
@@ -191,7 +194,7 @@ def _part(
     off: np.ndarray,
     parts: np.ndarray,
 ) -> None:
-    """Squares of how far matches are off the plane: across their lines, then along them.
+    """Squares ``parts`` of how far matches are off the plane: across their lines, then along them.
 
     Each over its variance; along a line, of what the noise across it does not tell of it. The two
     add up to the same towards any direction ``t``, however the noise of a match lies.
