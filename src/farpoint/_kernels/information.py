@@ -30,8 +30,10 @@ __all__ = ["information"]
 EPIPOLE_SIGMA = 8.0
 # Leverage beyond which a match is trusted no less.
 MOST_LEVERAGE = 0.9
-# Rounds in which mean and variance of the inverse depths settle.
+# Rounds in which mean and variance of the inverse depths settle, and what of the variance the last
+# one may still change.
 DEPTH_ROUNDS = 20
+SETTLED = 1e-3
 # Rows of a panel of what is told: Jacobian and residual, change of the Jacobian by the inverse
 # depth, their weights, the weight of the residual and what is missing of it, the square of the
 # weighted residual, the inverse depth and its variance.
@@ -96,22 +98,14 @@ def _predict(told: np.ndarray) -> None:
     """Bring each inverse depth, and the Jacobian with it, to where the others let expect it."""
     mean, variance = 0.0, 0.0
     for k in range(DEPTH_ROUNDS):
-        total = weighted = weight2 = excess = 0.0
-        for panel in range(told.size // TOLD):
-            for lane in range(LANES):
-                at = panel * TOLD + lane
-                depth, doubt = told[at + DEPTH * LANES], told[at + DOUBT * LANES]
-                # At first each counts by its own variance alone, and no mean is known.
-                w = told[at + KNOWN * LANES] / (variance + doubt + 1e-300)
-                each = w if k == 0 else w / (variance + doubt + 1e-300)
-                total += w
-                weighted += w * depth
-                weight2 += each
-                excess += each * ((depth - mean) ** 2 - (0.0 if k == 0 else doubt))
+        total, weighted, weight2, excess = _spread_of_depths(told, mean, variance, k == 0)
         if not (total > 0.0 and weight2 > 0.0):
             return
+        before = variance
         mean = weighted / total if k > 0 else 0.0
         variance = greater(excess / weight2, 0.0)
+        if k > 1 and abs(variance - before) <= SETTLED * variance:
+            break
     for panel in range(told.size // TOLD):
         for lane in range(LANES):
             at = panel * TOLD + lane
@@ -121,6 +115,31 @@ def _predict(told: np.ndarray) -> None:
             for row in range(5):
                 change = told[at + (CHANGE + row) * LANES]
                 told[at + row * LANES] += (1.0 - own) * (mean - depth) * change
+
+
+@sum_kernel
+def _spread_of_depths(
+    told: np.ndarray, mean: float, variance: float, is_first: bool
+) -> tuple[float, float, float, float]:
+    """Sums over the inverse depths, as a mean and variance of them weigh each.
+
+    Of their weights, of the weighted depths, of the weights of their squared distances from the
+    mean, and of these squares beyond what is noise. The first time there is neither: each depth
+    counts by its own noise alone.
+    """
+    total = weighted = weight2 = excess = 0.0
+    for panel in range(told.size // TOLD):
+        for lane in range(LANES):
+            at = panel * TOLD + lane
+            depth, doubt = told[at + DEPTH * LANES], told[at + DOUBT * LANES]
+            over = 1.0 / (variance + doubt + 1e-300)
+            w = told[at + KNOWN * LANES] * over
+            each = w * choose(is_first, 1.0, over)
+            total += w
+            weighted += w * depth
+            weight2 += each
+            excess += each * ((depth - mean) ** 2 - choose(is_first, 0.0, doubt))
+    return total, weighted, weight2, excess
 
 
 @inner_kernel
