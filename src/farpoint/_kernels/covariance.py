@@ -43,6 +43,11 @@ STATED = 120.0
 TELLING = 5.0
 # How much larger than the covariance of one pose the mean over all may be.
 MOST_GROWTH = 8.0
+# It is averaged again, so often in all, if the variance of its direction grows by more than that,
+# but is less than this, rad^2: more is as much as second order can tell.
+MUCH = 1.1
+ROUNDS = 3
+WIDE = math.radians(12.0) ** 2
 
 
 @inner_kernel
@@ -141,29 +146,49 @@ def _bound(information: np.ndarray) -> None:
 
 @kernel
 def covariance_around(
-    seen: Seen, right: float, predicted: bool, covariance: np.ndarray, out: np.ndarray
+    seen: Seen,
+    right: float,
+    predicted: bool,
+    covariance: np.ndarray,
+    out: np.ndarray,
 ) -> None:
-    """Mean ``out`` (5, 5) of the covariance over the poses that a ``covariance`` allows.
+    """Mean ``out`` (5, 5) of the covariance over the poses that it allows itself.
 
-    To second order: larger by what it is, on average, a sigma to either side along each axis, more
-    than here; each side counts as far as the poses there are likely. Along no axis it shrinks, or
-    grows by more than `MOST_GROWTH` times.
+    To second order: larger than the ``covariance`` here by what that is, on average, a sigma to
+    either side along each axis, more than here; each side counts as far as the poses there are
+    likely. Along no axis it shrinks, or grows by more than `MOST_GROWTH` times. Where it grows
+    much, it is averaged again over what it then allows.
     """
-    values, axes, steps = scratch(5, 5), scratch(5, 5), scratch(5, 5)
+    allowed = scratch(5, 5)
+    copy(covariance, out)
+    for _ in range(ROUNDS):
+        copy(out, allowed)
+        _average(seen, right, predicted, covariance, allowed, out)
+        if not MUCH * (allowed[3, 3] + allowed[4, 4]) < out[3, 3] + out[4, 4] < WIDE:
+            break
+
+
+@inner_kernel
+def _average(
+    seen: Seen,
+    right: float,
+    predicted: bool,
+    covariance: np.ndarray,
+    allowed: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """The ``covariance`` (5, 5) here, grown to the mean over the poses that ``allowed`` allows."""
+    steps, variances = scratch(5, 5), scratch(5)
     growth, half = scratch(5, 5), scratch(5, 5)
-    copy(covariance, values)
-    eigen_five(values, axes)
-    for k in range(5):
-        for i in range(5):
-            steps[k, i] = math.sqrt(values[k, k]) * axes[k, i]
+    _half_axes(allowed, steps, variances)
     _grow(seen, right, predicted, covariance, steps, growth)
+    _half_axes(covariance, steps, variances)
+    _product(steps, growth, half)
+    _product(half, steps, growth)
     # In axes in which the covariance is the identity, growth is what it is times as large.
     for k in range(5):
-        sigma = math.sqrt(values[k, k])
-        for i in range(5):
-            axes[k, i] /= sigma
-    _product(axes, growth, half)
-    _product(half, axes, growth)
+        for j in range(5):
+            growth[k, j] /= variances[k] * variances[j]
     eigen_five(growth, half)
     clear(out)
     for k in range(5):
@@ -171,6 +196,18 @@ def covariance_around(
         for i in range(5):
             for j in range(5):
                 out[i, j] += more * _along(half, steps, k, i) * _along(half, steps, k, j)
+
+
+@inner_kernel
+def _half_axes(covariance: np.ndarray, out: np.ndarray, variances: np.ndarray) -> None:
+    """A sigma along each axis of a covariance (5, 5), the rows of ``out``, and its square."""
+    values, axes = scratch(5, 5), scratch(5, 5)
+    copy(covariance, values)
+    eigen_five(values, axes)
+    for k in range(5):
+        variances[k] = values[k, k]
+        for i in range(5):
+            out[k, i] = math.sqrt(values[k, k]) * axes[k, i]
 
 
 @formula

@@ -51,7 +51,7 @@ def moving_covariance(fit: MovingFit) -> np.ndarray:
 
     Where the direction is far from certain, what the matches tell depends on which pose is the
     right one: a rotation that is a little off lengthens all flow, and makes believe that it tells
-    more. Then the covariance is that of all the poses that it allows, on average.
+    more. Then the covariance is that of all the poses that it allows itself, on average.
     """
     covariance = fit.covariance
     if STRAIGHT_SIGMA**2 < covariance[3, 3] + covariance[4, 4] < math.inf:
