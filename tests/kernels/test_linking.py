@@ -6,9 +6,12 @@ import gc
 import math
 import os
 import pkgutil
+import subprocess
+import sys
 from importlib import import_module
 from typing import NamedTuple, get_args, get_type_hints
 
+import numba
 import numpy as np
 import pytest
 from numba import types
@@ -195,6 +198,39 @@ def test_numbers_on_the_stack_are_not_counted():
     assert "NRT_" not in ir_of(first)
 
 
+def test_kernels_hand_over_values_as_they_are():
+    @inner_kernel
+    def turned(weighted, pair, is_wanted):
+        larger = pair[0] > pair[1]
+        return larger == is_wanted, (weighted.weight, weighted.values[pair[0]])
+
+    @inner_kernel
+    def both(weighted, is_wanted):
+        first, (weight, value) = turned(weighted, (2, 1), is_wanted)
+        second, _ = turned(weighted, (0, 1), is_wanted)
+        return first, second, weight * value
+
+    door = uncached(both)
+    weighted = Weighted(np.arange(4.0), 0.5)
+    assert door(weighted, True) == (True, False, 1.0)
+    assert door(weighted, False) == (False, True, 1.0)
+    for code in turned.overloads.values():
+        function = code.library._final_module.get_function(code.fndesc.llvm_func_name)
+        assert len(list(function.arguments)) == 3
+    assert "excinfo" not in ir_of(both)
+
+
+def test_functions_of_numbas_own_are_called_in_its_way():
+    @inner_kernel
+    def middle(values):
+        return math.hypot(np.sort(values)[1], 4.0)
+
+    values = np.array([4.0, 1.0, 3.0])
+    assert uncached(middle)(values) == 5.0
+    # What was compiled for the kernel serves others, too.
+    assert numba.njit(lambda values: np.sort(values)[0])(values) == 1.0
+
+
 def test_elements_of_tuples_keep_their_types():
     @inner_kernel
     def mixed(values):
@@ -257,6 +293,27 @@ def test_a_kernel_that_takes_records_is_gone_to_straight_after_its_first_call(mo
 def test_a_kernel_that_takes_arrays_looks_at_their_types(root_mean_square):
     assert not isinstance(root_mean_square, RecordDoor)
     assert root_mean_square(VALUES.astype(np.float32)) == pytest.approx(ROOT)
+
+
+def test_what_is_on_disk_is_loaded_without_what_would_compile_it(tmp_path):
+    """Importing that takes longer than an estimate."""
+    script = """
+import sys
+from farpoint import Camera
+rays = Camera.pinhole(640, 480, 500, 500, 319.5, 239.5).unproject([[819.5, 239.5]])
+print(abs(rays[0]).round(3).tolist(), "numba.np.linalg" in sys.modules)
+"""
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", script],
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
+        ).stdout.strip()
+        for _ in range(2)
+    ]
+    assert outputs == ["[0.707, 0.0, 0.707] True", "[0.707, 0.0, 0.707] False"]
 
 
 def test_no_kernel_hands_a_record_to_python():

@@ -17,11 +17,14 @@ from typing import Any, Literal, get_type_hints
 from numba import types
 from numba._dynfunc import make_function  # pyright: ignore[reportMissingModuleSource]
 from numba.core import compiler, errors, ir, typed_passes, untyped_passes
+from numba.core.caching import FunctionCache
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.ir_utils import check_and_legalize_ir
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime.nrt import rtsys
 from numba.core.targetconfig import ConfigStack
 
+from farpoint._kernels.calls import Call, as_kernel
 from farpoint._kernels.known_types import RememberingContext
 from farpoint._kernels.libraries import DoorLibrary, FormulaLibrary, InnerLibrary, SumLibrary
 from farpoint._kernels.scratch import index_scratch, scratch
@@ -30,7 +33,11 @@ __all__ = ["InnerCompiler", "RecordDoor", "inner_library", "with_door"]
 
 _errors: Any = errors  # of which the type hints lack a part
 # Where a numba has no such inner parts, it fails here and not in the middle of an estimate.
-_RELIED_ON = (_errors._termcolor_inst,)
+_RELIED_ON = (
+    _errors._termcolor_inst,
+    FunctionCache._guard_against_spurious_io_errors,
+    FunctionCache._load_overload,
+)
 
 
 def inner_library(codegen: Any, name: str) -> FormulaLibrary:
@@ -85,7 +92,8 @@ class _InnerLowering(typed_passes.NativeLowering):
         name = lowered.fndesc.qualname.split(".")[-1]
         module = lowered.fndesc.lookup_module()
         token = make_function(module, name, "", 0, lowered.env, (library,))
-        state.targetctx.insert_user_function(token, lowered.fndesc, [library])
+        call = Call(lowered.fndesc, (library,))
+        state.targetctx._defns[token].append(call, call.signature)
         state["cr"] = lowered._replace(cfunc=token)
         return True
 
@@ -130,6 +138,7 @@ class InnerCompiler(compiler.CompilerBase):
 
     def __init__(self, typingctx: Any, *arguments: Any) -> None:
         super().__init__(typingctx, *arguments)
+        as_kernel(self.state.targetctx)
         table = RememberingContext(typingctx, bool(self.state.flags.fastmath))
         self.state.typingctx = self.state.targetctx.typing_context = table
         # As for types: it looks for new registries whenever one has no answer.
@@ -149,6 +158,7 @@ class _DoorCompiler(compiler.CompilerBase):
 
     def __init__(self, inner: Any, *arguments: Any) -> None:
         super().__init__(*arguments)
+        as_kernel(self.state.targetctx)
         self._inner = inner
 
     def compile_extra(self, func: Callable[..., object]) -> Any:
@@ -203,6 +213,16 @@ def _plain_messages() -> Iterator[None]:
         _errors._termcolor_inst = painter
 
 
+class _DoorCache(FunctionCache):
+    """What has been compiled, on disk."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Machine code, or None; numba would import all that it can compile, to find it."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
 class _Door(CPUDispatcher):
     """A kernel for Python to call, cached on disk; kernels call the ``inner`` one."""
 
@@ -215,6 +235,10 @@ class _Door(CPUDispatcher):
         )
         self.inner = inner
         self.enable_caching()
+
+    def enable_caching(self) -> None:
+        """Keep what is compiled."""
+        self._cache = _DoorCache(self.py_func)
 
     @property
     def _numba_type_(self) -> Any:
