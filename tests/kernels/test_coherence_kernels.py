@@ -14,7 +14,7 @@ ASKED = 200
 
 def told(view: View, residual: np.ndarray, right: np.ndarray | None = None) -> float:
     rows = np.arange(view.size) if right is None else np.flatnonzero(right > 0.5)
-    return coherence(view.pairs, residual, rows, 1.0, ASKED)
+    return coherence(view.pairs, residual, rows, np.arange(view.size), 1.0, ASKED)
 
 
 def test_noise_is_not():
@@ -65,3 +65,17 @@ def test_few_matches_or_none_right_tell_nothing_wrong(count):
     assert told(view, np.ones(count), np.zeros(count)) == 0.0
     assert -1.0 <= told(view, np.ones(count)) <= 1.0
     assert told(view, np.zeros(count)) == 0.0
+
+
+def test_of_the_same_patch_is_no_neighbour():
+    rng = np.random.default_rng(3)
+    view = two_views(3, 150, noise_rad=1e-3)
+    twice = View(*(np.repeat(each, 2, axis=0) for each in view[:4]), view.R, view.t)
+    residual, rows = np.repeat(rng.normal(size=150), 2), np.arange(300)
+    patch = rows // 2
+    alike = coherence(twice.pairs, residual, rows, patch, 1.0, 300)
+    tree = cKDTree(np.c_[view.rays0, view.rays1])
+    nearest = tree.query(tree.data, k=2)[1][:, 1]
+    own, other = np.clip(residual[::2], -3.0, 3.0), np.clip(residual[2 * nearest], -3.0, 3.0)
+    assert alike == pytest.approx((own * other).sum() / (own * own).sum())
+    assert coherence(twice.pairs, residual, rows, np.zeros(300, np.int64), 1.0, 300) == 0.0

@@ -179,7 +179,7 @@ def test_what_neighbours_share_is_told_of_the_right_ones(share):
     found, _, settled = find(view)
     rows = np.flatnonzero(found.said[3, :300] > 0.5)
     sigma = np.sqrt(found.mixture[0])
-    alike = coherence(view.pairs, found.said[1], rows, sigma, 400)
+    alike = coherence(view.pairs, found.said[1], rows, np.arange(300), sigma, 400)
     assert (settled.coherence, settled.likeness) == (alike, np.sqrt(len(rows)) * alike)
     if share:
         assert settled.likeness > 2.0 * LIKELY

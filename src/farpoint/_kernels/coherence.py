@@ -22,13 +22,18 @@ LEAST_WIDTH = 1e-12
 
 @kernel
 def coherence(
-    pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: float, most: int
+    pairs: np.ndarray,
+    residual: np.ndarray,
+    rows: np.ndarray,
+    patch: np.ndarray,
+    sigma: float,
+    most: int,
 ) -> float:
     """Correlation of the residuals of matches with those of their neighbours.
 
-    The neighbour is that of these ``rows`` which is nearest in both images together. At ``most`` so
-    many are asked for theirs. 0 on average where residuals are noise; 0 as well where there are
-    hardly any.
+    The neighbour is that of these ``rows``, in another ``patch`` (N,), which is nearest in both
+    images together. At ``most`` so many are asked for theirs. 0 on average where residuals are
+    noise; 0 as well where there are hardly any.
     """
     in_order = index_room(rows.size)
     _sort(pairs, rows, in_order)
@@ -36,7 +41,7 @@ def coherence(
     product = square = 0.0
     for j in range(asked):
         place = j * rows.size // asked
-        here, neighbour = int(in_order[place]), int(_neighbour(pairs, in_order, place))
+        here, neighbour = int(in_order[place]), int(_neighbour(pairs, in_order, patch, place))
         if neighbour >= 0:
             own = bounded(residual[here], sigma)
             product += own * bounded(residual[neighbour], sigma)
@@ -78,9 +83,9 @@ def _sort(pairs: np.ndarray, rows: np.ndarray, in_order: np.ndarray) -> None:
 
 
 @inner_kernel
-def _neighbour(pairs: np.ndarray, rows: np.ndarray, place: int) -> int:
-    """The row nearest to that at this place; -1 if there is none."""
-    at = address(rows[place])
+def _neighbour(pairs: np.ndarray, rows: np.ndarray, patch: np.ndarray, place: int) -> int:
+    """The row of another patch nearest to that at this place; -1 if there is none."""
+    at, own = address(rows[place]), patch[rows[place]]
     nearest, found = math.inf, -1
     for way in (-1, 1):
         k = place + way
@@ -88,7 +93,7 @@ def _neighbour(pairs: np.ndarray, rows: np.ndarray, place: int) -> int:
             along, distance = _distances2(pairs, at, address(rows[k]))
             if along >= nearest:
                 break
-            if distance < nearest:
+            if distance < nearest and patch[rows[k]] != own:
                 nearest, found = distance, rows[k]
             k += way
     return found

@@ -12,7 +12,7 @@ from farpoint._kernels.pairs import address, ray0
 from farpoint._kernels.patches import split_image
 from farpoint._kernels.scratch import clear, index_room, room, scratch
 
-__all__ = ["LIKELY", "PARTS", "design_effect", "tell_sharing"]
+__all__ = ["ASKED", "LIKELY", "PARTS", "design_effect", "tell_sharing"]
 
 # Right matches that are asked for their neighbour, at the most. Fewer cannot show anything.
 ASKED, LEAST_MATCHES = 400, 50
@@ -39,11 +39,20 @@ def tell_sharing(
     rows = _right(right, count)
     if rows.size < LEAST_MATCHES:
         return 0.0, 0.0, 1.0
-    alike = coherence(pairs, residual, rows, sigma, ASKED)
+    alike = coherence(pairs, residual, rows, _each_by_itself(count), sigma, ASKED)
     likeness = math.sqrt(min(rows.size, ASKED)) * alike
     if likeness < LIKELY:
         return alike, likeness, 1.0
     return alike, likeness, design_effect(pairs, residual, rows, sigma)
+
+
+@inner_kernel
+def _each_by_itself(count: int) -> np.ndarray:
+    """A patch for each match."""
+    patch = index_room(count)
+    for i in range(count):
+        patch[i] = i
+    return patch
 
 
 @inner_kernel

@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.coherence import coherence
 from farpoint._kernels.contest import GATE_SIGMA
 from farpoint._kernels.covariance import covariance_around
 from farpoint._kernels.halves import MOST, disagreement
 from farpoint._kernels.patches import deal
+from farpoint._kernels.sharing import ASKED
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
@@ -19,6 +21,7 @@ from farpoint.pose.small import rotation_vector, size2
 from farpoint.pose.turning_fit import TurningFit, fit_turning
 
 __all__ = [
+    "growth_between_patches",
     "growth_by_halves",
     "half_ratio",
     "half_ratio_of_turn",
@@ -38,6 +41,9 @@ LEAST_MATCHES = 60
 LEAST_HALF = 8
 # Halves of matches with independent noise differ by a little less than is expected of them.
 OF_NOISE = 0.95
+# Correlation of residuals in neighbouring patches up to which halves tell all, and how much larger
+# a variance is for what exceeds it: as poses do differ that are searched for by either half.
+ALIKE, STEEPNESS = 0.25, 4.0
 
 
 def moving_covariance(fit: MovingFit) -> np.ndarray:
@@ -110,6 +116,19 @@ def growth_by_halves(ratio: float | None, expected: float, freedom: int) -> floa
     if ratio is None:
         return expected
     return (EXPECTED * expected + freedom * ratio) / (EXPECTED + freedom)
+
+
+def growth_between_patches(fit: MovingFit) -> float:
+    """How much larger a covariance is than halves of patches tell, as far as patches err alike.
+
+    Where whole surfaces ask for motions of their own, the likelihood has a maximum for each. Halves
+    are refined from the one that was found, and stay near it; other matches of the same scene might
+    have led to another.
+    """
+    matches, right = fit.matches, np.flatnonzero(fit.probability > 0.5)
+    patch = patches_of(matches.rays0)
+    alike = coherence(matches.pairs, fit.residual, right, patch, fit.noise.sigma, ASKED)
+    return 1.0 + STEEPNESS * max(alike - ALIKE, 0.0)
 
 
 def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:

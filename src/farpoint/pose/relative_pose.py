@@ -19,6 +19,7 @@ from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma, fixes_
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import Course, given_labels, label_matches
 from farpoint.pose.covariance import (
+    growth_between_patches,
     growth_by_halves,
     half_ratio,
     half_ratio_of_turn,
@@ -210,7 +211,10 @@ def _conclude_moving(
     fit, covariance, rival = hold_against_rivals(fit, other, turned, rate)
     ratio = course.half_ratio = half_ratio(fit, options.half_deals)
     covariance *= growth_by_halves(ratio, options.expected_half_ratio, 5 * options.half_deals)
-    covariance *= matches.sharing
+    if matches.sharing > 1.0:
+        covariance *= matches.sharing
+    elif ratio is not None:
+        covariance *= growth_between_patches(fit)
     covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     course.lap("covariance_s")
     if not fixes_rotation(covariance[:3, :3]):
