@@ -51,12 +51,12 @@ def informed(view: View, prior: np.ndarray, predicted: bool = False) -> Informed
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Residuals over sigma; weight and its square, mean over what a match may be.
 
-    Good, or poor with eight times the variance, or poorer, with as much again each time.
+    Good, or poor with eight times the variance, or poorer with 64 times.
     """
     r = np.array([told_of(view.pairs, i, view.R, view.t)[0][5] for i in range(view.size)])
     z = r / np.sqrt(VARIANCE)
-    variance = 8.0 ** np.arange(4.0)[:, None]
-    shares = POOR ** np.arange(4.0)[:, None] * np.array([[1.0 - POOR]] * 3 + [[1.0]])
+    variance = 8.0 ** np.arange(3.0)[:, None]
+    shares = np.array([[1.0 - POOR], [POOR * (1.0 - POOR)], [POOR**2]])
     density = prior * shares * np.exp(-0.5 * z * z / variance) / np.sqrt(variance)
     chance = density / (density.sum(axis=0) + CLUTTER)
     return z, np.sum(chance / variance, axis=0), np.sum(chance / variance**2, axis=0)

@@ -68,7 +68,7 @@ class Linearized:
         )
         np.testing.assert_array_equal(normal, normal.T)
         self.H, self.g, self.squares = normal[:5, :5], normal[:5, 5], normal[5, 5]
-        self.right, self.steps, self.last, self.repeated = shares
+        self.right, self.poor, self.poorest, self.repeated = shares
 
 
 class Explained:
@@ -125,17 +125,17 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
     at = Linearized(view, prior, view.R, view.t, with_repeated)
     rows = [sampson_jacobian(view, i) for i in range(8)]
     r, J = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
-    each = prior * densities(r)
+    good, fair, bad = prior * densities(r)
     # A Cauchy distribution, over the uniform one that all would have.
     half = spread_of(MIXTURE, CLUTTER) / mixture.REPEATED_WITHIN
     uniform = 0.5 / spread_of(MIXTURE, CLUTTER)
     near = CLUTTER * repeated / (np.pi * half * (1.0 + (r / half) ** 2)) / uniform
     lost = CLUTTER * (1.0 - repeated) + near
-    right, total = each.sum(axis=0), each.sum(axis=0) + lost
+    right, total = good + fair + bad, good + fair + bad + lost
     assert at.cost == pytest.approx(-np.log(total[prior > 0]).sum(), abs=1e-6)
     assert at.right == pytest.approx(np.sum(right / total))
-    assert at.steps == pytest.approx(np.sum(np.arange(4.0) @ each / total))
-    assert at.last == pytest.approx(np.sum(each[3] / total))
+    assert at.poor == pytest.approx(np.sum((fair + bad) / total))
+    assert at.poorest == pytest.approx(np.sum(bad / total))
     assert at.repeated == pytest.approx(np.sum((near / total)[prior > 0]))
     # Weights of the normal equations: what makes r w the slope of the cost; wrong matches do not
     # draw.
@@ -151,10 +151,10 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
 
 
 def densities(r: np.ndarray) -> np.ndarray:
-    """Of good and ever poorer matches, over the peak of a normal density of all being good."""
-    variance, _, poor, _ = MIXTURE
-    sigma = mixture.POOR ** np.arange(4.0)[:, None]
-    shares = poor ** np.arange(4.0)[:, None] * np.array([[1.0 - poor]] * 3 + [[1.0]])
+    """Of good, poor and poorer matches, over the peak of a normal density of all being good."""
+    variance, _, share, _ = MIXTURE
+    sigma = mixture.POOR ** np.arange(3.0)[:, None]
+    shares = np.array([[1.0 - share], [share * (1.0 - share)], [share**2]])
     return shares * np.exp(-0.5 * r**2 / variance / sigma**2) / sigma
 
 
@@ -183,7 +183,7 @@ def test_matches_that_retreat_lose_their_density(seed):
     shift2 = backward.parallax**2 / MIXTURE[0]
     retreat = np.maximum(shift2 - mixture.FAR_SIGMA**2, 0.0)
     assume(retreat.max() > 1.0)
-    density = densities(backward.r) * np.exp(-0.5 * retreat / 8.0 ** np.arange(4.0)[:, None])
+    density = densities(backward.r) * np.exp(-0.5 * retreat / 8.0 ** np.arange(3.0)[:, None])
     at = Linearized(view, prior, view.R, -view.t)
     assert at.cost == pytest.approx(-np.log(density.sum(axis=0) + CLUTTER).sum(), rel=1e-3)
     assert at.cost > Linearized(view, prior, view.R, view.t).cost
@@ -272,8 +272,8 @@ def test_the_maximum_is_stationary_under_its_own_mixture():
     assert at.wrong == pytest.approx(1.0 - end.right / 60, abs=0.01)
     # As if so many more matches had been seen, hardly any of them poor; and of the poor ones as
     # many are poorer as of all are poor.
-    of_all = end.right + end.steps - end.last + mixture.USUAL
-    share = (end.steps + mixture.FEW * mixture.USUAL) / of_all
+    of_all = end.right + end.poor + mixture.USUAL
+    share = (end.poor + end.poorest + mixture.FEW * mixture.USUAL) / of_all
     assert at.poor == pytest.approx(share, abs=0.01)
     wrong = 60 - end.right + mixture.USUAL
     share = (end.repeated + mixture.FEW * mixture.USUAL) / wrong

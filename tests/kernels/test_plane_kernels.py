@@ -117,8 +117,8 @@ def likelihood_by(
     whole, c2 = squares
     a2 = whole - c2
     shift = said_of(view, R, t)[0] / np.sqrt(MIXTURE[0])
-    variance, poor = 8.0 ** np.arange(4.0)[:, None], MIXTURE[2]
-    shares = poor ** np.arange(4.0)[:, None] * np.array([[1.0 - poor]] * 3 + [[1.0]])
+    variance, share = 8.0 ** np.arange(3.0)[:, None], MIXTURE[2]
+    shares = np.array([[1.0 - share], [share * (1.0 - share)], [share**2]])
     anywhere, near, _ = mixture.clutter_of(MIXTURE, SPREAD)
     clutter = anywhere + near
     peak = 2.0 * SPREAD / np.sqrt(2.0 * np.pi * MIXTURE[0])

@@ -125,13 +125,7 @@ def test_a_motion_that_the_search_has_met_is_judged(fit, unlikely, met):
     assert rivals.likelier_met(replace(fit, rival=None))[1] is None
 
 
-def test_one_that_all_matches_make_far_likelier_is_taken_against_residuals(
-    monkeypatch, unlikely, met
-):
-    def stays(_, start: MovingFit) -> MovingFit:
-        return replace(start, cost=start.cost - 1e3)
-
-    monkeypatch.setattr(rivals, "refit_moving", stays)
+def test_one_that_all_matches_make_far_likelier_is_taken_against_residuals(unlikely, met):
     best, other = met(5.0, than=unlikely)
     assert not is_same_way(best, unlikely)
     # The two contradict each other.

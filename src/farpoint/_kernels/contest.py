@@ -133,15 +133,13 @@ def noise_of(matches: PackedMatches, best: Pose, tolerance: float, mixture: np.n
 def unexplained(matches: PackedMatches, best: Pose, tolerance: float) -> float:
     """Share of matches that the best pose leaves unexplained: by its mixture, or by the tolerance.
 
-    Poor ones are as good as wrong: a sample with one of them leads nowhere near. A wrong minimum
-    calls all matches right and noisy: only the tolerance gives it away.
+    A wrong minimum calls all matches right and noisy: only the tolerance gives it away.
     """
     turn, towards = matrix(best.R), vector(best.t)
     within = 0
     for i in range(matches.total):
         within += 1 if abs(sampson(matches.pairs, address(i), turn, towards)) < tolerance else 0
-    good = (1.0 - best.mixture[1]) * (1.0 - best.mixture[2])
-    return greater(1.0 - good, 1.0 - within / matches.total)
+    return greater(best.mixture[1], 1.0 - within / matches.total)
 
 
 @inner_kernel

@@ -21,8 +21,6 @@ from farpoint._kernels.mixture import (
     may_retreat,
     mixture_cost,
     retreat2,
-    steps_of,
-    sum_of,
     weight_of,
 )
 from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
@@ -49,39 +47,37 @@ def linearize(seen: Seen, gives_way: bool, normal: np.ndarray, shares: np.ndarra
     residuals r, ``normal`` (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the
     gradient in its last column, the squares in its corner. Where the pose ``gives_way`` to them,
     the shifts of matches that retreat are residuals, too. ``shares`` (4,) receives the expected
-    number of right matches, how often these are poorer, as of `mixture.update_mixture`, and those
-    that are as poor as can be; and that of repeated ones among the wrong ones.
+    number of right matches, of poor ones among them, of those that are poorer still; and of
+    repeated ones among the wrong ones.
     """
     pairs, prior, clutter = seen.pairs, seen.prior, clutter_of(seen.mixture, seen.spread)
     turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
     precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
-    cost = right = steps = last = repeated = retreating = 0.0
+    cost = right = doubtful = poorest = repeated = retreating = 0.0
     sums = SIX
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
             row = sampson_jacobian(pairs, at, turn, towards, basis)
             _, _, _, _, _, residual = row
-            each = densities(pairs, at, turn, towards, residual, precision, poor, share)
-            _, _, _, worst = each
-            whole = sum_of(each)
+            good, fair, bad = densities(pairs, at, turn, towards, residual, precision, poor, share)
             lost, near = clutter_at(clutter, residual)
-            total = whole + lost
+            total = good + fair + bad + lost
             over = 1.0 / total
             used = 1.0 if share > 0.0 else 0.0
             cost -= used * lane_log(total)
-            right += whole * over
-            steps += steps_of(each) * over
-            last += worst * over
+            right += (good + fair + bad) * over
+            doubtful += (fair + bad) * over
+            poorest += bad * over
             repeated += used * near * over
             retreat = retreat2(pairs, at, turn, towards, precision)
-            retreating += choose(retreat > 0.0, whole * over, 0.0)
-            sums = add_square(sums, precision * weight_of(each) * over, row)
+            retreating += choose(retreat > 0.0, (good + fair + bad) * over, 0.0)
+            sums = add_square(sums, precision * weight_of(good, fair, bad) * over, row)
     write_square(sums, normal)
     if gives_way and retreating > FEW_RETREATING:
         add_retreats(seen, normal)
-    shares[0], shares[1], shares[2], shares[3] = right, steps, last, repeated
+    shares[0], shares[1], shares[2], shares[3] = right, doubtful, poorest, repeated
     return cost
 
 
@@ -103,10 +99,9 @@ def add_retreats(seen: Seen, normal: np.ndarray) -> None:
         if not retreat2(pairs, at, turn, towards, precision) > 0.0:
             continue
         residual = sampson(pairs, at, turn, towards)
-        each = densities(pairs, at, turn, towards, residual, precision, poor, prior[i])
-        good, _, _, _ = each
+        good, fair, bad = densities(pairs, at, turn, towards, residual, precision, poor, prior[i])
         lost, _ = clutter_at(clutter, residual)
-        share = good / (sum_of(each) + lost)
+        share = good / (good + fair + bad + lost)
         weight = precision * (1.0 - poor) * (1.0 - poor) * share
         row = shift_jacobian(pairs, at, turn, towards, basis)
         add_to_square(weight, row, normal)
@@ -130,8 +125,8 @@ def _said_of(
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
     variance = parallax_variance(pairs, at, R, m, t)
-    each = densities(pairs, at, R, t, residual, precision, poor, prior)
-    return residual, flow / root(variance + 1e-300), sum_of(each)
+    good, fair, bad = densities(pairs, at, R, t, residual, precision, poor, prior)
+    return residual, flow / root(variance + 1e-300), good + fair + bad
 
 
 @kernel

@@ -19,7 +19,7 @@ from farpoint._kernels.exponential import exp_and_roots, lane_log
 from farpoint._kernels.formulas import choose, formula, greater, root
 from farpoint._kernels.likelihood import explain, judge_pose
 from farpoint._kernels.linear import add, add_outer
-from farpoint._kernels.mixture import clutter_at, clutter_of, densities, sum_of
+from farpoint._kernels.mixture import clutter_at, clutter_of, densities
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, noise0, noise1, ray0, ray1
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
@@ -166,18 +166,16 @@ def _hear(
             i, at = panel * LANES + lane, panel * PANEL + lane
             across2, along2 = parts[i], parts[prior.size + i]
             residual = root(across2 * variance)
-            each = densities(
+            good, fair, bad = densities(
                 pairs, at, turn, towards, residual, precision, poor, prior[i] * likeness
             )
-            good, _, _, _ = each
-            whole = sum_of(each)
-            near, _, _, _ = exp_and_roots(0.5 * along2 / along)
+            near, _, _ = exp_and_roots(0.5 * along2 / along)
             about = highest * near
-            density = whole * (off_share + about) + clutter
+            density = (good + fair + bad) * (off_share + about) + clutter
             over = 1.0 / density
             likelihood += lane_log(density)
-            on_line += whole * (off_share + about) * over
-            off_plane += whole * off_share * over
+            on_line += (good + fair + bad) * (off_share + about) * over
+            off_plane += (good + fair + bad) * off_share * over
             w = good * about * over
             about_it += w
             squares_across += w * across2
