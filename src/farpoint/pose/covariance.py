@@ -42,7 +42,8 @@ LEAST_HALF = 8
 # Halves of matches with independent noise differ by a little less than is expected of them.
 OF_NOISE = 0.95
 # Correlation of residuals in neighbouring patches up to which halves tell all, and how much larger
-# a variance is for what exceeds it: as poses do differ that are searched for by either half.
+# a variance is for what exceeds it. Of most recordings 2 would do, of one with much that reflects
+# and moves, and of simulated surfaces that err alike by thrice the noise, 4 is a little short.
 ALIKE, STEEPNESS = 0.25, 4.0
 
 

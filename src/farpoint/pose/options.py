@@ -41,7 +41,8 @@ class RelativePoseOptions:
     half_deals : int
         How often the matches are dealt into two halves, by whose poses the covariance is corrected;
         0 for never. For tracks: those of one surface err together. Patches of three to six that
-        lie together go to the same half.
+        lie together go to the same half; where neighbouring patches err alike, too, the covariance
+        of a motion is larger than halves tell.
     expected_half_ratio : float
         What the halves are expected to show: the mean `PoseStats.half_ratio` of earlier pairs of
         the same video, which `Odometry` keeps. It counts as much as 8 deals do, and alone where

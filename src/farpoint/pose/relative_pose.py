@@ -211,6 +211,7 @@ def _conclude_moving(
     fit, covariance, rival = hold_against_rivals(fit, other, turned, rate)
     ratio = course.half_ratio = half_ratio(fit, options.half_deals)
     covariance *= growth_by_halves(ratio, options.expected_half_ratio, 5 * options.half_deals)
+    # Both count what surfaces have in common: once is enough.
     if matches.sharing > 1.0:
         covariance *= matches.sharing
     elif ratio is not None:
