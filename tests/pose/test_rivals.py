@@ -125,7 +125,11 @@ def test_a_motion_that_the_search_has_met_is_judged(fit, unlikely, met):
     assert rivals.likelier_met(replace(fit, rival=None))[1] is None
 
 
-def test_one_that_all_matches_make_far_likelier_is_taken_against_residuals(unlikely, met):
+def test_one_that_all_matches_make_far_likelier_is_taken_against_residuals(
+    unlikely, met, monkeypatch
+):
+    far_likelier = replace(unlikely, direction_cam1_from_cam0=UP, cost=unlikely.cost - 1e3)
+    monkeypatch.setattr(rivals, "refit_moving", lambda *_: far_likelier)
     best, other = met(5.0, than=unlikely)
     assert not is_same_way(best, unlikely)
     # The two contradict each other.
@@ -152,7 +156,12 @@ def test_what_residuals_rule_out_is_not_asked_again(
 
 @pytest.mark.parametrize(
     ("change", "against"),
-    [({"is_predicted": True}, 5.0), ({"cost": 1e-3}, 5.0), ({"cost": -1e-3}, 0.0)],
+    [
+        ({"cost": 1e-3}, 5.0),
+        ({"cost": -1e-3}, 0.0),
+        ({"cost": -7.0 / 110, "is_predicted": True}, 5.0),
+        ({"cost": -9.0 / 110, "is_predicted": True}, 0.0),
+    ],
 )
 def test_one_of_flow_that_is_mostly_noise_or_a_little_likelier_is_not_taken(
     fit, met, monkeypatch, change, against
@@ -166,6 +175,18 @@ def test_one_of_flow_that_is_mostly_noise_or_a_little_likelier_is_not_taken(
     best, other = met(5.0, than=plain)
     assert is_same_way(best, fit)
     assert other.against == against
+
+
+def test_what_residuals_of_doubtful_noise_rule_out_may_still_be_in_doubt(fit, met, monkeypatch):
+    """Of 110 matches with a cost of 0 but one; a quarter of a unit is heard for each."""
+    told = replace(fit.matches, doubt=4.0)
+    plain = replace(fit, matches=told, cost=0.0, narrowness=0.0)
+    there = replace(plain, direction_cam1_from_cam0=UP, cost=-1.0)
+    monkeypatch.setattr(rivals, "refit_moving", lambda *_: there)
+    for against, is_taken, left in ((27.0, True, 0.0), (28.0, False, 0.0), (111.0, False, 111.0)):
+        best, other = met(against, than=plain)
+        assert is_same_way(best, fit) != is_taken
+        assert other.against == left
 
 
 @pytest.mark.parametrize(

@@ -239,7 +239,8 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
     their lines. Where the two contradict each other, or all matches lead back, there is no telling:
     the other is as likely.
     """
-    if other is None or other.against >= min(CONTESTED, FOR_EACH * len(fit.matches)):
+    contested = min(CONTESTED, FOR_EACH * len(fit.matches))
+    if other is None or other.against >= fit.matches.doubt * contested:
         return fit, other
     R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
     start = replace(
@@ -252,8 +253,8 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         return fit, other._replace(against=max(other.against, 0.0))
     gain = _by_surfaces(found) - _by_surfaces(fit)
     if other.against >= 0.0:
-        is_likelier = gain > CLEAR and not found.is_predicted
-        is_in_doubt = gain > 0.0 and not found.is_predicted
+        is_likelier = other.against < contested and gain > CLEAR and not found.is_predicted
+        is_in_doubt = gain > (CLEAR if found.is_predicted else 0.0)
     else:
         is_agreed = found.log_likelihood > fit.log_likelihood
         is_likelier = is_agreed or (other.because == PLANE and gain > -CLEAR)
