@@ -42,7 +42,9 @@ def _here(seen: Seen, right: float, out: np.ndarray) -> bool:
 
 def expected_of(matches: PackedMatches, pose: Pose) -> np.ndarray:
     covariance = np.empty((5, 5))
-    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, matches.spread)
+    seen = Seen(
+        matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, matches.spread, matches.tail
+    )
     assert _here(seen, RIGHT, covariance)
     return covariance
 

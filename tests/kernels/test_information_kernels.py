@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from kernels_kit import View, packed, spread_of, two_views
+from kernels_kit import View, packed, shares_of, spread_of, two_views
 
 from farpoint._kernels import epipolar, likelihood
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.information import information
+from farpoint._kernels.mixture import TAIL
 from farpoint._kernels.pairs import address
 from farpoint._kernels.pose import Seen
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
@@ -44,19 +45,21 @@ class Informed(NamedTuple):
 
 def informed(view: View, prior: np.ndarray, predicted: bool = False) -> Informed:
     told = np.full((6, 6), np.nan), *np.full((2, 5, 5), np.nan)
-    seen = Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER))
+    seen = Seen(
+        view.pairs, packed(prior), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER), TAIL
+    )
     return Informed(*information(seen, predicted, *told), *told)
 
 
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Residuals over sigma; weight and its square, mean over what a match may be.
 
-    Good, or poor with eight times the variance, or poorer with 64 times.
+    Good, or poor with eight times the variance, or poorer, with as much again each time.
     """
     r = np.array([told_of(view.pairs, i, view.R, view.t)[0][5] for i in range(view.size)])
     z = r / np.sqrt(VARIANCE)
-    variance = 8.0 ** np.arange(3.0)[:, None]
-    shares = np.array([[1.0 - POOR], [POOR * (1.0 - POOR)], [POOR**2]])
+    variance = 8.0 ** np.arange(4.0)[:, None]
+    shares = shares_of(POOR)
     density = prior * shares * np.exp(-0.5 * z * z / variance) / np.sqrt(variance)
     chance = density / (density.sum(axis=0) + CLUTTER)
     return z, np.sum(chance / variance, axis=0), np.sum(chance / variance**2, axis=0)
@@ -86,7 +89,7 @@ def test_a_match_that_tells_little_is_heard_as_the_gauss_newton_matrix_does():
     prior = np.random.default_rng(3).uniform(0.5, 2.0, 400)
     normal = np.empty((6, 6))
     likelihood.linearize(
-        Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER)),
+        Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER), TAIL),
         False,
         normal,
         np.empty(4),

@@ -16,6 +16,7 @@ from kernels_kit import (
     packed,
     pose_of,
     shaken,
+    shares_of,
     spread_of,
     two_views,
 )
@@ -60,27 +61,34 @@ class Linearized:
         mixture=MIXTURE,
         spread: float = spread_of(MIXTURE, CLUTTER),
         gives_way: bool = False,
+        tail: float = mixture.TAIL,
     ) -> None:
         normal, shares = np.full((6, 6), np.nan), np.full(4, np.nan)
         weights = packed(prior)
         self.cost = likelihood.linearize(
-            Seen(view.pairs, weights, R, t, mixture, spread), gives_way, normal, shares
+            Seen(view.pairs, weights, R, t, mixture, spread, tail), gives_way, normal, shares
         )
         np.testing.assert_array_equal(normal, normal.T)
         self.H, self.g, self.squares = normal[:5, :5], normal[:5, 5], normal[5, 5]
-        self.right, self.poor, self.poorest, self.repeated = shares
+        self.right, self.steps, self.trials, self.repeated = shares
 
 
 class Explained:
     """What a pose makes of each match."""
 
     def __init__(
-        self, view: View, prior: np.ndarray, R: np.ndarray, t: np.ndarray, mixture=MIXTURE
+        self,
+        view: View,
+        prior: np.ndarray,
+        R: np.ndarray,
+        t: np.ndarray,
+        mixture=MIXTURE,
+        tail: float = mixture.TAIL,
     ) -> None:
         spread = spread_of(MIXTURE, CLUTTER)
         weights = packed(prior)
         out = np.full((3, len(weights)), np.nan)
-        likelihood.explain(Seen(view.pairs, weights, R, t, mixture, spread), *out)
+        likelihood.explain(Seen(view.pairs, weights, R, t, mixture, spread, tail), *out)
         assert np.isfinite(out).all()
         self.r, self.parallax, self.right = out[:, : view.size]
 
@@ -116,46 +124,49 @@ def test_the_gradient_of_the_robust_cost(seed, error_rad):
 
 
 @quick
-@given(seed=seeds, repeated=st.sampled_from([0.0, 0.4]))
-def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeated):
+@given(
+    seed=seeds,
+    repeated=st.sampled_from([0.0, 0.4]),
+    tail=st.sampled_from([mixture.TAIL, mixture.NO_TAIL]),
+)
+def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeated, tail):
     view = two_views(seed, 8, error_rad=2e-3)
     prior = prior_of(view, seed)
     prior[2] = 0.0
     with_repeated = np.array([*MIXTURE[:3], repeated])
-    at = Linearized(view, prior, view.R, view.t, with_repeated)
+    at = Linearized(view, prior, view.R, view.t, with_repeated, tail=tail)
     rows = [sampson_jacobian(view, i) for i in range(8)]
     r, J = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
-    good, fair, bad = prior * densities(r)
+    each = prior * densities(r, tail)
     # A Cauchy distribution, over the uniform one that all would have.
     half = spread_of(MIXTURE, CLUTTER) / mixture.REPEATED_WITHIN
     uniform = 0.5 / spread_of(MIXTURE, CLUTTER)
     near = CLUTTER * repeated / (np.pi * half * (1.0 + (r / half) ** 2)) / uniform
     lost = CLUTTER * (1.0 - repeated) + near
-    right, total = good + fair + bad, good + fair + bad + lost
+    right, total = each.sum(axis=0), each.sum(axis=0) + lost
     assert at.cost == pytest.approx(-np.log(total[prior > 0]).sum(), abs=1e-6)
     assert at.right == pytest.approx(np.sum(right / total))
-    assert at.poor == pytest.approx(np.sum((fair + bad) / total))
-    assert at.poorest == pytest.approx(np.sum(bad / total))
+    assert at.steps == pytest.approx(np.sum(np.arange(4.0) @ each / total))
+    assert at.trials == pytest.approx(np.sum([1.0, 2.0, 2.0 + tail, 3.0] @ each / total))
     assert at.repeated == pytest.approx(np.sum((near / total)[prior > 0]))
     # Weights of the normal equations: what makes r w the slope of the cost; wrong matches do not
     # draw.
     h = 1e-6
-    slope = [prior * densities(r + s * h).sum(axis=0) + lost for s in (1.0, -1.0)]
+    slope = [prior * densities(r + s * h, tail).sum(axis=0) + lost for s in (1.0, -1.0)]
     w = -(np.log(slope[0]) - np.log(slope[1])) / (2 * h) / r
     np.testing.assert_allclose(at.H, (J.T * w) @ J, rtol=1e-5, atol=1e-9 * at.H.max())
     np.testing.assert_allclose(at.g, J.T @ (w * r), rtol=1e-5, atol=1e-6 * np.abs(at.g).max())
     assert at.squares == pytest.approx(np.sum(w * r**2), rel=1e-5)
-    explained = Explained(view, prior, view.R, view.t, with_repeated)
+    explained = Explained(view, prior, view.R, view.t, with_repeated, tail)
     np.testing.assert_allclose(explained.r, r, rtol=0.0, atol=1e-10)
     np.testing.assert_allclose(explained.right, right / total, rtol=1e-8)
 
 
-def densities(r: np.ndarray) -> np.ndarray:
-    """Of good, poor and poorer matches, over the peak of a normal density of all being good."""
-    variance, _, share, _ = MIXTURE
-    sigma = mixture.POOR ** np.arange(3.0)[:, None]
-    shares = np.array([[1.0 - share], [share * (1.0 - share)], [share**2]])
-    return shares * np.exp(-0.5 * r**2 / variance / sigma**2) / sigma
+def densities(r: np.ndarray, tail: float = mixture.TAIL) -> np.ndarray:
+    """Of good and ever poorer matches, over the peak of a normal density of all being good."""
+    variance, _, poor, _ = MIXTURE
+    sigma = mixture.POOR ** np.arange(4.0)[:, None]
+    return shares_of(poor, tail) * np.exp(-0.5 * r**2 / variance / sigma**2) / sigma
 
 
 @quick
@@ -183,7 +194,7 @@ def test_matches_that_retreat_lose_their_density(seed):
     shift2 = backward.parallax**2 / MIXTURE[0]
     retreat = np.maximum(shift2 - mixture.FAR_SIGMA**2, 0.0)
     assume(retreat.max() > 1.0)
-    density = densities(backward.r) * np.exp(-0.5 * retreat / 8.0 ** np.arange(3.0)[:, None])
+    density = densities(backward.r) * np.exp(-0.5 * retreat / 8.0 ** np.arange(4.0)[:, None])
     at = Linearized(view, prior, view.R, -view.t)
     assert at.cost == pytest.approx(-np.log(density.sum(axis=0) + CLUTTER).sum(), rel=1e-3)
     assert at.cost > Linearized(view, prior, view.R, view.t).cost
@@ -272,8 +283,8 @@ def test_the_maximum_is_stationary_under_its_own_mixture():
     assert at.wrong == pytest.approx(1.0 - end.right / 60, abs=0.01)
     # As if so many more matches had been seen, hardly any of them poor; and of the poor ones as
     # many are poorer as of all are poor.
-    of_all = end.right + end.poor + mixture.USUAL
-    share = (end.poor + end.poorest + mixture.FEW * mixture.USUAL) / of_all
+    of_all = end.trials + mixture.USUAL
+    share = (end.steps + mixture.FEW * mixture.USUAL) / of_all
     assert at.poor == pytest.approx(share, abs=0.01)
     wrong = 60 - end.right + mixture.USUAL
     share = (end.repeated + mixture.FEW * mixture.USUAL) / wrong
@@ -345,7 +356,7 @@ def informed(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss-Newton matrix, the part of it that is noise, and the scatter of the gradient."""
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
-    seen = Seen(pairs, prior, view.R, view.t, mixture, spread_of(mixture, clutter))
+    seen = Seen(pairs, prior, view.R, view.t, mixture, spread_of(mixture, clutter), 1.0)
     information(seen, False, normal, noise, scatter)
     return normal[:5, :5], noise, scatter
 

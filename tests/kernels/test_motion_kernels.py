@@ -17,6 +17,7 @@ from farpoint._kernels.contest import NEAR, is_rival
 from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain
+from farpoint._kernels.mixture import TAIL
 from farpoint._kernels.motion import fit_motion
 from farpoint._kernels.pose import Pose, Seen
 from farpoint._kernels.refinement import refine_pose
@@ -134,7 +135,7 @@ def test_of_many_matches_every_so_manieth_is_searched():
 
 
 def seen_by(pairs: np.ndarray, found: Found) -> Seen:
-    return Seen(pairs, found.said[0], found.R, found.t, found.mixture, SPREAD)
+    return Seen(pairs, found.said[0], found.R, found.t, found.mixture, SPREAD, TAIL)
 
 
 def test_how_sure_the_motion_is_goes_by_how_many_are_right():

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from kernels_kit import View, matches_of, packed, pose_of, shaken, two_views
+from kernels_kit import View, matches_of, packed, pose_of, shaken, shares_of, two_views
 
 from farpoint._kernels import contest, likelihood, mixture, plane, refinement
 from farpoint._kernels.pose import Pose, Seen
@@ -60,7 +60,7 @@ def other_of(view: View, prior: np.ndarray | None = None, is_told: bool = False)
 def said_of(view: View, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Parallax of each match, for unit noise, and its probability to be right."""
     told, prior = np.empty((3, len(packed(np.ones(view.size))))), packed(np.ones(view.size))
-    likelihood.explain(Seen(view.pairs, prior, R, t, MIXTURE, SPREAD), *told)
+    likelihood.explain(Seen(view.pairs, prior, R, t, MIXTURE, SPREAD, mixture.TAIL), *told)
     return told[1, : view.size], told[2, : view.size]
 
 
@@ -117,8 +117,8 @@ def likelihood_by(
     whole, c2 = squares
     a2 = whole - c2
     shift = said_of(view, R, t)[0] / np.sqrt(MIXTURE[0])
-    variance, share = 8.0 ** np.arange(3.0)[:, None], MIXTURE[2]
-    shares = np.array([[1.0 - share], [share * (1.0 - share)], [share**2]])
+    variance, poor = 8.0 ** np.arange(4.0)[:, None], MIXTURE[2]
+    shares = shares_of(poor)
     anywhere, near, _ = mixture.clutter_of(MIXTURE, SPREAD)
     clutter = anywhere + near
     peak = 2.0 * SPREAD / np.sqrt(2.0 * np.pi * MIXTURE[0])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernels_kit import View, gradient, packed, two_views
+from kernels_kit import View, gradient, packed, shares_of, two_views
 
 from farpoint._kernels import rotation, rotation_residual, rotation_search
 from farpoint._kernels.mixture import POOR
@@ -19,7 +19,7 @@ quick = settings(max_examples=20, deadline=None)
 seeds = st.integers(0, 2**32)
 # Variance of good matches, share of wrong ones (which makes the clutter), share of poor ones.
 MIXTURE = np.array([1.3, 0.1, 0.2])
-SHARES = 1.0 - MIXTURE[2], MIXTURE[2] * (1.0 - MIXTURE[2]), MIXTURE[2] ** 2
+SHARES = shares_of(MIXTURE[2]).ravel()
 CLUTTER, SPREAD = 0.05, 500.0
 
 
@@ -32,7 +32,7 @@ class Linearized:
         self.cost = rotation.rotation_linearize(
             view.pairs, weights, R, MIXTURE, CLUTTER, self.H, self.g, sums
         )
-        self.right, self.poor, self.poorest, self.squares = sums
+        self.right, self.steps, self.trials, self.squares = sums
 
 
 def distance2(view: View, R: np.ndarray) -> np.ndarray:
@@ -86,7 +86,7 @@ def turning(seed: int, matches: int, *, noise: float, wrong: int = 0) -> View:
 def density(distance2: np.ndarray) -> np.ndarray:
     """Of a right match, over that of a good one at its peak."""
     # In two dimensions a density falls with the square of its sigma.
-    parts = (np.exp(-0.5 * distance2 / MIXTURE[0] / s**2) / s**2 for s in (1.0, POOR, POOR**2))
+    parts = (np.exp(-0.5 * distance2 / MIXTURE[0] / s**2) / s**2 for s in POOR ** np.arange(4.0))
     return sum(share * part for share, part in zip(SHARES, parts, strict=True))
 
 
@@ -162,11 +162,11 @@ def test_the_normal_matrix_is_the_information_of_the_matches(seed):
         return Linearized(view, np.ones(12), so3.exp(step) @ view.R).g
 
     # In two dimensions a density falls with the square of its sigma.
-    good, fair, bad = (share / POOR ** (2 * k) for k, share in enumerate(SHARES))
-    each = 12 / (good + fair + bad + CLUTTER)
-    assert at.right == pytest.approx(each * (good + fair + bad), rel=1e-6)
-    assert at.poor == pytest.approx(each * (fair + bad), rel=1e-6)
-    assert at.poorest == pytest.approx(each * bad, rel=1e-6)
+    density = SHARES / POOR ** (2 * np.arange(4))
+    each = 12 / (density.sum() + CLUTTER)
+    assert at.right == pytest.approx(each * density.sum(), rel=1e-6)
+    assert at.steps == pytest.approx(each * (np.arange(4) @ density), rel=1e-6)
+    assert at.trials == pytest.approx(each * ([1, 2, 3, 3] @ density), rel=1e-6)
     h = 1e-6
     numeric = np.array([(gradient_at(h * e) - gradient_at(-h * e)) / (2 * h) for e in np.eye(3)])
     np.testing.assert_allclose(at.H, numeric, rtol=1e-3, atol=1e-3 * at.H.max())
@@ -180,7 +180,7 @@ def test_what_a_rotation_makes_of_each_match():
     variance, wrong, _ = MIXTURE
     expected = plain_distance2(view, view.R)
     np.testing.assert_allclose(distance[:40], expected, rtol=1e-8)
-    near = np.minimum(expected, 3840.0 * variance)  # the exponential is constant beyond
+    near = np.minimum(expected, 30720.0 * variance)  # the exponential is constant beyond
     # Wrong ones fill a disc of this radius, good ones a normal distribution.
     clutter = wrong / (1.0 - wrong) * 2.0 * variance / SPREAD**2
     np.testing.assert_allclose(

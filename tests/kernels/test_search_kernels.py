@@ -13,6 +13,7 @@ from kernels_kit import View, moved, packed, rays_only, two_views
 from farpoint._kernels import five_rays, search, twins
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.contest import noise_of, start_noise
+from farpoint._kernels.mixture import NO_TAIL
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry import so3, sphere
 
@@ -376,7 +377,9 @@ def start_from(
 )
 def test_no_hypothesis_starts_from_more_noise_than_where_nothing_is_known(best, is_known):
     nothing, found = np.empty((2, 4))
-    matches = PackedMatches(np.empty(0), np.empty(0), 20, 100.0, 1e-6, math.inf, gives_way=True)
+    matches = PackedMatches(
+        np.empty(0), np.empty(0), 20, 100.0, NO_TAIL, 1e-6, math.inf, gives_way=True
+    )
     pose = Pose(np.eye(3), np.zeros(3), np.array(best), np.zeros((6, 6)), np.zeros(1))
     start_from(matches, pose, 3.0, nothing, found)
     assert found.tolist() == (list(best) if is_known else nothing.tolist())

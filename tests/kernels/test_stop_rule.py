@@ -10,6 +10,7 @@ import pytest
 
 from farpoint._kernels import contest, five_rays, search
 from farpoint._kernels.contest import NEAR
+from farpoint._kernels.mixture import NO_TAIL
 from farpoint._kernels.pose import PackedMatches, Pose
 
 FLOW, CONFIDENCE, MATCHES = 0.01, 0.99, 60
@@ -91,7 +92,9 @@ def drawn(monkeypatch):
         for name, mock in mocks.items():
             monkeypatch.setattr(search, name, mock)
         empty, everyone = np.ones(9), np.ones(MATCHES)
-        matches = PackedMatches(empty, everyone, MATCHES, 100.0, 1e-6, math.inf, gives_way=True)
+        matches = PackedMatches(
+            empty, everyone, MATCHES, 100.0, NO_TAIL, 1e-6, math.inf, gives_way=True
+        )
         effort = five_rays.Effort(3.0, CONFIDENCE, least, most)
         poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3)]
         poses[0].cost[0] = cost
@@ -183,7 +186,7 @@ def test_the_other_motion_of_a_plane_may_be_as_far_away_as_chance_has_it(monkeyp
     for name, mock in mocks.items():
         monkeypatch.setattr(search, name, mock)
     empty = np.ones(9)
-    matches = PackedMatches(empty, empty, 640, 100.0, 1e-6, math.inf, gives_way=True)
+    matches = PackedMatches(empty, empty, 640, 100.0, NO_TAIL, 1e-6, math.inf, gives_way=True)
     poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(4)]
     is_planar = interpreted(search._search_twins)(matches, *poses)
     assert asked == [200.0, NEAR]

@@ -8,6 +8,7 @@ from pose_kit import estimate, point_scene
 
 from farpoint import PoseStatus, TrackLabel
 from farpoint._kernels.likelihood import explain
+from farpoint._kernels.mixture import TAIL
 from farpoint._kernels.pose import Seen
 from farpoint.geometry import so3, sphere
 from farpoint.pose.matches import matches_from_points
@@ -101,7 +102,7 @@ def test_the_residual_is_the_sampson_distance_of_the_textbook(scene):
     matches = matches_from_points(scene.points0, scene.points1, scene.camera, scene.camera)
     everyone = matches.weights()
     residual_px, parallax, right = np.empty((3, len(everyone)))
-    seen = Seen(matches.pairs, everyone, R, t, np.array([1.0, 0.1, 0.1, 0.1]), matches.spread)
+    seen = Seen(matches.pairs, everyone, R, t, np.array([1.0, 0.1, 0.1, 0.1]), matches.spread, TAIL)
     explain(seen, residual_px, parallax, right)
     residual_px = residual_px[:250]
     true = ~scene.is_outlier

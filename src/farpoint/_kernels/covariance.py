@@ -273,7 +273,7 @@ def _log_likelihood_beside(seen: Seen, step: np.ndarray) -> float:
     copy(seen.R, moved_R)
     copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
-    moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.spread)
+    moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.spread, seen.tail)
     cost = linearize(moved, False, normal, shares)
     return greater(-cost - narrowness(normal), -1e300)
 
@@ -293,7 +293,7 @@ def covariance_beside(
     copy(seen.R, moved_R)
     copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
-    moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.spread)
+    moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.spread, seen.tail)
     share, alike = _learn(moved, predicted, normal, noise, scatter)
     known = _sure(right, alike) * share
     for i in range(5):

@@ -98,14 +98,15 @@ def _refine_by(
     take_pairs(matches.pairs, rows, pairs)
     for j in range(prior.size):
         prior[j] = matches.prior[rows[j]] if j < rows.size else 0.0
-    seen = Seen(pairs, prior, start.R, start.t, start.mixture, matches.spread)
+    spread, tail = matches.spread, matches.tail
+    seen = Seen(pairs, prior, start.R, start.t, start.mixture, spread, tail)
     if not covariance_here(seen, right, predicted, SIGNAL, expected):
         return False
     copy(start.R, pose.R)
     copy(start.t, pose.t)
     copy(start.mixture, pose.mixture)
-    spread, least, most = matches.spread, matches.min_variance, matches.max_variance
-    some = PackedMatches(pairs, prior, rows.size, spread, least, most, matches.gives_way)
+    least, most, gives_way = matches.min_variance, matches.max_variance, matches.gives_way
+    some = PackedMatches(pairs, prior, rows.size, spread, tail, least, most, gives_way)
     refine_pose(some, FINE, MAX_REFINEMENTS, pose)
     return True
 

@@ -7,7 +7,15 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
 from farpoint._kernels.epipolar import flow_along, sampson_jacobian, variances
 from farpoint._kernels.formulas import choose, formula, greater, lesser, root
-from farpoint._kernels.mixture import Clutter, clutter_at, clutter_of, densities, weight_of
+from farpoint._kernels.mixture import (
+    Clutter,
+    clutter_at,
+    clutter_of,
+    densities,
+    sum_of,
+    weight2_of,
+    weight_of,
+)
 from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0, ray1
 from farpoint._kernels.pose import Seen
 from farpoint._kernels.scratch import room
@@ -147,7 +155,7 @@ def _tell(seen: Seen, told: np.ndarray) -> None:
     """Write down what each match tells."""
     turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
-    noise = 1.0 / seen.mixture[0], seen.mixture[2], clutter_of(seen.mixture, seen.spread)
+    noise = 1.0 / seen.mixture[0], seen.mixture[2], clutter_of(seen.mixture, seen.spread), seen.tail
     for panel in range(seen.prior.size // LANES):
         for lane in range(LANES):
             at, to = panel * PANEL + lane, panel * TOLD + lane
@@ -163,23 +171,23 @@ def _tell_of(
     R: Matrix,
     t: Vector,
     basis: tuple[Vector, Vector],
-    noise: tuple[float, float, Clutter],
+    noise: tuple[float, float, Clutter, float],
     told: np.ndarray,
     to: int,
 ) -> None:
     """Write down what one match tells, in a column of a panel."""
-    precision, poor, clutter = noise
+    precision, poor, clutter, tail = noise
     *jacobian, r = sampson_jacobian(pairs, at, R, t, basis)
     m = rotate(R, ray0(pairs, at))
     reach = dot(m, t)
     along = combine(reach, t, -reach * reach, m)
     across = cross(m, t)
-    good, fair, bad = densities(pairs, at, R, t, r, precision, poor, prior)
+    each = densities(pairs, at, R, t, r, precision, poor, prior, tail)
     flow, square = flow_along(m, ray1(pairs, at), t)
     elsewhere = square > EPIPOLE_SIGMA**2 / precision * flow_variance(pairs, at)
     lost, _ = clutter_at(clutter, r)
-    over = choose(elsewhere, 1.0 / (good + fair + bad + lost), 0.0)
-    w, w2 = weight_of(good, fair, bad) * over, weight_of(good, fair * 0.125, bad * 0.015625) * over
+    over = choose(elsewhere, 1.0 / (sum_of(each) + lost), 0.0)
+    w, w2 = weight_of(each) * over, weight2_of(each) * over
     g, v = variances(pairs, at, R, t)
     scale = 1.0 / root(g)
     change = *combine(scale, along, 0.0, along), scale * dot(basis[0], across)

@@ -21,6 +21,9 @@ from farpoint._kernels.mixture import (
     may_retreat,
     mixture_cost,
     retreat2,
+    steps_of,
+    sum_of,
+    trials_of,
     weight_of,
 )
 from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
@@ -47,37 +50,38 @@ def linearize(seen: Seen, gives_way: bool, normal: np.ndarray, shares: np.ndarra
     residuals r, ``normal`` (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the
     gradient in its last column, the squares in its corner. Where the pose ``gives_way`` to them,
     the shifts of matches that retreat are residuals, too. ``shares`` (4,) receives the expected
-    number of right matches, of poor ones among them, of those that are poorer still; and of
-    repeated ones among the wrong ones.
+    number of right matches, how often these are poorer, how often they could have been, and the
+    number of repeated ones among the wrong ones.
     """
     pairs, prior, clutter = seen.pairs, seen.prior, clutter_of(seen.mixture, seen.spread)
     turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
     precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
-    cost = right = doubtful = poorest = repeated = retreating = 0.0
+    cost = right = steps = trials = repeated = retreating = 0.0
     sums = SIX
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
             row = sampson_jacobian(pairs, at, turn, towards, basis)
             _, _, _, _, _, residual = row
-            good, fair, bad = densities(pairs, at, turn, towards, residual, precision, poor, share)
+            each = densities(pairs, at, turn, towards, residual, precision, poor, share, seen.tail)
+            whole = sum_of(each)
             lost, near = clutter_at(clutter, residual)
-            total = good + fair + bad + lost
+            total = whole + lost
             over = 1.0 / total
             used = 1.0 if share > 0.0 else 0.0
             cost -= used * lane_log(total)
-            right += (good + fair + bad) * over
-            doubtful += (fair + bad) * over
-            poorest += bad * over
+            right += whole * over
+            steps += steps_of(each) * over
+            trials += trials_of(each, seen.tail) * over
             repeated += used * near * over
             retreat = retreat2(pairs, at, turn, towards, precision)
-            retreating += choose(retreat > 0.0, (good + fair + bad) * over, 0.0)
-            sums = add_square(sums, precision * weight_of(good, fair, bad) * over, row)
+            retreating += choose(retreat > 0.0, whole * over, 0.0)
+            sums = add_square(sums, precision * weight_of(each) * over, row)
     write_square(sums, normal)
     if gives_way and retreating > FEW_RETREATING:
         add_retreats(seen, normal)
-    shares[0], shares[1], shares[2], shares[3] = right, doubtful, poorest, repeated
+    shares[0], shares[1], shares[2], shares[3] = right, steps, trials, repeated
     return cost
 
 
@@ -99,9 +103,10 @@ def add_retreats(seen: Seen, normal: np.ndarray) -> None:
         if not retreat2(pairs, at, turn, towards, precision) > 0.0:
             continue
         residual = sampson(pairs, at, turn, towards)
-        good, fair, bad = densities(pairs, at, turn, towards, residual, precision, poor, prior[i])
+        each = densities(pairs, at, turn, towards, residual, precision, poor, prior[i], seen.tail)
+        good, _, _, _ = each
         lost, _ = clutter_at(clutter, residual)
-        share = good / (good + fair + bad + lost)
+        share = good / (sum_of(each) + lost)
         weight = precision * (1.0 - poor) * (1.0 - poor) * share
         row = shift_jacobian(pairs, at, turn, towards, basis)
         add_to_square(weight, row, normal)
@@ -110,23 +115,30 @@ def add_retreats(seen: Seen, normal: np.ndarray) -> None:
 @inner_kernel
 def judge_pose(matches: PackedMatches, pose: Pose, shares: np.ndarray) -> float:
     """The negative log likelihood of a pose, with the rest as of `linearize`."""
-    variance, wrong = pose.mixture[0], pose.mixture[1]
-    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, matches.spread)
+    variance, wrong, spread, tail = pose.mixture[0], pose.mixture[1], matches.spread, matches.tail
+    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, spread, tail)
     cost = linearize(seen, matches.gives_way, pose.normal, shares)
     return cost + matches.total * mixture_cost(variance, wrong)
 
 
 @formula
 def _said_of(
-    pairs: np.ndarray, at: int, R: Matrix, t: Vector, precision: float, poor: float, prior: float
+    pairs: np.ndarray,
+    at: int,
+    R: Matrix,
+    t: Vector,
+    precision: float,
+    poor: float,
+    prior: float,
+    tail: float,
 ) -> tuple[float, float, float]:
     """Residual and parallax of a match, both for unit noise, and the sum of its `densities`."""
     residual = sampson(pairs, at, R, t)
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
     variance = parallax_variance(pairs, at, R, m, t)
-    good, fair, bad = densities(pairs, at, R, t, residual, precision, poor, prior)
-    return residual, flow / root(variance + 1e-300), good + fair + bad
+    each = densities(pairs, at, R, t, residual, precision, poor, prior, tail)
+    return residual, flow / root(variance + 1e-300), sum_of(each)
 
 
 @kernel
@@ -144,7 +156,7 @@ def explain(seen: Seen, residual: np.ndarray, parallax: np.ndarray, right: np.nd
         for lane in range(LANES):
             at, i = panel * PANEL + lane, panel * LANES + lane
             residual[i], parallax[i], density = _said_of(
-                pairs, at, turn, towards, precision, poor, prior[i]
+                pairs, at, turn, towards, precision, poor, prior[i], seen.tail
             )
             lost, _ = clutter_at(clutter, residual[i])
             right[i] = density / (density + lost)

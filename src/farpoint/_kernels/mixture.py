@@ -3,12 +3,13 @@
 A match is good, with a normal residual of variance ``variance``; or poor, with `POOR` times its
 sigma; or wrong, and anywhere in a strip of half-width ``spread`` about the epipolar line (all in
 units of the noise). Of the poor ones, as large a share is poorer still, with `POOR` times their
-sigma: the tails of real matches go on like this. Of the wrong ones some are repeated, one window
-taken for the next, and lie about the line (a Cauchy distribution). Were they taken to lie anywhere,
-a pose that goes between them and the right ones, with more noise, would look likelier than the
-right one. The shares of poor matches among the right ones, of wrong ones among all, and of repeated
-ones among these are estimated along, so that normal noise is treated as such and heavy tails lose
-only what they must.
+sigma; and where there is a ``tail``, of these again. The errors of real matches go on like this, but
+a search that allowed for it would take more wrong minima for right ones with noise. Of the wrong
+matches some are repeated, one window taken for the next, and lie about the line (a Cauchy
+distribution). Were they taken to lie anywhere, a pose that goes between them and the right ones,
+with more noise, would look likelier than the right one. The shares of poor matches among the right
+ones, of wrong ones among all, and of repeated ones among these are estimated along, so that normal
+noise is treated as such and heavy tails lose only what they must.
 
 A right match flows towards the direction. Noise can make a far one retreat; beyond `FAR_SIGMA` the
 density of right matches falls off as that noise does. Up to there it is flat, for rotation can
@@ -29,24 +30,36 @@ from farpoint._kernels.pairs import flow_variance, ray0, ray1
 from farpoint._kernels.vectors import rotate
 
 Clutter = tuple[float, float, float]
+# Of a match that is good, poor, poorer, or poorer still.
+Densities = tuple[float, float, float, float]
 
 __all__ = [
     "FAR_SIGMA",
+    "NO_TAIL",
     "POOR",
     "REPEATED_WITHIN",
+    "TAIL",
+    "Densities",
     "clutter_at",
     "clutter_of",
     "densities",
+    "densities_of",
     "may_retreat",
     "mean_variance",
     "mixture_cost",
     "repeated_share",
     "retreat2",
+    "steps_of",
+    "sum_of",
+    "trials_of",
     "unusual",
     "update_mixture",
+    "weight2_of",
     "weight_of",
 ]
 
+# Whether errors have a ``tail``.
+TAIL, NO_TAIL = 1.0, 0.0
 # Sigma of a poor match over that of a good one.
 POOR = math.sqrt(8.0)
 # Share of poor matches among the right ones, and of repeated ones among the wrong ones, that is
@@ -91,7 +104,7 @@ def clutter_at(clutter: Clutter, residual: float) -> tuple[float, float]:
 def mean_variance(variance: float, poor: float) -> float:
     """Of right matches, good and poor."""
     good, eightfold = 1.0 - poor, poor * POOR * POOR
-    return variance * (good + eightfold * (good + eightfold))
+    return variance * (good + eightfold * (good + eightfold * (good + eightfold)))
 
 
 @inner_kernel
@@ -122,15 +135,26 @@ def densities(
     precision: float,
     poor: float,
     prior: float,
-) -> tuple[float, float, float]:
-    """Density of the match at this address, if good, poor or poorer, over a good one's at 0."""
+    tail: float,
+) -> Densities:
+    """Densities of the match at this address, over a good one's at 0."""
     retreat = retreat2(pairs, at, R, t, precision)
-    whole, eighth, last = exp_and_roots(0.5 * (residual * residual * precision + retreat))
-    once, again = 1.0 - poor, poor / POOR
+    return densities_of(residual * residual * precision + retreat, poor, poor / POOR, prior, tail)
+
+
+@formula
+def densities_of(square: float, poor: float, again: float, prior: float, tail: float) -> Densities:
+    """Densities so many squared sigma off, where those of each kind fall ``again`` times as high.
+
+    That is the share of poor ones, over `POOR` in one dimension, over its square in two.
+    """
+    good, fair, bad, worst = exp_and_roots(0.5 * square)
+    once, fourth = prior * (1.0 - poor), prior * again * again
     return (
-        prior * (once * whole),
-        prior * (once * again * eighth),
-        prior * (again * again * last),
+        once * good,
+        once * again * fair,
+        fourth * (1.0 - tail * poor) * bad,
+        fourth * tail * again * worst,
     )
 
 
@@ -152,9 +176,37 @@ def may_retreat(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float
 
 
 @formula
-def weight_of(good: float, fair: float, bad: float) -> float:
-    """Sum of what may be a match's densities, each over its variance in units of a good one's."""
-    return good + fair * 0.125 + bad * 0.015625
+def sum_of(each: Densities) -> float:
+    good, fair, bad, worst = each
+    return good + fair + bad + worst
+
+
+@formula
+def steps_of(each: Densities) -> float:
+    """Sum of the densities, each times how often the match is poorer."""
+    _, fair, bad, worst = each
+    return fair + 2.0 * bad + 3.0 * worst
+
+
+@formula
+def trials_of(each: Densities, tail: float) -> float:
+    """Sum of the densities, each times how often the match could have been poorer."""
+    good, fair, bad, worst = each
+    return good + 2.0 * fair + (2.0 + tail) * bad + 3.0 * worst
+
+
+@formula
+def weight_of(each: Densities) -> float:
+    """Sum of the densities, each over its variance in units of a good one's."""
+    good, fair, bad, worst = each
+    return good + fair * 0.125 + bad * 0.015625 + worst * 0.001953125
+
+
+@formula
+def weight2_of(each: Densities) -> float:
+    """As `weight_of`, each over the square of its variance."""
+    good, fair, bad, worst = each
+    return weight_of((good, fair * 0.125, bad * 0.015625, worst * 0.001953125))
 
 
 @formula
@@ -168,11 +220,12 @@ def update_mixture(
 ) -> None:
     """Step of EM of variance, share of wrong and share of poor matches, from weighted sums.
 
-    Of the right matches some are poor, and of these as large a share poorer still. With a ``haste``
-    of 1 it goes farther than EM does, with 0 it does not.
+    Of the right matches some are poor, and of these as large a share poorer still: ``shares`` has
+    the number of right ones, how often these are poorer, and how often they could have been. With a
+    ``haste`` of 1 it goes farther than EM does, with 0 it does not.
     """
-    total, poor, poorest = shares[0], shares[1], shares[2]
-    share = (poor + poorest + FEW * USUAL) / (total + poor + USUAL)
+    total, steps, trials = shares[0], shares[1], shares[2]
+    share = (steps + FEW * USUAL) / (trials + USUAL)
     # EM goes the right way, and the more slowly the heavier the tails: farther that way helps.
     farther = haste * lesser(FARTHER * mixture[2], MOST_FARTHER)
     change = lesser(greater(farther * (square / mixture[0] - 1.0), -0.5), 1.0)

@@ -19,7 +19,7 @@ from farpoint._kernels.exponential import exp_and_roots, lane_log
 from farpoint._kernels.formulas import choose, formula, greater, root
 from farpoint._kernels.likelihood import explain, judge_pose
 from farpoint._kernels.linear import add, add_outer
-from farpoint._kernels.mixture import clutter_at, clutter_of, densities
+from farpoint._kernels.mixture import clutter_at, clutter_of, densities, sum_of
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, noise0, noise1, ray0, ray1
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
@@ -97,12 +97,13 @@ def _evidence(matches: PackedMatches, pose: Pose, other: Pose, is_told: bool) ->
 
     By the plane of either in turn: what one has explained of the noise, it has for its own motion.
     """
-    mixture, evidence = pose.mixture, 0.0
+    pairs, prior, mixture, evidence = matches.pairs, matches.prior, pose.mixture, 0.0
+    spread, tail = matches.spread, matches.tail
     off, parts = room(3 * matches.total), room(2 * matches.prior.size)
     clear(parts)
     for k in range(2):
         planar = pose if k == 0 else other
-        seen = Seen(matches.pairs, matches.prior, planar.R, planar.t, mixture, matches.spread)
+        seen = Seen(pairs, prior, planar.R, planar.t, mixture, spread, tail)
         _measure(seen, matches.total, off)
         _part(matches, planar.R, pose.t, is_told, off, parts)
         evidence += 0.5 * _likelihood_by(pose, matches, parts, mixture)
@@ -123,8 +124,9 @@ def _likelihood_by(
     all that is said by any motion.
     """
     # Density on a line of a match about the plane, at its place, over that of one anywhere.
-    peak = 2.0 * matches.spread / math.sqrt(2.0 * math.pi * mixture[0])
-    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, mixture, matches.spread)
+    spread, tail = matches.spread, matches.tail
+    peak = 2.0 * spread / math.sqrt(2.0 * math.pi * mixture[0])
+    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, mixture, spread, tail)
     relief, sums, likelihood = scratch(3), scratch(5), 0.0
     across, along, off_share = 1.0, 1.0, OFF / OF_ALL
     for _ in range(RELIEF_ROUNDS):
@@ -166,16 +168,18 @@ def _hear(
             i, at = panel * LANES + lane, panel * PANEL + lane
             across2, along2 = parts[i], parts[prior.size + i]
             residual = root(across2 * variance)
-            good, fair, bad = densities(
-                pairs, at, turn, towards, residual, precision, poor, prior[i] * likeness
+            each = densities(
+                pairs, at, turn, towards, residual, precision, poor, prior[i] * likeness, seen.tail
             )
-            near, _, _ = exp_and_roots(0.5 * along2 / along)
+            good, _, _, _ = each
+            whole = sum_of(each)
+            near, _, _, _ = exp_and_roots(0.5 * along2 / along)
             about = highest * near
-            density = (good + fair + bad) * (off_share + about) + clutter
+            density = whole * (off_share + about) + clutter
             over = 1.0 / density
             likelihood += lane_log(density)
-            on_line += (good + fair + bad) * (off_share + about) * over
-            off_plane += (good + fair + bad) * off_share * over
+            on_line += whole * (off_share + about) * over
+            off_plane += whole * off_share * over
             w = good * about * over
             about_it += w
             squares_across += w * across2

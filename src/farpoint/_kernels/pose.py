@@ -27,6 +27,8 @@ class PackedMatches(NamedTuple):
     """Matches."""
     spread: float
     """Half the width that wrong matches fill, in units of the noise."""
+    tail: float
+    """`mixture.TAIL` or `mixture.NO_TAIL`."""
     min_variance: float
     """Smaller noise is rounding."""
     max_variance: float
@@ -67,6 +69,8 @@ class Seen(NamedTuple):
     mixture: np.ndarray
     """As of `Pose`."""
     spread: float
+    """As of `PackedMatches`."""
+    tail: float
     """As of `PackedMatches`."""
 
 

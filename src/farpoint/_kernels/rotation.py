@@ -7,10 +7,21 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import kernel, sum_kernel
-from farpoint._kernels.exponential import exp_and_roots, lane_log
+from farpoint._kernels.exponential import lane_log
 from farpoint._kernels.formulas import formula, greater
 from farpoint._kernels.linear import apply_rotation_step
-from farpoint._kernels.mixture import POOR, update_mixture, weight_of
+from farpoint._kernels.mixture import (
+    POOR,
+    TAIL,
+    Densities,
+    densities_of,
+    steps_of,
+    sum_of,
+    trials_of,
+    update_mixture,
+    weight2_of,
+    weight_of,
+)
 from farpoint._kernels.pairs import LANES, PANEL
 from farpoint._kernels.rotation_residual import rotation_distance2, whitened_turn
 from farpoint._kernels.scratch import scratch
@@ -25,17 +36,9 @@ __all__ = [
 
 
 @formula
-def _densities(
-    square: float, precision: float, poor: float, prior: float
-) -> tuple[float, float, float]:
-    """Density of a match, if good, poor or poorer, over a good one's at 0, in two dimensions."""
-    whole, eighth, last = exp_and_roots(0.5 * square * precision)
-    once, again = 1.0 - poor, poor / (POOR * POOR)
-    return (
-        prior * (once * whole),
-        prior * (once * again * eighth),
-        prior * (again * again * last),
-    )
+def _densities(square: float, precision: float, poor: float, prior: float) -> Densities:
+    """Densities of a match, over a good one's at 0, in two dimensions."""
+    return densities_of(square * precision, poor, poor / (POOR * POOR), prior, TAIL)
 
 
 @sum_kernel
@@ -53,30 +56,32 @@ def rotation_linearize(
 
     As `likelihood.linearize` with the residual of two dimensions ``E^T (b - R a)`` on the tangent
     plane of ``b`` and its covariance ``E^T (S_b + R S_a R^T) E``. ``sums`` (4,) receives the
-    expected number of right matches, of poor ones, of poorer ones, and the squares of good ones.
+    expected number of right matches, how often these are poorer, how often they could have been,
+    and the squares of good ones.
     """
     turn = matrix(R)
     precision, poor = 1.0 / mixture[0], mixture[2]
-    cost = used = right = doubtful = poorest = 0.0
+    cost = used = right = steps = trials = 0.0
     normal = FOUR
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
             square, row0, row1 = whitened_turn(pairs, at, turn)
-            good, fair, bad = _densities(square, precision, poor, share)
-            total = good + fair + bad + clutter
+            each = _densities(square, precision, poor, share)
+            whole = sum_of(each)
+            total = whole + clutter
             over = 1.0 / total
             cost -= lane_log(total)
             used += 1.0 if share > 0.0 else 0.0
-            right += (good + fair + bad) * over
-            doubtful += (fair + bad) * over
-            poorest += bad * over
-            weight = precision * weight_of(good, fair, bad) * over
+            right += whole * over
+            steps += steps_of(each) * over
+            trials += trials_of(each, TAIL) * over
+            weight = precision * weight_of(each) * over
             normal = add_square(add_square(normal, weight, row0), weight, row1)
     sums[0], sums[1], sums[2], sums[3] = (
         right,
-        doubtful,
-        poorest,
+        steps,
+        trials,
         _write_normal(normal, H, g) / precision,
     )
     return cost + (prior.size - used) * lane_log(clutter)
@@ -153,11 +158,11 @@ def explain_rotation(
     precision = 1.0 / mixture[0]
     known = missing = 0.0
     for i in range(prior.size):
-        good, fair, bad = _densities(distance2[i], precision, mixture[2], prior[i])
-        over = 1.0 / (good + fair + bad + clutter)
-        right[i] = (good + fair + bad) * over
-        weight = weight_of(good, fair, bad) * over
-        weight2 = weight_of(good, fair * 0.125, bad * 0.015625) * over
+        each = _densities(distance2[i], precision, mixture[2], prior[i])
+        over = 1.0 / (sum_of(each) + clutter)
+        right[i] = sum_of(each) * over
+        weight = weight_of(each) * over
+        weight2 = weight2_of(each) * over
         known += weight
         missing += 0.5 * distance2[i] * precision * (weight2 - weight * weight)
     return 1.0 - missing / known if known > 0.0 else 1.0

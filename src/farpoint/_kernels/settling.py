@@ -19,7 +19,7 @@ from farpoint._kernels.covariance import (
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, weigh
 from farpoint._kernels.growth import grow_noise
 from farpoint._kernels.likelihood import explain
-from farpoint._kernels.mixture import mean_variance
+from farpoint._kernels.mixture import NO_TAIL, mean_variance
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
@@ -129,12 +129,12 @@ def every_so_manieth(pairs: np.ndarray, count: int) -> np.ndarray:
 
 @inner_kernel
 def searched_of(some: np.ndarray, matches: PackedMatches) -> PackedMatches:
-    """Those of the matches, with nothing known of them."""
+    """Those of the matches, with nothing known of them, and errors without a tail."""
     total = matches.total if matches.total < MAX_SEARCHED else MAX_SEARCHED
     prior = room(some.size // PANEL * LANES)
     _leave_out_none(prior, total)
     spread, least, most = matches.spread, matches.min_variance, matches.max_variance
-    return PackedMatches(some, prior, total, spread, least, most, matches.gives_way)
+    return PackedMatches(some, prior, total, spread, NO_TAIL, least, most, matches.gives_way)
 
 
 @inner_kernel
@@ -170,8 +170,8 @@ def settle(
     grows = grow_noise(matches.pairs, residual, parallax, right, count, variance, grown)
     pairs = grown if grows else matches.pairs
     spread, least, most = matches.spread, matches.min_variance, matches.max_variance
-    gives_way = matches.gives_way
-    told = PackedMatches(pairs, matches.prior, count, spread, least, most, gives_way)
+    prior, tail, gives_way = matches.prior, matches.tail, matches.gives_way
+    told = PackedMatches(pairs, prior, count, spread, tail, least, most, gives_way)
     return _conclude(searched, told, least_signal, grows, found)
 
 
@@ -185,7 +185,8 @@ def _explain(matches: PackedMatches, found: Found) -> None:
 @inner_kernel
 def _seen(matches: PackedMatches, found: Found) -> Seen:
     """The matches as the pose sees them."""
-    return Seen(matches.pairs, matches.prior, found.R, found.t, found.mixture, matches.spread)
+    spread, tail = matches.spread, matches.tail
+    return Seen(matches.pairs, matches.prior, found.R, found.t, found.mixture, spread, tail)
 
 
 @inner_kernel

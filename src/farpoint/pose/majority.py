@@ -31,6 +31,8 @@ __all__ = ["BETWEEN", "majority_motion"]
 BETWEEN, BESIDE_REPEATED, MANY_REPEATED = 0.6, 0.4, 0.1
 # And its noise, over the tolerance: with less, what neighbours share is what trackers do wrong.
 LEAST_NOISE = 0.1
+# Sigma of normal noise over what half of it exceeds.
+PROBABLE = 1.4826
 # Share of the variance that is its own at the least: two of one point share all of it.
 LEAST_OWN = 0.05
 # Noise that is believed while the motion of most is searched for, over what each match has of its
@@ -65,12 +67,15 @@ def majority_motion(
     between = BESIDE_REPEATED if many_repeated else BETWEEN
     if fit.coherence < between or fit.noise.sigma < LEAST_NOISE * tolerance:
         return fit
-    own = max(1.0 - fit.coherence, LEAST_OWN) * fit.noise.variance
+    # As a whole, good matches and poor: where a motion lies between two, many are taken for poor.
+    right = fit.probability > 0.5
+    sigma = PROBABLE * float(np.median(np.abs(fit.residual[right])))
+    own = max(1.0 - fit.coherence, LEAST_OWN) * sigma**2
     least, most = (min(n, SAMPLES) for n in (options.min_iterations, options.max_iterations))
     effort = replace(options, min_iterations=least, max_iterations=most)
     some = _with_noise_up_to(NARROW * own, matches.some(MAX_SEARCHED))
     narrow = fit_moving(some, tolerance, effort, state)
-    off = np.abs(judge(matches, narrow)[0, fit.probability > 0.5])
+    off = np.abs(judge(matches, narrow)[0, right])
     for share in BELIEVED:
         if _is_apart(off, BAND_SIGMA * math.sqrt(share * own)):
             found = refit_moving(_with_noise_up_to(share * own, matches), narrow)

@@ -9,6 +9,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from farpoint._kernels.mixture import TAIL
 from farpoint._kernels.pairs import (
     FLOW,
     LANES,
@@ -131,7 +132,7 @@ class Matches:
     def judging(self, prior: np.ndarray, *, gives_way: bool) -> PackedMatches:
         """As the kernels take them, with the ``prior`` of each, in panels."""
         n, least, most = len(self), self.min_variance, self.max_variance
-        return PackedMatches(self.pairs, prior, n, self.spread, least, most, gives_way)
+        return PackedMatches(self.pairs, prior, n, self.spread, TAIL, least, most, gives_way)
 
     def weights(self, values: np.ndarray | float = 1.0) -> np.ndarray:
         """Values of the matches (N,) as the kernels take them: 0 where the panels are filled up."""

@@ -14,6 +14,7 @@ import numpy as np
 from farpoint._kernels.contest import NEAR
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain
+from farpoint._kernels.mixture import TAIL
 from farpoint._kernels.motion import fit_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
 from farpoint._kernels.plausible import BAND_SIGMA
@@ -223,6 +224,7 @@ def seen_by(fit: MovingFit, pairs: np.ndarray, prior: np.ndarray) -> Seen:
         fit.direction_cam1_from_cam0,
         noise.array,
         fit.matches.spread,
+        TAIL,
     )
 
 

@@ -25,8 +25,8 @@ class Noise(NamedTuple):
     wrong : float
         Share of wrong matches.
     poor : float
-        Share of poor ones, with `POOR` times the sigma, among the right matches; and among these,
-        of those with as much again.
+        Share of poor ones, with `POOR` times the sigma, among the right matches; among these, of
+        those with as much again; and among those.
     repeated : float
         Share of repeated ones, one window taken for the next, among the wrong matches; 0 for a
         rotation, which takes none for such.
