@@ -19,6 +19,7 @@ from farpoint import (
 from farpoint.geometry import so3
 from farpoint.metrics import chi2_quantile
 from farpoint.pose import majority, moving_fit, relative_pose
+from farpoint.pose.covariance import growth_between_patches
 from farpoint.pose.matches import Matches, matches_from_points
 from farpoint.pose.moving_fit import MovingFit
 from farpoint.pose.options import DEFAULTS
@@ -197,6 +198,17 @@ def test_a_motion_of_few_is_not_that_of_most(monkeypatch):
 
     monkeypatch.setattr(majority, "refit_moving", of_few)
     assert majority_of(matches, fit) is fit
+
+
+def test_the_motion_of_most_is_doubted_as_far_as_the_likelier_one_is_off_alike():
+    scene = traffic(2, 0.4, 6.0)
+    matches, fit = fit_of(*scene[:2])
+    found = majority_of(matches, fit)
+    assert (fit.between, found.between) == (0.0, fit.coherence)
+    assert fit.coherence > majority.BETWEEN > found.coherence
+    assert growth_between_patches(found) == 1.0 + 4.0 * (fit.coherence - 0.25)
+    pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
+    assert "some move by themselves" in pose.reason
 
 
 def test_neighbours_may_be_off_by_more_than_each_match():

@@ -3,8 +3,8 @@
 A match is good, with a normal residual of variance ``variance``; or poor, with `POOR` times its
 sigma; or wrong, and anywhere in a strip of half-width ``spread`` about the epipolar line (all in
 units of the noise). Of the poor ones, as large a share is poorer still, with `POOR` times their
-sigma; and where there is a ``tail``, of these again. The errors of real matches go on like this, but
-a search that allowed for it would take more wrong minima for right ones with noise. Of the wrong
+sigma; and where there is a ``tail``, of these again. Errors of real matches go on like this, but a
+search that allowed for it would take more wrong minima for right ones with noise. Of the wrong
 matches some are repeated, one window taken for the next, and lie about the line (a Cauchy
 distribution). Were they taken to lie anywhere, a pose that goes between them and the right ones,
 with more noise, would look likelier than the right one. The shares of poor matches among the right

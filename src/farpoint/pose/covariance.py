@@ -124,12 +124,12 @@ def growth_between_patches(fit: MovingFit) -> float:
 
     Where whole surfaces ask for motions of their own, the likelihood has a maximum for each. Halves
     are refined from the one that was found, and stay near it; other matches of the same scene might
-    have led to another.
+    have led to another. So they might where that of most was taken for one that is likelier.
     """
     matches, right = fit.matches, np.flatnonzero(fit.probability > 0.5)
     patch = patches_of(matches.rays0)
     alike = coherence(matches.pairs, fit.residual, right, patch, fit.noise.sigma, ASKED)
-    return 1.0 + STEEPNESS * max(alike - ALIKE, 0.0)
+    return 1.0 + STEEPNESS * max(max(alike, fit.between) - ALIKE, 0.0)
 
 
 def _averaged(fit: MovingFit, covariance: np.ndarray) -> np.ndarray:

@@ -37,7 +37,7 @@ PROBABLE = 1.4826
 LEAST_OWN = 0.05
 # Noise that is believed while the motion of most is searched for, over what each match has of its
 # own, and then: what neighbours differ by is more where they belong to two motions.
-NARROW, BELIEVED = 0.2, (1.0, 0.5, 0.25)
+NARROW, BELIEVED = 0.2, (1.0, 0.5, 0.25, 0.125)
 # Samples that are drawn for it at the most: enough where half of the matches are its own.
 SAMPLES = 300
 # Least share of the matches that it has.
@@ -79,7 +79,8 @@ def majority_motion(
     for share in BELIEVED:
         if _is_apart(off, BAND_SIGMA * math.sqrt(share * own)):
             found = refit_moving(_with_noise_up_to(share * own, matches), narrow)
-            return found if found.agreeing > LEAST_SHARE * fit.agreeing else fit
+            is_of_most = found.agreeing > LEAST_SHARE * fit.agreeing
+            return replace(found, between=fit.coherence) if is_of_most else fit
     found = refit_moving(matches, narrow)
     return found if is_plainly_likelier(found, fit) else fit
 

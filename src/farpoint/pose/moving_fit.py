@@ -92,6 +92,8 @@ class MovingFit:
     design_effect : float
         How many times larger the variance of a sum of residuals is, over parts of the image, than
         if they were independent, where they are not likely to be.
+    between : float
+        Coherence of a likelier motion that was taken to lie between this and another; else 0.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -117,6 +119,7 @@ class MovingFit:
     coherence: float
     likeness: float
     design_effect: float
+    between: float
 
     @property
     def log_likelihood(self) -> float:
@@ -300,4 +303,5 @@ def _moving_fit(
         coherence=settled.coherence,
         likeness=settled.likeness,
         design_effect=settled.design_effect,
+        between=0.0,
     )

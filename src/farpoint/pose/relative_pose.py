@@ -178,7 +178,7 @@ def _find(
             "camera, as dirt on its lens does."
         )
     moving = majority_motion(matches, moving, tolerance, options, state)
-    if moving.coherence > BETWEEN:
+    if max(moving.coherence, moving.between) > BETWEEN:
         course.remark(
             "Neighbouring matches are off alike: by the lens or the shutter, or some move by "
             "themselves or were taken for the next of their kind."
