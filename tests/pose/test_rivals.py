@@ -178,12 +178,17 @@ def test_one_of_flow_that_is_mostly_noise_or_a_little_likelier_is_not_taken(
 
 
 def test_what_residuals_of_doubtful_noise_rule_out_may_still_be_in_doubt(fit, met, monkeypatch):
-    """Of 110 matches with a cost of 0 but one; a quarter of a unit is heard for each."""
+    """Of 110 matches, of each of which a quarter of a unit is heard."""
     told = replace(fit.matches, doubt=4.0)
     plain = replace(fit, matches=told, cost=0.0, narrowness=0.0)
-    there = replace(plain, direction_cam1_from_cam0=UP, cost=-1.0)
-    monkeypatch.setattr(rivals, "refit_moving", lambda *_: there)
-    for against, is_taken, left in ((27.0, True, 0.0), (28.0, False, 0.0), (111.0, False, 111.0)):
+    for against, gain, is_taken, left in (
+        (27.0, 30.0, True, 0.0),
+        (28.0, 30.0, False, 28.0),
+        (28.0, 34.0, False, 0.0),
+        (111.0, 1e3, False, 111.0),
+    ):
+        there = replace(plain, direction_cam1_from_cam0=UP, cost=-gain / 110)
+        monkeypatch.setattr(rivals, "refit_moving", lambda *_, there=there: there)
         best, other = met(against, than=plain)
         assert is_same_way(best, fit) != is_taken
         assert other.against == left

@@ -253,8 +253,9 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         return fit, other._replace(against=max(other.against, 0.0))
     gain = _by_surfaces(found) - _by_surfaces(fit)
     if other.against >= 0.0:
-        is_likelier = other.against < contested and gain > CLEAR and not found.is_predicted
-        is_in_doubt = gain > (CLEAR if found.is_predicted else 0.0)
+        is_heard = other.against < contested and not found.is_predicted
+        is_likelier = is_heard and gain > CLEAR
+        is_in_doubt = gain > (0.0 if is_heard else fit.matches.doubt * CLEAR)
     else:
         is_agreed = found.log_likelihood > fit.log_likelihood
         is_likelier = is_agreed or (other.because == PLANE and gain > -CLEAR)
