@@ -144,17 +144,18 @@ def densities(
 
 @formula
 def densities_of(square: float, poor: float, again: float, prior: float, tail: float) -> Densities:
-    """Densities so many squared sigma off, where those of each kind fall ``again`` times as high.
+    """Densities so many squared sigma off, each step of the tails ``again`` times as high.
 
-    That is the share of poor ones, over `POOR` in one dimension, over its square in two.
+    Which is the share of ``poor`` ones over the `POOR` by which a step is wider, in one dimension;
+    over its square in two.
     """
     good, fair, bad, worst = exp_and_roots(0.5 * square)
-    once, fourth = prior * (1.0 - poor), prior * again * again
+    once, twice = prior * (1.0 - poor), prior * again * again
     return (
         once * good,
         once * again * fair,
-        fourth * (1.0 - tail * poor) * bad,
-        fourth * tail * again * worst,
+        twice * (1.0 - tail * poor) * bad,
+        twice * tail * again * worst,
     )
 
 
