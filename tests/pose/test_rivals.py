@@ -155,25 +155,24 @@ def test_what_residuals_rule_out_is_not_asked_again(
 
 
 @pytest.mark.parametrize(
-    ("change", "against"),
+    ("gain", "is_predicted", "is_taken", "against"),
     [
-        ({"cost": 1e-3}, 5.0),
-        ({"cost": -1e-3}, 0.0),
-        ({"cost": -7.0 / 110, "is_predicted": True}, 5.0),
-        ({"cost": -9.0 / 110, "is_predicted": True}, 0.0),
+        (-0.1, False, False, 5.0),
+        (0.1, False, False, 0.0),
+        (7.0, True, False, 5.0),
+        (9.0, True, True, 0.0),
+        (9.0, False, True, 0.0),
     ],
 )
-def test_one_of_flow_that_is_mostly_noise_or_a_little_likelier_is_not_taken(
-    fit, met, monkeypatch, change, against
+def test_one_is_taken_against_residuals_only_where_it_is_clearly_likelier(
+    fit, met, monkeypatch, gain, is_predicted, is_taken, against
 ):
-    """Of 110 matches with a cost of 0 but this."""
-    there = replace(fit, direction_cam1_from_cam0=UP, cost=-1.0, narrowness=0.0)
+    """Of flow that is mostly noise, it is in doubt no sooner."""
     plain = replace(fit, cost=0.0, narrowness=0.0)
+    there = replace(plain, direction_cam1_from_cam0=UP, cost=-gain / 110, is_predicted=is_predicted)
     monkeypatch.setattr(rivals, "refit_moving", lambda *_: there)
-    assert not is_same_way(met(5.0, than=plain)[0], fit)
-    there = replace(there, **change)
     best, other = met(5.0, than=plain)
-    assert is_same_way(best, fit)
+    assert is_same_way(best, fit) != is_taken
     assert other.against == against
 
 

@@ -253,9 +253,10 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         return fit, other._replace(against=max(other.against, 0.0))
     gain = _by_surfaces(found) - _by_surfaces(fit)
     if other.against >= 0.0:
-        is_heard = other.against < contested and not found.is_predicted
+        is_heard = other.against < contested
         is_likelier = is_heard and gain > CLEAR
-        is_in_doubt = gain > (0.0 if is_heard else fit.matches.doubt * CLEAR)
+        is_clear = gain > fit.matches.doubt * CLEAR
+        is_in_doubt = is_clear or (is_heard and gain > 0.0 and not found.is_predicted)
     else:
         is_agreed = found.log_likelihood > fit.log_likelihood
         is_likelier = is_agreed or (other.because == PLANE and gain > -CLEAR)
