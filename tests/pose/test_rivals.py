@@ -155,20 +155,23 @@ def test_what_residuals_rule_out_is_not_asked_again(
 
 
 @pytest.mark.parametrize(
-    ("gain", "is_predicted", "is_taken", "against"),
+    ("gain", "is_predicted", "doubt", "is_taken", "against"),
     [
-        (-0.1, False, False, 5.0),
-        (0.1, False, False, 0.0),
-        (7.0, True, False, 5.0),
-        (9.0, True, True, 0.0),
-        (9.0, False, True, 0.0),
+        (-0.1, False, 1.0, False, 5.0),
+        (0.1, False, 1.0, False, 0.0),
+        (9.0, False, 1.0, True, 0.0),
+        (7.0, True, 1.0, False, 5.0),
+        (9.0, True, 1.0, False, 0.0),
+        (7.0, True, 4.0, False, 5.0),
+        (9.0, True, 4.0, True, 0.0),
     ],
 )
 def test_one_is_taken_against_residuals_only_where_it_is_clearly_likelier(
-    fit, met, monkeypatch, gain, is_predicted, is_taken, against
+    fit, met, monkeypatch, gain, is_predicted, doubt, is_taken, against
 ):
-    """Of flow that is mostly noise, it is in doubt no sooner."""
-    plain = replace(fit, cost=0.0, narrowness=0.0)
+    """Of flow that is mostly noise only where the noise is in doubt, and in doubt no sooner."""
+    told = replace(fit.matches, doubt=doubt)
+    plain = replace(fit, matches=told, cost=0.0, narrowness=0.0)
     there = replace(plain, direction_cam1_from_cam0=UP, cost=-gain / 110, is_predicted=is_predicted)
     monkeypatch.setattr(rivals, "refit_moving", lambda *_: there)
     best, other = met(5.0, than=plain)

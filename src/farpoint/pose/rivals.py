@@ -239,8 +239,8 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
     their lines. Where the two contradict each other, or all matches lead back, there is no telling:
     the other is as likely.
     """
-    contested = min(CONTESTED, FOR_EACH * len(fit.matches))
-    if other is None or other.against >= fit.matches.doubt * contested:
+    contested, doubt = min(CONTESTED, FOR_EACH * len(fit.matches)), fit.matches.doubt
+    if other is None or other.against >= doubt * contested:
         return fit, other
     R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
     start = replace(
@@ -253,10 +253,9 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         return fit, other._replace(against=max(other.against, 0.0))
     gain = _by_surfaces(found) - _by_surfaces(fit)
     if other.against >= 0.0:
-        is_heard = other.against < contested
-        is_likelier = is_heard and gain > CLEAR
-        is_clear = gain > fit.matches.doubt * CLEAR
-        is_in_doubt = is_clear or (is_heard and gain > 0.0 and not found.is_predicted)
+        is_near, is_signal = other.against < contested, not found.is_predicted
+        is_likelier = gain > CLEAR and is_near and (is_signal or doubt > 1.0)
+        is_in_doubt = gain > (0.0 if is_near and is_signal else doubt * CLEAR)
     else:
         is_agreed = found.log_likelihood > fit.log_likelihood
         is_likelier = is_agreed or (other.because == PLANE and gain > -CLEAR)
