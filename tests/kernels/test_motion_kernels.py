@@ -11,13 +11,14 @@ from numba.core import config
 from numba.core.runtime import _nrt_python
 from numba.core.runtime.nrt import rtsys
 
+from farpoint._kernels import settling
 from farpoint._kernels.coherence import coherence
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.contest import NEAR, is_rival
 from farpoint._kernels.covariance import PLAIN, covariance_here, step_by_prediction
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain
-from farpoint._kernels.mixture import TAIL
+from farpoint._kernels.mixture import NO_TAIL, TAIL
 from farpoint._kernels.motion import fit_motion
 from farpoint._kernels.pose import Pose, Seen
 from farpoint._kernels.refinement import refine_pose
@@ -121,6 +122,13 @@ def test_a_motion_that_is_a_little_off_is_settled_where_it_was_found():
     np.testing.assert_allclose(off_t, found.t, atol=1e-3)
     assert Settled(*numbers).cost == pytest.approx(before.cost, abs=0.1)
     assert (again.labels == found.labels).mean() > 0.98
+
+
+def test_the_search_takes_errors_without_a_tail(monkeypatch):
+    monkeypatch.setattr(settling, "_leave_out_none", lambda *_: None)
+    matches = matches_of(two_views(1, 40), SPREAD, gives_way=True)
+    searched_of = getattr(settling.searched_of, "py_func", settling.searched_of)
+    assert (matches.tail, searched_of(matches.pairs, matches).tail) == (TAIL, NO_TAIL)
 
 
 def test_of_many_matches_every_so_manieth_is_searched():
