@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from kernels_kit import (
 from farpoint._kernels import epipolar, likelihood, mixture, refinement
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.information import information
+from farpoint._kernels.mixture import NO_TAIL, TAIL
 from farpoint._kernels.pairs import address
 from farpoint._kernels.pose import Seen
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
@@ -49,46 +51,35 @@ def sampson_jacobian(view: View, i: int) -> tuple[float, np.ndarray]:
     return residual, np.array(J)
 
 
-class Linearized:
-    """The robust cost at a pose with everything that comes along."""
+def seen_of(
+    view: View,
+    prior: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture=MIXTURE,
+    spread: float = spread_of(MIXTURE, CLUTTER),
+    tail: float = TAIL,
+) -> Seen:
+    return Seen(view.pairs, packed(prior), R, t, mixture, spread, tail)
 
-    def __init__(
-        self,
-        view: View,
-        prior: np.ndarray,
-        R: np.ndarray,
-        t: np.ndarray,
-        mixture=MIXTURE,
-        spread: float = spread_of(MIXTURE, CLUTTER),
-        gives_way: bool = False,
-        tail: float = mixture.TAIL,
-    ) -> None:
+
+class Linearized:
+    """The robust cost at a pose, as of `seen_of`, with everything that comes along."""
+
+    def __init__(self, *seen: Any, gives_way: bool = False, **told: Any) -> None:
         normal, shares = np.full((6, 6), np.nan), np.full(4, np.nan)
-        weights = packed(prior)
-        self.cost = likelihood.linearize(
-            Seen(view.pairs, weights, R, t, mixture, spread, tail), gives_way, normal, shares
-        )
+        self.cost = likelihood.linearize(seen_of(*seen, **told), gives_way, normal, shares)
         np.testing.assert_array_equal(normal, normal.T)
         self.H, self.g, self.squares = normal[:5, :5], normal[:5, 5], normal[5, 5]
         self.right, self.steps, self.trials, self.repeated = shares
 
 
 class Explained:
-    """What a pose makes of each match."""
+    """What a pose, as of `seen_of`, makes of each match."""
 
-    def __init__(
-        self,
-        view: View,
-        prior: np.ndarray,
-        R: np.ndarray,
-        t: np.ndarray,
-        mixture=MIXTURE,
-        tail: float = mixture.TAIL,
-    ) -> None:
-        spread = spread_of(MIXTURE, CLUTTER)
-        weights = packed(prior)
-        out = np.full((3, len(weights)), np.nan)
-        likelihood.explain(Seen(view.pairs, weights, R, t, mixture, spread, tail), *out)
+    def __init__(self, view: View, *seen: Any, **told: Any) -> None:
+        out = np.full((3, len(packed(np.zeros(view.size)))), np.nan)
+        likelihood.explain(seen_of(view, *seen, **told), *out)
         assert np.isfinite(out).all()
         self.r, self.parallax, self.right = out[:, : view.size]
 
@@ -127,7 +118,7 @@ def test_the_gradient_of_the_robust_cost(seed, error_rad):
 @given(
     seed=seeds,
     repeated=st.sampled_from([0.0, 0.4]),
-    tail=st.sampled_from([mixture.TAIL, mixture.NO_TAIL]),
+    tail=st.sampled_from([TAIL, NO_TAIL]),
 )
 def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeated, tail):
     view = two_views(seed, 8, error_rad=2e-3)
@@ -157,12 +148,12 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
     np.testing.assert_allclose(at.H, (J.T * w) @ J, rtol=1e-5, atol=1e-9 * at.H.max())
     np.testing.assert_allclose(at.g, J.T @ (w * r), rtol=1e-5, atol=1e-6 * np.abs(at.g).max())
     assert at.squares == pytest.approx(np.sum(w * r**2), rel=1e-5)
-    explained = Explained(view, prior, view.R, view.t, with_repeated, tail)
+    explained = Explained(view, prior, view.R, view.t, with_repeated, tail=tail)
     np.testing.assert_allclose(explained.r, r, rtol=0.0, atol=1e-10)
     np.testing.assert_allclose(explained.right, right / total, rtol=1e-8)
 
 
-def densities(r: np.ndarray, tail: float = mixture.TAIL) -> np.ndarray:
+def densities(r: np.ndarray, tail: float = TAIL) -> np.ndarray:
     """Of good and ever poorer matches, over the peak of a normal density of all being good."""
     variance, _, poor, _ = MIXTURE
     sigma = mixture.POOR ** np.arange(4.0)[:, None]
@@ -356,7 +347,7 @@ def informed(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss-Newton matrix, the part of it that is noise, and the scatter of the gradient."""
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
-    seen = Seen(pairs, prior, view.R, view.t, mixture, spread_of(mixture, clutter), 1.0)
+    seen = Seen(pairs, prior, view.R, view.t, mixture, spread_of(mixture, clutter), TAIL)
     information(seen, False, normal, noise, scatter)
     return normal[:5, :5], noise, scatter
 

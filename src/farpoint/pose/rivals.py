@@ -238,6 +238,10 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
     matches that go wrong together. So all are fitted to the other, too, and asked where they lie on
     their lines. Where the two contradict each other, or all matches lead back, there is no telling:
     the other is as likely.
+
+    Where flow is mostly noise, the places of matches tell less: residuals of independent noise are
+    not overruled by them. Where the noise is in doubt, residuals may be against the right motion by
+    more, and the matches must then be the more clearly for it.
     """
     contested, doubt = min(CONTESTED, FOR_EACH * len(fit.matches)), fit.matches.doubt
     if other is None or other.against >= doubt * contested:
@@ -253,9 +257,9 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         return fit, other._replace(against=max(other.against, 0.0))
     gain = _by_surfaces(found) - _by_surfaces(fit)
     if other.against >= 0.0:
-        is_near, is_signal = other.against < contested, not found.is_predicted
-        is_likelier = gain > CLEAR and is_near and (is_signal or doubt > 1.0)
-        is_in_doubt = gain > (0.0 if is_near and is_signal else doubt * CLEAR)
+        may_win, is_signal = other.against < contested, not found.is_predicted
+        is_likelier = may_win and gain > CLEAR and (is_signal or doubt > 1.0)
+        is_in_doubt = gain > (0.0 if may_win and is_signal else doubt * CLEAR)
     else:
         is_agreed = found.log_likelihood > fit.log_likelihood
         is_likelier = is_agreed or (other.because == PLANE and gain > -CLEAR)
