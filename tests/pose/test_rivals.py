@@ -154,46 +154,60 @@ def test_what_residuals_rule_out_is_not_asked_again(
         assert other.against == against
 
 
+def likelier_of(fit: MovingFit, other: rivals.OtherMotion, gain: float, **there):
+    """`_likelier`, if all matches make the other motion likelier by as much."""
+    plain = replace(fit, cost=0.0, narrowness=0.0, said=np.ones_like(fit.said))
+    there = {"direction_cam1_from_cam0": UP, "cost": -gain / len(fit.matches), **there}
+    found = replace(plain, **there)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rivals, "refit_moving", lambda *_: found)
+        best, left = rivals._likelier(plain, other)
+    return best is found, left
+
+
 @pytest.mark.parametrize(
-    ("gain", "is_predicted", "doubt", "is_taken", "against"),
+    ("because", "is_predicted", "in_doubt_from", "taken_from"),
     [
-        (-0.1, False, 1.0, False, 5.0),
-        (0.1, False, 1.0, False, 0.0),
-        (9.0, False, 1.0, True, 0.0),
-        (7.0, True, 1.0, False, 5.0),
-        (9.0, True, 1.0, False, 0.0),
-        (7.0, True, 4.0, False, 5.0),
-        (9.0, True, 4.0, True, 0.0),
+        (rivals.ELSEWHERE, False, 0.0, 5.0),
+        (rivals.ELSEWHERE, True, 8.0, 13.0),
+        (rivals.PLANE, False, 0.0, 13.0),
+        (rivals.PLANE, True, 8.0, 21.0),
     ],
 )
-def test_one_is_taken_against_residuals_only_where_it_is_clearly_likelier(
-    fit, met, monkeypatch, gain, is_predicted, doubt, is_taken, against
+def test_all_matches_must_outweigh_half_of_what_residuals_have_against_a_motion(
+    fit, because, is_predicted, in_doubt_from, taken_from
 ):
-    """Of flow that is mostly noise only where the noise is in doubt, and in doubt no sooner."""
-    told = replace(fit.matches, doubt=doubt)
-    plain = replace(fit, matches=told, cost=0.0, narrowness=0.0)
-    there = replace(plain, direction_cam1_from_cam0=UP, cost=-gain / 110, is_predicted=is_predicted)
-    monkeypatch.setattr(rivals, "refit_moving", lambda *_: there)
-    best, other = met(5.0, than=plain)
-    assert is_same_way(best, fit) != is_taken
-    assert other.against == against
-
-
-def test_what_residuals_of_doubtful_noise_rule_out_may_still_be_in_doubt(fit, met, monkeypatch):
-    """Of 110 matches, of each of which a quarter of a unit is heard."""
-    told = replace(fit.matches, doubt=4.0)
-    plain = replace(fit, matches=told, cost=0.0, narrowness=0.0)
-    for against, gain, is_taken, left in (
-        (27.0, 30.0, True, 0.0),
-        (28.0, 30.0, False, 28.0),
-        (28.0, 34.0, False, 0.0),
-        (111.0, 1e3, False, 111.0),
+    """And more, where its flow is mostly noise, and of a plane."""
+    other = rivals.OtherMotion(np.eye(3), UP, 10.0, because)
+    for gain, expected in (
+        (in_doubt_from - 0.1, (False, 10.0)),
+        (in_doubt_from + 0.1, (False, 0.0)),
+        (taken_from - 0.1, (False, 0.0)),
+        (taken_from + 0.1, (True, 0.0)),
     ):
-        there = replace(plain, direction_cam1_from_cam0=UP, cost=-gain / 110)
-        monkeypatch.setattr(rivals, "refit_moving", lambda *_, there=there: there)
-        best, other = met(against, than=plain)
-        assert is_same_way(best, fit) != is_taken
-        assert other.against == left
+        is_taken, left = likelier_of(fit, other, gain, is_predicted=is_predicted)
+        assert (is_taken, left.against) == expected
+
+
+def test_what_residuals_of_doubtful_noise_rule_out_may_still_be_right(fit):
+    """Of 110 matches, of each of which a quarter of a unit is heard; four times that in doubt."""
+    doubtful = replace(fit, matches=replace(fit.matches, doubt=4.0))
+    for given, against, is_asked in (
+        (fit, 27.0, True),
+        (fit, 28.0, False),
+        (doubtful, 109.0, True),
+        (doubtful, 111.0, False),
+    ):
+        other = rivals.OtherMotion(np.eye(3), UP, against, rivals.ELSEWHERE)
+        assert likelier_of(given, other, 1e3)[0] == is_asked
+
+
+@pytest.mark.parametrize(("sign_log_odds", "is_taken"), [(20.0, True), (-20.0, False)])
+def test_one_that_would_have_most_matches_behind_the_cameras_is_not_the_likelier(
+    fit, sign_log_odds, is_taken
+):
+    other = rivals.OtherMotion(np.eye(3), UP, 5.0, rivals.ELSEWHERE)
+    assert likelier_of(fit, other, 15.0, sign_log_odds=sign_log_odds)[0] == is_taken
 
 
 @pytest.mark.parametrize(
@@ -206,28 +220,21 @@ def test_what_residuals_of_doubtful_noise_rule_out_may_still_be_in_doubt(fit, me
     ],
 )
 def test_the_relief_of_a_plane_is_believed_unless_matches_are_clearly_against_it(
-    fit, monkeypatch, gain, because, is_taken
+    fit, gain, because, is_taken
 ):
-    plain = replace(fit, cost=0.0, narrowness=0.0, said=np.ones_like(fit.said))
-    there = replace(plain, direction_cam1_from_cam0=UP, cost=-gain / len(fit.matches))
-    monkeypatch.setattr(rivals, "refit_moving", lambda *_: there)
     other = rivals.OtherMotion(np.eye(3), UP, -5.0, because)
-    best, left = rivals._likelier(plain, other)
-    assert is_same_way(best, there) == is_taken
+    found, left = likelier_of(fit, other, gain)
+    assert found == is_taken
     assert left.against == (5.0 if is_taken else 0.0)
 
 
-def test_matches_of_one_surface_do_not_each_tell_where_they_lie(fit, met, monkeypatch):
+def test_matches_of_one_surface_do_not_each_tell_where_they_lie(fit):
     """All that is plausible of them counts as of 5 sqrt(110) matches, of 110."""
-    plain = replace(fit, cost=0.0, narrowness=0.0, said=np.ones_like(fit.said))
-    for gain, is_taken in ((20.0, True), (15.0, False)):
+    other = rivals.OtherMotion(np.eye(3), UP, 10.0, rivals.ELSEWHERE)
+    for gain, is_taken in ((11.0, True), (10.0, False)):
         said = np.ones_like(fit.said)
         said[0] = np.exp(gain / 110)
-        there = replace(
-            plain, direction_cam1_from_cam0=UP, cost=-gain / len(fit.matches), said=said
-        )
-        monkeypatch.setattr(rivals, "refit_moving", lambda *_, there=there: there)
-        assert is_same_way(met(5.0, than=plain)[0], fit) != is_taken
+        assert likelier_of(fit, other, gain, said=said)[0] == is_taken
 
 
 def test_a_rotation_with_a_rival_is_doubted_most_about_the_axis_between_them(fit):

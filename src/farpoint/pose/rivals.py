@@ -45,14 +45,15 @@ COS_NEARBY = math.cos(math.radians(10.0))
 COS_IN_REACH = math.cos(math.radians(30.0))
 
 # Log likelihood that residuals may have against a motion that is the right one, in all and for each
-# match; and that by which it must be likelier then, with where the matches lie on their lines.
+# match; and that by which places of matches must speak more clearly where they tell less.
 CONTESTED, FOR_EACH, CLEAR = 60.0, 0.25, 8.0
 # Of n matches as many lie there by themselves as this times the root of n, at the most.
 SURFACES = 5.0
 
 # Share of a difference of log likelihoods that tells the odds of two motions. Each is free along
 # other lines, and so counts another part of the same noise: a second one of 5 to 7 less is the
-# right one in 3 of 100 simulated scenes, not in 1 of 400.
+# right one in 3 of 100 simulated scenes, not in 1 of 400. So much of what residuals have against a
+# motion must be outweighed, too.
 HEARD = 0.5
 # The same of the two of a plane and all that lies between: to points of a plane these look alike.
 HEARD_BETWEEN = 0.3
@@ -236,15 +237,13 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
 
     What is against the other is told by residuals, of a plane by its relief. That may be chance, or
     matches that go wrong together. So all are fitted to the other, too, and asked where they lie on
-    their lines. Where the two contradict each other, or all matches lead back, there is no telling:
-    the other is as likely.
+    their lines: those outweigh what was against it. Where the two contradict each other, or all
+    matches lead back, there is no telling: the other is as likely.
 
-    Where flow is mostly noise, the places of matches tell less: residuals of independent noise are
-    not overruled by them. Where the noise is in doubt, residuals may be against the right motion by
-    more, and the matches must then be the more clearly for it.
+    Places of matches tell less where flow is mostly noise, and of a plane, which is one surface.
     """
-    contested, doubt = min(CONTESTED, FOR_EACH * len(fit.matches)), fit.matches.doubt
-    if other is None or other.against >= doubt * contested:
+    contested = fit.matches.doubt * min(CONTESTED, FOR_EACH * len(fit.matches))
+    if other is None or other.against >= contested:
         return fit, other
     R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
     start = replace(
@@ -257,9 +256,10 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
         return fit, other._replace(against=max(other.against, 0.0))
     gain = _by_surfaces(found) - _by_surfaces(fit)
     if other.against >= 0.0:
-        may_win, is_signal = other.against < contested, not found.is_predicted
-        is_likelier = may_win and gain > CLEAR and (is_signal or doubt > 1.0)
-        is_in_doubt = gain > (0.0 if may_win and is_signal else doubt * CLEAR)
+        asked = CLEAR if found.is_predicted else 0.0
+        is_in_doubt = gain > asked
+        asked += CLEAR if other.because == PLANE else 0.0
+        is_likelier = gain > asked + HEARD * other.against
     else:
         is_agreed = found.log_likelihood > fit.log_likelihood
         is_likelier = is_agreed or (other.because == PLANE and gain > -CLEAR)
@@ -272,11 +272,14 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
 def _by_surfaces(fit: MovingFit) -> float:
     """Log likelihood, by where matches lie on their lines only as far as they do by themselves.
 
-    What is plausible of a match is learnt from the others: those of one surface lie together.
+    What is plausible of a match is learnt from the others: those of one surface lie together. Of a
+    motion the other way round, most would lie behind the cameras.
     """
     n = len(fit.matches)
     by_place = float(fit.probability @ np.log(fit.said[0, :n]))
-    return fit.log_likelihood - (1.0 - min(SURFACES / math.sqrt(n), 1.0)) * by_place
+    by_sign = -float(np.logaddexp(0.0, -fit.sign_log_odds))
+    not_by_themselves = 1.0 - min(SURFACES / math.sqrt(n), 1.0)
+    return fit.log_likelihood + by_sign - not_by_themselves * by_place
 
 
 def _elsewhere(fit: MovingFit, R_start: np.ndarray) -> OtherMotion | None:
