@@ -20,7 +20,7 @@ from farpoint import (
 )
 from farpoint.camera import Pinhole
 from farpoint.geometry import so3
-from farpoint.pose import failed_pose, relative_pose
+from farpoint.pose import as_turn, failed_pose
 from farpoint.pose.matches import matches_from_points
 from farpoint.pose.moving_fit import fit_moving
 from farpoint.pose.verdict import DIRECTIONS, is_motion, is_static, shown_translation
@@ -232,7 +232,7 @@ def test_a_hint_of_a_motion_that_fixes_no_rotation_leaves_one(monkeypatch):
     turned = [scene for scene in drawn if "only turned" in estimate(scene).reason]
     assert len(turned) > 20
     unsure = np.full((5, 5), np.inf)
-    monkeypatch.setattr(relative_pose, "moving_covariance", lambda _: unsure)
+    monkeypatch.setattr(as_turn, "moving_covariance", lambda _: unsure)
     for scene in turned:
         assert "only turned" in estimate(scene).reason
 

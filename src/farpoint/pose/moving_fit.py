@@ -127,6 +127,11 @@ class MovingFit:
         return -self.cost * len(self.matches) - self.narrowness
 
     @property
+    def sign_probability(self) -> float:
+        """Of the direction, not its opposite, to be the right one."""
+        return 1.0 / (1.0 + math.exp(-min(max(self.sign_log_odds, -700.0), 700.0)))
+
+    @property
     def residual(self) -> np.ndarray:
         """Sampson residual (N,) of each match for unit noise."""
         return self.said[1, : len(self.matches)]
