@@ -111,7 +111,7 @@ def test_wrong_matches_are_told_apart():
 
 
 def test_a_motion_that_is_a_little_off_is_settled_where_it_was_found():
-    view = two_views(4, MAX_SEARCHED, noise_rad=1e-3, error_rad=1e-3)
+    view = two_views(9, MAX_SEARCHED, noise_rad=1e-3, error_rad=1e-3)
     found, _, before = find(view)
     off_R, off_t = moved(found.R, found.t, np.array([1e-3, -1e-3, 1e-3, 0.02, -0.02]))
     again = nothing_found(view)._replace(R=off_R, t=off_t, mixture=found.mixture.copy())

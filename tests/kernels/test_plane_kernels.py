@@ -125,7 +125,8 @@ def likelihood_by(
     across = along = 1.0
     found, off = 0.0, plane.OFF / plane.OF_ALL
     for _ in range(plane.RELIEF_ROUNDS):
-        retreat = np.where(shift < 0.0, np.maximum(shift**2 / across - 9.0, 0.0), 0.0)
+        beyond = np.minimum(shift / np.sqrt(across) + mixture.FAR_SIGMA, 0.0)
+        retreat = mixture.STEEPER * beyond**2
         exponent = -0.5 * (c2 / across + retreat) / variance
         kinds = shares * np.exp(exponent) / np.sqrt(variance * across)
         about = (1.0 - off) * peak * np.exp(-0.5 * a2 / along) / np.sqrt(along)

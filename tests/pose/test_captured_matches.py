@@ -28,9 +28,9 @@ def few() -> list[PointScene]:
     return draw_scenes(120, rng, **grid)
 
 
-@pytest.mark.parametrize("index", [64, 75, 125, 130])
+@pytest.mark.parametrize("index", [59, 64, 125, 130])
 def test_a_pose_is_asked_again_what_is_plausible(scenes, index):
-    # Asked once, the first three have no direction: wrong matches far out outweigh all others.
+    # Asked once, the first has no direction: wrong matches far out outweigh all others.
     assert_found(scenes[index], most_captured=1)
 
 

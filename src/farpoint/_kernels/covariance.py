@@ -10,7 +10,7 @@ from farpoint._kernels.compile import inner_kernel, kernel
 from farpoint._kernels.contest import narrowness
 from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.information import information
-from farpoint._kernels.likelihood import add_retreats, linearize
+from farpoint._kernels.likelihood import linearize
 from farpoint._kernels.linear import eigen_five, sandwich, tangent_basis
 from farpoint._kernels.pose import Seen, apply_step, take_step
 from farpoint._kernels.scratch import clear, copy, scratch
@@ -64,7 +64,7 @@ def covariance_here(
     """
     normal, noise, spare = scratch(6, 6), scratch(5, 5), scratch(5, 5)
     scatter, variance, whole = scratch(5, 5), scratch(5, 5), scratch(5, 5)
-    share, alike = _learn(seen, predicted, normal, noise, scatter)
+    share, alike = information(seen, predicted, normal, noise, scatter)
     heard, sure = _heard(alike), _sure(right, alike)
     known = sure * share
     for i in range(5):
@@ -88,21 +88,10 @@ def covariance_here(
 def step_by_prediction(seen: Seen) -> None:
     """Move the pose by the solution of the normal equations of `information`."""
     normal, noise, scatter, x = scratch(6, 6), scratch(5, 5), scratch(5, 5), scratch(5)
-    _learn(seen, PREDICTED, normal, noise, scatter)
+    information(seen, PREDICTED, normal, noise, scatter)
     _bound(normal)
     if solve_five_spd(normal, 0.0, x):
         take_step(seen.R, seen.t, x, promise(normal, x)[1])
-
-
-@inner_kernel
-def _learn(
-    seen: Seen, predicted: bool, normal: np.ndarray, noise: np.ndarray, scatter: np.ndarray
-) -> tuple[float, float]:
-    """As `information`; where it is not predicted, with that of the matches that retreat."""
-    share, alike = information(seen, predicted, normal, noise, scatter)
-    if not predicted:
-        add_retreats(seen, normal)
-    return share, alike
 
 
 @formula
@@ -294,7 +283,7 @@ def covariance_beside(
     copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
     moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.spread, seen.tail)
-    share, alike = _learn(moved, predicted, normal, noise, scatter)
+    share, alike = information(moved, predicted, normal, noise, scatter)
     known = _sure(right, alike) * share
     for i in range(5):
         for j in range(5):

@@ -15,10 +15,11 @@ from farpoint._kernels.epipolar import (
 from farpoint._kernels.exponential import lane_log
 from farpoint._kernels.formulas import choose, formula, root
 from farpoint._kernels.mixture import (
+    FAR_SIGMA,
+    STEEPER,
     clutter_at,
     clutter_of,
     densities,
-    may_retreat,
     mixture_cost,
     retreat2,
     steps_of,
@@ -26,8 +27,9 @@ from farpoint._kernels.mixture import (
     trials_of,
     weight_of,
 )
-from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
+from farpoint._kernels.pairs import LANES, PANEL, ray0, ray1
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
+from farpoint._kernels.scratch import room
 from farpoint._kernels.squares import (
     SIX,
     add_square,
@@ -40,6 +42,8 @@ __all__ = ["add_retreats", "explain", "judge_pose", "linearize"]
 
 # Right matches that retreat by more, in all, that are left alone.
 FEW_RETREATING = 0.01
+# `mixture.retreat2` beyond which no match is good.
+FARTHEST2 = 64.0
 
 
 @sum_kernel
@@ -96,20 +100,33 @@ def add_retreats(seen: Seen, normal: np.ndarray) -> None:
     turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
     precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
-    for i in range(prior.size):
-        at = address(i)
-        if not may_retreat(pairs, at, turn, towards, precision):
-            continue
-        if not retreat2(pairs, at, turn, towards, precision) > 0.0:
-            continue
-        residual = sampson(pairs, at, turn, towards)
-        each = densities(pairs, at, turn, towards, residual, precision, poor, prior[i], seen.tail)
-        good, _, _, _ = each
-        lost, _ = clutter_at(clutter, residual)
-        share = good / (sum_of(each) + lost)
-        weight = precision * (1.0 - poor) * (1.0 - poor) * share
-        row = shift_jacobian(pairs, at, turn, towards, basis)
-        add_to_square(weight, row, normal)
+    beyond2 = room(prior.size)
+    _tell_retreats(pairs, turn, towards, precision, beyond2)
+    for panel in range(prior.size // LANES):
+        for lane in range(LANES):
+            at, share = panel * PANEL + lane, prior[panel * LANES + lane]
+            if not 0.0 < beyond2[panel * LANES + lane] < FARTHEST2:
+                continue
+            residual = sampson(pairs, at, turn, towards)
+            each = densities(pairs, at, turn, towards, residual, precision, poor, share, seen.tail)
+            good, _, _, _ = each
+            lost, _ = clutter_at(clutter, residual)
+            right = good / (sum_of(each) + lost)
+            weight = STEEPER * precision * (1.0 - poor) * (1.0 - poor) * right
+            x, y, z, u, v, shift = shift_jacobian(pairs, at, turn, towards, basis)
+            beyond = shift + FAR_SIGMA / root(precision)
+            add_to_square(weight, (x, y, z, u, v, beyond), normal)
+
+
+@inner_kernel
+def _tell_retreats(
+    pairs: np.ndarray, R: Matrix, t: Vector, precision: float, beyond2: np.ndarray
+) -> None:
+    """`mixture.retreat2` of each match."""
+    for panel in range(beyond2.size // LANES):
+        for lane in range(LANES):
+            at = panel * PANEL + lane
+            beyond2[panel * LANES + lane] = retreat2(pairs, at, R, t, precision)
 
 
 @inner_kernel

@@ -13,7 +13,8 @@ noise is treated as such and heavy tails lose only what they must.
 
 A right match flows towards the direction. Noise can make a far one retreat; beyond `FAR_SIGMA` the
 density of right matches falls off as that noise does. Up to there it is flat, for rotation can
-imitate parallax, and any slope would pull at the rotation.
+imitate parallax, and any slope would pull at the rotation; and from there it falls off smoothly: at
+a kink a pose would be held, and no step of Gauss-Newton ends there.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ import numpy as np
 from farpoint._kernels.compile import inner_kernel
 from farpoint._kernels.epipolar import flow_along, parallax_variance
 from farpoint._kernels.exponential import exp_and_roots
-from farpoint._kernels.formulas import choose, formula, greater, lesser, root
-from farpoint._kernels.pairs import flow_variance, ray0, ray1
+from farpoint._kernels.formulas import formula, greater, lesser, root
+from farpoint._kernels.pairs import ray0, ray1
 from farpoint._kernels.vectors import rotate
 
 Clutter = tuple[float, float, float]
@@ -38,13 +39,13 @@ __all__ = [
     "NO_TAIL",
     "POOR",
     "REPEATED_WITHIN",
+    "STEEPER",
     "TAIL",
     "Densities",
     "clutter_at",
     "clutter_of",
     "densities",
     "densities_of",
-    "may_retreat",
     "mean_variance",
     "mixture_cost",
     "repeated_share",
@@ -70,12 +71,12 @@ USUAL = 20.0
 # How much farther than EM a step of the mixture goes, by the share of poor matches, and at most.
 FARTHER = 3.0
 MOST_FARTHER = 0.7
-# Retreat along its epipolar line that noise can cause of a far point, in sigma.
-FAR_SIGMA = 3.0
+# Retreat along its epipolar line that noise can cause of a far point, in sigma; and by how much
+# more steeply than noise the density falls off beyond, to be at 7 sigma what noise makes of it.
+FAR_SIGMA = 2.5
+STEEPER = 2.0
 # Half of the repeated matches are off by less than this part of the spread.
 REPEATED_WITHIN = 32.0
-# Variance of a flow in one direction over the mean of all, at the least.
-LEAST_SHARE = 0.1
 
 
 @formula
@@ -161,19 +162,15 @@ def densities_of(square: float, poor: float, again: float, prior: float, tail: f
 
 @formula
 def retreat2(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> float:
-    """How much farther away from the direction a match lies than noise may bring it, squared."""
+    """How much farther away from the direction a match lies than noise may bring it, squared.
+
+    In units of the variance with which the density falls off.
+    """
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
-    shift2 = flow * flow * precision / (parallax_variance(pairs, at, R, m, t) + 1e-300)
-    return choose(flow < 0.0, greater(shift2 - FAR_SIGMA * FAR_SIGMA, 0.0), 0.0)
-
-
-@formula
-def may_retreat(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> bool:
-    """Whether `retreat2` is to be asked: it is 0 otherwise, and takes longer."""
-    flow, reach2 = flow_along(rotate(R, ray0(pairs, at)), ray1(pairs, at), t)
-    least = LEAST_SHARE * FAR_SIGMA * FAR_SIGMA * flow_variance(pairs, at) * reach2
-    return (flow < 0.0) & (flow * flow * precision > least)
+    shift = flow * root(precision / (parallax_variance(pairs, at, R, m, t) + 1e-300))
+    beyond = lesser(shift + FAR_SIGMA, 0.0)
+    return STEEPER * beyond * beyond
 
 
 @formula
