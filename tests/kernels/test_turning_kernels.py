@@ -8,6 +8,7 @@ from kernels_kit import packed, shaken, two_views
 
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
 from farpoint._kernels.turning import (
+    FAR_SHARES,
     Judged,
     fit_rotation,
     flow_beside_rotation,
@@ -74,39 +75,44 @@ def test_no_match_at_all_says_nothing():
     assert flow_beside_rotation(none, none, none, none, 3.0) == (0, 0, 0.0, 0, 0.0, 0.0)
 
 
-def gains(judged: Judged, sigma, lift, wrong, middle, variance) -> tuple[np.ndarray, np.ndarray]:
+def gains(
+    judged: Judged, sigma, lift, wrong, share, middle, variance
+) -> tuple[np.ndarray, np.ndarray]:
     """Of each match, the log likelihood ratio of a motion; which ones the rotation explains too."""
     near = judged.right / (1.0 - judged.right)  # where others are, over wrong
     shift2 = (judged.parallax / sigma - middle) ** 2
     far = near * lift / judged.prior * np.exp(-0.5 * shift2 / variance) / np.sqrt(variance)
-    odds = 0.5 * near + 0.5 * far
+    odds = (1.0 - share) * near + share * far
     gain = wrong + np.log(1.0 + odds) + np.log(1.0 - judged.turned_right)
     return gain, (odds > 1.0) & (judged.turned_right > 0.5)
 
 
-@pytest.mark.parametrize("bulk", [1e-6, 0.3])
+@pytest.mark.parametrize(("bulk", "far"), [(1e-6, 20), (1e-6, 52), (0.3, 20)])
 @pytest.mark.parametrize("middle", [0.0, 25.0])
-def test_what_speaks_for_a_motion_are_matches_that_only_it_explains(bulk, middle):
+def test_what_speaks_for_a_motion_are_matches_that_only_it_explains(bulk, far, middle):
     rng, n, sigma, lift, wrong = np.random.default_rng(1), 60, 0.7, 400.0, -0.4
     parallax, right = 90.0 * rng.normal(size=n), rng.uniform(0.01, 0.99, n)
     turned, prior = rng.uniform(0.01, 0.45, n), rng.uniform(1.0, 5.0, n)
     # With a small doubt of the rotation, what both explain is against the motion. It lies together,
     # at infinity or nearer, where the rotation takes its shift for its own.
-    turned[:20], right[:20] = 1.0 - bulk, 0.9
-    parallax[:20] = sigma * (middle + rng.normal(size=20))
+    turned[:far], right[:far] = 1.0 - bulk, 0.9
+    parallax[:far] = sigma * (middle + rng.normal(size=far))
     judged = Judged(prior, parallax, right, turned)
     found = likelier_moving(judged, sigma, lift, wrong)
 
-    shift, expected = parallax[:20] / sigma, []
+    shift, expected = parallax[:far] / sigma, []
     variance = 1.0 + shift.var()
-    places = np.sqrt(20.0 / variance) * parallax[right > 0.5].max() / sigma
-    for there in ((0.0, 1.0, 1.0), (shift.mean(), variance, places)):
-        gain, both = gains(judged, sigma, lift, wrong, *there[:2])
-        expected.append(gain[~both].sum() + min(gain[both].sum(), 0.0) - np.log(there[2]))
-        assert (gain[both].sum() < 0.0) == (bulk < 0.1)
-    assert found == pytest.approx(max(expected), rel=1e-12)
+    places = np.sqrt(far / variance) * parallax[right > 0.5].max() / sigma
+    for share in FAR_SHARES:
+        for there in ((0.0, 1.0, 1.0), (shift.mean(), variance, places)):
+            gain, both = gains(judged, sigma, lift, wrong, share, *there[:2])
+            expected.append(gain[~both].sum() + min(gain[both].sum(), 0.0) - np.log(there[2]))
+            assert (gain[both].sum() < 0.0) == (bulk < 0.1 and both.any())
+    assert found == pytest.approx(max(expected) - np.log(2.0), rel=1e-12)
     if bulk < 0.1:  # else both places leave it out
-        assert np.argmax(expected) == (middle > 0.0)
+        assert np.argmax(expected) % 2 == (middle > 0.0)
+    if far > 50:  # it is likelier that most are
+        assert np.argmax(expected) >= 2
 
 
 def test_matches_beyond_doubt_leave_a_number():

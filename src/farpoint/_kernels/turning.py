@@ -17,8 +17,8 @@ __all__ = ["Judged", "fit_rotation", "flow_beside_rotation", "likelier_moving"]
 
 # No less of the information is there without knowing which matches are wrong.
 LEAST_KNOWN = 0.1
-# Of the right matches of a motion, as many are far as are near.
-FAR_SHARE = 0.5
+# Of the right matches of a motion, as many may be far as are near; or all but one in ten.
+FAR_SHARES = (0.5, 0.9)
 # No match is right, or wrong, beyond this doubt.
 LEAST_DOUBT = 1e-15
 # A match of less was not plausible of the motion at all.
@@ -141,11 +141,11 @@ def likelier_moving(judged: Judged, sigma: float, lift: float, wrong: float) -> 
     Of matches that both explain, only if they are against the motion: how they are off the rotation
     is for another test to say.
 
-    The motion took right matches to be where others are. Here a share of them is far, and there as
-    often as the noise puts them: at infinity, or together somewhere else, where a rotation takes
-    what they all shift by for its own. Where that is, and how far they spread, is found from those
-    that both explain, and costs what one place is of all, up to the nearest right match (Laplace's
-    method; its ``2 pi`` is left to pay for the spread).
+    The motion took right matches to be where others are. Here a share of them is far, either of
+    two, and there as often as the noise puts them: at infinity, or together somewhere else, where a
+    rotation takes what they all shift by for its own. Where that is, and how far they spread, is
+    found from those that both explain, and costs what one place is of all, up to the nearest right
+    match (Laplace's method; its ``2 pi`` is left to pay for the spread).
 
     Parameters
     ----------
@@ -157,27 +157,35 @@ def likelier_moving(judged: Judged, sigma: float, lift: float, wrong: float) -> 
     wrong : float
         Log of the share of wrong matches by the motion, over that by the rotation.
     """
-    at_infinity = _likelier(judged, sigma, lift, wrong, 0.0, 1.0)
     count, middle, variance = _far_together(judged, sigma)
-    if count < 2.0:
-        return at_infinity
-    together = _likelier(judged, sigma, lift, wrong, middle, variance)
     places = greater(_largest_parallax(judged, sigma) * math.sqrt(count / variance), 1.0)
-    return greater(at_infinity, together - math.log(places))
+    most = -math.inf
+    for share in FAR_SHARES:
+        most = greater(most, _likelier(judged, sigma, lift, wrong, share, 0.0, 1.0))
+        if count >= 2.0:
+            together = _likelier(judged, sigma, lift, wrong, share, middle, variance)
+            most = greater(most, together - math.log(places))
+    return most - math.log(len(FAR_SHARES))
 
 
 @inner_kernel
 def _likelier(
-    judged: Judged, sigma: float, lift: float, wrong: float, middle: float, variance: float
+    judged: Judged,
+    sigma: float,
+    lift: float,
+    wrong: float,
+    share: float,
+    middle: float,
+    variance: float,
 ) -> float:
-    """As `likelier_moving`, if the far matches lie about there, in sigma."""
+    """As `likelier_moving`, if such a share is far, and lies about there, in sigma."""
     both = only = 0.0
     for i in range(judged.parallax.size):
         p = judged.parallax[i] / sigma - middle
-        far = FAR_SHARE * lift * math.exp(-0.5 * p * p / variance) / math.sqrt(variance)
+        far = share * lift * math.exp(-0.5 * p * p / variance) / math.sqrt(variance)
         far /= greater(judged.prior[i], LEAST_PRIOR)
         right, turned_right = judged.right[i], judged.turned_right[i]
-        odds = right / greater(1.0 - right, LEAST_DOUBT) * (1.0 - FAR_SHARE + far)
+        odds = right / greater(1.0 - right, LEAST_DOUBT) * (1.0 - share + far)
         gain = wrong + math.log1p(odds) + math.log(greater(1.0 - turned_right, LEAST_DOUBT))
         if odds > 1.0 and turned_right > 0.5:
             both += gain

@@ -28,6 +28,7 @@ from farpoint.pose.options import RelativePoseOptions
 __all__ = [
     "MovingFit",
     "fit_moving",
+    "is_likelier",
     "is_plainly_likelier",
     "judge",
     "pose_of",
@@ -185,13 +186,18 @@ def fit_moving(
 
 
 def is_plainly_likelier(fit: MovingFit, other: MovingFit) -> bool:
+    """Whether a fit is likelier than another, and by more than two that came near each other."""
+    return is_likelier(fit, other, by=NEAR)
+
+
+def is_likelier(fit: MovingFit, other: MovingFit, by: float = 0.0) -> bool:
     """Whether a fit is likelier than another to the same matches, by parallax and by its ratios.
 
     What is plausible of a match is a density of its parallax. That grows where all shrink, for a
     rotation that takes some of what they share; a density of their ratios does not.
     """
     by_parallax = fit.log_likelihood - other.log_likelihood
-    return min(by_parallax, by_parallax + _log_ratios(fit) - _log_ratios(other)) > NEAR
+    return min(by_parallax, by_parallax + _log_ratios(fit) - _log_ratios(other)) > by
 
 
 def _log_ratios(fit: MovingFit) -> float:

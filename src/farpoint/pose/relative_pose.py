@@ -23,6 +23,7 @@ from farpoint.pose.moving_fit import fit_moving, refit_moving
 from farpoint.pose.neighbours import doubt_where_alike
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
+from farpoint.pose.overlooked import overlooked_motion
 from farpoint.pose.result import RelativePose
 from farpoint.pose.stuck import without_stuck
 from farpoint.pose.turning_fit import turning_when_asked
@@ -138,6 +139,7 @@ def _find(
         return estimate_closed_form(matches, rotation, tolerance, options, state, course)
     moving = fit_moving(matches, tolerance, options, state)
     course.iterations = moving.iterations
+    moving = overlooked_motion(matches, moving, tolerance, state)
     course.lap("search_s")
     floor = noise_floor(matches, moving)
     if floor and matches.told is not None:

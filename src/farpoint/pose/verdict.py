@@ -147,15 +147,9 @@ def _bulk_beyond_noise(n: int, across: float, flow: float, matches: Matches, rat
 
 
 def _log_binomial_tail(k: int, n: int, p: float) -> float:
-    """Logarithm of a bound on the probability of at least ``k`` of ``n`` (Hoeffding, J. Am. Stat.
-    Assoc. 58, 1963, DOI 10.1080/01621459.1963.10500830, theorem 1).
-    """
-    if k <= n * p:
-        return 0.0
-    if p == 0.0:
-        return -math.inf
-    tail = k * math.log(k / (n * p))
-    return -tail if k == n else -tail - (n - k) * math.log((n - k) / (n * (1.0 - p)))
+    """Logarithm of the probability of at least ``k`` of ``n``."""
+    tail = float(scipy.special.bdtrc(k - 1.0, n, p))
+    return math.log(tail) if tail > 0.0 else -math.inf
 
 
 def _log_choose(n: int, k: int) -> float:
