@@ -77,7 +77,7 @@ def half_ratio(fit: MovingFit, deals: int) -> float | None:
     ``deals``; None without any, and for few matches.
     """
     matches = fit.matches
-    if deals == 0 or len(matches) < LEAST_MATCHES or not math.isfinite(fit.covariance[0, 0]):
+    if not _halves_tell(matches, deals) or not math.isfinite(fit.covariance[0, 0]):
         return None
     state = np.zeros(1, np.uint64)
     judging = matches.judging(fit.said[0], gives_way=True)
@@ -91,10 +91,9 @@ def half_ratio_of_turn(matches: Matches, fit: TurningFit, deals: int) -> float |
 
     Deals of which a half fixes no rotation are left out; 1 where all are.
     """
-    n = len(matches)
-    if deals == 0 or n < LEAST_MATCHES:
+    if not _halves_tell(matches, deals):
         return None
-    patch, tolerance = patches_of(matches.rays0), GATE_SIGMA * fit.noise.sigma
+    n, patch, tolerance = len(matches), patches_of(matches.rays0), GATE_SIGMA * fit.noise.sigma
     state, half, squares = np.zeros(1, np.uint64), np.empty(n, np.int64), []
     for _ in range(deals):
         if not LEAST_HALF <= deal(patch, state, half) <= n - LEAST_HALF:
@@ -107,6 +106,11 @@ def half_ratio_of_turn(matches: Matches, fit: TurningFit, deals: int) -> float |
             apart = rotation_vector(one.R_cam1_from_cam0 @ other.R_cam1_from_cam0.T)
             squares.append(min(size2(apart, expected) / 3.0, MOST))
     return float(np.mean(squares)) if squares else 1.0
+
+
+def _halves_tell(matches: Matches, deals: int) -> bool:
+    """Whether any are dealt, and of enough matches."""
+    return deals > 0 and len(matches) >= LEAST_MATCHES
 
 
 def growth_by_halves(ratio: float | None, expected: float, freedom: int) -> float:
