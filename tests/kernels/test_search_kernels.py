@@ -334,14 +334,15 @@ def test_a_pose_twisted_by_half_a_turn_costs_everything():
     assert score(view, view.R, view.t, 9.0)[0] < 1e-12
 
 
+@pytest.mark.parametrize("ahead", [-1.0, 0.0, 1.0])
 @pytest.mark.parametrize("wrong", [0, 25])
-def test_two_layers_can_change_places(wrong):
+def test_two_layers_can_change_places(wrong, ahead):
     # A narrow view past a near and a far layer: a rotation imitates the flow of either.
     rng = np.random.default_rng(3)
     count = 40 + wrong
     rays0 = sphere.normalize(np.c_[rng.uniform(-0.05, 0.05, (count, 2)), np.ones(count)])
     near, far = np.arange(20), np.arange(20, 40)
-    t, R = np.array([1.0, 0.0, 0.0]), so3.exp(np.array([0.02, -0.01, 0.03]))
+    t, R = sphere.normalize(np.array([1.0, 0.0, ahead])), so3.exp(np.array([0.02, -0.01, 0.03]))
     depth = np.full((count, 1), 1000.0)
     depth[near] = 2.0
     rays1 = sphere.normalize(depth * rays0 @ R.T + 0.05 * t)
@@ -350,12 +351,13 @@ def test_two_layers_can_change_places(wrong):
     view = rays_only(rays0, rays1)._replace(noise0=noise, noise1=noise)
     twin_R, twin_t = np.empty((3, 3)), np.empty(3)
     assert twins.layer_twin(view.pairs, count, 3.0, R, t, twin_R, twin_t)
-    np.testing.assert_array_equal(twin_t, -t)
+    # As far ahead as before, within the noise of where the rays look on average.
+    np.testing.assert_allclose(twin_t, t * (-1.0, 1.0, 1.0), atol=0.06)
     flow = rays1 - rays0 @ twin_R.T
-    parallax = 0.05 / 2.0
+    parallax = 0.05 / 2.0 * t[0]
     # The near layer now stands still, and the far one flows towards the twin's direction.
-    assert np.linalg.norm(flow[near], axis=1).max() < 0.1 * parallax
-    assert (flow[far] @ twin_t > 0.9 * parallax).all()
+    assert np.linalg.norm(flow[near], axis=1).max() < 0.15 * parallax
+    assert (-flow[far, 0] > 0.9 * parallax).all()
 
 
 @kernel

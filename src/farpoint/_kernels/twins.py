@@ -146,12 +146,15 @@ def layer_twin(
 ) -> bool:
     """The motion that takes the near layer for the far one; False where there are no two layers.
 
-    In a narrow field of view a rotation imitates the flow of points at one distance. If it is that
-    of the near points which the rotation takes up, the far ones flow backwards. Near are those
-    nearer than most; matches with a residual beyond ``gate`` are left out.
+    In a narrow field of view a rotation imitates the flow of points at one distance, as far as the
+    motion is sideways. If it is that of the near points which the rotation takes up, the far ones
+    flow the other way. What goes along the rays, on average, stays as it is, since no rotation
+    imitates it. Near are those nearer than most; matches with a residual beyond ``gate`` are left
+    out.
     """
-    M, nearness = scratch(3, 3), room(count)
+    M, nearness, ahead = scratch(3, 3), room(count), scratch(3)
     clear(M)
+    clear(ahead)
     towards, agreeing = vector(t), 0
     for i in range(count):
         at = address(i)
@@ -161,10 +164,13 @@ def layer_twin(
         # Inverse distance, and nothing at the epipole.
         nearness[i] = greater(flow, 0.0) / greater(reach2, 1e-6) if agrees else -1.0
         agreeing += 1 if agrees else 0
+        if agrees:
+            add(1.0, b, ahead)
     typical = largest(nearness, agreeing // 2)
     for i in range(count):
         if nearness[i] > typical:
             add_outer(ray1(pairs, address(i)), ray0(pairs, address(i)), 1.0, M)
-    for k in range(3):
-        twin_t[k] = -t[k]
+    axis = vector(ahead)
+    along = 2.0 * dot(axis, towards) / (dot(axis, axis) + 1e-300)
+    put(1.0, combine(along, axis, -1.0, towards), twin_t)
     return kabsch(M, twin_R)
