@@ -38,7 +38,7 @@ from farpoint._kernels.squares import (
 )
 from farpoint._kernels.vectors import Matrix, Vector, matrix, rotate, tangent_columns, vector
 
-__all__ = ["add_retreats", "explain", "judge_pose", "linearize"]
+__all__ = ["explain", "judge_pose", "linearize"]
 
 # Right matches that retreat by more, in all, that are left alone.
 FEW_RETREATING = 0.01
@@ -84,13 +84,13 @@ def linearize(seen: Seen, gives_way: bool, normal: np.ndarray, shares: np.ndarra
             sums = add_square(sums, precision * weight_of(each) * over, row)
     write_square(sums, normal)
     if gives_way and retreating > FEW_RETREATING:
-        add_retreats(seen, normal)
+        _add_retreats(seen, normal)
     shares[0], shares[1], shares[2], shares[3] = right, steps, trials, repeated
     return cost
 
 
 @inner_kernel
-def add_retreats(seen: Seen, normal: np.ndarray) -> None:
+def _add_retreats(seen: Seen, normal: np.ndarray) -> None:
     """Add the matches that retreat to the normal equations of `linearize`, by their shift.
 
     As far as they are good, and matches are at all: where noise has tails, of two that are far off

@@ -34,8 +34,8 @@ def overlooked_motion(
 ) -> MovingFit:
     """The fit; or the motion that the others show, if it is the likelier.
 
-    The search has looked at some of the matches, where there are many. Of these only a handful may
-    be near; of all they are too many to be wrong.
+    Where there are many matches, the search has looked at some, of which a handful may be near; of
+    all they are too many to be wrong.
     """
     others = fit.probability < 0.5
     count, within = int(np.count_nonzero(others)), WIDER * tolerance
