@@ -364,12 +364,12 @@ def test_eight_matches_are_enough_to_try_and_twelve_to_succeed():
 
 
 def test_eight_exact_matches_tell_the_motion():
-    poses = run(40, matches=8, outliers=0, noise_px=0.0)
+    poses = run(400, matches=8, outliers=0, noise_px=0.0)
     found = statuses(poses)
     # Eight points may all be far; but exact matches agree, so there is a consensus. Of 400 scenes
-    # one or two have none: so few samples are tried of eight that they may all lead elsewhere.
-    assert found[PoseStatus.FAILED] <= 1
-    assert found[PoseStatus.OK] >= 24
+    # two have none: so few samples are tried of eight that they may all lead elsewhere.
+    assert found[PoseStatus.FAILED] <= 3
+    assert found[PoseStatus.OK] >= 300
 
 
 def test_matches_without_a_ray_are_left_out_and_labelled_outliers():

@@ -12,7 +12,7 @@ ones, of wrong ones among all, and of repeated ones among these are estimated al
 noise is treated as such and heavy tails lose only what they must.
 
 A right match flows towards the direction. Noise can make a far one retreat; beyond `FAR_SIGMA` the
-density of right matches falls off as that noise does. Up to there it is flat, for rotation can
+density of right matches falls off, `STEEPER` than noise. Up to there it is flat, for rotation can
 imitate parallax, and any slope would pull at the rotation; and from there it falls off smoothly: at
 a kink a pose would be held, and no step of Gauss-Newton ends there.
 """
