@@ -73,12 +73,12 @@ def majority_motion(
     own = max(1.0 - fit.coherence, LEAST_OWN) * sigma**2
     least, most = (min(n, SAMPLES) for n in (options.min_iterations, options.max_iterations))
     effort = replace(options, min_iterations=least, max_iterations=most)
-    some = _with_noise_up_to(NARROW * own, matches.some(MAX_SEARCHED))
+    some = matches.some(MAX_SEARCHED).with_noise_up_to(NARROW * own)
     narrow = fit_moving(some, tolerance, effort, state)
     off = np.abs(judge(matches, narrow)[0, right])
     for share in BELIEVED:
         if _is_apart(off, BAND_SIGMA * math.sqrt(share * own)):
-            found = refit_moving(_with_noise_up_to(share * own, matches), narrow)
+            found = refit_moving(matches.with_noise_up_to(share * own), narrow)
             is_of_most = found.agreeing > LEAST_SHARE * fit.agreeing
             return replace(found, between=fit.coherence) if is_of_most else fit
     found = refit_moving(matches, narrow)
@@ -90,7 +90,3 @@ def _is_apart(off: np.ndarray, within: float) -> bool:
     agreeing, near = np.count_nonzero(off < within), np.count_nonzero(off < 2.0 * within)
     tail, moved = near - agreeing, off.size - agreeing
     return bool(tail < min(OF_MOVED * moved, OF_AGREEING * agreeing))
-
-
-def _with_noise_up_to(variance: float, matches: Matches) -> Matches:
-    return replace(matches, max_variance=max(variance, matches.min_variance))

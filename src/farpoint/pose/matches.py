@@ -129,6 +129,10 @@ class Matches:
         """The matches with noise of which they share some, and which then may be misstated."""
         return replace(self, doubt=DOUBT if in_doubt else self.doubt, sharing=sharing)
 
+    def with_noise_up_to(self, variance: float) -> Matches:
+        """The matches, of which no larger noise is believed."""
+        return replace(self, max_variance=max(variance, self.min_variance))
+
     def judging(self, prior: np.ndarray, *, gives_way: bool) -> PackedMatches:
         """As the kernels take them, with the ``prior`` of each, in panels."""
         n, least, most = len(self), self.min_variance, self.max_variance

@@ -95,6 +95,9 @@ class MovingFit:
         if they were independent, where they are not likely to be.
     between : float
         Coherence of a likelier motion that was taken to lie between this and another; else 0.
+    unsettled : tuple of ndarray, shapes (3, 3) and (3,), and float, or None
+        Rotation and direction, cam1_from_cam0, of a motion with less noise that was held against
+        this one, and by how much the log likelihood of this one is larger, at least 0.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -121,6 +124,15 @@ class MovingFit:
     likeness: float
     design_effect: float
     between: float
+    unsettled: tuple[np.ndarray, np.ndarray, float] | None = None
+
+    def at(self, R_cam1_from_cam0: np.ndarray, direction_cam1_from_cam0: np.ndarray) -> MovingFit:
+        """Another motion, with the same noise: where to refit from."""
+        return replace(
+            self,
+            R_cam1_from_cam0=R_cam1_from_cam0,
+            direction_cam1_from_cam0=direction_cam1_from_cam0,
+        )
 
     @property
     def log_likelihood(self) -> float:
@@ -178,8 +190,7 @@ def fit_moving(
     fit = _moving_fit(matches, iterations, bool(is_planar), rival, found, Settled(*numbers))
     if not has_second:
         return fit
-    start = replace(fit, R_cam1_from_cam0=found.R_second, direction_cam1_from_cam0=found.t_second)
-    second = refit_moving(matches, start)
+    second = refit_moving(matches, fit.at(found.R_second, found.t_second))
     if not is_plainly_likelier(second, fit):
         return fit
     return replace(second, rival=(fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0))

@@ -7,8 +7,6 @@ flow on together, to where the camera goes: to the epipole of the remaining flow
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from farpoint._kernels.search import search_direction
@@ -47,6 +45,5 @@ def overlooked_motion(
     agreeing = count - int(search_direction(*given, R, t) / within**2)
     if not is_consensus(agreeing, count, 2, within / matches.spread, BY_CHANCE):
         return fit
-    start = replace(fit, R_cam1_from_cam0=R, direction_cam1_from_cam0=t)
-    found = refit_moving(matches, start)
+    found = refit_moving(matches, fit.at(R, t))
     return found if is_likelier(found, fit) else fit

@@ -24,6 +24,7 @@ from farpoint.pose.neighbours import doubt_where_alike
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.overlooked import overlooked_motion
+from farpoint.pose.quieter import quieter_motion
 from farpoint.pose.result import RelativePose
 from farpoint.pose.stuck import without_stuck
 from farpoint.pose.turning_fit import turning_when_asked
@@ -147,6 +148,7 @@ def _find(
         # What the search made of a plane, it did with noise that was told wrong.
         moving = replace(refit_moving(matches, moving), is_planar=True)
         course.lap("refinement_s")
+    moving = quieter_motion(matches, moving, tolerance, options, state)
     given = len(matches)
     matches, moving = without_stuck(matches, moving, tolerance, options, state)
     if len(matches) < given:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -176,6 +175,8 @@ def hold_against_rivals(
         best, other = likelier_met(fit)
         # Which of the two is the likelier is in doubt where their noise is.
         rival = _within(limit, other) if fit.matches.doubt > 1.0 else None
+    if rival is None and best is fit:
+        rival = _within(limit, _unsettled(fit))
     covariance = moving_covariance(best)
     nearby = nearby if best is fit else None
     if best is fit and rival is None and of_plane is not None:
@@ -187,6 +188,14 @@ def hold_against_rivals(
         if likelier is not best:
             return Held(likelier, moving_covariance(likelier), rival)
     return Held(best, covariance, nearby if rival is None else rival)
+
+
+def _unsettled(fit: MovingFit) -> OtherMotion | None:
+    """The motion with less noise that it was held against, if that goes another way."""
+    if fit.unsettled is None:
+        return None
+    other = OtherMotion(*fit.unsettled, ELSEWHERE)
+    return None if other.is_nearby(fit) else other
 
 
 def _within(limit: float, other: OtherMotion | None) -> OtherMotion | None:
@@ -246,11 +255,7 @@ def _likelier(fit: MovingFit, other: OtherMotion | None) -> tuple[MovingFit, Oth
     if other is None or other.against >= contested:
         return fit, other
     R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
-    start = replace(
-        fit,
-        R_cam1_from_cam0=other.R_cam1_from_cam0,
-        direction_cam1_from_cam0=other.direction_cam1_from_cam0,
-    )
+    start = fit.at(other.R_cam1_from_cam0, other.direction_cam1_from_cam0)
     found = refit_moving(fit.matches, start)
     if _cosine(found, fit) > _cosine(found, other):
         return fit, other._replace(against=max(other.against, 0.0))

@@ -1,0 +1,184 @@
+"""Some motion comes near all matches with much noise; another, with less, may be the right one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from pose_kit import point_scene, rotation_error
+
+from farpoint import Camera, PoseStatus, estimate_relative_pose
+from farpoint.pose import quieter, relative_pose
+from farpoint.pose.matches import Matches, matches_from_points
+from farpoint.pose.moving_fit import MovingFit, fit_moving
+from farpoint.pose.options import DEFAULTS
+from farpoint.pose.rivals import hold_against_rivals
+from farpoint.pose.turning_fit import fit_turning
+
+# What is far ahead on a road: much that is wrong is about as near to where it should be as the
+# flow is long.
+AHEAD = Camera.pinhole(800, 120, 718.0, 718.0, 400.0, 60.0)
+UP = np.array([0.0, 1.0, 0.0])
+TOLERANCE = 1.5
+
+
+class Road(NamedTuple):
+    points0: np.ndarray
+    points1: np.ndarray
+    R: np.ndarray
+
+
+def road(seed: int) -> Road:
+    """45 matches, 25 to 120 m away, of a camera that drove 9 m; half of them off by 15 px."""
+    scene = point_scene(
+        seed,
+        camera=AHEAD,
+        matches=45,
+        outliers=0,
+        far_share=0.0,
+        near_range_m=(25.0, 120.0),
+        rotation_vector_rad=(0.002, 0.006, -0.001),
+        translation_m=(0.1, -0.05, -9.0),
+        noise_px=0.4,
+    )
+    rng = np.random.default_rng(seed + 1000)
+    wrong = rng.permutation(45)[:22]
+    points1 = scene.points1.copy()
+    points1[wrong] += rng.normal(0.0, 15.0, (22, 2))
+    return Road(scene.points0, points1, scene.rotation_cam1_from_cam0)
+
+
+class Lost(NamedTuple):
+    rotations: int
+    of_them_sure: int
+
+
+def lost(seeds: range) -> Lost:
+    """How many rotations are a degree off or missing; and how many of these with a direction."""
+    rotations = sure = 0
+    for seed in seeds:
+        scene = road(seed)
+        pose = estimate_relative_pose(scene.points0, scene.points1, AHEAD)
+        if pose.status is not PoseStatus.FAILED:
+            off = np.degrees(np.linalg.norm(rotation_error(pose, scene.R)))
+            if off < 1.0:
+                continue
+        rotations += 1
+        sure += pose.status is PoseStatus.OK
+    return Lost(rotations, sure)
+
+
+@pytest.fixture(scope="module")
+def held() -> Lost:
+    return lost(range(300))
+
+
+def test_fewer_motions_are_lost(held, monkeypatch):
+    monkeypatch.setattr(relative_pose, "quieter_motion", lambda _matches, fit, *_: fit)
+    alone = lost(range(300))
+    assert alone.rotations > 70
+    assert held.rotations < 0.65 * alone.rotations
+    assert held.of_them_sure < 0.65 * alone.of_them_sure
+
+
+def test_hardly_any_is_lost_and_sure(held):
+    assert held.of_them_sure <= 9
+
+
+@pytest.fixture(scope="module")
+def matches() -> Matches:
+    drawn = point_scene(3)
+    return matches_from_points(drawn.points0, drawn.points1, drawn.camera, drawn.camera)
+
+
+@pytest.fixture(scope="module")
+def fit(matches) -> MovingFit:
+    """The motion, as if with more noise than the search begins with."""
+    found = fit_moving(matches, TOLERANCE, DEFAULTS, np.array([1], np.uint64))
+    return replace(found, noise=found.noise._replace(variance=1.0))
+
+
+def asked(matches: Matches, fit: MovingFit) -> MovingFit:
+    state = np.array([1], np.uint64)
+    return quieter.quieter_motion(matches, fit, TOLERANCE, DEFAULTS, state)
+
+
+@pytest.fixture
+def other(fit, monkeypatch):
+    """What is found elsewhere is by so much likelier."""
+
+    def by(gain: float, **but: object) -> None:
+        quiet = replace(fit.at(fit.R_cam1_from_cam0, UP), **but)
+        monkeypatch.setattr(quieter, "fit_moving", lambda *_: quiet)
+        cost = fit.cost - gain / len(fit.matches)
+        monkeypatch.setattr(quieter, "refit_moving", lambda _, start: replace(start, cost=cost))
+
+    return by
+
+
+def test_what_is_clearly_likelier_is_taken(matches, fit, other):
+    other(8.5)
+    found = asked(matches, fit)
+    np.testing.assert_array_equal(found.direction_cam1_from_cam0, UP)
+    assert found.unsettled is None
+
+
+@pytest.mark.parametrize(("gain", "against"), [(7.5, 0.0), (-3.0, 3.0)])
+def test_what_is_not_is_remembered(matches, fit, other, gain, against):
+    other(gain)
+    found = asked(matches, fit)
+    np.testing.assert_array_equal(found.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
+    assert found.unsettled is not None
+    _, t, by = found.unsettled
+    np.testing.assert_array_equal(t, UP)
+    assert by == pytest.approx(against)
+
+
+@pytest.mark.parametrize(("gain", "is_taken"), [(15.0, False), (17.0, True)])
+def test_of_a_flow_that_is_mostly_noise_more_is_asked(matches, fit, other, gain, is_taken):
+    other(gain, is_predicted=True)
+    assert (asked(matches, fit).unsettled is None) == is_taken
+
+
+def test_the_less_is_known_of_noise_the_clearer_it_must_be(matches, fit, other):
+    other(20.0)
+    found = asked(replace(matches, doubt=4.0), fit)
+    assert found.unsettled is not None
+
+
+def test_a_motion_that_was_met_is_asked_too(matches, fit, monkeypatch):
+    start = replace(fit, rival=(np.eye(3), UP))
+    monkeypatch.setattr(quieter, "fit_moving", lambda *_: fit)
+
+    def refit(_, start: MovingFit) -> MovingFit:
+        gain = 9.0 if start.direction_cam1_from_cam0 is UP else 0.0
+        return replace(start, cost=fit.cost - gain / len(fit.matches))
+
+    monkeypatch.setattr(quieter, "refit_moving", refit)
+    np.testing.assert_array_equal(asked(matches, start).direction_cam1_from_cam0, UP)
+
+
+def test_where_there_is_little_noise_none_is_looked_for(matches, fit, monkeypatch):
+    monkeypatch.delattr(quieter, "fit_moving")
+    little = replace(fit, noise=fit.noise._replace(variance=0.24))
+    assert asked(matches, little) is little
+
+
+@pytest.mark.parametrize(("against", "is_rival"), [(0.0, True), (6.5, True), (7.5, False)])
+def test_one_that_has_not_clearly_lost_is_a_rival(fit, against, is_rival):
+    unsettled = replace(fit, unsettled=(fit.R_cam1_from_cam0, UP, against))
+    held = hold_against_rivals(unsettled, None, lambda: turned(fit), 1e-3)
+    assert held.fit is unsettled
+    assert (held.rival is not None) == is_rival
+
+
+def test_the_same_way_with_less_noise_is_no_rival(fit):
+    same = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0, 0.0
+    unsettled = replace(fit, unsettled=same)
+    assert hold_against_rivals(unsettled, None, lambda: turned(fit), 1e-3).rival is None
+
+
+def turned(fit: MovingFit):
+    return fit_turning(fit.matches, fit.far_rotation_cam1_from_cam0, TOLERANCE)
