@@ -79,8 +79,8 @@ def test_fewer_motions_are_lost(held, monkeypatch):
     monkeypatch.setattr(relative_pose, "quieter_motion", lambda _matches, fit, *_: fit)
     alone = lost(range(300))
     assert alone.rotations > 70
-    assert held.rotations < 0.65 * alone.rotations
-    assert held.of_them_sure < 0.65 * alone.of_them_sure
+    assert held.rotations < 0.7 * alone.rotations
+    assert held.of_them_sure < 0.7 * alone.of_them_sure
 
 
 def test_hardly_any_is_lost_and_sure(held):
@@ -95,7 +95,7 @@ def matches() -> Matches:
 
 @pytest.fixture(scope="module")
 def fit(matches) -> MovingFit:
-    """The motion, as if with more noise than the search begins with."""
+    """The motion, as if with much noise."""
     found = fit_moving(matches, TOLERANCE, DEFAULTS, np.array([1], np.uint64))
     return replace(found, noise=found.noise._replace(variance=1.0))
 
@@ -162,7 +162,7 @@ def test_a_motion_that_was_met_is_asked_too(matches, fit, monkeypatch):
 
 def test_where_there_is_little_noise_none_is_looked_for(matches, fit, monkeypatch):
     monkeypatch.delattr(quieter, "fit_moving")
-    little = replace(fit, noise=fit.noise._replace(variance=0.24))
+    little = replace(fit, noise=fit.noise._replace(variance=0.35))
     assert asked(matches, little) is little
 
 

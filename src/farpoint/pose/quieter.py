@@ -22,6 +22,8 @@ from farpoint.pose.options import RelativePoseOptions
 
 __all__ = ["quieter_motion"]
 
+# Noise, over the tolerance, from which on another motion is looked for.
+MUCH = 0.4
 # Samples that are drawn for it at the most.
 SAMPLES = 100
 # By how much its log likelihood must be larger: of those that were nearer, as many were wrong. And
@@ -38,15 +40,14 @@ def quieter_motion(
 ) -> MovingFit:
     """The fit; or another motion, if that is clearly likelier.
 
-    Looked for where there is more noise than the search begins with. The fit keeps the one that has
-    lost, as `MovingFit.unsettled`: what is not clear may be the truth.
+    Looked for where there is much noise. The fit keeps the one that has lost, as
+    `MovingFit.unsettled`: what is not clear may be the truth.
     """
-    believed = tolerance / GATE_SIGMA
-    if fit.noise.sigma < believed:
+    if fit.noise.sigma < MUCH * tolerance:
         return fit
     least, most = (min(n, SAMPLES) for n in (options.min_iterations, options.max_iterations))
     effort = replace(options, min_iterations=least, max_iterations=most)
-    some = matches.some(MAX_SEARCHED).with_noise_up_to(believed**2)
+    some = matches.some(MAX_SEARCHED).with_noise_up_to((tolerance / GATE_SIGMA) ** 2)
     quiet = fit_moving(some, tolerance, effort, state)
     met = [fit.at(*pose) for pose in (fit.rival, quiet.rival) if pose is not None]
     found = max((refit_moving(matches, start) for start in (quiet, *met)), key=_likelihood)
