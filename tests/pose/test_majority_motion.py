@@ -113,7 +113,7 @@ def test_what_moves_is_labelled_and_the_region_holds_the_truth():
 @pytest.mark.parametrize("share", [0.0, 0.3])
 def test_noise_is_not_looked_at_again(monkeypatch, share):
     """With or without wrong matches that have nothing in common."""
-    monkeypatch.setattr(majority, "fit_moving", searched_again)
+    monkeypatch.setattr(majority, "fit_quietly", searched_again)
     for seed in range(20):
         scene, rng = traffic(seed, 0.0, 0.0), np.random.default_rng(seed)
         wrong = rng.uniform(size=len(scene.points1)) < share
@@ -180,7 +180,7 @@ def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
 
 
 def test_what_neighbours_share_of_a_small_noise_is_not_looked_at_again(monkeypatch):
-    monkeypatch.setattr(majority, "fit_moving", searched_again)
+    monkeypatch.setattr(majority, "fit_quietly", searched_again)
     matches, fit = fit_of(*traffic(1, 0.0, 0.0)[:2])
     small = replace(fit, noise=fit.noise._replace(variance=0.14**2), coherence=0.9)
     assert majority_of(matches, small) is small

@@ -111,7 +111,7 @@ def other(fit, monkeypatch):
 
     def by(gain: float, **but: object) -> None:
         quiet = replace(fit.at(fit.R_cam1_from_cam0, UP), **but)
-        monkeypatch.setattr(quieter, "fit_moving", lambda *_: quiet)
+        monkeypatch.setattr(quieter, "fit_quietly", lambda *_: quiet)
         cost = fit.cost - gain / len(fit.matches)
         monkeypatch.setattr(quieter, "refit_moving", lambda _, start: replace(start, cost=cost))
 
@@ -150,7 +150,7 @@ def test_the_less_is_known_of_noise_the_clearer_it_must_be(matches, fit, other):
 
 def test_a_motion_that_was_met_is_asked_too(matches, fit, monkeypatch):
     start = replace(fit, rival=(np.eye(3), UP))
-    monkeypatch.setattr(quieter, "fit_moving", lambda *_: fit)
+    monkeypatch.setattr(quieter, "fit_quietly", lambda *_: fit)
 
     def refit(_, start: MovingFit) -> MovingFit:
         gain = 9.0 if start.direction_cam1_from_cam0 is UP else 0.0
@@ -161,7 +161,7 @@ def test_a_motion_that_was_met_is_asked_too(matches, fit, monkeypatch):
 
 
 def test_where_there_is_little_noise_none_is_looked_for(matches, fit, monkeypatch):
-    monkeypatch.delattr(quieter, "fit_moving")
+    monkeypatch.delattr(quieter, "fit_quietly")
     little = replace(fit, noise=fit.noise._replace(variance=0.35))
     assert asked(matches, little) is little
 

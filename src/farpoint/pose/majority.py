@@ -13,11 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from farpoint._kernels.plausible import BAND_SIGMA
-from farpoint._kernels.settling import MAX_SEARCHED
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import (
     MovingFit,
-    fit_moving,
+    fit_quietly,
     is_plainly_likelier,
     judge,
     refit_moving,
@@ -71,10 +70,7 @@ def majority_motion(
     right = fit.probability > 0.5
     sigma = PROBABLE * float(np.median(np.abs(fit.residual[right])))
     own = max(1.0 - fit.coherence, LEAST_OWN) * sigma**2
-    least, most = (min(n, SAMPLES) for n in (options.min_iterations, options.max_iterations))
-    effort = replace(options, min_iterations=least, max_iterations=most)
-    some = matches.some(MAX_SEARCHED).with_noise_up_to(NARROW * own)
-    narrow = fit_moving(some, tolerance, effort, state)
+    narrow = fit_quietly(matches, NARROW * own, SAMPLES, tolerance, options, state)
     off = np.abs(judge(matches, narrow)[0, right])
     for share in BELIEVED:
         if _is_apart(off, BAND_SIGMA * math.sqrt(share * own)):

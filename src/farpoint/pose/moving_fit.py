@@ -19,7 +19,7 @@ from farpoint._kernels.motion import fit_motion
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
 from farpoint._kernels.plausible import BAND_SIGMA
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
-from farpoint._kernels.settling import Found, Settled, settle_motion
+from farpoint._kernels.settling import MAX_SEARCHED, Found, Settled, settle_motion
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise
@@ -28,6 +28,7 @@ from farpoint.pose.options import RelativePoseOptions
 __all__ = [
     "MovingFit",
     "fit_moving",
+    "fit_quietly",
     "is_likelier",
     "is_plainly_likelier",
     "judge",
@@ -194,6 +195,21 @@ def fit_moving(
     if not is_plainly_likelier(second, fit):
         return fit
     return replace(second, rival=(fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0))
+
+
+def fit_quietly(
+    matches: Matches,
+    variance: float,
+    samples: int,
+    tolerance: float,
+    options: RelativePoseOptions,
+    state: np.ndarray,
+) -> MovingFit:
+    """As `fit_moving` of some of the matches, with no larger noise than this, and few samples."""
+    least, most = (min(n, samples) for n in (options.min_iterations, options.max_iterations))
+    effort = replace(options, min_iterations=least, max_iterations=most)
+    some = matches.some(MAX_SEARCHED).with_noise_up_to(variance)
+    return fit_moving(some, tolerance, effort, state)
 
 
 def is_plainly_likelier(fit: MovingFit, other: MovingFit) -> bool:

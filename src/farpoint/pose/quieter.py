@@ -15,9 +15,8 @@ from operator import attrgetter
 import numpy as np
 
 from farpoint._kernels.contest import GATE_SIGMA
-from farpoint._kernels.settling import MAX_SEARCHED
 from farpoint.pose.matches import Matches
-from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
+from farpoint.pose.moving_fit import MovingFit, fit_quietly, refit_moving
 from farpoint.pose.options import RelativePoseOptions
 
 __all__ = ["quieter_motion"]
@@ -45,10 +44,8 @@ def quieter_motion(
     """
     if fit.noise.sigma < MUCH * tolerance:
         return fit
-    least, most = (min(n, SAMPLES) for n in (options.min_iterations, options.max_iterations))
-    effort = replace(options, min_iterations=least, max_iterations=most)
-    some = matches.some(MAX_SEARCHED).with_noise_up_to((tolerance / GATE_SIGMA) ** 2)
-    quiet = fit_moving(some, tolerance, effort, state)
+    variance = (tolerance / GATE_SIGMA) ** 2
+    quiet = fit_quietly(matches, variance, SAMPLES, tolerance, options, state)
     met = [fit.at(*pose) for pose in (fit.rival, quiet.rival) if pose is not None]
     found = max((refit_moving(matches, start) for start in (quiet, *met)), key=_likelihood)
     gain = found.log_likelihood - fit.log_likelihood
