@@ -21,6 +21,7 @@ from kernels_kit import (
     spread_of,
     two_views,
 )
+from scipy.stats import norm
 
 from farpoint._kernels import epipolar, likelihood, mixture, refinement
 from farpoint._kernels.compile import kernel
@@ -189,6 +190,13 @@ def test_matches_that_retreat_lose_their_density(seed):
     at = Linearized(view, prior, view.R, -view.t)
     assert at.cost == pytest.approx(-np.log(density.sum(axis=0) + CLUTTER).sum(), rel=1e-3)
     assert at.cost > Linearized(view, prior, view.R, view.t).cost
+
+
+def test_no_far_match_retreats_farther_than_noise_takes_it():
+    """Up to where one of 160 goes it costs nothing, and at 8.5 sigma what noise says."""
+    assert norm.sf(mixture.FAR_SIGMA) == pytest.approx(1.0 / 160.0, rel=0.02)
+    beyond = 8.5 - mixture.FAR_SIGMA
+    assert mixture.STEEPER * beyond**2 == pytest.approx(8.5**2, rel=0.02)
 
 
 @quick

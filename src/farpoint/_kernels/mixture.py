@@ -72,7 +72,7 @@ USUAL = 20.0
 FARTHER = 3.0
 MOST_FARTHER = 0.7
 # Retreat along its epipolar line that noise can cause of a far point, in sigma; and by how much
-# more steeply than noise the density falls off beyond, to be at 7 sigma what noise makes of it.
+# more steeply than noise the density falls off beyond: at 8.5 sigma it is what noise makes of it.
 FAR_SIGMA = 2.5
 STEEPER = 2.0
 # Half of the repeated matches are off by less than this part of the spread.
