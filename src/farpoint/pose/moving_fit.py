@@ -97,8 +97,9 @@ class MovingFit:
     between : float
         Coherence of a likelier motion that was taken to lie between this and another; else 0.
     unsettled : tuple of ndarray, shapes (3, 3) and (3,), and float, or None
-        Rotation and direction, cam1_from_cam0, of a motion with less noise that was held against
-        this one, and by how much the log likelihood of this one is larger, at least 0.
+        Rotation and direction, cam1_from_cam0, of another motion that was held against this one
+        where there is much noise, and by how much the log likelihood of this one is larger, at
+        least 0.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -205,7 +206,10 @@ def fit_quietly(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> MovingFit:
-    """As `fit_moving` of some of the matches, with no larger noise than this, and few samples."""
+    """As `fit_moving` of some of the matches, with few samples, and no larger noise than this.
+
+    ``variance`` is in units of the matches' noise, squared; ``samples`` the most that are drawn.
+    """
     least, most = (min(n, samples) for n in (options.min_iterations, options.max_iterations))
     effort = replace(options, min_iterations=least, max_iterations=most)
     some = matches.some(MAX_SEARCHED).with_noise_up_to(variance)

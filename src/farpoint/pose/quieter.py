@@ -47,13 +47,11 @@ def quieter_motion(
     variance = (tolerance / GATE_SIGMA) ** 2
     quiet = fit_quietly(matches, variance, SAMPLES, tolerance, options, state)
     met = [fit.at(*pose) for pose in (fit.rival, quiet.rival) if pose is not None]
-    found = max((refit_moving(matches, start) for start in (quiet, *met)), key=_likelihood)
+    others = (refit_moving(matches, start) for start in (quiet, *met))
+    found = max(others, key=attrgetter("log_likelihood"))
     gain = found.log_likelihood - fit.log_likelihood
     asked = CLEAR + OF_NOISE if found.is_predicted else CLEAR
     if gain > asked * matches.doubt:
         return found
-    other = found.R_cam1_from_cam0, found.direction_cam1_from_cam0, max(-gain, 0.0)
-    return replace(fit, unsettled=other)
-
-
-_likelihood = attrgetter("log_likelihood")
+    lost = found.R_cam1_from_cam0, found.direction_cam1_from_cam0, max(-gain, 0.0)
+    return replace(fit, unsettled=lost)

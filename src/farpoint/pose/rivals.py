@@ -191,7 +191,7 @@ def hold_against_rivals(
 
 
 def _unsettled(fit: MovingFit) -> OtherMotion | None:
-    """The motion with less noise that it was held against, if that goes another way."""
+    """The motion that it was held against where there is much noise, if that goes another way."""
     if fit.unsettled is None:
         return None
     other = OtherMotion(*fit.unsettled, ELSEWHERE)
