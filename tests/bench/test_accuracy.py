@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bench_kit import estimator_of, silent, some_views
 
-from farpoint.bench.accuracy import bound_ratios, errors_of
+from farpoint.bench.accuracy import Errors, bound_ratios, errors_of, ratio_cells
 from farpoint.bench.race import Course
 from farpoint.bench.views import TwoViews
 from farpoint.geometry import so3, sphere
@@ -88,3 +88,34 @@ def test_short_true_translations_have_no_direction():
     assert np.isnan(errors.direction_deg[0])
     assert errors.undecided == 0
     assert not np.isnan(errors_of(course, [short], min_translation=0.003).direction_deg[0])
+
+
+def turned_by(angles_deg: np.ndarray) -> Errors:
+    """Errors of rotation of so many degrees; NaN for no answer."""
+    dtheta = np.zeros((len(angles_deg), 3))
+    dtheta[:, 1] = np.radians(angles_deg)
+    return errors_of(off_by(dtheta, np.zeros((len(angles_deg), 2))), [TRUTH] * len(angles_deg))
+
+
+def test_a_ratio_of_means_is_of_the_pairs_that_both_answered():
+    one, other = (
+        turned_by(np.array([1.0, 2.0, np.nan, 9.0])),
+        turned_by(np.array([2.0, 4.0, 8.0, np.nan])),
+    )
+    assert ratio_cells(one, other) == pytest.approx((0.5, 0.5, 0.5))
+    assert ratio_cells(one, one) == pytest.approx((1.0, 1.0, 1.0))
+    assert all(math.isnan(cell) for cell in ratio_cells(turned_by(np.full(4, np.nan)), other))
+
+
+@pytest.mark.parametrize("true_ratio", [1.0, 1.6])
+def test_nineteen_of_twenty_intervals_hold_the_ratio_of_the_means(true_ratio: float):
+    rng = np.random.default_rng(8)
+    held, trials = 0, 400
+    for _ in range(trials):
+        # Most of an error is of the pair itself, whichever estimator it is.
+        shared = rng.gamma(2.0, 0.1, 60)
+        one = shared * rng.gamma(4.0, true_ratio / 4.0, 60)
+        other = shared * rng.gamma(4.0, 0.25, 60)
+        _, low, high = ratio_cells(turned_by(one), turned_by(other))
+        held += low <= true_ratio <= high
+    assert 0.91 <= held / trials <= 0.98

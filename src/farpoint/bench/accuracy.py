@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,10 +19,13 @@ __all__ = [
     "GROSS_DIRECTION_DEG",
     "GROSS_ROTATION_DEG",
     "MIN_TRANSLATION_M",
+    "RATIO_COLUMNS",
+    "RATIO_NOTE",
     "Errors",
     "bound_ratios",
     "error_cells",
     "errors_of",
+    "ratio_cells",
 ]
 
 GROSS_ROTATION_DEG = 1.0
@@ -38,6 +42,20 @@ ERROR_COLUMNS = (
     Column("no_direction"),
     Column("gross"),
 )
+# What `ratio_cells` fills, and what a reader must know of it.
+RATIO_COLUMNS = (
+    Column("rotation_over_farpoint", 2),
+    Column("rotation_over_low", 2),
+    Column("rotation_over_high", 2),
+)
+RATIO_NOTE = (
+    "rotation_over_farpoint: mean error over farpoint's, of the pairs that both answered; other "
+    "pairs of the kind would have it between low and high with 95 % (bootstrap of pairs): "
+    "farpoint errs more than by chance where high is under 1"
+)
+# Samples of pairs that the interval is told from, and the quantiles that bound it.
+_RESAMPLES = 4000
+_INTERVAL = (0.025, 0.975)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,6 +107,29 @@ def error_cells(errors: Errors) -> tuple[Cell, ...]:
     rotation, direction = summarize(errors.rotation_deg), summarize(errors.direction_deg)
     middle = rotation.median, rotation.mean, direction.median, direction.mean
     return *middle, errors.failed, errors.undecided, errors.gross
+
+
+def ratio_cells(errors: Errors, reference: Errors) -> tuple[float, float, float]:
+    """Mean rotation error over that of a ``reference``, with its interval, in `RATIO_COLUMNS`.
+
+    A few pairs that go wrong make up most of a mean, so two means of the same pairs may differ by
+    half with nothing behind it. Pairs are drawn anew, with both errors of each (bootstrap,
+    percentiles: Efron, Ann. Stat. 7, 1979, DOI 10.1214/aos/1176344552).
+    """
+    both = np.isfinite(errors.rotation_deg) & np.isfinite(reference.rotation_deg)
+    pairs = np.stack([errors.rotation_deg[both], reference.rotation_deg[both]])
+    n = pairs.shape[1]
+    if n == 0:
+        return math.nan, math.nan, math.nan
+    drawn = np.random.default_rng(0).integers(0, n, (_RESAMPLES, n))
+    low, high = np.quantile(_over(pairs[:, drawn]), _INTERVAL)
+    return float(_over(pairs)), float(low), float(high)
+
+
+def _over(pairs: np.ndarray) -> np.ndarray:
+    """Mean of the first row over that of the second; 1 where both are nothing."""
+    ours, theirs = pairs.mean(axis=-1) + 1e-300
+    return ours / theirs
 
 
 def bound_ratios(

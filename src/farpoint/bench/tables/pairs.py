@@ -6,7 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from farpoint.bench.accuracy import ERROR_COLUMNS, MIN_TRANSLATION_M, error_cells, errors_of
+from farpoint.bench.accuracy import (
+    ERROR_COLUMNS,
+    MIN_TRANSLATION_M,
+    RATIO_COLUMNS,
+    RATIO_NOTE,
+    error_cells,
+    errors_of,
+    ratio_cells,
+)
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.match_files import find_match_files, read_matches
 from farpoint.bench.options import BenchOptions, Progress
@@ -24,6 +32,7 @@ _COLUMNS = (
     Column("matches"),
     Column("estimator"),
     *ERROR_COLUMNS,
+    *RATIO_COLUMNS,
     Column("median_ms", 3),
     Column("time_over_farpoint", 2),
     Column("first_ms", 3),
@@ -55,6 +64,7 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
             "thread: the best of three calls, and the first, when others have had the caches",
             "peers are given points without lens distortion, outside of their time",
             "gross: rotation more than 1 deg or direction more than 30 deg off",
+            RATIO_NOTE,
             "the truth is noisy itself: KITTI's by some 0.02-0.04 deg from frame to frame",
             f"a true motion under {100 * MIN_TRANSLATION_M:g} cm has no direction to compare",
         ),
@@ -73,16 +83,18 @@ def _file_rows(
     )
     medians_ms = [1e3 * float(np.median(course.seconds)) for course in courses]
     firsts_ms = [1e3 * float(np.median(course.first_seconds)) for course in courses]
+    errors = [errors_of(course, views, min_translation=MIN_TRANSLATION_M) for course in courses]
     rows: list[tuple[Cell, ...]] = []
-    for course, median_ms, first_ms in zip(courses, medians_ms, firsts_ms, strict=True):
-        errors = errors_of(course, views, min_translation=MIN_TRANSLATION_M)
+    told = zip(courses, errors, medians_ms, firsts_ms, strict=True)
+    for course, each, median_ms, first_ms in told:
         rows.append(
             (
                 name,
                 len(views),
                 round(float(np.median([len(v.points0) for v in views]))),
                 course.estimator.name,
-                *error_cells(errors),
+                *error_cells(each),
+                *ratio_cells(each, errors[0]),
                 median_ms,
                 median_ms / medians_ms[0],
                 first_ms,
