@@ -21,6 +21,7 @@ from farpoint._kernels.likelihood import explain, judge_pose
 from farpoint._kernels.linear import add, add_outer
 from farpoint._kernels.mixture import clutter_at, clutter_of, densities, sum_of
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, noise0, noise1, ray0, ray1
+from farpoint._kernels.plausible import largest
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.scratch import clear, copy, room, scratch
@@ -49,6 +50,8 @@ OFF, OF_ALL = 4.0, 40.0
 KNOWN = 60.0
 PLANE_ROUNDS = 8
 RELIEF_ROUNDS = 8
+# By what part of itself a variance may still change when no more rounds are needed.
+SETTLED = 0.01
 # Median of the sum of the squares of two normal errors.
 MEDIAN = 2.0 * math.log(2.0)
 
@@ -140,7 +143,14 @@ def _likelihood_by(
             along = (squares_across + squares_along + KNOWN) / (2.0 * weight + KNOWN)
             across = along
         off_share = off_plane / on_line
+        if _is_settled(relief[0], across) and _is_settled(relief[1], along):
+            break
     return likelihood
+
+
+@formula
+def _is_settled(before: float, after: float) -> bool:
+    return abs(after - before) <= SETTLED * before
 
 
 @sum_kernel
@@ -238,7 +248,7 @@ def _measure(seen: Seen, count: int, off: np.ndarray) -> None:
     ``n . X = 1`` (camera 0, unit of the translation) moves a ray a to ``R a + t (n . a)``.
     """
     size = seen.prior.size
-    right, square, spare = room(size), room(size), room(size)
+    right, square, spare, sizes = room(size), room(size), room(size), room(count)
     explain(seen, square, spare, right)
     M, v, n = scratch(3, 3), scratch(3), scratch(3)
     turn, towards, variance = matrix(seen.R), vector(seen.t), seen.mixture[0]
@@ -252,7 +262,7 @@ def _measure(seen: Seen, count: int, off: np.ndarray) -> None:
         _solve(M, v, variance, n)
         for i in range(count):
             square[i] = _put_off(seen.pairs, i, turn, towards, variance, n, off)
-        typical = greater(_median(square, right, count, spare), MEDIAN)
+        typical = greater(_median(square, right, sizes), MEDIAN)
 
 
 @formula
@@ -315,19 +325,11 @@ def _put_off(
 
 
 @inner_kernel
-def _median(square: np.ndarray, right: np.ndarray, count: int, found: np.ndarray) -> float:
-    """Median of the squares of right matches; 0 of none.
-
-    ``found`` is room for these, which are sorted as they come: they are few.
-    """
-    taken = 0
-    for i in range(count):
-        value = square[i]
-        if right[i] > 0.5:
-            j = taken
-            while j > 0 and found[j - 1] > value:
-                found[j] = found[j - 1]
-                j -= 1
-            found[j] = value
-            taken += 1
-    return 0.5 * (found[(taken - 1) // 2] + found[taken // 2]) if taken > 0 else 0.0
+def _median(square: np.ndarray, right: np.ndarray, sizes: np.ndarray) -> float:
+    """Median of the squares of right matches; 0 of none. ``sizes`` is room for these."""
+    agreeing = 0
+    for i in range(sizes.size):
+        is_right = right[i] > 0.5
+        sizes[i] = square[i] if is_right else -1.0
+        agreeing += 1 if is_right else 0
+    return largest(sizes, (agreeing + 1) // 2)
