@@ -18,14 +18,14 @@ __all__ = [
     "ERROR_COLUMNS",
     "GROSS_DIRECTION_DEG",
     "GROSS_ROTATION_DEG",
-    "MIN_TRANSLATION_M",
-    "RATIO_COLUMNS",
-    "RATIO_NOTE",
+    "REAL_COLUMNS",
+    "REAL_NOTES",
     "Errors",
     "bound_ratios",
     "error_cells",
     "errors_of",
     "ratio_cells",
+    "real_cells",
 ]
 
 GROSS_ROTATION_DEG = 1.0
@@ -42,16 +42,20 @@ ERROR_COLUMNS = (
     Column("no_direction"),
     Column("gross"),
 )
-# What `ratio_cells` fills, and what a reader must know of it.
-RATIO_COLUMNS = (
+# What `real_cells` fills, and what a reader must know of it.
+REAL_COLUMNS = (
+    *ERROR_COLUMNS,
     Column("rotation_over_farpoint", 2),
     Column("rotation_over_low", 2),
     Column("rotation_over_high", 2),
 )
-RATIO_NOTE = (
+REAL_NOTES = (
+    "means are over the answers given; gross: rotation more than 1 deg or direction more than 30 "
+    "deg off",
     "rotation_over_farpoint: mean error over farpoint's, of the pairs that both answered; other "
     "pairs of the kind would have it between low and high with 95 % (bootstrap of pairs): "
-    "farpoint errs more than by chance where high is under 1"
+    "farpoint errs more than by chance where high is under 1",
+    f"a true motion under {100 * MIN_TRANSLATION_M:g} cm has no direction to compare",
 )
 # Samples of pairs that the interval is told from, and the quantiles that bound it.
 _RESAMPLES = 4000
@@ -109,8 +113,14 @@ def error_cells(errors: Errors) -> tuple[Cell, ...]:
     return *middle, errors.failed, errors.undecided, errors.gross
 
 
+def real_cells(courses: Sequence[Course], views: Sequence[TwoViews]) -> list[tuple[Cell, ...]]:
+    """What a table of real images tells of each course, in `REAL_COLUMNS`; farpoint's is first."""
+    errors = [errors_of(course, views, min_translation=MIN_TRANSLATION_M) for course in courses]
+    return [(*error_cells(each), *ratio_cells(each, errors[0])) for each in errors]
+
+
 def ratio_cells(errors: Errors, reference: Errors) -> tuple[float, float, float]:
-    """Mean rotation error over that of a ``reference``, with its interval, in `RATIO_COLUMNS`.
+    """Mean rotation error over that of a ``reference``, and between what it lies with 95 %.
 
     A few pairs that go wrong make up most of a mean, so two means of the same pairs may differ by
     half with nothing behind it. Pairs are drawn anew, with both errors of each (bootstrap,

@@ -6,15 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from farpoint.bench.accuracy import (
-    ERROR_COLUMNS,
-    MIN_TRANSLATION_M,
-    RATIO_COLUMNS,
-    RATIO_NOTE,
-    error_cells,
-    errors_of,
-    ratio_cells,
-)
+from farpoint.bench.accuracy import REAL_COLUMNS, REAL_NOTES, real_cells
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.match_files import find_match_files, read_matches
 from farpoint.bench.options import BenchOptions, Progress
@@ -31,8 +23,7 @@ _COLUMNS = (
     Column("pairs"),
     Column("matches"),
     Column("estimator"),
-    *ERROR_COLUMNS,
-    *RATIO_COLUMNS,
+    *REAL_COLUMNS,
     Column("median_ms", 3),
     Column("time_over_farpoint", 2),
     Column("first_ms", 3),
@@ -63,10 +54,8 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
             "pairs spread evenly over each file, the same for all; times interleaved, on one "
             "thread: the best of three calls, and the first, when others have had the caches",
             "peers are given points without lens distortion, outside of their time",
-            "gross: rotation more than 1 deg or direction more than 30 deg off",
-            RATIO_NOTE,
             "the truth is noisy itself: KITTI's by some 0.02-0.04 deg from frame to frame",
-            f"a true motion under {100 * MIN_TRANSLATION_M:g} cm has no direction to compare",
+            *REAL_NOTES,
         ),
     )
 
@@ -83,9 +72,9 @@ def _file_rows(
     )
     medians_ms = [1e3 * float(np.median(course.seconds)) for course in courses]
     firsts_ms = [1e3 * float(np.median(course.first_seconds)) for course in courses]
-    errors = [errors_of(course, views, min_translation=MIN_TRANSLATION_M) for course in courses]
+    cells = real_cells(courses, views)
     rows: list[tuple[Cell, ...]] = []
-    told = zip(courses, errors, medians_ms, firsts_ms, strict=True)
+    told = zip(courses, cells, medians_ms, firsts_ms, strict=True)
     for course, each, median_ms, first_ms in told:
         rows.append(
             (
@@ -93,8 +82,7 @@ def _file_rows(
                 len(views),
                 round(float(np.median([len(v.points0) for v in views]))),
                 course.estimator.name,
-                *error_cells(each),
-                *ratio_cells(each, errors[0]),
+                *each,
                 median_ms,
                 median_ms / medians_ms[0],
                 first_ms,

@@ -6,15 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from farpoint.bench.accuracy import (
-    ERROR_COLUMNS,
-    MIN_TRANSLATION_M,
-    RATIO_COLUMNS,
-    RATIO_NOTE,
-    error_cells,
-    errors_of,
-    ratio_cells,
-)
+from farpoint.bench.accuracy import REAL_COLUMNS, REAL_NOTES, real_cells
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.feature_matcher import FeatureMatcher, Matcher
 from farpoint.bench.options import BenchOptions, Progress
@@ -85,17 +77,10 @@ def _rows(
         progress=lambda done, total: progress(f"{name}, {kind}, {step} apart", done, total),
     )
     matches = round(float(np.median([len(v.points0) for v in views])))
-    errors = [errors_of(course, views, min_translation=MIN_TRANSLATION_M) for course in courses]
+    cells = real_cells(courses, views)
     return [
-        (
-            *named,
-            len(views),
-            matches,
-            course.estimator.name,
-            *error_cells(each),
-            *ratio_cells(each, errors[0]),
-        )
-        for course, each in zip(courses, errors, strict=True)
+        (*named, len(views), matches, course.estimator.name, *each)
+        for course, each in zip(courses, cells, strict=True)
     ]
 
 
@@ -111,17 +96,13 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
             Column("pairs"),
             Column("matches"),
             Column("estimator"),
-            *ERROR_COLUMNS,
-            *RATIO_COLUMNS,
+            *REAL_COLUMNS,
         ),
         rows=tuple(rows),
         notes=(
             f"pairs spread evenly over each sequence; those of fewer than {_LEAST_MATCHES} matches "
             "are none",
             "tracks as the plain script makes them, features by the ratio of their distances",
-            "means are over the answers given; gross: rotation more than 1 deg or direction more "
-            "than 30 deg off",
-            RATIO_NOTE,
-            f"a true motion under {100 * MIN_TRANSLATION_M:g} cm has no direction to compare",
+            *REAL_NOTES,
         ),
     )
