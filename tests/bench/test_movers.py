@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from bench_kit import silent, some_views
 
+from farpoint.bench.estimators import FARPOINT
 from farpoint.bench.options import BenchOptions
 from farpoint.bench.tables import movers
 
@@ -42,4 +45,17 @@ def test_a_cell_has_a_row_for_each_estimator(monkeypatch: pytest.MonkeyPatch):
     assert all((row["moving_percent"], row["moves"]) == (20, "with the camera") for row in rows)
     assert rows[0]["rotation_median_deg"] < 0.1
     assert rows[0]["failed"] == 0
+    assert rows[0]["pose_95_low"] < rows[0]["pose_95"] <= rows[0]["pose_95_high"]
+    assert all(row["pose_95"] is None for row in rows[1:])
     assert "--tables movers --pairs 3" in table.command
+
+
+def test_a_thing_that_crawls_makes_poses_surer_than_they_are(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(movers, "all_estimators", lambda: (FARPOINT,))
+    monkeypatch.setattr(movers, "_SHARES", (0.0, 0.4))
+    monkeypatch.setattr(movers, "_MOVES", {"1 px": partial(movers.with_mover, shift_px=1.0)})
+    *_, table = movers.movers_table(BenchOptions(tables=("movers",), pairs=60), silent)
+    names = [column.name for column in table.columns]
+    still, crawling = (dict(zip(names, row, strict=True)) for row in table.rows)
+    assert still["pose_95"] > 0.87
+    assert crawling["pose_95"] < 0.7

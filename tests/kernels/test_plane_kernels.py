@@ -127,7 +127,7 @@ def likelihood_by(
     clutter = anywhere + near
     peak = 2.0 * SPREAD / np.sqrt(2.0 * np.pi * MIXTURE[0])
     across = along = 1.0
-    found, off = 0.0, plane.OFF / plane.OF_ALL
+    found, off = -np.inf, plane.OFF / plane.OF_ALL
     for _ in range(plane.RELIEF_ROUNDS):
         beyond = np.minimum(shift / np.sqrt(across) + mixture.FAR_SIGMA, 0.0)
         retreat = mixture.STEEPER * beyond**2
@@ -135,17 +135,16 @@ def likelihood_by(
         kinds = shares * np.exp(exponent) / np.sqrt(variance * across)
         about = (1.0 - off) * peak * np.exp(-0.5 * a2 / along) / np.sqrt(along)
         density = kinds.sum(axis=0) * (off + about) + clutter
-        found = np.log(density).sum()
+        before, found = found, np.log(density).sum()
+        if abs(found - before) < plane.FINE:
+            break
         w = kinds[0] * about / density
         sums = w.sum(), np.sum(w * c2) + plane.KNOWN, np.sum(w * a2)
-        before = np.array([across, along])
         across, along = sums[1] / (sums[0] + plane.KNOWN), sums[2] / max(sums[0], 1.0)
         if along < across:
             across = along = (sums[1] + sums[2]) / (2.0 * sums[0] + plane.KNOWN)
         lines = kinds.sum(axis=0) / density
         off = (plane.OFF + off * lines.sum()) / (plane.OF_ALL + np.sum((off + about) * lines))
-        if (np.abs(np.array([across, along]) - before) <= plane.SETTLED * before).all():
-            break
     return Relief(found, across, along)
 
 

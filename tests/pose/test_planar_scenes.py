@@ -135,6 +135,20 @@ def test_wrong_matches_do_not_hide_that_a_wall_allows_two_motions(wrong_share):
 
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="takes minutes")
+@pytest.mark.parametrize("relief", [0.0, 0.005])
+def test_many_matches_on_a_bare_wall_speak_for_neither_of_its_motions(relief):
+    given, wrong = 0, 0
+    for seed in range(300):
+        points0, points1, direction = rough_wall(seed, 200 + 100 * (seed % 2), relief)
+        pose = estimate_relative_pose(points0, points1, CAMERA, seed=seed)
+        if pose.direction_cam1_from_cam0 is not None:
+            given += 1
+            wrong += not is_right(pose, direction)
+    assert given > 100
+    assert wrong <= 1
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="takes minutes")
 def test_the_odds_of_the_two_motions_are_those_of_being_wrong():
     wrong, chance = [], []
     for seed in range(360):

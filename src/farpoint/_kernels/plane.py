@@ -42,6 +42,7 @@ from farpoint._kernels.vectors import (
 
 __all__ = ["other_motion"]
 
+# Log likelihood to which motions are refined, and relief is.
 FINE = 0.1
 # Matches that lie anywhere on their lines, and not about the plane, of so many: as much is believed
 # before any is seen. A wrong match or two lie on the lines of any motion.
@@ -50,8 +51,6 @@ OFF, OF_ALL = 4.0, 40.0
 KNOWN = 60.0
 PLANE_ROUNDS = 8
 RELIEF_ROUNDS = 8
-# By what part of itself a variance may still change when no more rounds are needed.
-SETTLED = 0.01
 # Median of the sum of the squares of two normal errors.
 MEDIAN = 2.0 * math.log(2.0)
 
@@ -130,11 +129,13 @@ def _likelihood_by(
     spread, tail = matches.spread, matches.tail
     peak = 2.0 * spread / math.sqrt(2.0 * math.pi * mixture[0])
     seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, mixture, spread, tail)
-    relief, sums, likelihood = scratch(3), scratch(5), 0.0
+    relief, sums, likelihood = scratch(3), scratch(5), -math.inf
     across, along, off_share = 1.0, 1.0, OFF / OF_ALL
     for _ in range(RELIEF_ROUNDS):
         relief[0], relief[1], relief[2] = across, along, off_share
-        likelihood = _hear(seen, parts, peak, relief, sums)
+        before, likelihood = likelihood, _hear(seen, parts, peak, relief, sums)
+        if abs(likelihood - before) < FINE:
+            break
         on_line, off_plane, weight = OF_ALL + sums[0], OFF + sums[1], sums[2]
         squares_across, squares_along = sums[3], sums[4]
         across = (squares_across + KNOWN) / (weight + KNOWN)
@@ -143,14 +144,7 @@ def _likelihood_by(
             along = (squares_across + squares_along + KNOWN) / (2.0 * weight + KNOWN)
             across = along
         off_share = off_plane / on_line
-        if _is_settled(relief[0], across) and _is_settled(relief[1], along):
-            break
     return likelihood
-
-
-@formula
-def _is_settled(before: float, after: float) -> bool:
-    return abs(after - before) <= SETTLED * before
 
 
 @sum_kernel

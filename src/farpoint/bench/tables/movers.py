@@ -10,12 +10,15 @@ from functools import partial
 import numpy as np
 
 from farpoint.bench.accuracy import ERROR_COLUMNS, error_cells, errors_of
+from farpoint.bench.consistency import pose_errors
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.race import race
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.views import TwoViews, views_of_scene
+from farpoint.metrics import consistency
+from farpoint.pose import estimate_relative_pose
 
 __all__ = ["movers_table", "with_mover", "with_stuck"]
 
@@ -29,6 +32,9 @@ _COLUMNS = (
     Column("moves"),
     Column("estimator"),
     *ERROR_COLUMNS,
+    Column("pose_95", 3),
+    Column("pose_95_low", 3),
+    Column("pose_95_high", 3),
 )
 
 
@@ -92,6 +98,7 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
             "with the camera: matches anywhere stand still in the image, as dirt on the lens does",
             "means are over the answers given; gross: rotation more than 1 deg or direction more "
             "than 30 deg off",
+            "pose_95: share of the 95 % regions that hold the truth; no peer has any",
         ),
     )
 
@@ -121,12 +128,26 @@ def _cell_rows(
         seed=options.seed,
         progress=lambda done, total: progress(name, done, total),
     )
+    covered = _coverage(views, options.seed), *[(None,) * 3] * len(courses[1:])
     return [
         (
             round(100 * share),
             moves,
             course.estimator.name,
             *error_cells(errors_of(course, views)),
+            *each,
         )
-        for course in courses
+        for course, each in zip(courses, covered, strict=True)
     ]
+
+
+def _coverage(views: list[TwoViews], seed: int) -> tuple[Cell, ...]:
+    """Share of farpoint's 95 % regions that hold the truth, between what chance makes of it."""
+    poses = [estimate_relative_pose(v.points0, v.points1, v.camera, seed=seed) for v in views]
+    errors = pose_errors(
+        poses,
+        np.array([v.rotation_cam1_from_cam0 for v in views]),
+        np.array([v.translation_cam1_from_cam0 for v in views]),
+    )
+    found = consistency(errors.errors, errors.covariances).coverage95
+    return found.share, found.low, found.high
