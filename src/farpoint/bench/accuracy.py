@@ -120,7 +120,7 @@ def real_cells(courses: Sequence[Course], views: Sequence[TwoViews]) -> list[tup
 
 
 def ratio_cells(errors: Errors, reference: Errors) -> tuple[float, float, float]:
-    """Mean rotation error over that of a ``reference``, and between what it lies with 95 %.
+    """Mean rotation error over that of a ``reference``, and the interval that holds it with 95 %.
 
     A few pairs that go wrong make up most of a mean, so two means of the same pairs may differ by
     half with nothing behind it. Pairs are drawn anew, with both errors of each (bootstrap,
