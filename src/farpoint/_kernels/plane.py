@@ -320,7 +320,7 @@ def _put_off(
 
 @inner_kernel
 def _median(square: np.ndarray, right: np.ndarray, sizes: np.ndarray) -> float:
-    """Median of the squares of right matches; 0 of none. ``sizes`` is room for these."""
+    """Median of the squares of right matches; 0 of none. ``sizes`` (count,) is room for these."""
     agreeing = 0
     for i in range(sizes.size):
         is_right = right[i] > 0.5
