@@ -7,7 +7,7 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
-__all__ = ["InputError", "MissingExtraError", "optional_import", "require"]
+__all__ = ["InputError", "MissingExtraError", "optional_import", "printable", "require"]
 
 
 class InputError(ValueError):
@@ -27,7 +27,24 @@ class InputError(ValueError):
         self.problem = problem
         self.file = None if file is None else str(file)
         self.field = field
-        super().__init__(": ".join(part for part in (self.file, self.field, problem) if part))
+        message = ": ".join(part for part in (self.file, self.field, problem) if part)
+        super().__init__(printable(message))
+
+
+def printable(text: str) -> str:
+    r"""Text in one line that changes no terminal: what cannot be printed is shown as an escape.
+
+    File names and the contents of files may hold newlines, control characters and escape sequences.
+
+    Examples
+    --------
+    >>> printable('a\nb')
+    'a\\nb'
+    """
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in text
+    )
 
 
 class MissingExtraError(ImportError):

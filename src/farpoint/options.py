@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from numbers import Integral, Real
 from typing import Any
@@ -11,11 +10,15 @@ from farpoint.errors import InputError
 
 __all__ = ["settle_float", "settle_int", "settle_positive"]
 
+# No option of this program is meaningful beyond: squares and products of a few stay finite.
+_LARGEST = 1e9
+_LEAST = 1e-9  # of a positive number
+
 
 def settle_float(
     options: object, expected: str, holds: Callable[[float], bool], *names: str
 ) -> None:
-    """Make the named fields of a record of options finite numbers, of Python's ``float``.
+    """Make the named fields of a record of options numbers up to 1e9, of Python's ``float``.
 
     Whatever was given for it, a ``2`` or a number of NumPy's: to a compiled kernel these would be
     other types.
@@ -36,18 +39,18 @@ def settle_float(
     InputError
         With the field, and what was expected there.
     """
-    _settle(options, names, float, Real, sys.float_info.max, expected, holds)
+    _settle(options, names, float, Real, expected, holds)
 
 
 def settle_positive(options: object, *names: str) -> None:
-    """Make the named fields positive numbers, as `settle_float` does."""
-    settle_float(options, "a positive number", lambda number: number > 0, *names)
+    """Make the named fields positive numbers, 1e-9 to 1e9, as `settle_float` does."""
+    settle_float(options, "a positive number", lambda number: number >= _LEAST, *names)
 
 
 def settle_int(options: object, least: int, *names: str) -> None:
     """Make the named fields whole numbers of ``least`` or more, as `settle_float` does floats."""
     expected = f"a whole number, {least} or more"
-    _settle(options, names, int, Integral, sys.maxsize, expected, lambda number: number >= least)
+    _settle(options, names, int, Integral, expected, lambda number: number >= least)
 
 
 def _settle(
@@ -55,7 +58,6 @@ def _settle(
     names: tuple[str, ...],
     kind: type,
     given_as: type,
-    largest: float,
     expected: str,
     holds: Callable[[Any], bool],
 ) -> None:
@@ -63,8 +65,10 @@ def _settle(
         value = getattr(options, name)
         number = _number(value, kind, given_as)
         # Not of NaN either.
-        if number is None or not (abs(number) <= largest and holds(number)):
+        if number is None or not holds(number):
             raise InputError(f"expected {expected}, got {value!r}", field=name)
+        if not abs(number) <= _LARGEST:
+            raise InputError(f"expected {expected}, got {value!r}, more than 1e9", field=name)
         object.__setattr__(options, name, number)
 
 

@@ -6,19 +6,24 @@ import contextlib
 import io
 import os
 import re
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import Any
 
 import tyro
 
+from farpoint import __version__
 from farpoint.cli.bench import Bench
 from farpoint.cli.camera import ShowCamera
 from farpoint.cli.demo import Demo
 from farpoint.cli.evaluate import Evaluate
 from farpoint.cli.live import Live
 from farpoint.cli.run import Run
-from farpoint.errors import InputError, MissingExtraError
+from farpoint.cli.streams import lasting_streams
+from farpoint.errors import InputError, MissingExtraError, printable
 
 __all__ = ["COMMANDS", "main", "parse"]
 
@@ -44,43 +49,76 @@ _REFUSED = re.compile(
 
 def main() -> int:
     """Run the command of ``sys.argv``; the return value is the exit code of the process."""
-    try:
-        with _flushed_results():
-            parse(sys.argv[1:])()
-    except (InputError, MissingExtraError) as error:
-        print(f"farpoint: {error}", file=sys.stderr)
+    with lasting_streams():
+        try:
+            with _ended_like_ctrl_c():
+                return _run(sys.argv[1:])
+        except (InputError, MissingExtraError) as error:
+            return _refuse(str(error))
+        except KeyboardInterrupt:
+            print("farpoint: interrupted; what was computed is in the outputs", file=sys.stderr)
+            return _INTERRUPTED
+        except OSError as error:  # such as a full disk
+            place = "" if error.filename is None else f"{error.filename}: "
+            return _refuse(f"{place}{error.strerror or error}")
+
+
+def _run(arguments: list[str]) -> int:
+    if not arguments:
+        with contextlib.redirect_stdout(sys.stderr), contextlib.suppress(SystemExit):
+            parse(["--help"])
         return _WRONG_USAGE
-    except KeyboardInterrupt:
-        print("farpoint: interrupted; what was computed is in the outputs", file=sys.stderr)
-        return _INTERRUPTED
-    except BrokenPipeError:  # whoever read the results has seen enough
-        _discard_results()
-    except OSError as error:  # such as a full disk
-        _discard_results()
-        place = "" if error.filename is None else f"{error.filename}: "
-        print(f"farpoint: {place}{error.strerror or error}", file=sys.stderr)
-        return _WRONG_USAGE
-    return 0
-
-
-@contextlib.contextmanager
-def _flushed_results() -> Iterator[None]:
-    """Write out what was printed, so that a pipe without a reader shows here and not at the exit.
-
-    Left alone where the command failed: that error is the one to tell.
-    """
+    if arguments == ["--version"]:
+        print(f"farpoint {__version__}")
+        return 0
     try:
-        yield
+        parse(arguments)()
     except SystemExit:  # the help was shown
         sys.stdout.flush()
         raise
-    sys.stdout.flush()
+    sys.stdout.flush()  # a full disk behind it shows here, and not when Python exits
+    return 0
+
+
+def _refuse(problem: str) -> int:
+    _discard_results()
+    print(f"farpoint: {printable(problem)}", file=sys.stderr)
+    return _WRONG_USAGE
 
 
 def _discard_results() -> None:
     """What could not be printed must not be tried again when Python exits."""
-    with contextlib.suppress(io.UnsupportedOperation):  # standard output is no file
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with contextlib.suppress(io.UnsupportedOperation):  # standard output is no file
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextlib.contextmanager
+def _ended_like_ctrl_c() -> Iterator[None]:
+    """Take SIGTERM, and SIGHUP of a terminal that closes, for Ctrl-C: every output gets its end.
+
+    A signal that the caller ignores stays ignored (``nohup``).
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {}
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            before[number] = signal.signal(number, _interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    del number, frame
+    raise KeyboardInterrupt
 
 
 def parse(arguments: list[str]) -> Callable[[], None]:
@@ -90,7 +128,7 @@ def parse(arguments: list[str]) -> Callable[[], None]:
         with contextlib.redirect_stderr(box):
             return tyro.extras.subcommand_cli_from_dict(
                 COMMANDS,
-                args=arguments or ["--help"],
+                args=arguments,
                 prog="farpoint",
                 description="Camera motion from any two images, with an honest covariance.",
             )

@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from farpoint.camera import describe, load_camera
+from farpoint.errors import printable
 
 __all__ = ["ShowCamera"]
 
@@ -30,4 +31,5 @@ class ShowCamera:
 
     def __call__(self) -> None:
         """Do it."""
-        print(describe(load_camera(self.calibration, self.name)))
+        lines = describe(load_camera(self.calibration, self.name)).splitlines()
+        print(*map(printable, lines), sep="\n")

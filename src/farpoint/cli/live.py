@@ -12,7 +12,7 @@ import tyro
 from farpoint.cli.lens import LensOptions
 from farpoint.cli.progress import Progress
 from farpoint.cli.run import in_words, warn
-from farpoint.errors import InputError
+from farpoint.errors import InputError, printable
 from farpoint.frames.live import Playback, open_live
 from farpoint.hints import HeightOptions
 from farpoint.live import LiveSession, LiveState
@@ -96,7 +96,7 @@ class Live:
         finally:  # Ctrl-C is how most sessions end
             print(f"{session.counts.total()} pairs of frames: {in_words(session.counts)}")
             print(_account(session.state))
-            print(f"results in {session.path}")
+            print(f"results in {printable(str(session.path))}")
 
 
 def _so_far(state: LiveState) -> str:

@@ -11,6 +11,7 @@ __all__ = ["Progress"]
 
 _TERMINAL_S = 0.2
 _LOG_S = 5.0
+_LONGEST_S = 30 * 86400.0  # beyond a month the number of frames is a fault of the file
 
 
 class Progress:
@@ -67,7 +68,9 @@ class Progress:
         of = "" if self._total is None else f"/{self._total}"
         text = f"{self._done}{of} {self._what}, {rate:.1f}/s"
         if self._total is not None and 0 < self._done < self._total:
-            text += f", {_duration((self._total - self._done) / rate)} left"
+            left_s = (self._total - self._done) / rate
+            # A total from a damaged header is no forecast.
+            text += f", {_duration(left_s)} left" if left_s < _LONGEST_S else ""
         text += f", {self._note}" if self._note else ""
         if self._terminal:
             print(f"\r\x1b[K{text}", end="", file=self._stream, flush=True)
@@ -77,4 +80,7 @@ class Progress:
 
 def _duration(seconds: float) -> str:
     minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours}:{minutes:02d} h"
     return f"{minutes}:{seconds:02d} min" if minutes else f"{seconds} s"

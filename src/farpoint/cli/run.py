@@ -17,7 +17,7 @@ import tyro
 from farpoint.camera import Camera, CameraGuess, camera_for
 from farpoint.cli.lens import LensOptions
 from farpoint.cli.progress import Progress
-from farpoint.errors import InputError
+from farpoint.errors import InputError, printable
 from farpoint.frames import Frame, FrameSource, open_frames
 from farpoint.hints import Hint, MetricOptions
 from farpoint.odometry import Odometry, OdometryOptions
@@ -143,7 +143,7 @@ def process_frames(
         counts = _run_into(folder, chain(first, timed), odometry, frames.count)
     print(f"{sum(counts.values())} pairs of frames: {in_words(counts)}")
     print(f"time stamps: {frames.timestamp_source}")
-    print(f"results in {out}")
+    print(f"results in {printable(str(out))}")
 
 
 def _run_into(
@@ -172,7 +172,7 @@ def _run_into(
 
 def warn(words: str) -> None:
     """Tell the user, beside the results."""
-    print(f"farpoint: {words}", file=sys.stderr)
+    print(f"farpoint: {printable(words)}", file=sys.stderr)
 
 
 def _up_to_an_image(timed: Iterator[tuple[Frame, float]]) -> list[tuple[Frame, float]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from farpoint.errors import InputError
-from farpoint.options import settle_float, settle_int
+from farpoint.options import settle_float, settle_int, settle_positive
 
 __all__ = ["DEFAULTS", "RelativePoseOptions"]
 
@@ -65,9 +65,9 @@ class RelativePoseOptions:
     false_alarm_rate: float = 1e-3
 
     def __post_init__(self) -> None:
-        pixels = "matching_tolerance_px", "flow_saturation_px"
-        settle_float(self, "a positive number of pixels", lambda px: px > 0, *pixels)
-        settle_float(self, "a positive number", lambda ratio: ratio > 0, "expected_half_ratio")
+        settle_positive(self, "matching_tolerance_px", "flow_saturation_px")
+        ratios = "a ratio, 0.001 to 1000"
+        settle_float(self, ratios, lambda ratio: 1e-3 <= ratio <= 1e3, "expected_half_ratio")
         rates = "confidence", "false_alarm_rate"
         settle_float(self, "a probability in (0, 1)", lambda rate: 0 < rate < 1, *rates)
         settle_float(self, "0 px or more", lambda px: px >= 0, "shared_error_px")

@@ -1,0 +1,84 @@
+"""Standard streams that never end a command: closed ones, and pipes whose reader has gone."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import sys
+from collections.abc import Iterator
+from typing import Any, TextIO
+
+__all__ = ["lasting_streams"]
+
+
+@contextlib.contextmanager
+def lasting_streams() -> Iterator[None]:
+    """Print to streams that cannot fail because nobody reads them.
+
+    What a reader does (``| head``) or a service leaves closed (``>&-``) then changes neither the
+    outcome nor the exit code of a command. Other errors, such as a full disk behind standard
+    output, are raised as ever.
+    """
+    _open_closed_descriptors()
+    with (
+        contextlib.redirect_stdout(_Lasting(sys.stdout)),  # type: ignore[type-var]
+        contextlib.redirect_stderr(_Lasting(sys.stderr)),  # type: ignore[type-var]
+    ):
+        yield
+
+
+def _open_closed_descriptors() -> None:
+    """Put the null device on descriptors 0 to 2 that are closed.
+
+    A file opened later would get such a number, and whatever is printed would go into it.
+    """
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDONLY if descriptor == 0 else os.O_WRONLY)  # lowest free
+
+
+class _Lasting(io.TextIOBase):
+    """A text stream whose writes go nowhere once its reader has gone; None is such a stream."""
+
+    def __init__(self, stream: TextIO | None) -> None:
+        self._stream = stream
+        if isinstance(stream, io.TextIOWrapper):
+            # A name that the terminal's encoding does not have is shown, not an error.
+            stream.reconfigure(errors="backslashreplace")
+
+    def write(self, text: str, /) -> int:
+        with self._while_read() as stream:
+            if stream is not None:
+                stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with self._while_read() as stream:
+            if stream is not None:
+                stream.flush()
+
+    def isatty(self) -> bool:
+        return self._stream is not None and self._stream.isatty()
+
+    def fileno(self) -> int:
+        if self._stream is None:
+            raise io.UnsupportedOperation("fileno")
+        return self._stream.fileno()
+
+    @property
+    def encoding(self) -> Any:
+        """Of the stream behind it."""
+        return getattr(self._stream, "encoding", "utf-8")
+
+    @contextlib.contextmanager
+    def _while_read(self) -> Iterator[TextIO | None]:
+        try:
+            yield self._stream
+        except BrokenPipeError:
+            stream, self._stream = self._stream, None
+            # What is left in its buffer must not be tried again when Python exits.
+            with contextlib.suppress(io.UnsupportedOperation, AttributeError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # type: ignore[union-attr]
