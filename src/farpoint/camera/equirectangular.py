@@ -77,6 +77,14 @@ class Equirectangular(LensModel):
         rays[np.isnan(rays[:, 0])] = np.nan
         return rays
 
+    def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
+        pixels = self._project(points)
+        jacobian = np.zeros((len(points), 2, 2))
+        jacobian[:, 0, 0] = (pixels[:, 0] + 0.5) / self.width
+        jacobian[:, 1, 1] = (pixels[:, 1] + 0.5) / self.height
+        jacobian[np.isnan(pixels[:, 0])] = np.nan
+        return jacobian
+
     def _project_jacobian(self, points: np.ndarray) -> np.ndarray:
         x, y, z = points.T
         level2 = x * x + z * z

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -84,6 +85,11 @@ class Scaramuzza(LensModel):
         named = {f"a{power}": value for power, value in enumerate(self.coefficients)}
         return named | {"cx": self.cx, "cy": self.cy, "c": self.c, "d": self.d, "e": self.e}
 
+    def _fields_of(self, parameters: dict[str, float]) -> dict[str, Any]:
+        named = dict(parameters)
+        powers = range(len(self.coefficients))
+        return {"coefficients": tuple(named.pop(f"a{power}") for power in powers)} | named
+
     @cached_property
     def _focal(self) -> float:
         return -self.coefficients[0]
@@ -140,6 +146,25 @@ class Scaramuzza(LensModel):
         # Also at a point of no distance, which has an angle but no pixel.
         flat[np.isnan(flat).any(axis=1)] = np.nan
         return flat
+
+    def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
+        x, y, z = points.T
+        off_axis = np.sqrt(x * x + y * y)
+        radius = self._curve.invert(np.arctan2(off_axis, z))
+        # The radius rho px solves rho z + f(rho) R = 0 with R = off_axis.
+        inverse = 1.0 / (z - off_axis * self._depth_slope(radius))
+        scale = self._focal * np.where(off_axis == 0.0, inverse, radius / off_axis)
+        count = len(self.coefficients)
+        jacobian = np.zeros((len(points), 2, count + 5))
+        for power in range(count):
+            by_scale = -((self._focal * radius) ** power) * inverse
+            p, q = x * by_scale, y * by_scale
+            jacobian[:, 0, power], jacobian[:, 1, power] = p + self.e * q, self.d * p + self.c * q
+        p, q = x * scale, y * scale
+        jacobian[:, 0, count] = jacobian[:, 1, count + 1] = 1.0
+        jacobian[:, 1, count + 2], jacobian[:, 1, count + 3], jacobian[:, 0, count + 4] = q, p, q
+        jacobian[np.isnan(p)] = np.nan
+        return jacobian
 
 
 def _checked(coefficients: Sequence[float]) -> tuple[float, ...]:
