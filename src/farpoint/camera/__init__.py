@@ -21,6 +21,7 @@ from farpoint.camera.path import project_path
 from farpoint.camera.pinhole import Pinhole
 from farpoint.camera.radial_curve import RadialCurve, draw_radial_curve, radial_curve
 from farpoint.camera.scaramuzza import Scaramuzza
+from farpoint.camera.uncertainty import CameraUncertainty, covariance_factor
 from farpoint.camera.unified import Unified
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "Camera",
     "CameraGuess",
     "CameraModel",
+    "CameraUncertainty",
     "Division",
     "DoubleSphere",
     "Equirectangular",
@@ -41,6 +43,7 @@ __all__ = [
     "Scaramuzza",
     "Unified",
     "camera_for",
+    "covariance_factor",
     "describe",
     "draw_radial_curve",
     "field_of_view",

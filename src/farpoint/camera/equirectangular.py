@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.camera.lens_model import LensModel
+from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import positive
 
 __all__ = ["Equirectangular"]
@@ -55,6 +56,11 @@ class Equirectangular(LensModel):
     def parameters(self) -> dict[str, float]:
         """Every parameter by name, in the order people write them."""
         return {"width": self.width, "height": self.height}
+
+    @property
+    def roles(self) -> ParameterRoles:
+        """None: the size of the picture is what it is."""
+        return ParameterRoles(scale={}, affine=(), center=(), radial=())
 
     def _project(self, points: np.ndarray) -> np.ndarray:
         x, y, z = points.T

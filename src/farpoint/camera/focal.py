@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.camera.lens_model import LensModel
+from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import finite, positive
 
 __all__ = [
@@ -55,6 +56,19 @@ class FocalModel(LensModel):
     def parameters(self) -> dict[str, float]:
         """Every parameter by name, in the order people write them."""
         return {"fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy}
+
+    @property
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors.
+
+        All that are not of this class are taken to be radial.
+        """
+        return ParameterRoles(
+            scale={"fx": self.fx, "fy": self.fy},
+            affine=({"fx": 0.5 * self.fx, "fy": -0.5 * self.fy},),
+            center=("cx", "cy"),
+            radial=tuple(self.parameters)[4:],
+        )
 
     @abstractmethod
     def _to_plane(

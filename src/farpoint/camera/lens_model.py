@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from farpoint._kernels.lens import invert_projection
+from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import in_blocks, parameter_values
 
 __all__ = ["LensModel"]
@@ -26,6 +27,11 @@ class LensModel(ABC):
     @abstractmethod
     def parameters(self) -> dict[str, float]:
         """Every parameter by name, in the order people write them."""
+
+    @property
+    @abstractmethod
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors."""
 
     @abstractmethod
     def _project(self, points: np.ndarray) -> np.ndarray:

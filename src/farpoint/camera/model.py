@@ -7,6 +7,8 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from farpoint.camera.roles import ParameterRoles
+
 __all__ = ["CameraModel"]
 
 
@@ -25,6 +27,11 @@ class CameraModel(Protocol):
     @property
     def parameters(self) -> dict[str, float]:
         """Every parameter by name, in the order people write them."""
+        ...
+
+    @property
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors."""
         ...
 
     def project(self, points: np.ndarray) -> np.ndarray:

@@ -14,8 +14,10 @@ from farpoint.camera.radtan import (
     COEFFICIENT_NAMES,
     FEWEST_COEFFICIENTS,
     RadialTangential,
+    coefficient_roles,
     gather_coefficients,
 )
+from farpoint.camera.roles import ParameterRoles
 
 __all__ = ["Pinhole"]
 
@@ -68,6 +70,11 @@ class Pinhole(FocalModel):
     def parameters(self) -> dict[str, float]:
         """Every parameter by name, in the order people write them."""
         return super().parameters | dict(zip(COEFFICIENT_NAMES, self.distortion, strict=False))
+
+    @property
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors."""
+        return replace(super().roles, **coefficient_roles(len(self.distortion)))
 
     def _fields_of(self, parameters: dict[str, float]) -> dict[str, Any]:
         return gather_coefficients(parameters)

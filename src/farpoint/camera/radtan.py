@@ -21,7 +21,13 @@ from farpoint.camera.tilt import Tilt
 from farpoint.camera.values import finite
 from farpoint.errors import InputError
 
-__all__ = ["COEFFICIENT_NAMES", "FEWEST_COEFFICIENTS", "RadialTangential", "gather_coefficients"]
+__all__ = [
+    "COEFFICIENT_NAMES",
+    "FEWEST_COEFFICIENTS",
+    "RadialTangential",
+    "coefficient_roles",
+    "gather_coefficients",
+]
 
 COEFFICIENT_NAMES = (
     *("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
@@ -209,6 +215,13 @@ def gather_coefficients(parameters: Mapping[str, float]) -> dict[str, Any]:
     }
     coefficients = (parameters[name] for name in COEFFICIENT_NAMES if name in parameters)
     return fields | {"distortion": tuple(coefficients)}
+
+
+def coefficient_roles(count: int) -> dict[str, tuple[str, ...]]:
+    """Names of the radial and of the other ones of so many coefficients."""
+    names = COEFFICIENT_NAMES[:count]
+    radial = tuple(name for name in names if name.startswith("k"))
+    return {"radial": radial, "decentering": tuple(name for name in names if name not in radial)}
 
 
 def _checked(coefficients: Sequence[float]) -> tuple[float, ...]:

@@ -13,6 +13,7 @@ from numpy.polynomial import Polynomial
 from farpoint.camera.curve import GrowingCurve, first_positive_root
 from farpoint.camera.focal import rays_from_plane
 from farpoint.camera.lens_model import LensModel
+from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import finite
 from farpoint.errors import InputError
 
@@ -84,6 +85,21 @@ class Scaramuzza(LensModel):
         """Every parameter by name, in the order people write them."""
         named = {f"a{power}": value for power, value in enumerate(self.coefficients)}
         return named | {"cx": self.cx, "cy": self.cy, "c": self.c, "d": self.d, "e": self.e}
+
+    @property
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors.
+
+        A turn of the sensor, ``d = -e``, is one of the camera; ``a1``, which the toolbox holds at
+        zero since no smooth curve has it, stays there.
+        """
+        coefficients = [(f"a{power}", a) for power, a in enumerate(self.coefficients)]
+        return ParameterRoles(
+            scale={name: (1 - power) * a for power, (name, a) in enumerate(coefficients)},
+            affine=({"c": -self.c}, {"e": 1.0}),
+            center=("cx", "cy"),
+            radial=tuple(name for name, a in coefficients[1:] if name != "a1" or a),
+        )
 
     def _fields_of(self, parameters: dict[str, float]) -> dict[str, Any]:
         named = dict(parameters)

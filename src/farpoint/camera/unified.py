@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,13 @@ from farpoint.camera.focal import (
     PlaneJacobian,
     quotient_jacobian,
 )
-from farpoint.camera.radtan import COEFFICIENT_NAMES, RadialTangential, gather_coefficients
+from farpoint.camera.radtan import (
+    COEFFICIENT_NAMES,
+    RadialTangential,
+    coefficient_roles,
+    gather_coefficients,
+)
+from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import finite, within
 
 __all__ = ["Unified"]
@@ -81,6 +87,18 @@ class Unified(FocalModel):
         """Every parameter by name, in the order people write them."""
         named = {"xi": self.xi} | dict(zip(COEFFICIENT_NAMES, self.distortion, strict=False))
         return super().parameters | named | {"skew": self.skew}
+
+    @property
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors."""
+        inner, coefficients = super().roles, coefficient_roles(len(self.distortion))
+        return replace(
+            inner,
+            scale=inner.scale | {"skew": self.skew},
+            affine=(*inner.affine, {"skew": self.fx}),
+            radial=("xi", *coefficients["radial"]),
+            decentering=coefficients["decentering"],
+        )
 
     def _fields_of(self, parameters: dict[str, float]) -> dict[str, Any]:
         return gather_coefficients(parameters)

@@ -45,7 +45,9 @@ def within(name: str, value: Any, low: float, high: float) -> float:
 
 
 def parameter_values(
-    current: Mapping[str, float], values: np.ndarray | Mapping[str, float]
+    current: Mapping[str, float],
+    values: np.ndarray | Mapping[str, float],
+    field: str = "values",
 ) -> dict[str, float]:
     """Values by the names of the parameters, from an array of all or a mapping of some."""
     if isinstance(values, Mapping):
@@ -53,7 +55,7 @@ def parameter_values(
         if unknown:
             raise InputError(
                 f"unknown parameter {unknown[0]!r}; expected some of {', '.join(current)}",
-                field="values",
+                field=field,
             )
         given = {**current, **values}
     else:
@@ -61,7 +63,7 @@ def parameter_values(
         if listed.shape != (len(current),):
             raise InputError(
                 f"expected shape ({len(current)},) for {', '.join(current)}, got {listed.shape}",
-                field="values",
+                field=field,
             )
         given = dict(zip(current, listed, strict=True))
     return {name: finite(name, value) for name, value in given.items()}
