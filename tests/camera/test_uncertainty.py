@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -184,6 +185,8 @@ def test_a_covariance_of_the_parameters_given_leaves_the_others_exact() -> None:
     np.testing.assert_array_equal(
         camera.parameter_covariance(), np.diag([4.0, 4, 1, 1, 0, 0, 0, 0])
     )
+    refinable = replace(camera, model=camera.model.refinable())
+    np.testing.assert_array_equal(refinable.parameter_covariance(), camera.parameter_covariance())
     whole = np.diag([4.0, 4, 1, 1, 1e-4, 1e-4, 1e-6, 1e-6])
     camera = camera.with_parameter_covariance(whole)
     np.testing.assert_array_equal(camera.parameter_covariance(), whole)

@@ -117,8 +117,8 @@ class Camera:
         Examples
         --------
         >>> camera = Camera.pinhole(640, 480, 500, 500, 319.5, 239.5)
-        >>> camera.with_uncertainty(focal=0.01, center_px=2.0).parameter_sigmas()["fx"]
-        5.0
+        >>> camera.with_uncertainty(center_px=2.0).parameter_sigmas()["cx"]
+        2.0
         """
         terms = CameraUncertainty(focal=focal, center_px=center_px, distortion_px=distortion_px)
         return replace(self, uncertainty=None if terms == CameraUncertainty() else terms)
@@ -138,9 +138,9 @@ class Camera:
         InputError
             For a matrix that is no covariance of so many parameters (field ``covariance``).
         """
-        given = replace(self, uncertainty=CameraUncertainty.of_covariance(covariance))
-        given.parameter_covariance()
-        return given
+        given = CameraUncertainty.of_covariance(covariance)
+        padded = prior_covariance(self.model, self.size, given)
+        return replace(self, uncertainty=CameraUncertainty.of_covariance(padded))
 
     def with_parameter_sigmas(self, sigmas: np.ndarray | Mapping[str, float]) -> Camera:
         """The same camera with a 1 sigma for each parameter, uncorrelated.

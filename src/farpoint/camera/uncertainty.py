@@ -30,8 +30,8 @@ class CameraUncertainty:
     distortion_px : float or None
         Error of the distortion as the displacement at the corner of the image, px; None: exact.
     covariance : tuple of tuple of float, or None
-        Covariance (P, P) of the parameters in their own units and order, in place of all others:
-        P is the number of the lens's parameters. A parameter without variance is exact.
+        Covariance (P, P) of the parameters of the lens's ``refinable()``, in their own units and
+        order, in place of all others. A parameter without variance is exact.
 
     Raises
     ------
