@@ -99,6 +99,31 @@ def test_focal_scales_the_image_about_its_centre(name: str) -> None:
         assert across < 0.1
 
 
+@pytest.mark.parametrize("name", CENTRED)
+def test_scale_is_about_the_centre(name: str) -> None:
+    lens = CENTRED[name]
+    pixels = np.random.default_rng(4).uniform([200, 150], [440, 330], (50, 2))
+    scale = np.array([lens.roles.scale.get(parameter, 0.0) for parameter in lens.parameters])
+    moved = lens.project_parameter_jacobian(lens.unproject(pixels)) @ scale
+    axis_px = lens.project(np.array([[0.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(moved, pixels - axis_px, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", CENTRED)
+def test_every_parameter_has_a_role(name: str) -> None:
+    """But for a turn of Scaramuzza's sensor, and the kink on its axis that it has not."""
+    roles = CENTRED[name].roles
+    deformed = {parameter for direction in roles.affine for parameter in direction}
+    exact = set(CENTRED[name].parameters) - deformed - set(roles.scale)
+    exact -= {*roles.center, *roles.radial, *roles.decentering}
+    assert exact <= {"d"}
+    sigmas = Camera(model=CENTRED[name], size=SIZE).with_uncertainty(
+        focal=0.01, center_px=1.0, distortion_px=1.0
+    )
+    unknown = {name for name, sigma in sigmas.parameter_sigmas().items() if sigma == 0.0}
+    assert unknown <= {"d", "a1"}
+
+
 def test_focal_errors_of_x_and_y_are_one() -> None:
     camera = Camera(model=Pinhole(**FOCAL), size=SIZE).with_uncertainty(focal=0.005)
     covariance = camera.parameter_covariance()
@@ -220,6 +245,7 @@ def test_sigmas_by_place_and_by_name() -> None:
         (np.eye(4) + np.eye(4, k=1), "symmetric"),
         (np.eye(4) + 2 * np.eye(4, k=1) + 2 * np.eye(4, k=-1), "semi-definite"),
         (np.diag([0.0, 1, 1, 1]) + 0.1 * (np.eye(4, k=1) + np.eye(4, k=-1)), "semi-definite"),
+        (np.diag([0.0, 1, 1, 1]) + 1e-6 * (np.eye(4, k=1) + np.eye(4, k=-1)), "semi-definite"),
         ([[1, 2], [3]], "numbers"),
         ("large", r"expected"),
     ],

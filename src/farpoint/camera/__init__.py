@@ -14,7 +14,7 @@ from farpoint.camera.double_sphere import DoubleSphere
 from farpoint.camera.equirectangular import Equirectangular
 from farpoint.camera.extended_unified import ExtendedUnified
 from farpoint.camera.field_of_view import FieldOfView, field_of_view, valid_region
-from farpoint.camera.files import load_camera
+from farpoint.camera.files import load_camera, write_camera
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.path import project_path
@@ -51,4 +51,5 @@ __all__ = [
     "project_path",
     "radial_curve",
     "valid_region",
+    "write_camera",
 ]

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, Self
+from dataclasses import MISSING, fields
+from typing import Any, Self, cast
 
 import numpy as np
 
 from farpoint._kernels.lens import invert_projection
 from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import in_blocks, parameter_values
+from farpoint.errors import InputError
 
 __all__ = ["LensModel"]
 
@@ -49,9 +51,33 @@ class LensModel(ABC):
     def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
         """Derivative of `_project` by the P parameters, (N, 2, P); NaN rows where unseen."""
 
-    def _fields_of(self, parameters: dict[str, float]) -> dict[str, Any]:
+    @classmethod
+    def _fields_of(cls, parameters: Mapping[str, float]) -> dict[str, Any]:
         """All arguments of the class, from the lens's parameters."""
-        return parameters
+        return dict(parameters)
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping[str, float]) -> Self:
+        """The lens of these `parameters`, by name in any order: what `with_parameters` starts from.
+
+        Raises
+        ------
+        InputError
+            For a parameter that is missing or unknown, or values that make no lens; it is named.
+        """
+        make: Callable[..., Self] = cls
+        known = {field.name: field.default is MISSING for field in fields(cast(Any, cls))}
+        given = cls._fields_of(parameters)
+        for name in known | given:
+            if name not in known:
+                raise InputError(f"is no parameter of {cls.__name__}", field=name)
+            if known[name] and name not in given:
+                raise InputError("the parameter is missing", field=name)
+        lens = make(**given)
+        for name in lens.parameters:
+            if name not in parameters:
+                raise InputError("the parameter is missing", field=name)
+        return lens
 
     def refinable(self) -> LensModel:
         """The same lens with every parameter that a refinement may find among its `parameters`.
@@ -73,8 +99,7 @@ class LensModel(ABC):
         InputError
             For another count of values, an unknown name, or values that make no lens.
         """
-        make: Callable[..., Self] = type(self)
-        return make(**self._fields_of(parameter_values(self.parameters, values)))
+        return self.from_parameters(parameter_values(self.parameters, values))
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Pixels (N, 2) of points in camera axes (N, 3); NaN rows where the lens sees none."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -76,7 +77,8 @@ class Pinhole(FocalModel):
         """What the parameters do to the image, for priors of their errors."""
         return replace(super().roles, **coefficient_roles(len(self.distortion)))
 
-    def _fields_of(self, parameters: dict[str, float]) -> dict[str, Any]:
+    @classmethod
+    def _fields_of(cls, parameters: Mapping[str, float]) -> dict[str, Any]:
         return gather_coefficients(parameters)
 
     def refinable(self) -> Pinhole:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -101,10 +101,12 @@ class Scaramuzza(LensModel):
             radial=tuple(name for name, a in coefficients[1:] if name != "a1" or a),
         )
 
-    def _fields_of(self, parameters: dict[str, float]) -> dict[str, Any]:
-        named = dict(parameters)
-        powers = range(len(self.coefficients))
-        return {"coefficients": tuple(named.pop(f"a{power}") for power in powers)} | named
+    @classmethod
+    def _fields_of(cls, parameters: Mapping[str, float]) -> dict[str, Any]:
+        named, coefficients = dict(parameters), []
+        while (name := f"a{len(coefficients)}") in named:
+            coefficients.append(named.pop(name))
+        return {"coefficients": tuple(coefficients)} | named
 
     @cached_property
     def _focal(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -100,7 +101,8 @@ class Unified(FocalModel):
             decentering=coefficients["decentering"],
         )
 
-    def _fields_of(self, parameters: dict[str, float]) -> dict[str, Any]:
+    @classmethod
+    def _fields_of(cls, parameters: Mapping[str, float]) -> dict[str, Any]:
         return gather_coefficients(parameters)
 
     @cached_property

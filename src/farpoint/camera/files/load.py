@@ -14,11 +14,13 @@ from farpoint.camera.files import (
     colmap,
     dso,
     kalibr,
+    kalibr_report,
     kitti,
     nerfstudio,
     ocamcalib,
     opencv,
     orbslam,
+    own,
     plain,
     sensor,
 )
@@ -30,6 +32,7 @@ __all__ = ["load_camera"]
 
 # Asked in this order: the more particular before the more general.
 FORMATS: tuple[CalibrationFormat, ...] = (
+    *(own, kalibr_report),
     *(ocamcalib, dso, plain, colmap, kitti),
     *(basalt, nerfstudio, camodocal, orbslam, sensor, kalibr, opencv),
 )
@@ -41,10 +44,11 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
     Parameters
     ----------
     path : str or path
-        KITTI ``calib.txt`` or ``calib_cam_to_cam.txt``, EuRoC ``sensor.yaml``, Kalibr camera
-        chain, ORB-SLAM settings, COLMAP ``cameras.txt`` or ``cameras.bin``, Basalt, CamOdoCal,
-        DSO, OCamCalib or nerfstudio files, a camera matrix as OpenCV's FileStorage or ROS write
-        it, or bare numbers ``fx fy cx cy [k1 k2 p1 p2 [k3 ...]]``.
+        farpoint's ``camera.yaml``, KITTI ``calib.txt`` or ``calib_cam_to_cam.txt``, EuRoC
+        ``sensor.yaml``, Kalibr camera chain or ``results-cam.txt``, ORB-SLAM settings, COLMAP
+        ``cameras.txt`` or ``cameras.bin``, Basalt, CamOdoCal, DSO, OCamCalib or nerfstudio files, a
+        camera matrix as OpenCV's FileStorage or ROS write it, or bare numbers
+        ``fx fy cx cy [k1 k2 p1 p2 [k3 ...]]``.
     name : str, optional
         Which of several cameras. KITTI's first (``P0``) is meant without it; elsewhere a file of
         several cameras needs it.
@@ -52,7 +56,7 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
     Returns
     -------
     Camera
-        Its ``size`` is None if the file does not tell.
+        Its ``size`` is None if the file does not tell, its ``uncertainty`` if that tells no sigma.
 
     Raises
     ------
