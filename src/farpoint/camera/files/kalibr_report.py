@@ -19,7 +19,7 @@ KIND = re.compile(r"type:\s*<class '[\w.]*?(\w+)CameraGeometry'>")
 ARRAY = r"\[([^\]]*)\]"
 VALUES = {
     "distortion_coeffs": re.compile(rf"distortion:\s*{ARRAY}\s*\+-\s*{ARRAY}"),
-    "intrinsics": re.compile(rf"(?<!re)projection:\s*{ARRAY}\s*\+-\s*{ARRAY}"),
+    "intrinsics": re.compile(rf"projection:\s*{ARRAY}\s*\+-\s*{ARRAY}"),
 }
 KINDS = {
     "Pinhole": ("pinhole", "none"),
