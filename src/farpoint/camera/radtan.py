@@ -96,9 +96,11 @@ class RadialTangential:
         straight = self._untilted_derivatives(x, y)[: len(self.coefficients)]
         if len(self.coefficients) < len(COEFFICIENT_NAMES):
             return straight
-        tilt = self._tilt or Tilt(0.0, 0.0)
-        inner = self._map(x, y)
-        tilted = [tilt.push(inner.a, inner.b, *steps) for steps in straight]
+        tilt, inner = self._tilt or Tilt(0.0, 0.0), self._map(x, y)
+        outer = tilt.derivatives(inner.a, inner.b)
+        tilted = [
+            (outer.a_x * a + outer.a_y * b, outer.b_x * a + outer.b_y * b) for a, b in straight
+        ]
         return tilted + tilt.parameter_derivatives(inner.a, inner.b)
 
     def _untilted_derivatives(

@@ -59,21 +59,24 @@ class Tilt:
 
     def chain(self, inner: PlaneMap) -> PlaneMap:
         """The map followed by the tilt."""
-        a, b = _project(self.homography, inner.a, inner.b)
-        by_a = self.push(inner.a, inner.b, inner.a_x, inner.b_x)
-        by_b = self.push(inner.a, inner.b, inner.a_y, inner.b_y)
-        return PlaneMap(a, b, by_a[0], by_b[0], by_a[1], by_b[1])
+        tilt = self.derivatives(inner.a, inner.b)
+        return PlaneMap(
+            tilt.a,
+            tilt.b,
+            tilt.a_x * inner.a_x + tilt.a_y * inner.b_x,
+            tilt.a_x * inner.a_y + tilt.a_y * inner.b_y,
+            tilt.b_x * inner.a_x + tilt.b_y * inner.b_x,
+            tilt.b_x * inner.a_y + tilt.b_y * inner.b_y,
+        )
 
-    def push(
-        self, x: np.ndarray, y: np.ndarray, step_x: np.ndarray, step_y: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Derivative of `apply` at (x, y) along the steps of straight coordinates."""
+    def derivatives(self, x: np.ndarray, y: np.ndarray) -> PlaneMap:
+        """Tilted coordinates and their derivatives by straight ones."""
         H = self.homography
         a, b = _project(H, x, y)
         depth = H[2, 0] * x + H[2, 1] * y + H[2, 2]
         a_x, a_y = (H[0, 0] - a * H[2, 0]) / depth, (H[0, 1] - a * H[2, 1]) / depth
         b_x, b_y = (H[1, 0] - b * H[2, 0]) / depth, (H[1, 1] - b * H[2, 1]) / depth
-        return a_x * step_x + a_y * step_y, b_x * step_x + b_y * step_y
+        return PlaneMap(a, b, a_x, a_y, b_x, b_y)
 
     def parameter_derivatives(
         self, x: np.ndarray, y: np.ndarray
