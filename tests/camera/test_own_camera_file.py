@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -181,4 +180,3 @@ def test_a_covariance_that_is_none(write: Callable[..., Path]) -> None:
     path = write(good.read_text().replace("  fx: [1.0, ", "  fx: ["), "other")
     with pytest.raises(InputError, match=r"covariance.fx: expected 8 numbers, got 7"):
         load_camera(path)
-    assert not math.isnan(load_camera(good).parameter_covariance().sum())

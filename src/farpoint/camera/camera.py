@@ -34,7 +34,7 @@ class Camera:
     uncertainty : CameraUncertainty or None
         How far the parameters of the lens may be off; None: they are exact.
     readout_s : float or None
-        Time from the first row of an image to the last, s; 0 for a global shutter, None: unknown.
+        Read-out time of a frame, first row to last, s; 0 for a global shutter, None: unknown.
     readout_sigma_s : float or None
         1 sigma of `readout_s`, s; None: it is exact, or unknown.
     doubts : tuple of CameraModel

@@ -34,7 +34,7 @@ def describe(camera: Camera) -> str:
     if camera.source is not None:
         lines.append(f"read from: {camera.source}")
     lines += _extent(camera)
-    lines += _doubts(camera)
+    lines += _uncertainty(camera)
     sigmas = _sigmas(camera)
     lines += [
         f"{name} = {value:.12g}" + (f" +- {sigmas[name]:.3g}" if sigmas.get(name) else "")
@@ -45,8 +45,8 @@ def describe(camera: Camera) -> str:
     return "\n".join(lines)
 
 
-def _doubts(camera: Camera) -> list[str]:
-    """How far the calibration may be off in general terms, and the shutter."""
+def _uncertainty(camera: Camera) -> list[str]:
+    """The uncertainty in general terms, and the read-out time."""
     lines, given = [], camera.uncertainty
     if given is not None and given.covariance is None:
         terms = (
