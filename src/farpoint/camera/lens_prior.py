@@ -12,9 +12,8 @@ from farpoint.errors import InputError
 __all__ = ["prior_covariance"]
 
 ASPECT_SHARE = 0.1
-"""Error of the pixels' aspect ratio and shear in that of the focal length (convention: sensors are
-made to better than 0.1 %; what calibrations say of fx / fy errs by about a tenth of what they say
-of fx)."""
+"""Error of the pixels' aspect ratio and shear in that of the focal length (convention: pixels are
+square by construction, the focal length depends on the lens)."""
 
 DECENTERING_SHARE = 0.25
 """Displacement at the corner by tangential, prism and tilt errors, in that by all (convention)."""
