@@ -15,14 +15,13 @@ MAGIC = b"PK\x03\x04"
 # A camera matrix, its coefficients and an image size are far smaller.
 LARGEST_MEMBER_BYTES = 1 << 16
 MOST_MEMBERS = 1000
-PICKLED = "an object array, which is not unpickled"
+PICKLED = "<pickled-objects>"
 
 
 def arrays_of_npz(data: bytes) -> dict[str, Any]:
     """Arrays of an archive as nested lists; those too large for a calibration are left out.
 
-    An array of Python objects becomes a text that says so: reading numbers from it fails with
-    that text.
+    An array of Python objects becomes `PICKLED`: reading numbers from it fails with that word.
 
     Raises
     ------
@@ -54,7 +53,7 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
     )
     shape, _, dtype = header(content)
     if dtype.hasobject:
-        return PICKLED
+        return [PICKLED]
     # What the header promises must be there before anything is allocated for it.
     if dtype.itemsize * np.prod(shape, dtype=float) > LARGEST_MEMBER_BYTES:
         raise ValueError(f"{member.filename} promises {shape} numbers and is shorter")
