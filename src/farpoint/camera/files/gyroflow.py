@@ -32,6 +32,8 @@ KNOWN = (
     *("filename", "path_to_file", "optimal_fov", "rating", "checksum"),
     *(LENS, "distortion_model", "crop", *STRETCHES),
 )
+# A second distortion made in the camera; lenses between which a zoom lies.
+EXTRAS = ("digital_lens", "interpolations")
 LENS_KNOWN = ("camera_matrix", "distortion_coeffs", "RMS_error", "radial_distortion_limit")
 
 
@@ -51,7 +53,10 @@ def read(file: CalibrationFile, name: str) -> Camera:
     Gyroflow itself, unless a profile is ``asymmetrical``, moves it to the middle.
     """
     fields = file.fields
-    refuse_others(fields, KNOWN)
+    refuse_others(fields, (*KNOWN, *EXTRAS))
+    for key in EXTRAS:
+        if fields.values.get(key):
+            raise fields.error(key, "is not supported; expected none")
     for key in ("crop", *STRETCHES):
         value = fields.number(key) if fields.values.get(key) is not None else 1.0
         if value != 1.0 and not (key in STRETCHES and value <= LEAST_STRETCH):

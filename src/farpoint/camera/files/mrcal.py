@@ -19,7 +19,9 @@ TITLE = "mrcal camera model"
 FIRST_IS_DEFAULT = False
 
 MODEL = re.compile(r"""["']lens_?model["']\s*:\s*b?["']LENSMODEL_""")
-FIELD = re.compile(r"""["'](?P<key>\w+)["']\s*:\s*b?(?P<value>\[[^\]]*\]|"[^"]*"|'[^']*')?""")
+FIELD = re.compile(r"""["'](?P<key>\w+)["']\s*:\s*b?(?P<value>\[[^][]*\]|"[^"]*"|'[^']*')?""")
+# What stands for a value that is neither a text nor a flat list.
+NOT_PARSED = "..."
 MODEL_KEYS = ("lensmodel", "lens_model")
 KNOWN = (*MODEL_KEYS, "intrinsics", "imagersize")
 STEREOGRAPHIC, SPHERE = "LENSMODEL_STEREOGRAPHIC", "LENSMODEL_LONLAT"
@@ -63,7 +65,7 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 def _fields(file: CalibrationFile) -> Fields:
     values = {
-        found["key"]: (found["value"] or "").strip("[]\"'").replace("\n", " ").strip()
+        found["key"]: (found["value"] or NOT_PARSED).strip("[]\"'").replace("\n", " ").strip()
         for found in FIELD.finditer("\n".join(file.lines))
     }
     return Fields(values, file.path)

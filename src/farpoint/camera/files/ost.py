@@ -52,16 +52,18 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 def _sections(file: CalibrationFile) -> dict[str, dict[str, str]]:
     """For each section the text below each of its headings."""
-    sections: dict[str, dict[str, str]] = {}
-    section = heading = None
+    sections: dict[str, dict[str, list[str]]] = {}
+    section = below = None
     for line in file.lines:
         if found := SECTION.fullmatch(line):
-            section, heading = sections.setdefault(found[1].strip(), {}), None
+            section, below = sections.setdefault(found[1].strip(), {}), None
         elif section is None:
             continue
         elif HEADING.fullmatch(line):
-            heading = line.lower()
-            section[heading] = ""
-        elif heading is not None:
-            section[heading] = f"{section[heading]} {line}".strip()
-    return sections
+            below = section[line.lower()] = []
+        elif below is not None:
+            below.append(line)
+    return {
+        name: {heading: " ".join(lines) for heading, lines in section.items()}
+        for name, section in sections.items()
+    }

@@ -21,11 +21,11 @@ TITLE = "RealSense intrinsics"
 FIRST_IS_DEFAULT = False
 
 HEADING = re.compile(
-    r"""(?m)^\s*Intrinsics? of ["']?(?P<stream>[^"'/\n]+?)["']?\s*/\s*(?P<size>\d+x\d+)"""
+    r"""(?m)^[ \t]*Intrinsics? of ["']?(?P<stream>[^"'/\n]+?)["']?\s*/\s*(?P<size>\d+x\d+)"""
     r"(?:\s*/\s*\{(?P<formats>[^}\n]*)\})?"
 )
 LINE = re.compile(
-    r"(?m)^\s*(Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs|[KPSkps]\d+|Model):[ \t]*(.*)$"
+    r"(?m)^[ \t]*(Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs|[KPSkps]\d+|Model):[ \t]*(.*)$"
 )
 LINE_KEYS = {"distortion": "model"}
 N = r"[-+.\deE]+"
@@ -103,7 +103,7 @@ def _from_listing(file: CalibrationFile) -> dict[str, Fields]:
             name = f"{name} {heading['formats'] or len(cameras)}"
         # Extrinsics and motion intrinsics follow after an empty line.
         block = re.split(r"\n\s*\n", file.text[heading.end() : end])[0]
-        values = {
+        values: dict[str, str] = {
             LINE_KEYS.get(key.lower(), key.lower()): value.strip()
             for key, value in LINE.findall(block)
         }

@@ -17,7 +17,7 @@ from farpoint.errors import InputError
 TITLE = "ZED configuration"
 FIRST_IS_DEFAULT = False
 
-SECTION = re.compile(r"(?m)^\s*\[((?:(?:LEFT|RIGHT)_)?)CAM_(\w+)\][ \t\r]*$")
+SECTION = re.compile(r"(?m)^[ \t]*\[((?:(?:LEFT|RIGHT)_)?)CAM_(\w+)\][ \t\r]*$")
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 FOCAL = ("fx", "fy", "cx", "cy")
 SIZES = {
@@ -63,7 +63,7 @@ def read(file: CalibrationFile, name: str) -> Camera:
 def _sections(file: CalibrationFile) -> dict[str, dict[str, str]]:
     parser = configparser.ConfigParser(interpolation=None, default_section="")
     try:
-        parser.read_string(file.text)
+        parser.read_string(file.text, source=file.path.name)
     except configparser.Error as error:
         problem = " ".join(str(error).split())
         raise InputError(f"malformed sections: {problem}", file=file.path) from None
