@@ -278,6 +278,14 @@ def test_hostile_contents_are_one_line(write, kind: str) -> None:
     assert len(str(caught.value)) < 1000
 
 
+def test_large_arrays_of_an_archive_are_passed_over(write) -> None:
+    """Pictures and corners beside the matrix; as many members as no calibration has are refused."""
+    path = write(npz(mtx=np.array(MATRIX), dist=np.zeros(5), corners=np.zeros((40, 2000))))
+    assert load_camera(path).model.parameters["fx"] == 500.5
+    with pytest.raises(InputError, match="expected at most 1000 arrays, got 1001"):
+        load_camera(write(HOSTILE["many members"]))
+
+
 def test_nothing_is_unpickled(write, tmp_path) -> None:
     class Trap:
         def __reduce__(self):

@@ -7,7 +7,7 @@ import json
 import pytest
 import test_camera_files as first_kit
 import wide_files_kit as wide_kit
-from tool_files_kit import OPEN3D_PARAMETERS, SAMPLES, npz
+from tool_files_kit import OPEN3D_PARAMETERS, SAMPLES, SVO, npz
 
 from farpoint.camera import Pinhole, load_camera
 from farpoint.camera.files.load import FORMATS
@@ -68,3 +68,9 @@ def test_two_cameras_of_a_trajectory_have_numbers(write) -> None:
     path = write(json.dumps({"parameters": [OPEN3D_PARAMETERS, other]}))
     assert load_camera(path, "0").model.parameters["fx"] == 500.5
     assert load_camera(path, "1").model.parameters["fx"] == 700.0
+
+
+def test_labels_that_are_given_twice(write) -> None:
+    path = write(SVO.replace("label: right", "label: cam0"))
+    assert load_camera(path, "cam0").model == SAMPLES["svo"][3]
+    assert load_camera(path, "cam1").model == SAMPLES["svo atan"][3]

@@ -27,7 +27,6 @@ HEADING = re.compile(
 LINE = re.compile(
     r"(?m)^[ \t]*(Width|Height|PPX|PPY|Fx|Fy|Distortion|Coeffs|[KPSkps]\d+|Model):[ \t]*(.*)$"
 )
-LINE_KEYS = {"distortion": "model"}
 N = r"[-+.\deE]+"
 PRINTED = (
     re.compile(
@@ -103,10 +102,7 @@ def _from_listing(file: CalibrationFile) -> dict[str, Fields]:
             name = f"{name} {heading['formats'] or len(cameras)}"
         # Extrinsics and motion intrinsics follow after an empty line.
         block = re.split(r"\n\s*\n", file.text[heading.end() : end])[0]
-        values: dict[str, str] = {
-            LINE_KEYS.get(key.lower(), key.lower()): value.strip()
-            for key, value in LINE.findall(block)
-        }
+        values = {str(key).lower(): value.strip() for key, value in LINE.findall(block)}
         cameras[name] = Fields(values, file.path, f"{name} ")
     return cameras
 

@@ -65,10 +65,11 @@ def _cameras(file: CalibrationFile) -> dict[str, Fields]:
             for index, item in enumerate(items)
             if isinstance(item, Mapping)
         ]
-    return {
-        camera.text("label") if "label" in camera else f"cam{index}": camera
-        for index, camera in enumerate(found)
-    }
+    cameras: dict[str, Fields] = {}
+    for index, camera in enumerate(found):
+        label = camera.text("label") if "label" in camera else ""
+        cameras[label if label and label not in cameras else f"cam{index}"] = camera
+    return cameras
 
 
 def _distortion(camera: Fields, allowed: tuple[str, ...]) -> tuple[str, Fields]:
