@@ -172,6 +172,37 @@ cam0:
   cam_d3: -0.002
   T_cam_body: {tx: 0.0, ty: 0.0, tz: 0.0, qx: 0.0, qy: 0.0, qz: 0.0, qw: 1.0}
 """
+VIKIT_ROS2 = """\
+/**:
+  ros__parameters:
+    camera:
+      model: Pinhole
+      width: 640
+      height: 480
+      scale: 0.5
+      fx: 500.5
+      fy: 501.5
+      cx: 320.25
+      cy: 240.75
+      d0: -0.3
+      d1: 0.1
+      d2: 0.001
+      d3: -0.002
+"""
+VIKIT_EQUIDISTANT = """\
+cam_model: EquidistantCamera
+cam_width: 640
+cam_height: 480
+scale: 1.0
+cam_fx: 500.5
+cam_fy: 501.5
+cam_cx: 320.25
+cam_cy: 240.75
+k1: -0.3
+k2: 0.1
+k3: 0.001
+k4: -0.002
+"""
 REALSENSE_LISTING = """\
 Device info:
     Name                          :     Intel RealSense D435I
@@ -585,6 +616,11 @@ SAMPLES: dict[str, tuple[str | bytes, str | None, str, CameraModel, tuple[int, i
         *(VIKIT_ATAN, None, "rpg_vikit camera"),
         *(Arctangent(fx=320, fy=300, cx=159.5, cy=359.5, omega=0.93), (640, 480)),
     ),
+    "vikit ros 2": (
+        *(VIKIT_ROS2, "camera", "rpg_vikit camera"),
+        *(Pinhole(**EXPECTED, distortion=(*D4, 0.0)), (640, 480)),
+    ),
+    "vikit equidistant": (VIKIT_EQUIDISTANT, None, "rpg_vikit camera", FISHEYE, (640, 480)),
     "vikit group": (VIKIT_GROUP, "cam0", "rpg_vikit camera", FISHEYE, (640, 480)),
     "realsense listing": (
         *(REALSENSE_LISTING, "Color 640x480", "RealSense intrinsics", RADTAN5, (640, 480)),
@@ -594,6 +630,10 @@ SAMPLES: dict[str, tuple[str | bytes, str | None, str, CameraModel, tuple[int, i
         *(Pinhole(fx=424.5, fy=424.5, cx=420.5, cy=238.25), (848, 480)),
     ),
     "realsense printed": (*(REALSENSE_PRINTED, None, "RealSense intrinsics", RADTAN5, (640, 480)),),
+    "realsense printed twice": (
+        *(f"depth {REALSENSE_PRINTED.replace('500.5', '400')}\ncolor {REALSENSE_PRINTED}", "2"),
+        *("RealSense intrinsics", RADTAN5, (640, 480)),
+    ),
     "realsense printed, old": (
         *(REALSENSE_PRINTED_OLD, None, "RealSense intrinsics", RADTAN5, (640, 480)),
     ),

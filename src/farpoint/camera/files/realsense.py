@@ -36,7 +36,7 @@ PRINTED = (
     ),
     re.compile(
         rf"width: (?P<width>\d+), height: (?P<height>\d+), ppx: (?P<ppx>{N}), ppy: (?P<ppy>{N}), "
-        rf"fx: (?P<fx>{N}), fy: (?P<fy>{N}), model: (?P<model>[^,\n]+), "
+        rf"fx: (?P<fx>{N}), fy: (?P<fy>{N}),\s+model: (?P<model>[^,\n]+), "
         r"coeffs: \[(?P<coeffs>[^\]\n]*)\]"
     ),
 )
@@ -59,7 +59,10 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """Streams with their size, such as ``Color 640x480``; groups of JSON; the file's own name."""
+    """Streams with their size, such as ``Color 640x480``; groups of JSON; the file's own name.
+
+    Several printed ones have numbers, from 1.
+    """
     return list(_cameras(file))
 
 
@@ -73,11 +76,8 @@ def read(file: CalibrationFile, name: str) -> Camera:
 def _cameras(file: CalibrationFile) -> dict[str, Fields]:
     if HEADING.search(file.text):
         return _from_listing(file)
-    for form in PRINTED:
-        found = form.search(file.text)
-        if found is not None:
-            values = {str(key): value for key, value in found.groupdict().items()}
-            return {file.path.stem: Fields(values, file.path)}
+    if printed := [found for form in PRINTED for found in form.finditer(file.text)]:
+        return _from_printed(file, printed)
     fields = file.fields
     if _is_camera(fields.values):
         return {file.path.stem: fields}
@@ -90,6 +90,16 @@ def _cameras(file: CalibrationFile) -> dict[str, Fields]:
 
 def _is_camera(values: Mapping[str, object]) -> bool:
     return "ppx" in values and "ppy" in values
+
+
+def _from_printed(file: CalibrationFile, printed: list[re.Match[str]]) -> dict[str, Fields]:
+    """The one by the file's own name, several by their numbers."""
+    cameras = {}
+    for index, found in enumerate(printed, start=1):
+        name = file.path.stem if len(printed) == 1 else str(index)
+        values = {str(key): value for key, value in found.groupdict().items()}
+        cameras[name] = Fields(values, file.path, "" if len(printed) == 1 else f"{name} ")
+    return cameras
 
 
 def _from_listing(file: CalibrationFile) -> dict[str, Fields]:

@@ -17,6 +17,8 @@ LENS_WORDS = re.compile(
 )
 """Names of fields that look like a property of a lens."""
 
+# So many fields at most are listed in an error.
+MOST_NAMED = 16
 ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
@@ -37,7 +39,8 @@ def refuse_others(
     for key, value in fields.values.items():
         if key in known or _is_nothing(value) or (only is not None and not only.fullmatch(key)):
             continue
-        raise fields.error(key, f"is not understood; expected no field beside {', '.join(known)}")
+        those = ", ".join(known) if len(known) <= MOST_NAMED else "those of the format"
+        raise fields.error(key, f"is not understood; expected no field beside {those}")
 
 
 def named_distortion(fields: Fields) -> tuple[float, ...]:
