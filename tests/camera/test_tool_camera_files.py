@@ -7,7 +7,7 @@ import json
 import pytest
 import test_camera_files as first_kit
 import wide_files_kit as wide_kit
-from tool_files_kit import OPEN3D_PARAMETERS, SAMPLES, SVO, npz
+from tool_files_kit import OPEN3D_PARAMETERS, REALSENSE_LISTING, SAMPLES, SVO, npz
 
 from farpoint.camera import Pinhole, load_camera
 from farpoint.camera.files.load import FORMATS
@@ -74,3 +74,15 @@ def test_labels_that_are_given_twice(write) -> None:
     path = write(SVO.replace("label: right", "label: cam0"))
     assert load_camera(path, "cam0").model == SAMPLES["svo"][3]
     assert load_camera(path, "cam1").model == SAMPLES["svo atan"][3]
+
+
+def test_streams_of_one_size_are_told_apart(write) -> None:
+    color = REALSENSE_LISTING[REALSENSE_LISTING.index(' Intrinsic of "Color"') :]
+    other = color.replace("YUYV/RGB8/BGR8/RGBA8/BGRA8/Y8", "Y16").replace("500.5", "700")
+    path = write(f"{REALSENSE_LISTING}\n{other}\n{other.replace('700', '800')}")
+    for name, fx in (
+        ("Color 640x480", 500.5),
+        ("Color 640x480 Y16", 700),
+        ("Color 640x480 4", 800),
+    ):
+        assert load_camera(path, name).model.parameters["fx"] == fx

@@ -106,10 +106,10 @@ def _from_listing(file: CalibrationFile) -> dict[str, Fields]:
     headings = list(HEADING.finditer(file.text))
     ends = [*(heading.start() for heading in headings[1:]), len(file.text)]
     cameras: dict[str, Fields] = {}
-    for heading, end in zip(headings, ends, strict=True):
-        name = f"{heading['stream'].strip()} {heading['size']}"
-        if name in cameras:
-            name = f"{name} {heading['formats'] or len(cameras)}"
+    for index, (heading, end) in enumerate(zip(headings, ends, strict=True), start=1):
+        stream = f"{heading['stream'].strip()} {heading['size']}"
+        alike = (stream, f"{stream} {heading['formats']}", f"{stream} {index}")
+        name = next(name for name in alike if name not in cameras)
         # Extrinsics and motion intrinsics follow after an empty line.
         block = re.split(r"\n\s*\n", file.text[heading.end() : end])[0]
         values = {str(key).lower(): value.strip() for key, value in LINE.findall(block)}
