@@ -267,6 +267,7 @@ HOSTILE = {
     "long integer": json.dumps(OPEN3D).replace("480", "4" * 5000),
     "aliases": ALIASES + "K: *a29\n",
     "alias of itself": "K: &k [*k]\n",
+    "name with a line break": changed(GYROFLOW, **{"a\nb": 1}),
     "deep": "{" + '"cameraData": ' + "[" * 100_000,
     "deep mrcal": MRCAL.replace("[ 500.5", "[" * 100_000),
 }
