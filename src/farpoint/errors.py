@@ -27,7 +27,9 @@ class InputError(ValueError):
         self.problem = problem
         self.file = None if file is None else str(file)
         self.field = field
-        super().__init__(": ".join(part for part in (self.file, self.field, problem) if part))
+        message = ": ".join(part for part in (self.file, self.field, problem) if part)
+        # A name or a value may hold a line break; the message is one line all the same.
+        super().__init__(" ".join(message.splitlines()))
 
 
 class MissingExtraError(ImportError):
