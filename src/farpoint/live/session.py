@@ -92,7 +92,8 @@ class LiveSession:
     ------
     InputError
         Where the source cannot be opened or delivers no picture, its frames are not of the
-        camera's size (field ``camera``), or outputs cannot be written. Earlier outputs in the
+        camera's size (field ``camera``), or outputs cannot be written, as by two runs into one
+        folder. Earlier outputs in the
         folder are replaced only after the first picture came.
 
     Attributes
@@ -149,6 +150,8 @@ class LiveSession:
             )
             self.path = out or Path("farpoint-out") / self._capture.name
             self._folder = opened.enter_context(OutputFolder(self.path, description, output, film))
+            for note in self._folder.notes:
+                warn(note)
             if self._display is not None:
                 self._folder.add("viewer", self._display)
             if hints:

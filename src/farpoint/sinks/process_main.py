@@ -11,6 +11,7 @@ import contextlib
 import importlib
 import os
 import pickle
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -24,6 +25,7 @@ __all__ = ["main"]
 
 def main() -> None:
     """Answer messages until they end."""
+    _end_with_messages_only()
     messages, answers = _pipes()
     for module in sys.argv[1:]:
         with contextlib.suppress(ImportError):  # told by whoever needs it, in better words
@@ -34,6 +36,13 @@ def main() -> None:
         _answer(answers, _attempt(partial(worker.follow, step)))
         del step  # an image that need not wait for the next one
     _answer(answers, _attempt(worker.close))
+
+
+def _end_with_messages_only() -> None:
+    """Leave signals that stop a whole group of processes to the one that sends the messages."""
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):  # Windows lacks the last
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 class _Worker:

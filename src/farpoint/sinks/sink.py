@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.odometry import OdometryResult
+from farpoint.sinks.files import AppendFile
 
-__all__ = ["Sink", "TextFile", "TextSink", "open_output"]
+__all__ = ["Sink", "TextFile", "TextSink", "is_unfinished"]
 
 
 class Sink(Protocol):
@@ -38,8 +40,12 @@ class TextFile:
     """
 
     def __init__(self, path: Path, header: str = "") -> None:
-        self._file = open_output(path)
-        self._put(header)
+        self._file = AppendFile(path)
+        try:
+            self._put(header)
+        except InputError:
+            self._file.close()
+            raise
 
     def close(self) -> None:
         """Close the file; a second call does nothing."""
@@ -57,9 +63,7 @@ class TextFile:
         self.close()
 
     def _put(self, text: str) -> None:
-        # One write and one flush: a killed run loses no row and leaves none cut in half.
-        self._file.write(text)
-        self._file.flush()
+        self._file.append(text.encode())
 
 
 class TextSink(TextFile):
@@ -75,9 +79,6 @@ class TextSink(TextFile):
         raise NotImplementedError
 
 
-def open_output(path: Path) -> IO[str]:
-    """Open a text file for writing, or raise an InputError that names it."""
-    try:
-        return path.open("w", encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=path) from error
+def is_unfinished(header: str, columns: Sequence[str]) -> bool:
+    """Whether a first line is a header that was being written when its run was killed."""
+    return not header.endswith("\n") and ",".join(columns).startswith(header)

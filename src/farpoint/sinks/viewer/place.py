@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from farpoint.errors import require
-from farpoint.sinks.sink import open_output
+from farpoint.sinks.files import open_output
 from farpoint.sinks.viewer.options import ViewerOptions
 from farpoint.sinks.viewer.window import open_window
 
