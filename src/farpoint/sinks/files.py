@@ -18,24 +18,29 @@ __all__ = ["AppendFile", "check_writable", "open_output", "part_of", "replacing"
 class AppendFile:
     """A file that grows by whole pieces, each of them in the file before the next comes.
 
-    A piece that does not fit, as on a full disk, is taken out again; earlier ones stay.
+    A piece that does not fit, as on a full disk, is taken out again; earlier ones stay. The file
+    comes into being with its first piece.
 
     Parameters
     ----------
     path : Path
         Replaced if it exists.
+    first : bytes
+        The first piece.
 
     Raises
     ------
     InputError
-        If the file cannot be opened, and by `append`.
+        If the file cannot be written, also by `append`.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, first: bytes) -> None:
         self._path = path
-        self._size = 0
+        with replacing(path) as part:
+            part.write_bytes(first)
+        self._size = len(first)
         try:
-            self._file = path.open("wb", buffering=0)
+            self._file = path.open("ab", buffering=0)
         except OSError as error:
             raise unwritable(path, error) from error
 
@@ -48,7 +53,6 @@ class AppendFile:
         except OSError as error:
             with contextlib.suppress(OSError):
                 self._file.truncate(self._size)
-                self._file.seek(self._size)
             raise unwritable(self._path, error) from error
         self._size += len(piece)
 

@@ -11,7 +11,7 @@ from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus
-from farpoint.sinks.sink import TextFile, is_unfinished
+from farpoint.sinks.sink import TextFile
 
 __all__ = ["COLUMNS", "HalvesFile", "read_halves"]
 
@@ -63,13 +63,11 @@ def read_halves(path: str | Path) -> list[SplitHalf]:
     """
     path = Path(path)
     try:
-        *lines, unfinished = path.read_text(encoding="utf-8").split("\n")
+        lines = path.read_text(encoding="utf-8").split("\n")[:-1]
     except UnicodeDecodeError as error:
         raise InputError("expected a text file of split-half tests", file=path) from error
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from error
-    if not lines and is_unfinished(unfinished, COLUMNS):
-        return []
     if not lines or lines[0].split(",") != list(COLUMNS):
         raise InputError("expected the columns of halves.csv", file=path, field="line 1")
     found = []

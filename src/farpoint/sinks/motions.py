@@ -15,7 +15,7 @@ from farpoint.geometry import so3
 from farpoint.geometry.sphere import tangent_basis
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus, RelativePose
-from farpoint.sinks.sink import TextSink, is_unfinished
+from farpoint.sinks.sink import TextSink
 
 __all__ = ["COLUMNS", "Motions", "MotionsFile", "iter_motions", "read_motions"]
 
@@ -146,7 +146,7 @@ class Motions:
 def read_motions(path: str | Path) -> Motions:
     """Read a whole ``motions.csv``, that of an interrupted run too.
 
-    A last line without its end is one that was being written: it is left out. So is the header.
+    A last line without its end is one that was being written: it is left out.
 
     Raises
     ------
@@ -213,10 +213,7 @@ def _covariance_in_standard_basis(pose: RelativePose) -> np.ndarray:
 def _rows(path: Path) -> Iterator[tuple[PoseStatus, list[float]]]:
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            header = file.readline()
-            if is_unfinished(header, COLUMNS):
-                return
-            if header.rstrip("\r\n").split(",") != list(COLUMNS):
+            if file.readline().rstrip("\r\n").split(",") != list(COLUMNS):
                 expected = ",".join(COLUMNS[:5])
                 raise InputError(
                     f"expected the columns of motions.csv ({expected},...)",

@@ -15,7 +15,7 @@ from farpoint.errors import InputError, optional_import
 from farpoint.geometry import so3
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.files import replacing
-from farpoint.sinks.sink import TextSink, is_unfinished
+from farpoint.sinks.sink import TextSink
 
 __all__ = [
     "COLUMNS",
@@ -198,10 +198,7 @@ def _parts(rows: Iterator[list[float]]) -> Iterator[np.ndarray]:
 def _rows(path: Path) -> Iterator[list[float]]:
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            header = file.readline()
-            if is_unfinished(header, COLUMNS):
-                return
-            if header.rstrip("\r\n").split(",") != list(COLUMNS):
+            if file.readline().rstrip("\r\n").split(",") != list(COLUMNS):
                 raise InputError("expected the columns of positions.csv", file=path, field="line 1")
             whole_lines = (text for text in file if text.endswith("\n"))
             for line, cells in enumerate(csv.reader(whole_lines), start=2):

@@ -107,3 +107,4 @@ def _answer(answers: BinaryIO, problem: BaseException | None) -> None:
 
 if __name__ == "__main__":
     main()
+    os._exit(0)  # all is closed; what a library's own threads still wait for is not waited for

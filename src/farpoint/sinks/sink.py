@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
 import numpy as np
 
-from farpoint.errors import InputError
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.files import AppendFile
 
-__all__ = ["Sink", "TextFile", "TextSink", "is_unfinished"]
+__all__ = ["Sink", "TextFile", "TextSink"]
 
 
 class Sink(Protocol):
@@ -40,12 +38,7 @@ class TextFile:
     """
 
     def __init__(self, path: Path, header: str = "") -> None:
-        self._file = AppendFile(path)
-        try:
-            self._put(header)
-        except InputError:
-            self._file.close()
-            raise
+        self._file = AppendFile(path, header.encode())
 
     def close(self) -> None:
         """Close the file; a second call does nothing."""
@@ -77,8 +70,3 @@ class TextSink(TextFile):
     def lines(self, result: OdometryResult) -> str:
         """What is written of a result, with line ends."""
         raise NotImplementedError
-
-
-def is_unfinished(header: str, columns: Sequence[str]) -> bool:
-    """Whether a first line is a header that was being written when its run was killed."""
-    return not header.endswith("\n") and ",".join(columns).startswith(header)

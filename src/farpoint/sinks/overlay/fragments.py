@@ -72,9 +72,12 @@ class FragmentFile:
         return bytes(header[_SIZE:_HEADER])
 
     def _add_waiting(self) -> None:
+        fragment = bytes(self._waiting[: self._next])
         try:
-            self._file = self._file or AppendFile(self._path)
-            self._file.append(bytes(self._waiting[: self._next]))
+            if self._file is None:
+                self._file = AppendFile(self._path, fragment)
+            else:
+                self._file.append(fragment)
         except InputError:
             self._ended = True
             raise
