@@ -16,15 +16,15 @@ import sys
 import traceback
 from collections.abc import Callable
 from functools import partial
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NoReturn
 
 from farpoint.sinks.sink import Sink
 
 __all__ = ["main"]
 
 
-def main() -> None:
-    """Answer messages until they end."""
+def main() -> NoReturn:
+    """Answer messages until they end, and end the process."""
     _end_with_messages_only()
     messages, answers = _pipes()
     for module in sys.argv[1:]:
@@ -36,6 +36,8 @@ def main() -> None:
         _answer(answers, _attempt(partial(worker.follow, step)))
         del step  # an image that need not wait for the next one
     _answer(answers, _attempt(worker.close))
+    # All is closed. Not even the sink is taken apart: a library that could not write waits for ever.
+    os._exit(0)
 
 
 def _end_with_messages_only() -> None:
@@ -107,4 +109,3 @@ def _answer(answers: BinaryIO, problem: BaseException | None) -> None:
 
 if __name__ == "__main__":
     main()
-    os._exit(0)  # all is closed; what a library's own threads still wait for is not waited for

@@ -18,7 +18,7 @@ class FragmentFile:
     """Takes an MP4 file in fragments from PyAV, in pieces of any size, and adds whole fragments.
 
     The file comes into being with its first fragment. A fragment that cannot be written ends it:
-    the error is raised once, and what comes after is left out, so that the film plays up to there.
+    what comes after is left out, so that the film plays up to there, and `raise_problem` tells.
 
     Parameters
     ----------
@@ -32,29 +32,34 @@ class FragmentFile:
         self._waiting = bytearray()  # boxes (ISO/IEC 14496-12) up to the end of a fragment
         self._next = 0  # where in them the next box begins
         self._ended = False
+        self._problem: InputError | None = None
         self._identity: tuple[int, ...] | None = None
 
     def write(self, data: bytes) -> int:
-        """Take a piece; raises an InputError where a fragment cannot be written."""
+        """Take a piece. It raises nothing, since FFmpeg is between this and who should know."""
         if not self._ended:
             self._waiting += data
-            while (kind := self._skip_box()) is not None:
+            while not self._ended and (kind := self._skip_box()) is not None:
                 if kind == _LAST_OF_FRAGMENT:
                     self._add_waiting()
         return len(data)
+
+    def raise_problem(self) -> None:
+        """Raise, once, the InputError that ended the file."""
+        problem, self._problem = self._problem, None
+        if problem is not None:
+            raise problem
 
     def close(self) -> None:
         """Add what comes after the last fragment, and close the file."""
         if self._file is None:
             return
-        try:
-            if not self._ended and self._next == len(self._waiting):  # no box is cut
-                self._add_waiting()
-        finally:
-            self._ended = True
-            at_its_path = self._file.is_at_its_path()
-            self._file.close()
-            self._identity = _identity(self._path) if at_its_path else None
+        if not self._ended and self._next == len(self._waiting):  # no box is cut
+            self._add_waiting()
+        self._ended = True
+        at_its_path = self._file.is_at_its_path()
+        self._file.close()
+        self._identity = _identity(self._path) if at_its_path else None
 
     def is_at_its_path(self) -> bool:
         """Whether the file is still there as it was closed: a later run may have replaced it."""
@@ -78,9 +83,9 @@ class FragmentFile:
                 self._file = AppendFile(self._path, fragment)
             else:
                 self._file.append(fragment)
-        except InputError:
-            self._ended = True
-            raise
+        except InputError as problem:
+            self._problem, self._ended = problem, True
+            return
         del self._waiting[: self._next]
         self._next = 0
 

@@ -96,6 +96,7 @@ class OverlayVideo:
         frame.pts, frame.time_base = tick, _TICK
         self._last_tick = tick
         self._container.mux(stream.encode(frame))
+        self._file.raise_problem()
 
     def close(self) -> None:
         """Write what the encoder still holds and close the file."""
@@ -113,6 +114,7 @@ class OverlayVideo:
         if self._file.is_at_its_path():
             with contextlib.suppress(OSError, self._av.FFmpegError):  # then it stays as it was
                 self._pack()
+        self._file.raise_problem()
 
     def _pack(self) -> None:
         """Put one index in front in place of fragments; pictures stay as they are."""
