@@ -54,15 +54,13 @@ def test_a_second_run_into_a_folder_is_refused_and_the_first_goes_on(
 def test_the_demo_holds_its_folder_to_the_end(
     tmp_path: Path, farpoint: CommandLine, monkeypatch: pytest.MonkeyPatch
 ):
-    def refused(folder: Path, truth: Path) -> None:
-        assert_locked(folder)
-        raise KeyboardInterrupt
-
-    def assert_locked(folder: Path) -> None:
+    def evaluate(folder: Path, truth: Path) -> None:
+        assert truth.parent == folder
         with pytest.raises(ValueError, match="another run"):
             FolderLock(folder)
+        raise KeyboardInterrupt
 
-    monkeypatch.setattr("farpoint.cli.demo.evaluate_folder", refused)
+    monkeypatch.setattr("farpoint.cli.demo.evaluate_folder", evaluate)
     outcome = farpoint("demo", "--out", tmp_path, "--frames", "3", "--no-overlay", "--no-report")
     assert outcome.code == 130
     FolderLock(tmp_path).release()

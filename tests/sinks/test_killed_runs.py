@@ -12,7 +12,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,9 @@ from farpoint.odometry import OdometryResult
 from farpoint.sinks import lock as lock_module
 from farpoint.sinks.lock import LOCK_NAME, FolderLock
 from farpoint.sinks.output_folder import OutputFolder, OutputOptions
+from farpoint.sinks.overlay import start_film
 from farpoint.sinks.overlay.fragments import FragmentFile
+from farpoint.sinks.process import wait_until_loaded
 from farpoint.sinks.run_record import RunDescription
 
 MakeResult = Callable[..., OdometryResult]
@@ -47,6 +48,15 @@ while True:
         with OutputFolder(sys.argv[2], run, film_process=film) as folder:
             for result in results:
                 folder.write(result, image)
+"""
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from farpoint.sinks import FolderLock
+lock = FolderLock(Path(sys.argv[1]))
+print("held", flush=True)
+time.sleep(600)
 """
 
 
@@ -112,9 +122,7 @@ def test_a_second_run_into_a_folder_is_refused_and_harms_nothing(
 
 
 def test_a_lock_ends_with_its_process_not_with_its_file(tmp_path: Path):
-    program = f"from farpoint.sinks import FolderLock; from pathlib import Path; import time\n\
-held = FolderLock(Path({str(tmp_path)!r})); print('held', flush=True); time.sleep(600)"
-    command = [sys.executable, "-c", program]
+    command = [sys.executable, "-c", HOLDER, str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "held\n"
@@ -157,7 +165,7 @@ def test_no_two_hold_a_folder_however_often_it_is_released(tmp_path: Path):
 
 def test_a_file_system_without_locks_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def none(descriptor: int) -> None:
-        raise OSError(errno.ENOLCK, "No locks available")
+        raise OSError(errno.ENOLCK, f"No locks available for {descriptor}")
 
     monkeypatch.setattr(lock_module, "_lock", none)
     with OutputFolder(tmp_path, RUN, TEXT) as folder:
@@ -193,17 +201,14 @@ def test_a_late_film_of_a_killed_run_leaves_that_of_the_next_alone(tmp_path: Pat
 def test_what_stops_all_processes_does_not_stop_the_drawing(
     name: str, tmp_path: Path, make_result: MakeResult
 ):
-    from farpoint.sinks.overlay import start_film
-    from farpoint.sinks.process import wait_until_loaded
-
     with start_film() as film:
         folder = OutputFolder(tmp_path, RUN, OutputOptions(report=False), film_process=film)
         wait_until_loaded(film)
+        for result in results_of(make_result, 12):
+            folder.write(result, IMAGE)
+        film.send_signal(getattr(signal, name))
+        time.sleep(0.1)
         with pytest.raises(KeyboardInterrupt), folder:
-            for result in results_of(make_result, 12):
-                folder.write(replace(result), IMAGE)
-            film.send_signal(getattr(signal, name))
-            time.sleep(0.1)
             raise KeyboardInterrupt
     check_whole(tmp_path)
     assert record_in(tmp_path / "run.json")["state"] == "interrupted"
