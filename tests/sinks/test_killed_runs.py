@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from folder_kit import check_readable, check_whole, record_in
+from folder_kit import check_readable, check_whole, pictures_in, record_in
 
 from farpoint.camera import Camera
 from farpoint.errors import InputError
@@ -212,4 +212,5 @@ def test_what_stops_all_processes_does_not_stop_the_drawing(
             raise KeyboardInterrupt
     check_whole(tmp_path)
     assert record_in(tmp_path / "run.json")["state"] == "interrupted"
-    assert (tmp_path / "overlay.mp4").exists()
+    assert pictures_in(tmp_path / "overlay.mp4") == 12
+    assert film.returncode == 0

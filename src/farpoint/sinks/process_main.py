@@ -36,7 +36,7 @@ def main() -> NoReturn:
         _answer(answers, _attempt(partial(worker.follow, step)))
         del step  # an image that need not wait for the next one
     _answer(answers, _attempt(worker.close))
-    # All is closed. The sink is not taken apart: a library that could not write would wait for ever.
+    # All is closed. The sink is not taken apart: a library that could not write would wait.
     os._exit(0)
 
 
