@@ -42,7 +42,10 @@ def test_a_second_run_into_a_folder_is_refused_and_the_first_goes_on(
     arguments = ("run", long_drive, "--camera", calibration, "--out", out)
     process = start(*arguments, "--no-overlay", "--no-report")
     wait_for_rows(out / "motions.csv", 5, process)
-    assert_refused(farpoint(*arguments), out, "another run is writing into this folder")
+    (out / "drive.rrd").write_text("recorded by the first")
+    told = farpoint(*arguments, "--rrd", out / "drive.rrd")
+    assert_refused(told, out, "another run is writing into this folder")
+    assert (out / "drive.rrd").read_text() == "recorded by the first"
     assert_refused(farpoint("demo", "--out", out), out, "another run")
     assert farpoint("evaluate", out).code == 0
     os.killpg(process.pid, signal.SIGINT)

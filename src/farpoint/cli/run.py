@@ -130,6 +130,8 @@ def process_frames(
         notes=notes,
     )
     with ExitStack() as opened:
+        # Whoever holds the folder may record into it, too.
+        lock = lock or opened.enter_context(FolderLock(out))
         # The display comes before the folder too: where it cannot be had, nothing is replaced.
         display = None
         if viewer is not None and viewer.wanted:
