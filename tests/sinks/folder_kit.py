@@ -41,7 +41,9 @@ def check_whole(folder: Path) -> None:
         if (path := folder / name).exists():
             assert path.read_bytes()[-1:] in (b"\n", b""), name
     left = [path.name for path in folder.iterdir()]
-    assert not [name for name in left if name.endswith(".part") or name.startswith(".")], left
+    assert not [
+        name for name in left if name.endswith((".part", ".new")) or name.startswith(".")
+    ], left
 
 
 def pictures_in(film: Path) -> int:

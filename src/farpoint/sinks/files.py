@@ -12,7 +12,15 @@ from typing import IO, Self
 
 from farpoint.errors import InputError
 
-__all__ = ["AppendFile", "check_writable", "open_output", "part_of", "replacing", "unwritable"]
+__all__ = [
+    "AppendFile",
+    "check_writable",
+    "new_of",
+    "open_output",
+    "part_of",
+    "replacing",
+    "unwritable",
+]
 
 
 class AppendFile:
@@ -36,8 +44,8 @@ class AppendFile:
 
     def __init__(self, path: Path, first: bytes) -> None:
         self._path = path
-        with replacing(path) as part:
-            part.write_bytes(first)
+        with replacing(path, new_of(path)) as new:
+            new.write_bytes(first)
         self._size = len(first)
         try:
             self._file = path.open("ab", buffering=0)
@@ -82,15 +90,22 @@ class AppendFile:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, part: Path | None = None) -> Iterator[Path]:
     """A place to write beside ``path``, which takes its name where the block ends well.
+
+    Parameters
+    ----------
+    path : Path
+        Replaced if it exists.
+    part : Path, optional
+        The place; `part_of` the path by default.
 
     Raises
     ------
     InputError
         Where something is written in vain; ``path`` stays as it was then.
     """
-    part = part_of(path)
+    part = part or part_of(path)
     try:
         yield part
         part.replace(path)
@@ -104,6 +119,11 @@ def replacing(path: Path) -> Iterator[Path]:
 def part_of(path: Path) -> Path:
     """Where a file is written before it takes the name ``path``."""
     return path.with_name(path.name + ".part")
+
+
+def new_of(path: Path) -> Path:
+    """Where the first piece of a file is written, while the file as a whole may have a part."""
+    return path.with_name(path.name + ".new")
 
 
 def open_output(path: Path) -> IO[str]:

@@ -19,7 +19,7 @@ from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
 from farpoint.odometry import Odometry, OdometryResult
 from farpoint.options import settle_int
-from farpoint.sinks.files import part_of, unwritable
+from farpoint.sinks.files import new_of, part_of, unwritable
 from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.lock import FolderLock
 from farpoint.sinks.motions import MotionsFile
@@ -267,8 +267,9 @@ def _remove_outputs(folder: Path) -> None:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise unwritable(path, error) from error
-        with contextlib.suppress(OSError):
-            part_of(path).unlink(missing_ok=True)
+        for unfinished in (part_of(path), new_of(path)):
+            with contextlib.suppress(OSError):
+                unfinished.unlink(missing_ok=True)
 
 
 def _attempt(step: Callable[[], object]) -> BaseException | None:
