@@ -54,6 +54,7 @@ class FolderLock:
     def __init__(self, folder: Path) -> None:
         self.note: str | None = None
         self._path = folder / LOCK_NAME
+        self._made = not folder.exists()
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._file = self._hold(folder)
@@ -61,13 +62,15 @@ class FolderLock:
             raise unwritable(folder, error) from error
 
     def release(self) -> None:
-        """Let go and take the file away; a second call does nothing."""
+        """Let go, and take the file away and a folder made for nothing; once."""
         if self._file.closed:
             return
         if sys.platform == "win32":  # which removes no open file
             self._file.close()
         with contextlib.suppress(OSError):
             self._path.unlink()
+            if self._made:
+                self._path.parent.rmdir()  # refused by the system where a file is in it
         # Closed last: after it, the file at this path may be the lock of another run.
         self._file.close()
 
