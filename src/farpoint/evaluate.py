@@ -29,11 +29,11 @@ from farpoint.metrics import (
     relative_motions,
 )
 from farpoint.options import settle_float, settle_int
+from farpoint.sinks.files import open_output, replacing
 from farpoint.sinks.halves import read_halves
 from farpoint.sinks.motions import Motions, read_motions
 from farpoint.sinks.positions import read_positions
-from farpoint.sinks.sink import open_output
-from farpoint.trajectory.files import Trajectory, read_trajectory, read_tum
+from farpoint.trajectory.files import Trajectory, iter_tum, read_trajectory
 
 __all__ = ["EvaluationOptions", "FolderEvaluation", "evaluate_folder", "write_pairs"]
 
@@ -131,7 +131,7 @@ def evaluate_folder(
     if reference is not None:
         path = _evaluated_path(folder / "positions.csv", motions, reference, options)
         trajectory, fault = _evaluated_trajectory(
-            read_tum(folder / "trajectory.tum"), motions, reference, options
+            folder / "trajectory.tum", motions, reference, options
         )
     evaluation = Evaluation(
         motions=evaluate_motions(errors),
@@ -147,7 +147,7 @@ def write_pairs(path: str | Path, found: FolderEvaluation) -> None:
     """Write the errors as CSV: ``timestamp0,timestamp1,frame0,frame1`` and `PAIR_COLUMNS`."""
     m = found.motions
     keys = zip(m.timestamp0, m.timestamp1, m.frame0, m.frame1, strict=True)
-    with open_output(Path(path)) as file:
+    with replacing(Path(path)) as part, open_output(part) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("timestamp0", "timestamp1", "frame0", "frame1", *PAIR_COLUMNS))
         for (time0, time1, frame0, frame1), row in zip(keys, pair_rows(found.errors), strict=True):
@@ -206,19 +206,22 @@ def _motion_errors(
 
 
 def _evaluated_trajectory(
-    estimate: Trajectory, motions: Motions, truth: Trajectory, options: EvaluationOptions
+    file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
 ) -> tuple[TrajectoryEvaluation | None, str | None]:
     """Figures of the trajectory, or why there are none: standing still is no fault of the input."""
-    assert estimate.timestamps is not None  # a TUM file has them
-    frames = _frames_at(estimate.timestamps, motions)
-    poses = _true_poses(truth, estimate.timestamps, frames, options)
+    rows = list(iter_tum(file, whole_lines=True))
+    if not rows:  # of a run that was killed early
+        return None, f"{file.name} holds no pose"
+    timestamps = np.array([stamp for stamp, _ in rows])
+    estimate = np.stack([pose for _, pose in rows])
+    poses = _true_poses(truth, timestamps, _frames_at(timestamps, motions), options)
     known = ~np.isnan(poses[:, 0, 0])
     count = int(np.count_nonzero(known))
     if count < max(MIN_POSES, options.delta_frames + 1):
         return None, f"only {count} poses have a true one"
     try:
         return evaluate_trajectory(
-            estimate.world_from_body[known], poses[known], delta_frames=options.delta_frames
+            estimate[known], poses[known], delta_frames=options.delta_frames
         ), None
     except InputError as error:
         return None, error.problem

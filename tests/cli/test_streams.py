@@ -85,7 +85,7 @@ def test_a_service_that_is_stopped_keeps_what_it_computed(
     assert process.returncode == 130
     assert said.splitlines()[-1] == "farpoint: interrupted; what was computed is in the outputs"
     assert len(rows_of(out)) >= 3
-    assert record_of(out)["status"] == "interrupted"
+    assert record_of(out)["state"] == "interrupted"
 
 
 def test_a_hang_up_that_the_caller_ignores_stays_ignored(

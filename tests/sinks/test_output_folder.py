@@ -14,7 +14,7 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus
-from farpoint.sinks.background import BackgroundSink
+from farpoint.sinks.background import WAITING, BackgroundSink
 from farpoint.sinks.motions import MotionsFile, read_motions
 from farpoint.sinks.output_folder import OutputFolder, OutputOptions
 from farpoint.sinks.overlay import start_film
@@ -106,7 +106,8 @@ def test_each_output_is_closed_even_if_one_fails(
     monkeypatch.setattr(MotionsFile, "close", fail)
     with pytest.raises(OSError, match="disk full"), OutputFolder(tmp_path, run) as folder:
         write_frames(folder, make_result, 6)
-    check_files(tmp_path, 6, "done")
+    check_files(tmp_path, 6, "failed")
+    assert json.loads((tmp_path / "run.json").read_text())["error"] == "OSError: disk full"
 
     with pytest.raises(KeyboardInterrupt) as caught, OutputFolder(tmp_path, run) as folder:
         write_frames(folder, make_result, 3, then=KeyboardInterrupt())
@@ -137,20 +138,23 @@ def test_the_other_outputs_survive_the_process_that_draws(
 ) -> None:
     with start_film() as process:
         folder = OutputFolder(tmp_path, run, film_process=process)
-        write_frames(folder, make_result, 3)
+        drawn = WAITING + 5  # as many waited for the process as do not find room
+        write_frames(folder, make_result, drawn)
         process.kill()
         process.wait()
 
         def write_on() -> None:
             with folder:
-                for k in range(3, 100):
+                for k in range(drawn, drawn + 100):
                     folder.write(make_result(k), IMAGE)
 
         with pytest.raises(ChildProcessError, match=r"overlay\.mp4: the process that draws it"):
             write_on()
     assert {path.name for path in tmp_path.iterdir()} == NAMES
     rows = len(read_motions(tmp_path / "motions.csv"))
-    assert rows >= 3
+    assert rows >= drawn - 1
+    with av.open(str(tmp_path / "overlay.mp4")) as film:
+        assert 0 < sum(1 for _ in film.decode(video=0)) <= drawn
     assert len(read_tum(tmp_path / "trajectory.tum")) == rows + 1
     record = json.loads((tmp_path / "run.json").read_text())
     assert record["state"] == "failed"
@@ -176,7 +180,7 @@ def test_an_older_report_does_not_outlive_a_new_start(
     with OutputFolder(tmp_path, run) as folder:
         write_frames(folder, make_result, 3)
     running = OutputFolder(tmp_path, run, OutputOptions(overlay=False, halves_every=0))
-    left = {path.name for path in tmp_path.iterdir()}
+    left = {path.name for path in tmp_path.iterdir() if not path.name.startswith(".")}
     running.close()
     assert left == NAMES - {"report.html", "overlay.mp4", "halves.csv"}
 

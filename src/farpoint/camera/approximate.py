@@ -12,6 +12,7 @@ from typing import Protocol
 
 from farpoint.camera.camera import Camera
 from farpoint.camera.pinhole import Pinhole
+from farpoint.camera.uncertainty import CameraUncertainty
 from farpoint.camera.values import positive
 from farpoint.errors import InputError
 
@@ -119,6 +120,9 @@ def _pinhole(width: int, height: int, focal_px: float, words: str) -> Camera:
         size=(width, height),
         name="approximate",
         source=f"a guess: {words}, without distortion",
+        uncertainty=CameraUncertainty(
+            focal=FOCAL_SIGMA, distortion_px=DISTORTION_SIGMA * 0.5 * math.hypot(width, height)
+        ),
         doubts=(
             model(focal_px * (1.0 + FOCAL_SIGMA)),
             model(focal_px / (1.0 + FOCAL_SIGMA)),

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from farpoint.camera.focal import FocalModel, PlaneJacobian, rays_from_plane
+from farpoint.camera.focal import FocalModel, PlaneDerivatives, PlaneJacobian, rays_from_plane
 from farpoint.camera.values import within
 
 __all__ = ["Arctangent"]
@@ -87,6 +87,16 @@ class Arctangent(FocalModel):
             (scale + x * x * bend, cross, x * fall),
             (cross, scale + y * y * bend, y * fall),
         )
+
+    def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
+        square = x * x + y * y
+        radius = np.sqrt(square)
+        angle = np.arctan2(self._stretch * radius, z)
+        scale = np.where(radius > 0.0, angle / radius, self._stretch / z)
+        # d stretch / d omega = 1 + stretch^2 / 4, d angle / d stretch = z radius / (...).
+        growth = z * (1.0 + 0.25 * self._stretch**2) / (z * z + self._stretch**2 * square)
+        by_omega = (growth - scale / self.omega) / self.omega
+        return [(x * by_omega, y * by_omega)]
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         height = np.sqrt(a * a + b * b)

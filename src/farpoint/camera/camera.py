@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from farpoint.camera.lens_prior import prior_covariance
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
-from farpoint.camera.values import as_rows
+from farpoint.camera.uncertainty import CameraUncertainty
+from farpoint.camera.values import as_rows, finite, parameter_values, positive
 from farpoint.errors import InputError
 
 __all__ = ["Camera", "CameraModel"]
@@ -29,6 +31,12 @@ class Camera:
         Name within its calibration file, or of the file.
     source : str or None
         The kind of file it was read from, and its path; None for one made in code.
+    uncertainty : CameraUncertainty or None
+        How far the parameters of the lens may be off; None: they are exact.
+    readout_s : float or None
+        Read-out time of a frame, first row to last, s; 0 for a global shutter, None: unknown.
+    readout_sigma_s : float or None
+        1 sigma of `readout_s`, s; None: it is exact, or unknown.
     doubts : tuple of CameraModel
         Lenses that are one sigma off, one each way for each thing that is known only roughly; none
         for a calibrated camera. `Odometry` lets them widen the covariances.
@@ -38,6 +46,9 @@ class Camera:
     size: tuple[int, int] | None = None
     name: str = "camera"
     source: str | None = field(default=None, compare=False)
+    uncertainty: CameraUncertainty | None = None
+    readout_s: float | None = None
+    readout_sigma_s: float | None = None
     doubts: tuple[CameraModel, ...] = ()
 
     @classmethod
@@ -79,6 +90,112 @@ class Camera:
                 field="camera",
             )
         return replace(self, size=_checked_size(width, height))
+
+    def with_uncertainty(
+        self,
+        *,
+        focal: float | None = None,
+        center_px: float | None = None,
+        distortion_px: float | None = None,
+    ) -> Camera:
+        """The same camera with errors of its calibration, 1 sigma; without any it is exact.
+
+        Parameters
+        ----------
+        focal : float, optional
+            Relative error of the focal length.
+        center_px : float, optional
+            Error of each coordinate of the principal point, px.
+        distortion_px : float, optional
+            Displacement at the corner of the image that the distortion may be off by, px.
+
+        Raises
+        ------
+        InputError
+            For a number that is not positive, named by its argument.
+
+        Examples
+        --------
+        >>> camera = Camera.pinhole(640, 480, 500, 500, 319.5, 239.5)
+        >>> camera.with_uncertainty(center_px=2.0).parameter_sigmas()["cx"]
+        2.0
+        """
+        terms = CameraUncertainty(focal=focal, center_px=center_px, distortion_px=distortion_px)
+        return replace(self, uncertainty=None if terms == CameraUncertainty() else terms)
+
+    def with_parameter_covariance(self, covariance: np.ndarray) -> Camera:
+        """The same camera with the covariance of its parameters, in place of any uncertainty.
+
+        Parameters
+        ----------
+        covariance : ndarray, shape (P, P)
+            In the parameters' order and units: those of ``model.parameters``, or of
+            ``model.refinable().parameters``; what it leaves out is exact, as is a parameter
+            without variance.
+
+        Raises
+        ------
+        InputError
+            For a matrix that is no covariance of so many parameters (field ``covariance``).
+        """
+        given = CameraUncertainty.of_covariance(covariance)
+        padded = prior_covariance(self.model, self.size, given)
+        return replace(self, uncertainty=CameraUncertainty.of_covariance(padded))
+
+    def with_parameter_sigmas(self, sigmas: np.ndarray | Mapping[str, float]) -> Camera:
+        """The same camera with a 1 sigma for each parameter, uncorrelated.
+
+        Parameters
+        ----------
+        sigmas : array_like, shape (P,), or mapping
+            In the order of ``model.parameters`` or ``model.refinable().parameters``, or by name; 0,
+            or not named: exact.
+
+        Raises
+        ------
+        InputError
+            For another count, an unknown name, or a negative number, named.
+        """
+        names = list(self.model.refinable().parameters)
+        if not isinstance(sigmas, Mapping) and np.shape(sigmas) == (len(self.model.parameters),):
+            names = list(self.model.parameters)
+        given = parameter_values(dict.fromkeys(names, 0.0), sigmas, field="sigmas")
+        for name, sigma in given.items():
+            if sigma < 0.0:
+                raise InputError(f"expected no negative sigma, got {sigma:g}", field=name)
+        return self.with_parameter_covariance(np.diag(np.square(list(given.values()))))
+
+    def parameter_covariance(self) -> np.ndarray:
+        """Prior covariance (P, P) of the parameters of ``model.refinable()``, in their units.
+
+        Zero for an exact camera; rows and columns of exact parameters are zero.
+
+        Raises
+        ------
+        InputError
+            Where an error of the distortion is given and ``size`` is None (field ``camera.size``).
+        """
+        return prior_covariance(self.model, self.size, self.uncertainty)
+
+    def parameter_sigmas(self) -> dict[str, float]:
+        """1 sigma of each parameter of ``model.refinable()`` by name: the root of the diagonal."""
+        sigmas = np.sqrt(np.diag(self.parameter_covariance())).tolist()
+        return dict(zip(self.model.refinable().parameters, sigmas, strict=True))
+
+    def with_readout(self, readout_s: float, sigma_s: float | None = None) -> Camera:
+        """The same camera with a rolling shutter that reads a frame in so many seconds.
+
+        Parameters
+        ----------
+        readout_s : float
+            Time from the first row to the last, s; 0 for a global shutter.
+        sigma_s : float, optional
+            1 sigma, s; exact by default.
+        """
+        if finite("readout_s", readout_s) < 0.0:
+            raise InputError(f"expected no negative number, got {readout_s:g}", field="readout_s")
+        sigma = None if sigma_s is None else positive("readout_sigma_s", sigma_s)
+        return replace(self, readout_s=float(readout_s), readout_sigma_s=sigma)
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Pixels (N, 2) of rays or points in camera axes (N, 3), any length.

@@ -14,6 +14,8 @@ __all__ = ["describe"]
 def describe(camera: Camera) -> str:
     """What was read, image size, field of view, a line for each parameter, and the radial curve.
 
+    Parameters have their 1 sigma where the camera has an uncertainty.
+
     Without an image size there is neither field of view nor curve.
 
     Examples
@@ -32,10 +34,41 @@ def describe(camera: Camera) -> str:
     if camera.source is not None:
         lines.append(f"read from: {camera.source}")
     lines += _extent(camera)
-    lines += [f"{name} = {value:.12g}" for name, value in camera.model.parameters.items()]
+    lines += _uncertainty(camera)
+    sigmas = _sigmas(camera)
+    lines += [
+        f"{name} = {value:.12g}" + (f" +- {sigmas[name]:.3g}" if sigmas.get(name) else "")
+        for name, value in camera.model.parameters.items()
+    ]
     if camera.size is not None:
         lines += ["", draw_radial_curve(camera)]
     return "\n".join(lines)
+
+
+def _uncertainty(camera: Camera) -> list[str]:
+    """The uncertainty in general terms, and the read-out time."""
+    lines, given = [], camera.uncertainty
+    if given is not None and given.covariance is None:
+        terms = (
+            ("focal length", given.focal and f"{100 * given.focal:.3g} %"),
+            ("principal point", given.center_px and f"{given.center_px:.3g} px"),
+            ("distortion at the corner", given.distortion_px and f"{given.distortion_px:.3g} px"),
+        )
+        words = ", ".join(f"{name} {amount}" for name, amount in terms if amount)
+        lines.append(f"uncertainty (1 sigma): {words}")
+    if camera.readout_s is not None:
+        sigma = camera.readout_sigma_s
+        allowance = "" if sigma is None else f" +- {1e3 * sigma:.3g}"
+        lines.append(f"read-out of a frame: {1e3 * camera.readout_s:.6g}{allowance} ms")
+    return lines
+
+
+def _sigmas(camera: Camera) -> dict[str, float]:
+    """1 sigma of each parameter, as far as it is known without the size of the images."""
+    given = camera.uncertainty
+    if given is not None and given.distortion_px is not None and camera.size is None:
+        return {}
+    return camera.parameter_sigmas()
 
 
 def _extent(camera: Camera) -> list[str]:

@@ -6,7 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint.camera.focal import FocalModel, PlaneJacobian, quotient_jacobian, rays_from_plane
+from farpoint.camera.focal import (
+    FocalModel,
+    PlaneDerivatives,
+    PlaneJacobian,
+    quotient_derivatives,
+    quotient_jacobian,
+    rays_from_plane,
+)
 from farpoint.camera.values import within
 
 __all__ = ["Division"]
@@ -81,6 +88,10 @@ class Division(FocalModel):
         s, divisor = self._divisor(x, y, z)
         pull = -2.0 * self.k / s
         return quotient_jacobian(x, y, divisor, (pull * x, pull * y, divisor / s))
+
+    def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
+        s, divisor = self._divisor(x, y, z)
+        return quotient_derivatives(x, y, divisor, (-(x * x + y * y) / s,))
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         bend = self.k * (a * a + b * b)

@@ -8,7 +8,14 @@ from functools import cached_property
 import numpy as np
 
 from farpoint.camera.extended_unified import lowest_cosine
-from farpoint.camera.focal import FocalModel, PlaneJacobian, quotient_jacobian, rays_from_plane
+from farpoint.camera.focal import (
+    FocalModel,
+    PlaneDerivatives,
+    PlaneJacobian,
+    quotient_derivatives,
+    quotient_jacobian,
+    rays_from_plane,
+)
 from farpoint.camera.values import within
 
 __all__ = ["DoubleSphere"]
@@ -101,6 +108,12 @@ class DoubleSphere(FocalModel):
             pull * h * h_z + rest * h_z,
         )
         return quotient_jacobian(x, y, self.alpha * d2 + rest * h, gradient)
+
+    def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
+        d1, h, d2 = self._lengths(x, y, z)
+        divisor = self.alpha * d2 + (1.0 - self.alpha) * h
+        by_xi = d1 * (self.alpha * h / d2 + (1.0 - self.alpha))
+        return quotient_derivatives(x, y, divisor, (by_xi, d2 - h))
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         square = a * a + b * b

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.camera.lens_model import LensModel
+from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import positive
 
 __all__ = ["Equirectangular"]
@@ -56,6 +57,11 @@ class Equirectangular(LensModel):
         """Every parameter by name, in the order people write them."""
         return {"width": self.width, "height": self.height}
 
+    @property
+    def roles(self) -> ParameterRoles:
+        """None: the size of the picture is what it is."""
+        return ParameterRoles(scale={}, affine=(), center=(), radial=())
+
     def _project(self, points: np.ndarray) -> np.ndarray:
         x, y, z = points.T
         level = np.hypot(x, z)
@@ -76,6 +82,14 @@ class Equirectangular(LensModel):
         rays[:, 2] = level * np.cos(longitude)
         rays[np.isnan(rays[:, 0])] = np.nan
         return rays
+
+    def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
+        pixels = self._project(points)
+        jacobian = np.zeros((len(points), 2, 2))
+        jacobian[:, 0, 0] = (pixels[:, 0] + 0.5) / self.width
+        jacobian[:, 1, 1] = (pixels[:, 1] + 0.5) / self.height
+        jacobian[np.isnan(pixels[:, 0])] = np.nan
+        return jacobian
 
     def _project_jacobian(self, points: np.ndarray) -> np.ndarray:
         x, y, z = points.T

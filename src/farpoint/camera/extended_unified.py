@@ -7,7 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
-from farpoint.camera.focal import FocalModel, PlaneJacobian, quotient_jacobian, rays_from_plane
+from farpoint.camera.focal import (
+    FocalModel,
+    PlaneDerivatives,
+    PlaneJacobian,
+    quotient_derivatives,
+    quotient_jacobian,
+    rays_from_plane,
+)
 from farpoint.camera.values import positive, within
 
 __all__ = ["ExtendedUnified", "lowest_cosine"]
@@ -81,6 +88,12 @@ class ExtendedUnified(FocalModel):
         pull = self.alpha / d
         gradient = (pull * self.beta * x, pull * self.beta * y, pull * z + (1.0 - self.alpha))
         return quotient_jacobian(x, y, self.alpha * d + (1.0 - self.alpha) * z, gradient)
+
+    def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
+        square = x * x + y * y
+        d = np.sqrt(self.beta * square + z * z)
+        divisor = self.alpha * d + (1.0 - self.alpha) * z
+        return quotient_derivatives(x, y, divisor, (d - z, 0.5 * self.alpha * square / d))
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         square = self.beta * (a * a + b * b)

@@ -8,12 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.camera.lens_model import LensModel
+from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import finite, positive
 
-__all__ = ["FocalModel", "PlaneJacobian", "quotient_jacobian", "rays_from_plane"]
+__all__ = [
+    "FocalModel",
+    "PlaneDerivatives",
+    "PlaneJacobian",
+    "quotient_derivatives",
+    "quotient_jacobian",
+    "rays_from_plane",
+]
 
 PlaneJacobian = tuple[tuple[np.ndarray, ...], ...]
 """Rows of d(a, b) / d(x, y, z): two triples of arrays (N,)."""
+
+PlaneDerivatives = list[tuple[np.ndarray, np.ndarray]]
+"""d(a, b) by each of some parameters: pairs of arrays (N,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +57,19 @@ class FocalModel(LensModel):
         """Every parameter by name, in the order people write them."""
         return {"fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy}
 
+    @property
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors.
+
+        All that are not of this class are taken to be radial.
+        """
+        return ParameterRoles(
+            scale={"fx": self.fx, "fy": self.fy},
+            affine=({"fx": 0.5 * self.fx, "fy": -0.5 * self.fy},),
+            center=("cx", "cy"),
+            radial=tuple(self.parameters)[4:],
+        )
+
     @abstractmethod
     def _to_plane(
         self, x: np.ndarray, y: np.ndarray, z: np.ndarray
@@ -55,6 +79,13 @@ class FocalModel(LensModel):
     @abstractmethod
     def _to_plane_jacobian(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneJacobian:
         """Derivative of `_to_plane` by the point; what it is where that is NaN does not matter."""
+
+    @abstractmethod
+    def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
+        """Derivative of `_to_plane` by each parameter after the first four, in their order.
+
+        What it is where `_to_plane` is NaN does not matter.
+        """
 
     @abstractmethod
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -84,6 +115,18 @@ class FocalModel(LensModel):
         flat[unseen] = np.nan
         return flat
 
+    def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
+        x, y, z = points.T
+        a, b = self._to_plane(x, y, z)
+        by_shape = self._to_plane_parameters(x, y, z)
+        jacobian = np.zeros((len(points), 2, 4 + len(by_shape)))
+        jacobian[:, 0, 0], jacobian[:, 1, 1] = a, b
+        jacobian[:, 0, 2] = jacobian[:, 1, 3] = 1.0
+        for column, (by_a, by_b) in enumerate(by_shape, start=4):
+            jacobian[:, 0, column], jacobian[:, 1, column] = self.fx * by_a, self.fy * by_b
+        jacobian[np.isnan(a)] = np.nan
+        return jacobian
+
 
 def quotient_jacobian(
     x: np.ndarray, y: np.ndarray, divisor: np.ndarray, gradient: tuple[np.ndarray, ...]
@@ -96,6 +139,14 @@ def quotient_jacobian(
         ((1.0 - a * by_x) * inverse, -a * by_y * inverse, -a * by_z * inverse),
         (-b * by_x * inverse, (1.0 - b * by_y) * inverse, -b * by_z * inverse),
     )
+
+
+def quotient_derivatives(
+    x: np.ndarray, y: np.ndarray, divisor: np.ndarray, steps: tuple[np.ndarray, ...]
+) -> PlaneDerivatives:
+    """Derivatives of ``(x, y) / divisor`` by parameters that change nothing but the divisor."""
+    scales = [-step / divisor**2 for step in steps]
+    return [(x * scale, y * scale) for scale in scales]
 
 
 def rays_from_plane(x: np.ndarray, y: np.ndarray, z: np.ndarray | float) -> np.ndarray:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from farpoint.camera.curve import GrowingCurve, first_positive_root
-from farpoint.camera.focal import FocalModel, PlaneJacobian, rays_from_plane
+from farpoint.camera.focal import FocalModel, PlaneDerivatives, PlaneJacobian, rays_from_plane
 from farpoint.camera.values import finite
 
 __all__ = ["KannalaBrandt"]
@@ -104,6 +104,13 @@ class KannalaBrandt(FocalModel):
             (scale + x * x * bend, cross, x * fall),
             (cross, scale + y * y * bend, y * fall),
         )
+
+    def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
+        radius = np.sqrt(x * x + y * y)
+        theta = np.arctan2(radius, z)
+        over = np.where(radius > 0.0, 1.0 / radius, 0.0)
+        powers = [theta**power * over for power in (3, 5, 7, 9)]
+        return [(x * power, y * power) for power in powers]
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         height = np.sqrt(a * a + b * b)

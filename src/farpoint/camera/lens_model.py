@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields
+from typing import Any, Self, cast
 
 import numpy as np
 
 from farpoint._kernels.lens import invert_projection
-from farpoint.camera.values import in_blocks
+from farpoint.camera.roles import ParameterRoles
+from farpoint.camera.values import in_blocks, parameter_values
+from farpoint.errors import InputError
 
 __all__ = ["LensModel"]
 
@@ -25,6 +30,11 @@ class LensModel(ABC):
     def parameters(self) -> dict[str, float]:
         """Every parameter by name, in the order people write them."""
 
+    @property
+    @abstractmethod
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors."""
+
     @abstractmethod
     def _project(self, points: np.ndarray) -> np.ndarray:
         """Pixels (N, 2) of points (N, 3)."""
@@ -36,6 +46,60 @@ class LensModel(ABC):
     @abstractmethod
     def _project_jacobian(self, points: np.ndarray) -> np.ndarray:
         """Derivative of `_project` by the point, rows (N, 6) of d(u, v) / d(x, y, z)."""
+
+    @abstractmethod
+    def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
+        """Derivative of `_project` by the P parameters, (N, 2, P); NaN rows where unseen."""
+
+    @classmethod
+    def _fields_of(cls, parameters: Mapping[str, float]) -> dict[str, Any]:
+        """All arguments of the class, from the lens's parameters."""
+        return dict(parameters)
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping[str, float]) -> Self:
+        """The lens of these `parameters`, by name in any order: what `with_parameters` starts from.
+
+        Raises
+        ------
+        InputError
+            For a parameter that is missing or unknown, or values that make no lens; it is named.
+        """
+        make: Callable[..., Self] = cls
+        known = {field.name: field.default is MISSING for field in fields(cast(Any, cls))}
+        given = cls._fields_of(parameters)
+        for name in known | given:
+            if name not in known:
+                raise InputError(f"is no parameter of {cls.__name__}", field=name)
+            if known[name] and name not in given:
+                raise InputError("the parameter is missing", field=name)
+        lens = make(**given)
+        for name in lens.parameters:
+            if name not in parameters:
+                raise InputError("the parameter is missing", field=name)
+        return lens
+
+    def refinable(self) -> LensModel:
+        """The same lens with every parameter that a refinement may find among its `parameters`.
+
+        The lens itself, but for a pinhole without distortion, which gets coefficients of zero.
+        """
+        return self
+
+    def with_parameters(self, values: np.ndarray | Mapping[str, float]) -> Self:
+        """The lens with other values of its `parameters`.
+
+        Parameters
+        ----------
+        values : array_like, shape (P,), or mapping
+            Values in the order of `parameters`, or by name; what a mapping does not name stays.
+
+        Raises
+        ------
+        InputError
+            For another count of values, an unknown name, or values that make no lens.
+        """
+        return self.from_parameters(parameter_values(self.parameters, values))
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Pixels (N, 2) of points in camera axes (N, 3); NaN rows where the lens sees none."""
@@ -49,6 +113,16 @@ class LensModel(ABC):
         """Derivative of `project` by the point, shape (N, 2, 3); NaN where `project` is."""
         return in_blocks(self._project_jacobian, points, 6).reshape(-1, 2, 3)
 
+    def project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
+        """Derivative of `project` by the `parameters`, shape (N, 2, P); NaN where `project` is."""
+        count = len(self.parameters)
+        flat = in_blocks(
+            lambda part: self._project_parameter_jacobian(part).reshape(-1, 2 * count),
+            points,
+            2 * count,
+        )
+        return flat.reshape(-1, 2, count)
+
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px; NaN where unseen.
 
@@ -59,3 +133,11 @@ class LensModel(ABC):
         jacobian = np.empty((len(rays), 3, 2))
         invert_projection(rays, self.project_jacobian(rays), jacobian)
         return jacobian
+
+    def unproject_parameter_jacobian(self, rays: np.ndarray) -> np.ndarray:
+        """Derivative of the unit ray of a fixed pixel by the `parameters`, shape (N, 3, P).
+
+        By the implicit function theorem: the pixel ``project(ray(p), p)`` does not change, so
+        ``d ray / dp = -(d ray / d pixel) (d pixel / dp)``. NaN where the rays (N, 3) are not seen.
+        """
+        return -self.unproject_jacobian(rays) @ self.project_parameter_jacobian(rays)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Protocol, Self
 
 import numpy as np
+
+from farpoint.camera.roles import ParameterRoles
 
 __all__ = ["CameraModel"]
 
@@ -26,6 +29,11 @@ class CameraModel(Protocol):
         """Every parameter by name, in the order people write them."""
         ...
 
+    @property
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors."""
+        ...
+
     def project(self, points: np.ndarray) -> np.ndarray:
         """Pixels (N, 2) of points in camera axes (N, 3); NaN rows where the lens sees none."""
         ...
@@ -42,5 +50,28 @@ class CameraModel(Protocol):
         """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px, at rays (N, 3).
 
         The rays may have any length. NaN where the lens does not see them.
+        """
+        ...
+
+    def refinable(self) -> CameraModel:
+        """The same lens with every parameter that a refinement may find among its `parameters`."""
+        ...
+
+    def with_parameters(self, values: np.ndarray | Mapping[str, float]) -> Self:
+        """The lens with other values of its `parameters`: all in their order, or some by name."""
+        ...
+
+    def project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
+        """Derivative of `project` by the `parameters`, shape (N, 2, P), of points (N, 3).
+
+        Columns in the order of `parameters`; NaN where `project` is.
+        """
+        ...
+
+    def unproject_parameter_jacobian(self, rays: np.ndarray) -> np.ndarray:
+        """Derivative of the unit ray of a fixed pixel by the `parameters`, shape (N, 3, P), rad.
+
+        At rays (N, 3) of any length, per unit of each parameter. NaN where the lens does not see
+        them.
         """
         ...

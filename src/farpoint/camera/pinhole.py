@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from farpoint._kernels.lens import pinhole_ray_jacobian, pinhole_rays, straight_ray_jacobian
-from farpoint.camera.focal import FocalModel, PlaneJacobian, rays_from_plane
-from farpoint.camera.radtan import COEFFICIENT_NAMES, RadialTangential
+from farpoint.camera.focal import FocalModel, PlaneDerivatives, PlaneJacobian, rays_from_plane
+from farpoint.camera.radtan import (
+    COEFFICIENT_NAMES,
+    FEWEST_COEFFICIENTS,
+    RadialTangential,
+    coefficient_roles,
+    gather_coefficients,
+)
+from farpoint.camera.roles import ParameterRoles
 
 __all__ = ["Pinhole"]
 
@@ -63,6 +72,21 @@ class Pinhole(FocalModel):
         """Every parameter by name, in the order people write them."""
         return super().parameters | dict(zip(COEFFICIENT_NAMES, self.distortion, strict=False))
 
+    @property
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors."""
+        return replace(super().roles, **coefficient_roles(len(self.distortion)))
+
+    @classmethod
+    def _fields_of(cls, parameters: Mapping[str, float]) -> dict[str, Any]:
+        return gather_coefficients(parameters)
+
+    def refinable(self) -> Pinhole:
+        """The same lens with coefficients k1 k2 p1 p2, or those it has if it has any."""
+        if self.distortion:
+            return self
+        return replace(self, distortion=(0.0,) * FEWEST_COEFFICIENTS)
+
     @cached_property
     def _lens(self) -> RadialTangential:
         return RadialTangential(self.distortion)
@@ -81,6 +105,9 @@ class Pinhole(FocalModel):
             (lens.a_x * inverse, lens.a_y * inverse, -(lens.a_x * x + lens.a_y * y) * inverse),
             (lens.b_x * inverse, lens.b_y * inverse, -(lens.b_x * x + lens.b_y * y) * inverse),
         )
+
+    def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
+        return self._lens.coefficient_derivatives(x / z, y / z)
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return rays_from_plane(*self._lens.undistort(a, b), 1.0)

@@ -6,9 +6,10 @@ The equations are those of OpenCV's calib3d documentation; the first four coeffi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -20,7 +21,13 @@ from farpoint.camera.tilt import Tilt
 from farpoint.camera.values import finite
 from farpoint.errors import InputError
 
-__all__ = ["COEFFICIENT_NAMES", "RadialTangential"]
+__all__ = [
+    "COEFFICIENT_NAMES",
+    "FEWEST_COEFFICIENTS",
+    "RadialTangential",
+    "coefficient_roles",
+    "gather_coefficients",
+]
 
 COEFFICIENT_NAMES = (
     *("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
@@ -34,6 +41,10 @@ RADIAL_NODES = 1024
 AZIMUTH_NODES = 181
 # No lens comes near; beyond it the products of coefficients would overflow.
 LARGEST = 1e12
+
+
+# What a pinhole without distortion is refined by: k1 k2 p1 p2.
+FEWEST_COEFFICIENTS = 4
 
 
 @dataclass(frozen=True)
@@ -77,6 +88,38 @@ class RadialTangential:
         """Distorted coordinates and derivatives, without regard to the fold."""
         distorted = self._map(x, y)
         return distorted if self._tilt is None else self._tilt.chain(distorted)
+
+    def coefficient_derivatives(
+        self, x: np.ndarray, y: np.ndarray
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Derivatives of `distort` by each of the `coefficients`, without regard to the fold."""
+        straight = self._untilted_derivatives(x, y)[: len(self.coefficients)]
+        if len(self.coefficients) < len(COEFFICIENT_NAMES):
+            return straight
+        tilt, inner = self._tilt or Tilt(0.0, 0.0), self._map(x, y)
+        outer = tilt.derivatives(inner.a, inner.b)
+        tilted = [
+            (outer.a_x * a + outer.a_y * b, outer.b_x * a + outer.b_y * b) for a, b in straight
+        ]
+        return tilted + tilt.parameter_derivatives(inner.a, inner.b)
+
+    def _untilted_derivatives(
+        self, x: np.ndarray, y: np.ndarray
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Derivatives of `_map` by the first twelve coefficients."""
+        k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
+        xx, yy, xy = x * x, y * y, x * y
+        r2 = xx + yy
+        r4 = r2 * r2
+        r6 = r4 * r2
+        inverse = 1.0 / (1.0 + k4 * r2 + k5 * r4 + k6 * r6)
+        fall = -(1.0 + k1 * r2 + k2 * r4 + k3 * r6) * inverse * inverse
+        zero = np.zeros_like(r2)
+        radial = [(x * power * inverse, y * power * inverse) for power in (r2, r4, r6)]
+        rational = [(x * power * fall, y * power * fall) for power in (r2, r4, r6)]
+        tangential = [(2.0 * xy, r2 + 2.0 * yy), (r2 + 2.0 * xx, 2.0 * xy)]
+        prism = [(r2, zero), (r4, zero), (zero, r2), (zero, r4)]
+        return [*radial[:2], *tangential, radial[2], *rational, *prism]
 
     def undistort(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Inverse of `distort`; NaN where nothing is imaged.
@@ -165,6 +208,22 @@ class RadialTangential:
         azimuths = np.linspace(-np.pi, np.pi, AZIMUTH_NODES)
         circles = np.multiply.outer(radius, np.array([np.cos(azimuths), np.sin(azimuths)]))
         return np.all(self._map(circles[..., 0, :], circles[..., 1, :]).determinant > 0.0, axis=-1)
+
+
+def gather_coefficients(parameters: Mapping[str, float]) -> dict[str, Any]:
+    """Parameters by name, with those that are coefficients under ``distortion`` in their order."""
+    fields: dict[str, Any] = {
+        name: value for name, value in parameters.items() if name not in COEFFICIENT_NAMES
+    }
+    coefficients = (parameters[name] for name in COEFFICIENT_NAMES if name in parameters)
+    return fields | {"distortion": tuple(coefficients)}
+
+
+def coefficient_roles(count: int) -> dict[str, tuple[str, ...]]:
+    """Names of the radial and of the other ones of so many coefficients."""
+    names = COEFFICIENT_NAMES[:count]
+    radial = tuple(name for name in names if name.startswith("k"))
+    return {"radial": radial, "decentering": tuple(name for name in names if name not in radial)}
 
 
 def _checked(coefficients: Sequence[float]) -> tuple[float, ...]:

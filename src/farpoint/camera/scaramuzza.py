@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -12,6 +13,7 @@ from numpy.polynomial import Polynomial
 from farpoint.camera.curve import GrowingCurve, first_positive_root
 from farpoint.camera.focal import rays_from_plane
 from farpoint.camera.lens_model import LensModel
+from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import finite
 from farpoint.errors import InputError
 
@@ -84,6 +86,28 @@ class Scaramuzza(LensModel):
         named = {f"a{power}": value for power, value in enumerate(self.coefficients)}
         return named | {"cx": self.cx, "cy": self.cy, "c": self.c, "d": self.d, "e": self.e}
 
+    @property
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors.
+
+        A turn of the sensor, ``d = -e``, is one of the camera; ``a1``, which the toolbox holds at
+        zero since no smooth curve has it, stays there.
+        """
+        coefficients = [(f"a{power}", a) for power, a in enumerate(self.coefficients)]
+        return ParameterRoles(
+            scale={name: (1 - power) * a for power, (name, a) in enumerate(coefficients)},
+            affine=({"c": -self.c}, {"e": 1.0}),
+            center=("cx", "cy"),
+            radial=tuple(name for name, a in coefficients[1:] if name != "a1" or a),
+        )
+
+    @classmethod
+    def _fields_of(cls, parameters: Mapping[str, float]) -> dict[str, Any]:
+        named, coefficients = dict(parameters), []
+        while (name := f"a{len(coefficients)}") in named:
+            coefficients.append(named.pop(name))
+        return {"coefficients": tuple(coefficients)} | named
+
     @cached_property
     def _focal(self) -> float:
         return -self.coefficients[0]
@@ -140,6 +164,25 @@ class Scaramuzza(LensModel):
         # Also at a point of no distance, which has an angle but no pixel.
         flat[np.isnan(flat).any(axis=1)] = np.nan
         return flat
+
+    def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
+        x, y, z = points.T
+        off_axis = np.sqrt(x * x + y * y)
+        radius = self._curve.invert(np.arctan2(off_axis, z))
+        # The radius rho px solves rho z + f(rho) R = 0 with R = off_axis.
+        inverse = 1.0 / (z - off_axis * self._depth_slope(radius))
+        scale = self._focal * np.where(off_axis == 0.0, inverse, radius / off_axis)
+        count = len(self.coefficients)
+        jacobian = np.zeros((len(points), 2, count + 5))
+        for power in range(count):
+            by_scale = -((self._focal * radius) ** power) * inverse
+            p, q = x * by_scale, y * by_scale
+            jacobian[:, 0, power], jacobian[:, 1, power] = p + self.e * q, self.d * p + self.c * q
+        p, q = x * scale, y * scale
+        jacobian[:, 0, count] = jacobian[:, 1, count + 1] = 1.0
+        jacobian[:, 1, count + 2], jacobian[:, 1, count + 3], jacobian[:, 0, count + 4] = q, p, q
+        jacobian[np.isnan(p)] = np.nan
+        return jacobian
 
 
 def _checked(coefficients: Sequence[float]) -> tuple[float, ...]:

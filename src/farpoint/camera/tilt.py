@@ -11,6 +11,10 @@ from farpoint.camera.plane_map import PlaneMap
 
 __all__ = ["Tilt"]
 
+# Derivatives of the turns about x and about y at no angle; each commutes with its turns.
+GENERATOR_X = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+GENERATOR_Y = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+
 
 @dataclass(frozen=True)
 class Tilt:
@@ -32,15 +36,18 @@ class Tilt:
     @cached_property
     def homography(self) -> np.ndarray:
         """Tilted from straight plane coordinates, (3, 3)."""
-        cos_x, sin_x = np.cos(self.tau_x), np.sin(self.tau_x)
-        cos_y, sin_y = np.cos(self.tau_y), np.sin(self.tau_y)
-        about_x = np.array([[1.0, 0.0, 0.0], [0.0, cos_x, sin_x], [0.0, -sin_x, cos_x]])
-        about_y = np.array([[cos_y, 0.0, -sin_y], [0.0, 1.0, 0.0], [sin_y, 0.0, cos_y]])
+        turn = _about_y(self.tau_y) @ _about_x(self.tau_x)
+        return _onto_sensor(turn, 1.0) @ turn
+
+    @cached_property
+    def homography_derivatives(self) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of the homography by `tau_x` and by `tau_y`, (3, 3) each."""
+        about_x, about_y = _about_x(self.tau_x), _about_y(self.tau_y)
         turn = about_y @ about_x
-        onto_sensor = np.array(
-            [[turn[2, 2], 0.0, -turn[0, 2]], [0.0, turn[2, 2], -turn[1, 2]], [0.0, 0.0, 1.0]]
-        )
-        return onto_sensor @ turn
+        steps = about_y @ GENERATOR_X @ about_x, about_y @ GENERATOR_Y @ about_x
+        onto_sensor = _onto_sensor(turn, 1.0)
+        by_x, by_y = (_onto_sensor(step, 0.0) @ turn + onto_sensor @ step for step in steps)
+        return by_x, by_y
 
     def apply(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tilted coordinates; NaN where a ray runs away from the sensor."""
@@ -52,19 +59,54 @@ class Tilt:
 
     def chain(self, inner: PlaneMap) -> PlaneMap:
         """The map followed by the tilt."""
-        H = self.homography
-        a, b = _project(H, inner.a, inner.b)
-        depth = H[2, 0] * inner.a + H[2, 1] * inner.b + H[2, 2]
-        a_a, a_b = (H[0, 0] - a * H[2, 0]) / depth, (H[0, 1] - a * H[2, 1]) / depth
-        b_a, b_b = (H[1, 0] - b * H[2, 0]) / depth, (H[1, 1] - b * H[2, 1]) / depth
+        tilt = self.derivatives(inner.a, inner.b)
         return PlaneMap(
-            a,
-            b,
-            a_a * inner.a_x + a_b * inner.b_x,
-            a_a * inner.a_y + a_b * inner.b_y,
-            b_a * inner.a_x + b_b * inner.b_x,
-            b_a * inner.a_y + b_b * inner.b_y,
+            tilt.a,
+            tilt.b,
+            tilt.a_x * inner.a_x + tilt.a_y * inner.b_x,
+            tilt.a_x * inner.a_y + tilt.a_y * inner.b_y,
+            tilt.b_x * inner.a_x + tilt.b_y * inner.b_x,
+            tilt.b_x * inner.a_y + tilt.b_y * inner.b_y,
         )
+
+    def derivatives(self, x: np.ndarray, y: np.ndarray) -> PlaneMap:
+        """Tilted coordinates and their derivatives by straight ones."""
+        H = self.homography
+        a, b = _project(H, x, y)
+        depth = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+        a_x, a_y = (H[0, 0] - a * H[2, 0]) / depth, (H[0, 1] - a * H[2, 1]) / depth
+        b_x, b_y = (H[1, 0] - b * H[2, 0]) / depth, (H[1, 1] - b * H[2, 1]) / depth
+        return PlaneMap(a, b, a_x, a_y, b_x, b_y)
+
+    def parameter_derivatives(
+        self, x: np.ndarray, y: np.ndarray
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Derivatives of `apply` at (x, y) by `tau_x` and by `tau_y`."""
+        H = self.homography
+        a, b = _project(H, x, y)
+        depth = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+        derivatives = []
+        for by_tau in self.homography_derivatives:
+            over_a, over_b, under = (row[0] * x + row[1] * y + row[2] for row in by_tau)
+            derivatives.append(((over_a - a * under) / depth, (over_b - b * under) / depth))
+        return derivatives
+
+
+def _about_x(angle: float) -> np.ndarray:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
+
+
+def _about_y(angle: float) -> np.ndarray:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
+
+
+def _onto_sensor(turn: np.ndarray, last: float) -> np.ndarray:
+    """Projection onto the turned plane, linear in the turn but for its last entry."""
+    return np.array(
+        [[turn[2, 2], 0.0, -turn[0, 2]], [0.0, turn[2, 2], -turn[1, 2]], [0.0, 0.0, last]]
+    )
 
 
 def _project(H: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from farpoint.camera.focal import FocalModel, PlaneJacobian, quotient_jacobian
-from farpoint.camera.radtan import COEFFICIENT_NAMES, RadialTangential
+from farpoint.camera.focal import (
+    FocalModel,
+    PlaneDerivatives,
+    PlaneJacobian,
+    quotient_jacobian,
+)
+from farpoint.camera.radtan import (
+    COEFFICIENT_NAMES,
+    RadialTangential,
+    coefficient_roles,
+    gather_coefficients,
+)
+from farpoint.camera.roles import ParameterRoles
 from farpoint.camera.values import finite, within
 
 __all__ = ["Unified"]
@@ -74,7 +87,23 @@ class Unified(FocalModel):
     def parameters(self) -> dict[str, float]:
         """Every parameter by name, in the order people write them."""
         named = {"xi": self.xi} | dict(zip(COEFFICIENT_NAMES, self.distortion, strict=False))
-        return super().parameters | named | ({"skew": self.skew} if self.skew else {})
+        return super().parameters | named | {"skew": self.skew}
+
+    @property
+    def roles(self) -> ParameterRoles:
+        """What the parameters do to the image, for priors of their errors."""
+        inner, coefficients = super().roles, coefficient_roles(len(self.distortion))
+        return replace(
+            inner,
+            scale=inner.scale | {"skew": self.skew},
+            affine=(*inner.affine, {"skew": self.fx}),
+            radial=("xi", *coefficients["radial"]),
+            decentering=coefficients["decentering"],
+        )
+
+    @classmethod
+    def _fields_of(cls, parameters: Mapping[str, float]) -> dict[str, Any]:
+        return gather_coefficients(parameters)
 
     @cached_property
     def _lens(self) -> RadialTangential:
@@ -117,6 +146,22 @@ class Unified(FocalModel):
             tuple(along_x * by_x + along_y * by_y for by_x, by_y in zip(*gradients, strict=True))
             for along_x, along_y in ((a_x, a_y), (lens.b_x, lens.b_y))
         )
+
+    def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
+        d, plane_x, plane_y = self._on_normal_plane(x, y, z)
+        pull = -d / (z + self.xi * d)
+        lens = self._lens.derivatives(plane_x, plane_y)
+        x, y = plane_x * pull, plane_y * pull
+        by_xi = lens.a_x * x + lens.a_y * y, lens.b_x * x + lens.b_y * y
+        by_coefficients = self._lens.coefficient_derivatives(plane_x, plane_y)
+        sheared = [(by_a + self._shear * by_b, by_b) for by_a, by_b in (by_xi, *by_coefficients)]
+        return [*sheared, (lens.b / self.fx, np.zeros_like(lens.b))]
+
+    def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
+        jacobian = super()._project_parameter_jacobian(points)
+        # The skew is in pixels: its share of a does not grow with fx.
+        jacobian[:, 0, 0] -= self._shear * jacobian[:, 1, 1]
+        return jacobian
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         x, y = a - self._shear * b, b

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from farpoint.errors import InputError
 
-__all__ = ["as_rows", "finite", "in_blocks", "positive", "within"]
+__all__ = ["as_rows", "finite", "in_blocks", "parameter_values", "positive", "within"]
 
 # Few enough rows that a dozen temporaries stay in the processor's second-level cache: a million
 # pixels then take a quarter of the time they take at once.
@@ -42,6 +42,31 @@ def within(name: str, value: Any, low: float, high: float) -> float:
     if not low <= number <= high:
         raise InputError(f"expected a number from {low:g} to {high:g}, got {number:g}", field=name)
     return number
+
+
+def parameter_values(
+    current: Mapping[str, float],
+    values: np.ndarray | Mapping[str, float],
+    field: str = "values",
+) -> dict[str, float]:
+    """Values by the names of the parameters, from an array of all or a mapping of some."""
+    if isinstance(values, Mapping):
+        unknown = [str(name) for name in values if name not in current]
+        if unknown:
+            raise InputError(
+                f"unknown parameter {unknown[0]!r}; expected some of {', '.join(current)}",
+                field=field,
+            )
+        given = {**current, **values}
+    else:
+        listed = np.asarray(values, dtype=object)
+        if listed.shape != (len(current),):
+            raise InputError(
+                f"expected shape ({len(current)},) for {', '.join(current)}, got {listed.shape}",
+                field=field,
+            )
+        given = dict(zip(current, listed, strict=True))
+    return {name: finite(name, value) for name, value in given.items()}
 
 
 def as_rows(values: Any, columns: int, name: str) -> np.ndarray:

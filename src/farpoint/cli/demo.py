@@ -14,7 +14,8 @@ from farpoint.errors import InputError
 from farpoint.evaluate import evaluate_folder
 from farpoint.metrics import to_text
 from farpoint.odometry import OdometryOptions
-from farpoint.sinks import OutputOptions
+from farpoint.sinks import FolderLock, OutputOptions
+from farpoint.sinks.files import replacing
 from farpoint.sinks.report import write_report
 
 __all__ = ["Demo"]
@@ -56,14 +57,16 @@ class Demo:
         drive = render_drive(CAMERA, frames=self.frames, seed=self.seed)
         source = f"rendered drive, seed {self.seed}"
         options = OdometryOptions(seed=self.seed)
-        process_frames(drive, source, CAMERA, self.out, options, self.output)
-        truth = self.out / "truth.tum"
-        drive.write_truth(truth)
-        found = evaluate_folder(self.out, truth)
-        print(f"\nagainst the exact truth in {truth}:\n")
-        print(to_text(found.evaluation))
-        if self.output.report:
-            write_report(self.out, truth)
+        with FolderLock(self.out) as lock:
+            process_frames(drive, source, CAMERA, self.out, options, self.output, lock=lock)
+            truth = self.out / "truth.tum"
+            with replacing(truth) as part:
+                drive.write_truth(part)
+            found = evaluate_folder(self.out, truth)
+            print(f"\nagainst the exact truth in {truth}:\n")
+            print(to_text(found.evaluation))
+            if self.output.report:
+                write_report(self.out, truth)
         print(_what_to_look_at(self.out, self.output))
 
 

@@ -23,6 +23,7 @@ from farpoint.hints import Hint, MetricOptions
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
 from farpoint.sinks import (
+    FolderLock,
     MetricSink,
     OutputFolder,
     OutputOptions,
@@ -98,16 +99,18 @@ def process_frames(
     output: OutputOptions,
     viewer: ViewerOptions | None = None,
     hints: Sequence[Hint] = (),
+    lock: FolderLock | None = None,
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
 
-    A guess becomes a camera when the first image tells its size.
+    A guess becomes a camera when the first image tells its size. A caller that writes more into
+    ``out`` holds its lock and gives it.
 
     Raises
     ------
     InputError
         Where images are not of the camera's size (field ``camera``), none can be decoded, or
-        ``out`` or a recording cannot be written.
+        ``out`` or a recording cannot be written, or another run is writing into ``out``.
     """
     timed = _timed(frames, source)
     # The first image comes before the folder: a wrong calibration must not cost an earlier result.
@@ -127,12 +130,16 @@ def process_frames(
         notes=notes,
     )
     with ExitStack() as opened:
+        # Whoever holds the folder may record into it, too.
+        lock = lock or opened.enter_context(FolderLock(out))
         # The display comes before the folder too: where it cannot be had, nothing is replaced.
         display = None
         if viewer is not None and viewer.wanted:
             display = open_viewer(viewer, frames.name, camera, output.palette)
             opened.callback(display.close)
-        folder = opened.enter_context(OutputFolder(out, description, output))
+        folder = opened.enter_context(OutputFolder(out, description, output, lock=lock))
+        for note in folder.notes:
+            warn(note)
         if display is not None:
             folder.add("viewer", display)
         if hints:

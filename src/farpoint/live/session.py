@@ -20,6 +20,7 @@ from farpoint.live.rehearsal import rehearse
 from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
 from farpoint.pose import PoseStatus
 from farpoint.sinks import (
+    FolderLock,
     LiveViewer,
     MetricSink,
     OutputFolder,
@@ -92,8 +93,8 @@ class LiveSession:
     ------
     InputError
         Where the source cannot be opened or delivers no picture, its frames are not of the
-        camera's size (field ``camera``), or outputs cannot be written. Earlier outputs in the
-        folder are replaced only after the first picture came.
+        camera's size (field ``camera``), outputs cannot be written, or another run is writing
+        into the folder. Earlier outputs in it are replaced only after the first picture came.
 
     Attributes
     ----------
@@ -133,6 +134,8 @@ class LiveSession:
             for note in notes:
                 warn(note)
             self._odometry = Odometry(camera, odometry)
+            self.path = out or Path("farpoint-out") / self._capture.name
+            lock = opened.enter_context(FolderLock(self.path))
             self._display: LiveViewer | None = None
             if viewer.wanted:
                 self._display = LiveViewer(
@@ -147,8 +150,10 @@ class LiveSession:
                 timestamp_source=self._capture.timestamp_source,
                 notes=notes,
             )
-            self.path = out or Path("farpoint-out") / self._capture.name
-            self._folder = opened.enter_context(OutputFolder(self.path, description, output, film))
+            folder = OutputFolder(self.path, description, output, film, lock)
+            self._folder = opened.enter_context(folder)
+            for note in self._folder.notes:
+                warn(note)
             if self._display is not None:
                 self._folder.add("viewer", self._display)
             if hints:

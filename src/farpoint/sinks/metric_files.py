@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.hints import MetricFit
+from farpoint.sinks.files import open_output, replacing
 from farpoint.sinks.motions import COLUMNS as MOTIONS_COLUMNS
 from farpoint.sinks.positions import COLUMNS, PositionRow, iter_position_rows, position_line
-from farpoint.sinks.sink import open_output
 from farpoint.trajectory.files import kitti_line, tum_line
 
 __all__ = ["put_in_metres"]
@@ -33,20 +33,21 @@ def put_in_metres(folder: Path, fit: MetricFit) -> None:
         If a file cannot be read or written.
     """
     segments: dict[int, int] = {}  # of the frames: motions.csv does not name them
-    with ExitStack() as stack:
-        positions, tum, kitti = (
-            stack.enter_context(_replacing(folder / name))
-            for name in ("positions.csv", "trajectory.tum", "trajectory.kitti")
-        )
-        positions(",".join(COLUMNS) + "\n")
-        for row in _in_metres(iter_position_rows(folder / "positions.csv"), fit):
-            segments[row.frame] = row.segment
-            positions(position_line(row))
-            tum(tum_line(row.timestamp, row.world_from_cam))
-            kitti(kitti_line(row.world_from_cam))
-    with _replacing(folder / "motions.csv") as motions:
-        for line in _motions_in_metres(folder / "motions.csv", fit, segments):
-            motions(line)
+    names = ("positions.csv", "trajectory.tum", "trajectory.kitti", "motions.csv")
+    with ExitStack() as parts:  # all of them are complete before the first takes its place
+        new = [parts.enter_context(replacing(folder / name)) for name in names]
+        with ExitStack() as opened:
+            positions, tum, kitti, motions = (
+                opened.enter_context(open_output(part)).write for part in new
+            )
+            positions(",".join(COLUMNS) + "\n")
+            for row in _in_metres(iter_position_rows(folder / "positions.csv"), fit):
+                segments[row.frame] = row.segment
+                positions(position_line(row))
+                tum(tum_line(row.timestamp, row.world_from_cam))
+                kitti(kitti_line(row.world_from_cam))
+            for line in _motions_in_metres(folder / "motions.csv", fit, segments):
+                motions(line)
 
 
 def _in_metres(rows: Iterator[PositionRow], fit: MetricFit) -> Iterator[PositionRow]:
@@ -94,15 +95,3 @@ def _lines(path: Path) -> Iterator[str]:
             yield from file
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from error
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Callable[[str], object]]:
-    """A file that takes the place of another when it is complete."""
-    new = path.with_name(path.name + ".part")
-    try:
-        with open_output(new) as file:
-            yield file.write
-        new.replace(path)
-    finally:
-        new.unlink(missing_ok=True)

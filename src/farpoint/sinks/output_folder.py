@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -18,9 +19,11 @@ from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
 from farpoint.odometry import Odometry, OdometryResult
 from farpoint.options import settle_int
+from farpoint.sinks.files import new_of, part_of, unwritable
 from farpoint.sinks.halves import HalvesFile
+from farpoint.sinks.lock import FolderLock
 from farpoint.sinks.motions import MotionsFile
-from farpoint.sinks.overlay import PALETTES, PaletteName, open_film
+from farpoint.sinks.overlay import PALETTES, PaletteName, open_film, require_libraries
 from farpoint.sinks.positions import PositionsFile, load_pyarrow, write_positions_parquet
 from farpoint.sinks.report import REPORT_NAME, write_report
 from farpoint.sinks.run_record import RunDescription, RunRecord, RunState
@@ -35,6 +38,14 @@ _TEXT_FILES: dict[str, tuple[Callable[[Path], Sink], str]] = {
     "kitti": (KittiFile, "trajectory.kitti"),
     "positions": (PositionsFile, "positions.csv"),
 }
+_RECORD_NAME, _HALVES_NAME, _FILM_NAME = "run.json", "halves.csv", "overlay.mp4"
+_OUTPUTS = (
+    REPORT_NAME,
+    *(file for _, file in _TEXT_FILES.values()),
+    _HALVES_NAME,
+    _FILM_NAME,
+    "positions.parquet",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +86,8 @@ class OutputFolder:
     """All files of a run: motions, trajectory, split-half tests, overlay, record and report.
 
     Used as a context manager it ends as the block does: done, interrupted by Ctrl-C, or failed
-    with the error's message; the files are valid each time.
+    with the error's message; the files are valid each time. It failed, too, where an output cannot
+    be finished. Until the end the folder is locked.
 
     Parameters
     ----------
@@ -86,16 +98,22 @@ class OutputFolder:
     options : OutputOptions, optional
     film_process : Popen, optional
         Draws the overlay; from `start_film`, where it was started beforehand.
+    lock : FolderLock, optional
+        Of the folder, where the caller holds it already, and releases it.
 
     Raises
     ------
     InputError
-        If the folder or a file in it cannot be written.
+        If the folder or a file in it cannot be written, or another run is writing into it.
+    MissingExtraError
+        If an output needs a library that is not installed.
 
     Attributes
     ----------
     path : Path
         The folder.
+    notes : tuple of str
+        What must be known of the folder: that its file system has no locks.
     """
 
     def __init__(
@@ -104,27 +122,48 @@ class OutputFolder:
         run: RunDescription,
         options: OutputOptions | None = None,
         film_process: subprocess.Popen[bytes] | None = None,
+        lock: FolderLock | None = None,
     ) -> None:
         self.path = Path(folder)
         self._options = options or OutputOptions()
         self._closed = False
         self._last_steps: list[Callable[[Path], object]] = []
-        if self._options.parquet:
-            load_pyarrow()  # before hours of work, not after
         self._pairs = 0
-        _prepare(self.path)
+        # What is missing is found before hours of work and before earlier outputs are removed.
+        if self._options.parquet:
+            load_pyarrow()
+        if self._options.overlay:
+            require_libraries()
+        with ExitStack() as opened:
+            lock = lock or opened.enter_context(FolderLock(self.path))
+            self.notes = () if lock.note is None else (lock.note,)
+            run = replace(run, notes=(*run.notes, *self.notes))
+            self._record = RunRecord(self.path / _RECORD_NAME, run)
+            opened.callback(self._record.close)
+            try:
+                self._record.reserve_room()
+                _remove_outputs(self.path)
+                self._open_sinks(run, film_process)
+            except BaseException as error:
+                with contextlib.suppress(InputError):  # the error that ended the run matters more
+                    self._record.finish(*_verdict(error))
+                raise
+            self._held = opened.pop_all()
+
+    def _open_sinks(
+        self, run: RunDescription, film_process: subprocess.Popen[bytes] | None
+    ) -> None:
+        self._sinks: dict[str, Sink] = {}
+        self._halves: HalvesFile | None = None
         with ExitStack() as opened:  # closes what is open already if a later one cannot be
-            self._record = RunRecord(self.path / "run.json", run)
-            self._sinks: dict[str, Sink] = {}
             for name, (kind, file) in _TEXT_FILES.items():
                 self._sinks[name] = kind(self.path / file)
                 opened.callback(self._sinks[name].close)
-            self._halves: HalvesFile | None = None
             if self._options.halves_every:
-                self._halves = HalvesFile(self.path / "halves.csv")
+                self._halves = HalvesFile(self.path / _HALVES_NAME)
                 opened.callback(self._halves.close)
             if self._options.overlay:
-                film = self.path / "overlay.mp4"
+                film = self.path / _FILM_NAME
                 self._sinks["overlay"] = open_film(
                     film, run.camera, self._options.palette, film_process
                 )
@@ -181,23 +220,26 @@ class OutputFolder:
         if self._closed:
             return
         self._closed = True
+        with self._held:
+            met = [problem for step in self._last_of_all() if (problem := _attempt(step))]
+            state, error = _with_problems(state, error, met)
+            met += filter(None, [_attempt(partial(self._record.finish, state, error))])
+            if self._options.report and (problem := _attempt(partial(write_report, self.path))):
+                met.append(problem)
+                state, error = _with_problems(state, error, [problem])
+                _attempt(partial(self._record.finish, state, error))
+        if met:
+            raise met[0]
+
+    def _last_of_all(self) -> list[Callable[[], object]]:
+        """Steps that finish every output but the record and the report, which tell of them."""
         steps: list[Callable[[], object]] = [sink.close for sink in self._sinks.values()]
         if self._halves is not None:
             steps.append(self._halves.close)
         steps += [partial(step, self.path) for step in self._last_steps]
         if self._options.parquet:
-            steps.append(lambda: write_positions_parquet(self.path))
-        steps.append(lambda: self._record.finish(state, error))
-        if self._options.report:
-            steps.append(lambda: write_report(self.path))
-        met: list[BaseException] = []
-        for step in steps:
-            try:
-                step()
-            except BaseException as problem:
-                met.append(problem)
-        if met:
-            raise met[0]
+            steps.append(partial(write_positions_parquet, self.path))
+        return steps
 
     def __enter__(self) -> Self:
         return self
@@ -211,24 +253,48 @@ class OutputFolder:
         if error is None:
             self.close()
             return
-        interrupted = isinstance(error, KeyboardInterrupt)
         try:
-            if interrupted:
-                self.close(RunState.INTERRUPTED)
-            else:
-                self.close(RunState.FAILED, _one_line(error))
+            self.close(*_verdict(error))
         except Exception as problem:  # the error that ended the run matters more
             error.add_note(f"and while closing the outputs: {_one_line(problem)}")
 
 
-def _prepare(folder: Path) -> None:
-    """Make the folder and take away what only the end of a run writes again."""
+def _remove_outputs(folder: Path) -> None:
+    """Take away what an earlier run left, finished or not."""
+    for name in _OUTPUTS:
+        path = folder / name
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise unwritable(path, error) from error
+        for unfinished in (part_of(path), new_of(path)):
+            with contextlib.suppress(OSError):
+                unfinished.unlink(missing_ok=True)
+
+
+def _attempt(step: Callable[[], object]) -> BaseException | None:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in (REPORT_NAME, "overlay.mp4", "halves.csv", "positions.parquet"):
-            (folder / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=folder) from error
+        step()
+    except BaseException as problem:
+        return problem
+    return None
+
+
+def _verdict(error: BaseException) -> tuple[RunState, str | None]:
+    """How a run ended that an error ended."""
+    if isinstance(error, KeyboardInterrupt):
+        return RunState.INTERRUPTED, None
+    return RunState.FAILED, _one_line(error)
+
+
+def _with_problems(
+    state: RunState, error: str | None, met: list[BaseException]
+) -> tuple[RunState, str | None]:
+    """The same where outputs could not be finished; Ctrl-C meanwhile does not keep them from it."""
+    problem = next((problem for problem in met if isinstance(problem, Exception)), None)
+    if problem is None or error is not None:
+        return state, error
+    return RunState.FAILED if state is RunState.DONE else state, _one_line(problem)
 
 
 def _one_line(error: BaseException) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from farpoint.errors import InputError, optional_import
 from farpoint.geometry import so3
 from farpoint.odometry import OdometryResult
+from farpoint.sinks.files import replacing
 from farpoint.sinks.sink import TextSink
 
 __all__ = [
@@ -171,17 +172,16 @@ def write_positions_parquet(folder: Path) -> None:
     whole = {"frame", "segment"}
     kinds = [(name, arrow.int64() if name in whole else arrow.float64()) for name in COLUMNS]
     schema = arrow.schema(kinds)
-    path = folder / "positions.parquet"
-    try:
-        with parquet.ParquetWriter(str(path), schema) as writer:
-            for part in _parts(_rows(folder / "positions.csv")):
-                columns = [
-                    arrow.array(column, type=kind, from_pandas=True)  # NaN: no value
-                    for column, (_, kind) in zip(part.T, kinds, strict=True)
-                ]
-                writer.write_table(arrow.Table.from_arrays(columns, schema=schema))
-    except OSError as error:
-        raise InputError(f"cannot be written: {error}", file=path) from error
+    with (
+        replacing(folder / "positions.parquet") as part,
+        parquet.ParquetWriter(str(part), schema) as writer,
+    ):
+        for rows in _parts(_rows(folder / "positions.csv")):
+            columns = [
+                arrow.array(column, type=kind, from_pandas=True)  # NaN: no value
+                for column, (_, kind) in zip(rows.T, kinds, strict=True)
+            ]
+            writer.write_table(arrow.Table.from_arrays(columns, schema=schema))
 
 
 def _parts(rows: Iterator[list[float]]) -> Iterator[np.ndarray]:

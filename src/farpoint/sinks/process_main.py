@@ -11,19 +11,21 @@ import contextlib
 import importlib
 import os
 import pickle
+import signal
 import sys
 import traceback
 from collections.abc import Callable
 from functools import partial
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NoReturn
 
 from farpoint.sinks.sink import Sink
 
 __all__ = ["main"]
 
 
-def main() -> None:
-    """Answer messages until they end."""
+def main() -> NoReturn:
+    """Answer messages until they end, and end the process."""
+    _end_with_messages_only()
     messages, answers = _pipes()
     for module in sys.argv[1:]:
         with contextlib.suppress(ImportError):  # told by whoever needs it, in better words
@@ -34,6 +36,15 @@ def main() -> None:
         _answer(answers, _attempt(partial(worker.follow, step)))
         del step  # an image that need not wait for the next one
     _answer(answers, _attempt(worker.close))
+    # All is closed. The sink is not taken apart: a library that could not write would wait.
+    os._exit(0)
+
+
+def _end_with_messages_only() -> None:
+    """Leave signals that stop a whole group of processes to the one that sends the messages."""
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):  # Windows lacks the last
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 class _Worker:

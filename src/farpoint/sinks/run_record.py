@@ -20,7 +20,9 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus
+from farpoint.sinks.files import replacing
 from farpoint.sinks.plain import plain
+from farpoint.sinks.reserve import Reserve
 
 __all__ = ["RunDescription", "RunRecord", "RunState", "read_run"]
 
@@ -96,6 +98,7 @@ class RunRecord:
 
     def __init__(self, path: Path, run: RunDescription) -> None:
         self._path = path
+        self._reserve: Reserve | None = None
         self._run = run
         self._camera = run.camera
         self._state = RunState.RUNNING
@@ -150,13 +153,29 @@ class RunRecord:
         """Say something more of the run: under its own key, in place of what was said before."""
         self._facts[name] = plain(fact)
 
+    def reserve_room(self) -> None:
+        """Make sure that `finish` can write on a full disk too, until `close` gives that up.
+
+        Raises
+        ------
+        InputError
+            If there is no room for it.
+        """
+        self._reserve = Reserve(self._path)
+
     def finish(self, state: RunState, error: str | None = None) -> None:
         """Write how the run ended; `error` is one line on why it failed."""
         self._state, self._error = state, error
-        self._save()
+        try:
+            self._save()
+        except InputError:
+            if self._reserve is None or not self._reserve.replace(self._text()):
+                raise
 
     def close(self) -> None:
-        """Nothing is held open; `finish` says how it ended."""
+        """Give up the reserve; `finish` says how the run ended."""
+        if self._reserve is not None:
+            self._reserve.release()
 
     def _count(self, result: OdometryResult) -> None:
         pose = result.pose
@@ -178,13 +197,11 @@ class RunRecord:
 
     def _save(self) -> None:
         self._clock_saved = time.monotonic()
-        text = json.dumps(self._contents(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        part = self._path.with_name(self._path.name + ".part")
-        try:
-            part.write_text(text, encoding="utf-8")
-            part.replace(self._path)
-        except OSError as error:
-            raise InputError(f"cannot be written: {error.strerror}", file=self._path) from error
+        with replacing(self._path) as part:
+            part.write_text(self._text(), encoding="utf-8", newline="\n")
+
+    def _text(self) -> str:
+        return json.dumps(self._contents(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
     def _contents(self) -> dict[str, Any]:
         elapsed_s = self._clock_saved - self._clock_start

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
-from farpoint.errors import InputError
 from farpoint.odometry import OdometryResult
+from farpoint.sinks.files import AppendFile
 
-__all__ = ["Sink", "TextFile", "TextSink", "open_output"]
+__all__ = ["Sink", "TextFile", "TextSink"]
 
 
 class Sink(Protocol):
@@ -38,8 +38,7 @@ class TextFile:
     """
 
     def __init__(self, path: Path, header: str = "") -> None:
-        self._file = open_output(path)
-        self._put(header)
+        self._file = AppendFile(path, header.encode())
 
     def close(self) -> None:
         """Close the file; a second call does nothing."""
@@ -57,9 +56,7 @@ class TextFile:
         self.close()
 
     def _put(self, text: str) -> None:
-        # One write and one flush: a killed run loses no row and leaves none cut in half.
-        self._file.write(text)
-        self._file.flush()
+        self._file.append(text.encode())
 
 
 class TextSink(TextFile):
@@ -73,11 +70,3 @@ class TextSink(TextFile):
     def lines(self, result: OdometryResult) -> str:
         """What is written of a result, with line ends."""
         raise NotImplementedError
-
-
-def open_output(path: Path) -> IO[str]:
-    """Open a text file for writing, or raise an InputError that names it."""
-    try:
-        return path.open("w", encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=path) from error

@@ -81,14 +81,18 @@ def read_tum(path: str | Path) -> Trajectory:
     return _stacked(iter_tum(path), path)
 
 
-def iter_tum(path: str | Path) -> Iterator[tuple[float, np.ndarray]]:
-    """Time and pose (4, 4) of each row of a TUM file, so that its length costs no memory."""
+def iter_tum(path: str | Path, *, whole_lines: bool = False) -> Iterator[tuple[float, np.ndarray]]:
+    """Time and pose (4, 4) of each row of a TUM file, so that its length costs no memory.
+
+    With ``whole_lines`` a last line without its end is left out: its run may have been killed
+    while it was written.
+    """
 
     def parse(text: str) -> tuple[float, np.ndarray]:
         row = _numbers(text.split(), 8, "timestamp tx ty tz qx qy qz qw")
         return row[0], _pose(_rotation(np.array(row[4:8])), row[1:4])
 
-    return _stamped(Path(path), parse)
+    return _stamped(Path(path), parse, whole_lines)
 
 
 def read_euroc(path: str | Path) -> Trajectory:
@@ -148,10 +152,10 @@ def kitti_line(world_from_body: np.ndarray) -> str:
 
 
 def _stamped(
-    path: Path, parse: Callable[[str], tuple[float, np.ndarray]]
+    path: Path, parse: Callable[[str], tuple[float, np.ndarray]], whole_lines: bool = False
 ) -> Iterator[tuple[float, np.ndarray]]:
     last = -np.inf
-    for line, text in _rows(path):
+    for line, text in _rows(path, whole_lines):
         try:
             stamp, pose = parse(text)
             if stamp < last:
@@ -172,11 +176,13 @@ def _stacked(rows: Iterator[tuple[float, np.ndarray]], path: str | Path) -> Traj
     return Trajectory(timestamps=np.array(stamps), world_from_body=np.stack(poses))
 
 
-def _rows(path: Path) -> Iterator[tuple[int, str]]:
+def _rows(path: Path, whole_lines: bool = False) -> Iterator[tuple[int, str]]:
     """Numbered lines of a file that are neither empty nor comments."""
     try:
         with path.open(encoding="utf-8") as file:
             for line, text in enumerate(file, start=1):
+                if whole_lines and not text.endswith("\n"):
+                    return
                 if text.strip() and not text.lstrip().startswith("#"):
                     yield line, text.strip()
     except UnicodeDecodeError as error:

@@ -9,18 +9,34 @@ from pathlib import Path
 
 from farpoint.camera.camera import Camera
 from farpoint.camera.files import (
+    autoware,
     basalt,
     camodocal,
     colmap,
+    column_major,
+    depthai,
     dso,
+    gyroflow,
     kalibr,
+    kalibr_report,
     kitti,
+    mc_calib,
+    metashape,
+    mrcal,
     nerfstudio,
     ocamcalib,
     opencv,
+    opensfm,
     orbslam,
+    ost,
+    own,
     plain,
+    realsense,
     sensor,
+    stella,
+    svo,
+    vikit,
+    zed,
 )
 from farpoint.camera.files.format import CalibrationFormat
 from farpoint.camera.files.source import CalibrationFile
@@ -30,7 +46,10 @@ __all__ = ["load_camera"]
 
 # Asked in this order: the more particular before the more general.
 FORMATS: tuple[CalibrationFormat, ...] = (
+    *(own, kalibr_report),
     *(ocamcalib, dso, plain, colmap, kitti),
+    *(ost, zed, mrcal, realsense, depthai, gyroflow, opensfm, metashape),
+    *(mc_calib, autoware, column_major, svo, vikit, stella),
     *(basalt, nerfstudio, camodocal, orbslam, sensor, kalibr, opencv),
 )
 
@@ -41,10 +60,13 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
     Parameters
     ----------
     path : str or path
-        KITTI ``calib.txt`` or ``calib_cam_to_cam.txt``, EuRoC ``sensor.yaml``, Kalibr camera
-        chain, ORB-SLAM settings, COLMAP ``cameras.txt`` or ``cameras.bin``, Basalt, CamOdoCal,
-        DSO, OCamCalib or nerfstudio files, a camera matrix as OpenCV's FileStorage or ROS write
-        it, or bare numbers ``fx fy cx cy [k1 k2 p1 p2 [k3 ...]]``.
+        farpoint's ``camera.yaml``, KITTI ``calib.txt`` or ``calib_cam_to_cam.txt``, EuRoC
+        ``sensor.yaml``, Kalibr camera chain or ``results-cam.txt``, ORB-SLAM settings, COLMAP
+        ``cameras.txt`` or ``cameras.bin``, Basalt, CamOdoCal, DSO, OCamCalib or nerfstudio files, a
+        camera matrix as OpenCV's FileStorage, ROS or NumPy (``.npz``) write it, or bare numbers
+        ``fx fy cx cy [k1 k2 p1 p2 [k3 ...]]``; and files of stella_vslam, SVO, rpg_vikit,
+        RealSense, ZED, DepthAI, Open3D, ARKit, Metashape, OpenSfM, Gyroflow, mrcal, MC-Calib and
+        Autoware.
     name : str, optional
         Which of several cameras. KITTI's first (``P0``) is meant without it; elsewhere a file of
         several cameras needs it.
@@ -52,7 +74,7 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
     Returns
     -------
     Camera
-        Its ``size`` is None if the file does not tell.
+        Its ``size`` is None if the file does not tell, its ``uncertainty`` if that tells no sigma.
 
     Raises
     ------
@@ -70,7 +92,7 @@ def _recognise(file: CalibrationFile) -> CalibrationFormat:
     for calibration in FORMATS:
         if calibration.matches(file):
             return calibration
-    if file.fault is not None and _seems_structured(file.text):
+    if file.fault is not None and (file.is_archive or _seems_structured(file.text)):
         raise file.fault
     known = ", ".join(calibration.TITLE for calibration in FORMATS)
     raise InputError(f"is not a camera calibration; expected one of: {known}", file=file.path)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from farpoint.camera.camera import Camera
+from farpoint.camera.files.deviations import with_deviations
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.matrix import intrinsics_from_matrix, skew_of_matrix
@@ -26,7 +27,7 @@ DISTORTION = re.compile(
     rf"(?:dist(?:ortion)?(?:_?coeff?s?|_?coefficients)?|d){SUFFIX}", re.IGNORECASE
 )
 SIZES = (("imagewidth", "imageheight"), ("width", "height"), ("cols", "rows"))
-SIZE_PAIRS = ("imagesize", "imgsize", "resolution", "size")
+SIZE_PAIRS = ("imagesize", "imgsize", "resolution", "size", "cameraresolution")
 PINHOLES = ("plumb_bob", "rational_polynomial", "radtan", "pinhole", "none")
 FISHEYES = ("equidistant", "fisheye")
 
@@ -58,7 +59,8 @@ def read(file: CalibrationFile, name: str) -> Camera:
     fields = file.fields
     cameras = _cameras(fields)
     keys = next((keys for keys in cameras if keys.matrix == name), cameras[0])
-    return Camera(model=_lens(fields, keys), size=_size(fields), name=name)
+    camera = Camera(model=_lens(fields, keys), size=_size(fields), name=name)
+    return with_deviations(camera, fields, keys.matrix, keys.distortion)
 
 
 def _lens(fields: Fields, keys: _Keys) -> CameraModel:

@@ -11,12 +11,15 @@ from typing import Any
 from xml.etree import ElementTree
 
 from farpoint.camera.files.fields import Fields
+from farpoint.camera.files.npz import MAGIC, arrays_of_npz
 from farpoint.errors import InputError
 
 __all__ = ["CalibrationFile"]
 
 # Calibrations are a few kilobytes; anything of this size is a video or an image.
 LARGEST_BYTES = 1 << 24
+# Numbers and words of a YAML file, its aliases written out.
+MOST_ITEMS = 100_000
 
 
 @dataclass(frozen=True)
@@ -71,17 +74,32 @@ class CalibrationFile:
 
     @property
     def fields(self) -> Fields:
-        """The mapping at the top of a YAML, JSON or XML file; empty if it is none of these."""
+        """The mapping at the top of a YAML, JSON, XML or NumPy file; empty if it is none."""
         content = self._content
         return Fields(content if isinstance(content, dict) else {}, self.path)
 
     @property
     def fault(self) -> InputError | None:
-        """Why the file could not be parsed, if it is written as YAML, JSON or XML."""
+        """Why the file could not be parsed, if it is written as YAML, JSON, XML or NumPy's."""
         return self._content if isinstance(self._content, InputError) else None
+
+    @property
+    def is_archive(self) -> bool:
+        """Whether it begins as NumPy's archives do."""
+        return self.data.startswith(MAGIC)
+
+    def _arrays(self) -> Any:
+        try:
+            return arrays_of_npz(self.data)
+        except ValueError as error:
+            return InputError(
+                f"malformed NumPy archive: {' '.join(str(error).split())[:120]}", file=self.path
+            )
 
     @cached_property
     def _content(self) -> Any:
+        if self.is_archive:
+            return self._arrays()
         text = self.text.lstrip()
         parse = _parse_json if text[:1] == "{" else _parse_xml if text[:1] == "<" else _parse_yaml
         try:
@@ -104,6 +122,9 @@ def _parse_json(text: str) -> Any:
         return json.loads(text)
     except json.JSONDecodeError as error:
         raise _MalformedError(f"malformed JSON: {error.msg}", error.lineno) from None
+    except ValueError:
+        # Python reads no integer of thousands of digits.
+        raise _MalformedError("malformed JSON: a number is too long", None) from None
 
 
 def _parse_yaml(text: str) -> Any:
@@ -118,7 +139,7 @@ def _parse_yaml(text: str) -> Any:
     text = re.sub(r"\A(\s*)%YAML[^\n]*", r"\1", text).expandtabs(4)
     text = re.sub(r"(?m)^([ ]*[A-Za-z_][\w.]*):(?=[^\s:/\\])", r"\1: ", text)
     try:
-        return yaml.load(text, Loader=yaml.BaseLoader)
+        content = yaml.load(text, Loader=yaml.BaseLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise _MalformedError(
@@ -127,14 +148,41 @@ def _parse_yaml(text: str) -> Any:
         ) from None
     except yaml.YAMLError as error:
         raise _MalformedError(f"malformed YAML: {str(error).splitlines()[0]}", None) from None
+    if "*" in text and not _is_bounded(content):
+        raise _MalformedError("malformed YAML: its aliases stand for too much", None)
+    return content
+
+
+def _is_bounded(content: Any) -> bool:
+    """Whether there are fewer than `MOST_ITEMS` with every alias written out."""
+    waiting, count = [content], 0
+    while waiting:
+        item = waiting.pop()
+        children = (
+            item.values() if isinstance(item, dict) else item if isinstance(item, list) else ()
+        )
+        count += 1 + len(children)
+        if count > MOST_ITEMS:
+            return False
+        waiting.extend(children)
+    return True
 
 
 def _parse_xml(text: str) -> Any:
-    """XML as nested mappings of tag to text, as OpenCV's FileStorage writes it."""
+    """XML as nested mappings of tag to text, as OpenCV's FileStorage writes it.
+
+    Without document types: no entity is defined, and none expanded.
+    """
+    if (doctype := text.find("<!DOCTYPE")) >= 0:
+        raise _MalformedError(
+            "a document type is not accepted in XML", text.count("\n", 0, doctype) + 1
+        )
     try:
         return _tree(ElementTree.fromstring(text.strip().encode()))
     except ElementTree.ParseError as error:
         raise _MalformedError("malformed XML", error.position[0]) from None
+    except (ValueError, LookupError):
+        raise _MalformedError("malformed XML: its encoding is not UTF-8", 1) from None
 
 
 def _tree(element: ElementTree.Element) -> Any:

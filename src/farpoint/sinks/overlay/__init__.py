@@ -2,6 +2,14 @@
 
 from farpoint.sinks.overlay.palette import PALETTES, PaletteName
 from farpoint.sinks.overlay.picture import draw_overlay
-from farpoint.sinks.overlay.video import OverlayVideo, open_film, start_film
+from farpoint.sinks.overlay.video import OverlayVideo, open_film, require_libraries, start_film
 
-__all__ = ["PALETTES", "OverlayVideo", "PaletteName", "draw_overlay", "open_film", "start_film"]
+__all__ = [
+    "PALETTES",
+    "OverlayVideo",
+    "PaletteName",
+    "draw_overlay",
+    "open_film",
+    "require_libraries",
+    "start_film",
+]

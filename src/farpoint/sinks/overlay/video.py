@@ -15,23 +15,24 @@ from farpoint.camera import Camera
 from farpoint.errors import optional_import, require
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.background import BackgroundSink
+from farpoint.sinks.files import check_writable, part_of
+from farpoint.sinks.overlay.fragments import FragmentFile
 from farpoint.sinks.overlay.layout import Layout
 from farpoint.sinks.overlay.palette import PaletteName
 from farpoint.sinks.overlay.picture import draw_overlay
 from farpoint.sinks.process import SinkProcess, start_process
-from farpoint.sinks.sink import open_output
 
-__all__ = ["KEYFRAME_INTERVAL", "OverlayVideo", "open_film", "start_film"]
+__all__ = ["KEYFRAME_INTERVAL", "OverlayVideo", "open_film", "require_libraries", "start_film"]
 
 KEYFRAME_INTERVAL = 15
-"""Frames between key frames; a killed run loses at most these, and reports show these."""
+"""Frames between key frames; reports show these."""
 
 _TICK = Fraction(1, 90_000)  # s: exact for 24, 25, 30 and 60 frames a second
 _NOMINAL_RATE = 30  # frames a second, for the encoder's book-keeping only: time stamps are true
 
-# A fragment at every key frame, each complete in itself: a file that was never closed plays. Once
-# it is closed it is packed anew, with one index in front: then phones know its length and seek.
-_CONTAINER = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
+# A fragment for every frame: a file that was never closed plays, and lacks one frame at the most.
+# A closed one is packed anew, with one index in front: then phones know its length and seek.
+_CONTAINER = {"movflags": "frag_every_frame+empty_moov+default_base_moof", "flush_packets": "1"}
 # No look-ahead and no B-frames: every picture is in the file as soon as it can be. The next slower
 # preset would save a fifth of the bytes and take twice as long; threads would take the cores that
 # estimate.
@@ -74,8 +75,9 @@ class OverlayVideo:
         self._stream: Any = None
         self._start_s = 0.0
         self._last_tick = -1
-        open_output(path).close()  # PyAV opens it only with the first frame: too late to say no
-        self._container: Any = self._av.open(str(path), "w", format="mp4", options=_CONTAINER)
+        check_writable(path)  # it is opened only with the first frame: too late to say no
+        self._file = FragmentFile(path)
+        self._container: Any = self._av.open(self._file, "w", format="mp4", options=_CONTAINER)
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
         """Draw and encode one frame; a frame without an image keeps its values and its time."""
@@ -94,6 +96,7 @@ class OverlayVideo:
         frame.pts, frame.time_base = tick, _TICK
         self._last_tick = tick
         self._container.mux(stream.encode(frame))
+        self._file.raise_problem()
 
     def close(self) -> None:
         """Write what the encoder still holds and close the file."""
@@ -104,10 +107,32 @@ class OverlayVideo:
             if self._stream is not None:
                 container.mux(self._stream.encode(None))
         finally:
-            container.close()
-        if self._stream is not None:
+            try:
+                container.close()
+            finally:
+                self._file.close()
+        if self._file.is_at_its_path():
             with contextlib.suppress(OSError, self._av.FFmpegError):  # then it stays as it was
-                _pack(self._av, self._path)
+                self._pack()
+        self._file.raise_problem()
+
+    def _pack(self) -> None:
+        """Put one index in front in place of fragments; pictures stay as they are."""
+        part = part_of(self._path)
+        try:
+            with self._av.open(str(self._path)) as film:
+                options = {"movflags": "faststart"}
+                with self._av.open(str(part), "w", format="mp4", options=options) as packed:
+                    source = film.streams.video[0]
+                    target = packed.add_stream_from_template(source)
+                    for packet in film.demux(source):
+                        if packet.dts is not None:
+                            packet.stream = target
+                            packed.mux(packet)
+            if self._file.is_at_its_path():
+                part.replace(self._path)
+        finally:
+            part.unlink(missing_ok=True)
 
     def _open_stream(self, start_s: float) -> Any:
         assert self._camera.size is not None
@@ -135,31 +160,18 @@ def open_film(
     They are found here as far as that needs no waiting for the process. It comes from
     `start_film`, where it was started beforehand.
     """
-    for name, purpose in _LIBRARIES.items():
-        require(name, extra="video", purpose=purpose)
-    open_output(path).close()
+    require_libraries()
+    check_writable(path)
     make = partial(OverlayVideo, path.absolute(), camera, palette)
     return BackgroundSink(SinkProcess(make, path, process or start_film()))
+
+
+def require_libraries() -> None:
+    """Raise a MissingExtraError where a library that draws or encodes is not installed."""
+    for name, purpose in _LIBRARIES.items():
+        require(name, extra="video", purpose=purpose)
 
 
 def start_film() -> subprocess.Popen[bytes]:
     """Start the process that draws the film, so that it is ready when the first frame comes."""
     return start_process(__name__, *_LIBRARIES)
-
-
-def _pack(av: Any, path: Path) -> None:
-    """Replace a film in fragments by one whose index stands in front; pictures stay as they are."""
-    part = path.with_name(path.name + ".part")
-    try:
-        with av.open(str(path)) as film:
-            options = {"movflags": "faststart"}
-            with av.open(str(part), "w", format="mp4", options=options) as packed:
-                source = film.streams.video[0]
-                target = packed.add_stream_from_template(source)
-                for packet in film.demux(source):
-                    if packet.dts is not None:
-                        packet.stream = target
-                        packed.mux(packet)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)

@@ -108,7 +108,7 @@ def _from_positions(path: Path) -> Iterator[_Row]:
 def _from_tum(path: Path) -> Iterator[_Row]:
     """Of a folder without ``positions.csv``: nobody knows how sure."""
     unknown = np.full((2, 2), np.nan)
-    for frame, (stamp, pose) in enumerate(iter_tum(path)):
+    for frame, (stamp, pose) in enumerate(iter_tum(path, whole_lines=True)):
         yield stamp, frame, 0, pose[:3, 3], unknown
 
 

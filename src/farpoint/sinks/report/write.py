@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from farpoint.errors import InputError
+from farpoint.sinks.files import replacing
 from farpoint.sinks.halves import read_halves
 from farpoint.sinks.report.digest import digest_motions
 from farpoint.sinks.report.page import PageContents, render_page
@@ -58,8 +58,6 @@ def write_report(folder: str | Path, truth: str | Path | None = None) -> Path:
         thumbs=thumbs_of(film, _THUMBS),
     )
     path = folder / REPORT_NAME
-    try:
-        path.write_text(render_page(page), encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=path) from error
+    with replacing(path) as part:
+        part.write_text(render_page(page), encoding="utf-8", newline="\n")
     return path

@@ -19,7 +19,7 @@ from farpoint.sinks.viewer import places
 from farpoint.sinks.viewer.layout import TIMELINE
 from farpoint.sinks.viewer.options import ViewerOptions
 from farpoint.sinks.viewer.place import Place, claim
-from farpoint.sinks.viewer.viewer import Viewer, open_recording
+from farpoint.sinks.viewer.viewer import QUIET, Viewer, open_recording
 
 __all__ = ["LiveViewer", "start_live_viewer"]
 
@@ -85,10 +85,8 @@ class LiveViewer:
 
 def start_live_viewer() -> subprocess.Popen[bytes]:
     """Start the process that draws, so that it is ready when the first frame comes."""
-    # It leaves frames out rather than wait, so it can step back far. Without Rerun's warning that
-    # the recording has no footer, which is our own choice.
-    quiet = "warn,re_log_encoding=error"
-    return start_process(__name__, "rerun", niceness=10, RUST_LOG=quiet)
+    # It leaves frames out rather than wait, so it can step back far.
+    return start_process(__name__, "rerun", niceness=10, RUST_LOG=QUIET)
 
 
 class _Drawing(Viewer):
@@ -98,7 +96,7 @@ class _Drawing(Viewer):
         self._rr = optional_import("rerun", extra="rerun", purpose="the display")
         self._recording = open_recording(place, name, endless=True)
         colours = PALETTES[palette]
-        super().__init__(self._recording, camera, colours, live=True)
+        super().__init__(self._recording, camera, colours, live=True, rrd=place.rrd)
         curves = self._rr.SeriesLines(
             names=["latency, ms", "frames left out"], colors=[(240, 170, 60), (214, 48, 49)]
         )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from farpoint.errors import require
-from farpoint.sinks.sink import open_output
+from farpoint.sinks.files import check_writable
 from farpoint.sinks.viewer.options import ViewerOptions
 from farpoint.sinks.viewer.window import open_window
 
@@ -46,7 +46,7 @@ def claim(options: ViewerOptions) -> Place:
     """
     require("rerun", extra="rerun", purpose="the display")
     if options.rrd is not None:
-        open_output(options.rrd).close()  # Rerun would complain in a thread of its own
+        check_writable(options.rrd)  # Rerun would complain in a thread of its own
     return Place(
         rrd=None if options.rrd is None else options.rrd.absolute(),
         url=open_window() if options.show else None,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from farpoint.camera import Camera
-from farpoint.errors import optional_import
+from farpoint.errors import InputError, optional_import
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.background import BackgroundSink
 from farpoint.sinks.overlay.palette import PALETTES, RED_GREEN, Palette, PaletteName
@@ -23,6 +25,11 @@ from farpoint.sinks.viewer.world import World
 
 __all__ = ["Viewer", "open_viewer"]
 
+QUIET = "warn,re_log_encoding=off"
+"""Log level of Rerun: of a file, the sink tells itself what must be known."""
+
+_FLUSH_EVERY_S = 1.0
+_PATIENCE_S = 5.0
 _YEAR_2001_S = 1e9  # time stamps beyond are dates, before it they count from a start
 
 
@@ -39,6 +46,13 @@ class Viewer:
         Colours.
     live : bool
         The layout shows delays as well.
+    rrd : Path, optional
+        The file that the recording goes to, if it goes to one.
+
+    Raises
+    ------
+    InputError
+        By `write` and `close`, where the file cannot be written any more.
     """
 
     def __init__(
@@ -48,8 +62,11 @@ class Viewer:
         palette: Palette = RED_GREEN,
         *,
         live: bool = False,
+        rrd: Path | None = None,
     ) -> None:
         self._recording = recording
+        self._rrd, self._stuck = rrd, False
+        self._flushed_s = time.monotonic()
         self._camera = camera
         self._live = live
         self._laid_out = False
@@ -74,11 +91,28 @@ class Viewer:
         self._world.draw(result, self._camera)
         self._curves.draw(result)
         self._strip.draw(result)
+        if self._rrd is not None and time.monotonic() - self._flushed_s > _FLUSH_EVERY_S:
+            self._flush(self._rrd)
 
     def close(self) -> None:
         """Write what is still on its way and let go of file and window."""
-        self._recording.flush()
+        if self._stuck:  # Rerun would wait for ever
+            return
+        if self._rrd is None:
+            self._recording.flush()
+        else:
+            self._flush(self._rrd)
         self._recording.disconnect()
+
+    def _flush(self, rrd: Path) -> None:
+        """Find out whether the file grows: Rerun, in a thread of its own, raises nothing."""
+        try:
+            self._recording.flush(timeout_sec=_PATIENCE_S)
+        except RuntimeError as error:
+            self._stuck = True
+            problem = "cannot be written to its end, as on a full disk"
+            raise InputError(problem, file=rrd) from error
+        self._flushed_s = time.monotonic()
 
 
 def set_moment(recording: Any, result: OdometryResult) -> None:
@@ -114,13 +148,13 @@ def open_viewer(
         If rerun-sdk is not installed.
     """
     place = claim(options)
-    process = start_process(__name__, "rerun", niceness=10)
+    process = start_process(__name__, "rerun", niceness=10, RUST_LOG=QUIET)
     make = partial(_make, place, name, camera, palette)
     return BackgroundSink(SinkProcess(make, place.name, process))
 
 
 def _make(place: Place, name: str, camera: Camera, palette: PaletteName) -> Viewer:
-    return Viewer(open_recording(place, name), camera, PALETTES[palette])
+    return Viewer(open_recording(place, name), camera, PALETTES[palette], rrd=place.rrd)
 
 
 def open_recording(place: Place, name: str, *, endless: bool = False) -> Any:

@@ -1,0 +1,69 @@
+"""No property of a lens is passed over: a field that is not understood is an error naming it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from farpoint.camera.files.fields import Fields
+
+__all__ = ["LENS_WORDS", "named_distortion", "refuse_others"]
+
+LENS_WORDS = re.compile(
+    r".*(?:dist|coeff|fisheye|skew|polynom|projection|camera_?(?:model|type)|lens_?model).*"
+    r"|[kpsb]_?\d+|tau_?[xy]|f_?[xy]?|c_?[xy]|xi|alpha|beta|gamma|omega|model",
+    re.IGNORECASE,
+)
+"""Names of fields that look like a property of a lens."""
+
+# So many fields at most are listed in an error.
+MOST_NAMED = 16
+ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+
+
+def refuse_others(
+    fields: Fields, known: Collection[str], *, only: re.Pattern[str] | None = None
+) -> None:
+    """Raise an InputError about the first field that is not known and says anything.
+
+    Parameters
+    ----------
+    fields : Fields
+        The group that describes a camera.
+    known : collection of str
+        Keys that the format's reader understands, or knows to be no property of the lens.
+    only : pattern, optional
+        Look only at keys like this, such as `LENS_WORDS` where a file holds much else.
+    """
+    for key, value in fields.values.items():
+        if key in known or _is_nothing(value) or (only is not None and not only.fullmatch(key)):
+            continue
+        those = ", ".join(known) if len(known) <= MOST_NAMED else "those of the format"
+        raise fields.error(key, f"is not understood; expected no field beside {those}")
+
+
+def named_distortion(fields: Fields) -> tuple[float, ...]:
+    """OpenCV's coefficients under ``k1 k2 p1 p2 k3 k4 k5 k6``; absent ones are zero.
+
+    Empty without any of them, else 4, 5 or 8 numbers.
+    """
+    present = [index for index, key in enumerate(ORDER) if key in fields]
+    if not present:
+        return ()
+    count = next(count for count in (4, 5, 8) if count > present[-1])
+    return tuple(fields.number(key) if key in fields else 0.0 for key in ORDER[:count])
+
+
+def _is_nothing(value: Any) -> bool:
+    """Whether a value is absent or zero, alone or throughout a list."""
+    if isinstance(value, list):
+        return all(_is_nothing(item) for item in value)
+    if isinstance(value, Mapping):
+        return not value
+    if value is None or str(value).strip().lower() in ("", "null", "~", "none", "false"):
+        return True
+    try:
+        return float(value) == 0.0
+    except (TypeError, ValueError):
+        return False

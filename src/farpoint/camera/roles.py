@@ -1,0 +1,36 @@
+"""What the parameters of a lens do to its image: what a prior of their errors is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Direction", "ParameterRoles"]
+
+Direction = dict[str, float]
+"""Changes of parameters by name; those not named do not change."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterRoles:
+    """The parameters of a lens by their effect on its image; one without a role is exact.
+
+    Attributes
+    ----------
+    scale : Direction
+        Derivative of the parameters by the logarithm of the image's scale about its centre.
+    affine : tuple of Direction
+        Derivatives by the other affine deformations of the sensor: ratio of the sides, shear.
+    center : tuple of str
+        Principal point or centre of distortion along x and y, px.
+    radial : tuple of str
+        Parameters that move pixels towards the centre or away from it, those of the lowest order
+        first.
+    decentering : tuple of str
+        Parameters of other distortions: tangential, thin prism, tilted sensor.
+    """
+
+    scale: Direction
+    affine: tuple[Direction, ...]
+    center: tuple[str, ...]
+    radial: tuple[str, ...]
+    decentering: tuple[str, ...] = ()

@@ -1,0 +1,150 @@
+"""How outputs are written: a piece is in its file as a whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Self
+
+from farpoint.errors import InputError
+
+__all__ = [
+    "AppendFile",
+    "check_writable",
+    "new_of",
+    "open_output",
+    "part_of",
+    "replacing",
+    "unwritable",
+]
+
+
+class AppendFile:
+    """A file that grows by whole pieces, each of them in the file before the next comes.
+
+    A piece that does not fit, as on a full disk, is taken out again; earlier ones stay. The file
+    comes into being with its first piece.
+
+    Parameters
+    ----------
+    path : Path
+        Replaced if it exists.
+    first : bytes
+        The first piece.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, also by `append`.
+    """
+
+    def __init__(self, path: Path, first: bytes) -> None:
+        self._path = path
+        with replacing(path, new_of(path)) as new:
+            new.write_bytes(first)
+        self._size = len(first)
+        try:
+            self._file = path.open("ab", buffering=0)
+        except OSError as error:
+            raise unwritable(path, error) from error
+
+    def append(self, piece: bytes) -> None:
+        """Add a piece, unbuffered: a process that is killed afterwards does not lose it."""
+        try:
+            rest = memoryview(piece)
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                self._file.truncate(self._size)
+            raise unwritable(self._path, error) from error
+        self._size += len(piece)
+
+    def is_at_its_path(self) -> bool:
+        """Whether the open file is still the one at its path: another run may have replaced it."""
+        with contextlib.suppress(OSError):
+            return os.fstat(self._file.fileno()).st_ino == self._path.stat().st_ino
+        return False
+
+    def close(self) -> None:
+        """Close the file; a second call does nothing."""
+        try:
+            self._file.close()
+        except OSError as error:  # network file systems report a full disk here
+            raise unwritable(self._path, error) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+@contextmanager
+def replacing(path: Path, part: Path | None = None) -> Iterator[Path]:
+    """A place to write beside ``path``, which takes its name where the block ends well.
+
+    Parameters
+    ----------
+    path : Path
+        Replaced if it exists.
+    part : Path, optional
+        The place; `part_of` the path by default.
+
+    Raises
+    ------
+    InputError
+        Where something is written in vain; ``path`` stays as it was then.
+    """
+    part = part or part_of(path)
+    try:
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise unwritable(path, error) from error
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def part_of(path: Path) -> Path:
+    """Where a file is written before it takes the name ``path``."""
+    return path.with_name(path.name + ".part")
+
+
+def new_of(path: Path) -> Path:
+    """Where the first piece of a file is written, while the file as a whole may have a part."""
+    return path.with_name(path.name + ".new")
+
+
+def open_output(path: Path) -> IO[str]:
+    """Open a text file for writing, or raise an InputError that names it."""
+    try:
+        return path.open("w", encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+def check_writable(path: Path) -> None:
+    """Raise an InputError where a file cannot be written; leaves none that was not there."""
+    there = path.exists()
+    try:
+        path.open("ab").close()
+        if not there:
+            path.unlink()
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+def unwritable(path: Path, error: OSError) -> InputError:
+    """The error that names a file and why it cannot be written."""
+    return InputError(f"cannot be written: {error.strerror or error}", file=path)

@@ -1,0 +1,97 @@
+"""The file under a film in fragments: it holds whole ones at any moment."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+from farpoint.errors import InputError
+from farpoint.sinks.files import AppendFile
+
+__all__ = ["FragmentFile"]
+
+_SIZE, _HEADER, _LONG_HEADER = 4, 8, 16  # bytes
+_LAST_OF_FRAGMENT = b"mdat"
+
+
+class FragmentFile:
+    """Takes an MP4 file in fragments from PyAV, in pieces of any size, and adds whole fragments.
+
+    The file comes into being with its first fragment. A fragment that cannot be written ends it:
+    what comes after is left out, so that the film plays up to there, and `raise_problem` tells.
+
+    Parameters
+    ----------
+    path : Path
+        Replaced if it exists.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file: AppendFile | None = None
+        self._waiting = bytearray()  # boxes (ISO/IEC 14496-12) up to the end of a fragment
+        self._next = 0  # where in them the next box begins
+        self._ended = False
+        self._problem: InputError | None = None
+        self._identity: tuple[int, ...] | None = None
+
+    def write(self, data: bytes) -> int:
+        """Take a piece. It raises nothing, since FFmpeg is between this and who should know."""
+        if not self._ended:
+            self._waiting += data
+            while not self._ended and (kind := self._skip_box()) is not None:
+                if kind == _LAST_OF_FRAGMENT:
+                    self._add_waiting()
+        return len(data)
+
+    def raise_problem(self) -> None:
+        """Raise, once, the InputError that ended the file."""
+        problem, self._problem = self._problem, None
+        if problem is not None:
+            raise problem
+
+    def close(self) -> None:
+        """Add what comes after the last fragment, and close the file."""
+        if self._file is None:
+            return
+        if not self._ended and self._next == len(self._waiting):  # no box is cut
+            self._add_waiting()
+        self._ended = True
+        at_its_path = self._file.is_at_its_path()
+        self._file.close()
+        self._identity = _identity(self._path) if at_its_path else None
+
+    def is_at_its_path(self) -> bool:
+        """Whether the file is still there as it was closed: a later run may have replaced it."""
+        return self._identity is not None and self._identity == _identity(self._path)
+
+    def _skip_box(self) -> bytes | None:
+        """Type of the next box, if all of it is there."""
+        header = self._waiting[self._next : self._next + _LONG_HEADER]
+        size = int.from_bytes(header[:_SIZE], "big")
+        if size == 1:  # the true size follows the type
+            size = int.from_bytes(header[_HEADER:], "big") if len(header) == _LONG_HEADER else 0
+        if size < _HEADER or self._next + size > len(self._waiting):
+            return None
+        self._next += size
+        return bytes(header[_SIZE:_HEADER])
+
+    def _add_waiting(self) -> None:
+        fragment = bytes(self._waiting[: self._next])
+        try:
+            if self._file is None:
+                self._file = AppendFile(self._path, fragment)
+            else:
+                self._file.append(fragment)
+        except InputError as problem:
+            self._problem, self._ended = problem, True
+            return
+        del self._waiting[: self._next]
+        self._next = 0
+
+
+def _identity(path: Path) -> tuple[int, ...] | None:
+    with contextlib.suppress(OSError):
+        facts = path.stat()
+        return facts.st_dev, facts.st_ino, facts.st_size, facts.st_mtime_ns
+    return None
