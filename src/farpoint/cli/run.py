@@ -19,6 +19,7 @@ from farpoint.cli.lens import LensOptions
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError
 from farpoint.frames import Frame, FrameSource, open_frames
+from farpoint.frames.mask import read_mask
 from farpoint.hints import Hint, MetricOptions
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
@@ -48,6 +49,8 @@ class Run:
         Folder for the outputs; farpoint-out/<source name> by default.
     fps : float or None
         Frames a second of images without time stamps; 10 by default.
+    mask : Path or None
+        8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
     odometry : OdometryOptions
         Options of tracking and estimation.
     output : OutputOptions
@@ -62,6 +65,7 @@ class Run:
     lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
     out: Path | None = None
     fps: float | None = None
+    mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
         default_factory=OdometryOptions
     )
@@ -86,6 +90,7 @@ class Run:
                 self.output,
                 self.viewer,
                 self.metric.hints(),
+                self.mask,
             )
 
 
@@ -98,6 +103,7 @@ def process_frames(
     output: OutputOptions,
     viewer: ViewerOptions | None = None,
     hints: Sequence[Hint] = (),
+    mask_file: Path | None = None,
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
 
@@ -106,8 +112,8 @@ def process_frames(
     Raises
     ------
     InputError
-        Where images are not of the camera's size (field ``camera``), none can be decoded, or
-        ``out`` or a recording cannot be written.
+        Where images are not of the camera's size (field ``camera``), none can be decoded, the
+        mask does not fit them, or ``out`` or a recording cannot be written.
     """
     timed = _timed(frames, source)
     # The first image comes before the folder: a wrong calibration must not cost an earlier result.
@@ -117,14 +123,16 @@ def process_frames(
     camera, notes = camera_for(camera, *image.shape[::-1])
     for note in notes:
         warn(note)
+    mask = None if mask_file is None else read_mask(mask_file, image.shape[::-1])
     description = RunDescription(
         source=source,
         source_name=frames.name,
         camera=camera,
-        options={"odometry": options, "output": output},
+        options={"odometry": options, "output": output, "mask": mask_file},
         frame_count=frames.count,
         timestamp_source=frames.timestamp_source,
         notes=notes,
+        mask=mask,
     )
     with ExitStack() as opened:
         # The display comes before the folder too: where it cannot be had, nothing is replaced.
@@ -139,7 +147,7 @@ def process_frames(
             metric = MetricSink(list(hints), camera, warn, folder.put)
             folder.add("metric", metric)
             folder.at_end(metric.finish)
-        odometry = Odometry(camera, options)
+        odometry = Odometry(camera, options, mask=mask)
         counts = _run_into(folder, chain(first, timed), odometry, frames.count)
     print(f"{sum(counts.values())} pairs of frames: {in_words(counts)}")
     print(f"time stamps: {frames.timestamp_source}")
