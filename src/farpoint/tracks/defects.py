@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from farpoint._kernels.spacing import cover
 from farpoint.errors import optional_import
@@ -127,7 +127,7 @@ class DefectivePixels:
         points, moves = tracks.points1[free], (tracks.points1 - tracks.points0)[free]
         if len(places) == 0 or len(points) < _NEIGHBOURS:
             return np.zeros((len(places), 2))
-        _, near = cKDTree(points).query(pixels, _NEIGHBOURS)
+        _, near = KDTree(points).query(pixels, _NEIGHBOURS)
         return np.median(moves[near], axis=1)
 
     def repaired(self, image: np.ndarray) -> np.ndarray:
