@@ -30,7 +30,7 @@ _MOST_MISSES = 6  # after so many images without it, a defect is no more
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Suspects:
-    """Pixels that stand out, in the order of their places.
+    """Pixels that stand out.
 
     Attributes
     ----------
@@ -73,6 +73,7 @@ class DefectivePixels:
     def __init__(self) -> None:
         self._suspects = _no_suspects()
         self._shape = (0, 0)
+        self._taken = np.empty((0, 0), bool)  # a page of its own takes longer than filling this
 
     @property
     def pixels(self) -> np.ndarray:
@@ -88,14 +89,17 @@ class DefectivePixels:
         """Look at an image, uint8 (H, W), as it came; the tracks lead to it from the one before."""
         if image.shape != self._shape:
             self._suspects, self._shape = _no_suspects(), image.shape
-        places = _outstanding(image)
+            self._taken = np.empty(image.shape, bool)
+        outstanding = _outstanding(image).reshape(-1)
+        places = np.flatnonzero(outstanding)
         rate = min(max(len(places), 1) / image.size, 0.5)
         known = self._suspects
-        seen = np.isin(known.places, places, assume_unique=True)
+        seen = outstanding[known.places]
         # What is not known to be a defect and stands out no more was the scene.
         known, seen = known.select(seen | known.defective), seen[seen | known.defective]
         known = self._judged(known, seen, rate, tracks)
-        new = np.setdiff1d(places, known.places, assume_unique=True)
+        outstanding[known.places] = False
+        new = places[outstanding[places]]
         self._suspects = _merged(known, new, math.log(_DETECTION_RATE / rate))
 
     def _judged(self, known: _Suspects, seen: np.ndarray, rate: float, tracks: Tracks) -> _Suspects:
@@ -119,15 +123,20 @@ class DefectivePixels:
 
         Tracks beside the places themselves may follow them, and not the scene.
         """
+        if len(places) == 0 or len(tracks) < _NEIGHBOURS:
+            return np.zeros((len(places), 2))
         pixels = np.stack(np.divmod(places, self._shape[1])[::-1], axis=1)
-        taken = np.zeros(self._shape, bool)
+        taken = self._taken
+        taken.fill(False)
         cover(pixels, taken, _PULL_PX)
         columns, rows = np.rint(tracks.points1).astype(np.int64).T
         free = ~taken[rows.clip(0, len(taken) - 1), columns.clip(0, taken.shape[1] - 1)]
         points, moves = tracks.points1[free], (tracks.points1 - tracks.points0)[free]
-        if len(places) == 0 or len(points) < _NEIGHBOURS:
+        if len(points) < _NEIGHBOURS:
             return np.zeros((len(places), 2))
-        _, near = KDTree(points).query(pixels, _NEIGHBOURS)
+        # Made for one look: a tree that is not balanced takes a third of the time.
+        tree = KDTree(points, balanced_tree=False, compact_nodes=False)
+        near = tree.query(pixels, _NEIGHBOURS)[1]
         return np.median(moves[near], axis=1)
 
     def repaired(self, image: np.ndarray) -> np.ndarray:
@@ -153,19 +162,18 @@ def _no_suspects() -> _Suspects:
 
 
 def _merged(known: _Suspects, new: np.ndarray, score: float) -> _Suspects:
-    """The suspects and new ones."""
-    places = np.concatenate([known.places, new])
+    """The suspects, and behind them new ones."""
     count = len(new)
     return _Suspects(
-        places=places,
+        places=np.concatenate([known.places, new]),
         scores=np.concatenate([known.scores, np.full(count, score)]),
         travels=np.concatenate([known.travels, np.zeros((count, 2))]),
         defective=np.concatenate([known.defective, np.zeros(count, bool)]),
-    ).select(np.argsort(places))
+    )
 
 
 def _outstanding(image: np.ndarray) -> np.ndarray:
-    """Places, ascending, of pixels brighter or darker than all of the ring around them."""
+    """Which pixels, bool (H, W), are brighter or darker than all of the ring around them."""
     cv2 = optional_import("cv2", extra="video", purpose="tracking")
     kernel = np.ones((2 * _RING + 1, 2 * _RING + 1), np.uint8)
     kernel[1:-1, 1:-1] = 0
@@ -174,7 +182,7 @@ def _outstanding(image: np.ndarray) -> np.ndarray:
     out = cv2.max(above, below) >= _MIN_CONTRAST
     out[:_RING] = out[-_RING:] = False
     out[:, :_RING] = out[:, -_RING:] = False
-    return np.flatnonzero(out)
+    return out
 
 
 def _offsets(reach: int) -> np.ndarray:
