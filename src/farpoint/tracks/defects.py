@@ -18,6 +18,8 @@ __all__ = ["DefectivePixels"]
 _REACH = 1
 _RING = _REACH + 1  # px, the distance of the pixels that it is compared with and repaired by
 _MIN_CONTRAST = 6  # grey levels beyond all of the ring: less hardly pulls at a window
+# All of the first images are looked at, then one of so many: sensors age slowly.
+_FIRST_IMAGES, _LATER_EVERY = 20, 4
 # px: from here on the scene shows another part of itself at every pixel, and what stands out again
 # does so independently.
 _MIN_MOTION_PX = 1.0
@@ -72,6 +74,7 @@ class DefectivePixels:
 
     def __init__(self) -> None:
         self._suspects = _no_suspects()
+        self._images = 0
         self._shape = (0, 0)
         self._taken = np.empty((0, 0), bool)  # a page of its own takes longer than filling this
 
@@ -90,6 +93,10 @@ class DefectivePixels:
         if image.shape != self._shape:
             self._suspects, self._shape = _no_suspects(), image.shape
             self._taken = np.empty(image.shape, bool)
+            self._images = 0
+        self._images += 1
+        if self._images > _FIRST_IMAGES and self._images % _LATER_EVERY:
+            return
         outstanding = _outstanding(image).reshape(-1)
         places = np.flatnonzero(outstanding)
         rate = min(max(len(places), 1) / image.size, 0.5)
