@@ -75,7 +75,7 @@ class DefectivePixels:
     def __init__(self) -> None:
         self._suspects = _no_suspects()
         self._images = 0
-        self._shape = (0, 0)
+        self._shape: tuple[int, ...] = (0, 0)
         self._taken = np.empty((0, 0), bool)  # a page of its own takes longer than filling this
 
     @property
