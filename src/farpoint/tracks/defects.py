@@ -75,7 +75,7 @@ class DefectivePixels:
     def __init__(self) -> None:
         self._suspects = _no_suspects()
         self._images = 0
-        self._shape: tuple[int, ...] = (0, 0)
+        self._shape = (0, 0)
         self._taken = np.empty((0, 0), bool)  # a page of its own takes longer than filling this
 
     @property
@@ -91,7 +91,7 @@ class DefectivePixels:
     def learn(self, image: np.ndarray, tracks: Tracks) -> None:
         """Look at an image, uint8 (H, W), as it came; the tracks lead to it from the one before."""
         if image.shape != self._shape:
-            self._suspects, self._shape = _no_suspects(), image.shape
+            self._suspects, self._shape = _no_suspects(), (image.shape[0], image.shape[1])
             self._taken = np.empty(image.shape, bool)
             self._images = 0
         self._images += 1
@@ -137,7 +137,8 @@ class DefectivePixels:
         taken.fill(False)
         cover(pixels, taken, _PULL_PX)
         columns, rows = np.rint(tracks.points1).astype(np.int64).T
-        free = ~taken[rows.clip(0, len(taken) - 1), columns.clip(0, taken.shape[1] - 1)]
+        height, width = self._shape
+        free = ~taken[rows.clip(0, height - 1), columns.clip(0, width - 1)]
         points, moves = tracks.points1[free], (tracks.points1 - tracks.points0)[free]
         if len(points) < _NEIGHBOURS:
             return np.zeros((len(places), 2))
