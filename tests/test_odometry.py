@@ -333,7 +333,7 @@ def test_black_repeated_and_dropped_frames_keep_the_scale():
 
 
 def test_a_cut_begins_a_segment_and_its_scale_begins_anew():
-    other = drive(4, seed=5)
+    other = drive(4, seed=6)
     results = run([*IMAGES[:3], *other])
     assert [result.segment for result in results] == [0, 0, 0, 1, 1, 1, 1]
     np.testing.assert_array_equal(results[3].world_from_cam, results[2].world_from_cam)

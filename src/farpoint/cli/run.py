@@ -19,6 +19,7 @@ from farpoint.cli.lens import LensOptions
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError, printable
 from farpoint.frames import Frame, FrameSource, open_frames
+from farpoint.frames.mask import read_mask
 from farpoint.hints import Hint, MetricOptions
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
@@ -49,6 +50,8 @@ class Run:
         Folder for the outputs; farpoint-out/<source name> by default.
     fps : float or None
         Frames a second of images without time stamps; 10 by default.
+    mask : Path or None
+        8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
     odometry : OdometryOptions
         Options of tracking and estimation.
     output : OutputOptions
@@ -63,6 +66,7 @@ class Run:
     lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
     out: Path | None = None
     fps: float | None = None
+    mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
         default_factory=OdometryOptions
     )
@@ -87,6 +91,7 @@ class Run:
                 self.output,
                 self.viewer,
                 self.metric.hints(),
+                self.mask,
             )
 
 
@@ -100,6 +105,7 @@ def process_frames(
     viewer: ViewerOptions | None = None,
     hints: Sequence[Hint] = (),
     lock: FolderLock | None = None,
+    mask_file: Path | None = None,
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
 
@@ -109,8 +115,9 @@ def process_frames(
     Raises
     ------
     InputError
-        Where images are not of the camera's size (field ``camera``), none can be decoded, or
-        ``out`` or a recording cannot be written, or another run is writing into ``out``.
+        Where images are not of the camera's size (field ``camera``), none can be decoded, the
+        mask does not fit them, ``out`` or a recording cannot be written, or another run is writing
+        into ``out``.
     """
     timed = _timed(frames, source)
     # The first image comes before the folder: a wrong calibration must not cost an earlier result.
@@ -120,14 +127,16 @@ def process_frames(
     camera, notes = camera_for(camera, *image.shape[::-1])
     for note in notes:
         warn(note)
+    mask = None if mask_file is None else read_mask(mask_file, image.shape[::-1])
     description = RunDescription(
         source=source,
         source_name=frames.name,
         camera=camera,
-        options={"odometry": options, "output": output},
+        options={"odometry": options, "output": output, "mask": mask_file},
         frame_count=frames.count,
         timestamp_source=frames.timestamp_source,
         notes=notes,
+        mask=mask,
     )
     with ExitStack() as opened:
         # Whoever holds the folder may record into it, too.
@@ -146,7 +155,7 @@ def process_frames(
             metric = MetricSink(list(hints), camera, warn, folder.put)
             folder.add("metric", metric)
             folder.at_end(metric.finish)
-        odometry = Odometry(camera, options)
+        odometry = Odometry(camera, options, mask=mask)
         counts = _run_into(folder, chain(first, timed), odometry, frames.count)
     print(f"{sum(counts.values())} pairs of frames: {in_words(counts)}")
     print(f"time stamps: {frames.timestamp_source}")

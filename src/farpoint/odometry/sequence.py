@@ -13,6 +13,7 @@ from farpoint.camera import Camera
 from farpoint.frames import Frame
 from farpoint.metrics import SplitHalf, image_cells, split_half
 from farpoint.odometry.half_ratios import HalfRatios
+from farpoint.odometry.mask import checked_mask, tracked_region
 from farpoint.odometry.options import OdometryOptions
 from farpoint.odometry.result import OdometryResult
 from farpoint.pose import (
@@ -25,7 +26,7 @@ from farpoint.pose import (
 )
 from farpoint.pose.lens_doubt import with_lens_doubt
 from farpoint.pose.patches import patches_of
-from farpoint.tracks import Tracker, Tracks, grey_size, trackable_region
+from farpoint.tracks import Tracker, Tracks, grey_size
 from farpoint.trajectory.path import PathBuilder
 from farpoint.trajectory.perspective import without_perspective
 from farpoint.trajectory.point import PathPoint
@@ -61,6 +62,11 @@ class Odometry:
         Without a size, the first frame fixes it.
     options : OdometryOptions, optional
         One record for each stage.
+    mask : ndarray of bool or uint8, shape (H, W), optional
+        Of the frames' size: True, or white (128 and above), where the image is used; False, or
+        black, on what moves with the camera, such as a bonnet, a mount, or a logo in the picture.
+        No track begins there, and none is kept whose window (15 px wide by default) reaches into
+        it.
 
     Attributes
     ----------
@@ -76,8 +82,15 @@ class Odometry:
     ...     print(result.timestamp, result.pose.status if result.pose else "first frame")
     """
 
-    def __init__(self, camera: Camera, options: OdometryOptions | None = None) -> None:
+    def __init__(
+        self,
+        camera: Camera,
+        options: OdometryOptions | None = None,
+        *,
+        mask: np.ndarray | None = None,
+    ) -> None:
         self.camera = camera
+        self._mask = None if mask is None else checked_mask(mask, camera.size)
         self.options = options or OdometryOptions()
         self.seconds = {"tracks": 0.0, "pose": 0.0, "path": 0.0}
         self._tracker = Tracker(self.options.tracker)
@@ -110,7 +123,7 @@ class Odometry:
         ------
         InputError
             Where the image is not of grey uint8 values, or the first image is not of the
-            calibration's size.
+            calibration's size, or not of the mask's.
         """
         index, self._next_index = self._next_index, self._next_index + 1
         if image is None:
@@ -118,7 +131,7 @@ class Odometry:
         width, height = grey_size(image)
         if not self._has_seen:
             self.camera = self.camera.with_size(width, height)
-            region = trackable_region(self.camera, self.options.tracker)
+            region = tracked_region(self.camera, self._mask, self.options.tracker)
             self._tracker = Tracker(self.options.tracker, mask=region)
             self._has_seen = True
         assert self.camera.size is not None

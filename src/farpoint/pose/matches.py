@@ -32,6 +32,9 @@ from farpoint.pose.noise import MIN_VARIANCE
 # Pixels are no farther out than where the next one is the same direction.
 LEAST_RAD_PER_PX = 1e-12
 ISOTROPIC = np.eye(2)[None]
+# Given variances, px^2; and over their median: none a million times as precise, or more useless.
+_BELIEVED_PX2 = (1e-60, 1e60)
+_BELIEVED = (1e-12, 1e12)
 # A covariance that is told of a track is an estimate too, and misses what the tracker gets wrong
 # along its own motion (twice the variance on rendered images without any translation): its sigma in
 # one direction, over that in the other, is believed to a factor of two. So is that of matches that
@@ -228,12 +231,21 @@ def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) ->
             f"expected positive radians, pi at most, got {noise_rad!r}", field="noise_rad"
         )
     for name, rays in (("rays0", rays0), ("rays1", rays1)):
-        if len(rays) and not np.all(np.linalg.norm(rays, axis=1) > 0):
+        if not rays.any(axis=1).all():
             raise InputError("expected rays of non-zero length", field=name)
-    rays0, rays1 = normalize(rays0), normalize(rays1)
+    rays0, rays1 = normalize(_of_usual_length(rays0)), normalize(_of_usual_length(rays1))
     sigma = max(float(noise_rad), MIN_VARIANCE_RAD2**0.5)
     factors0, factors1 = sigma * tangent_basis(rays0), sigma * tangent_basis(rays1)
     return _pack(rays0, rays1, factors0, factors1, (ISOTROPIC, ISOTROPIC), 0.0, "noise_rad")
+
+
+def _of_usual_length(rays: np.ndarray) -> np.ndarray:
+    """Rays (N, 3), not 0, none so long or short that squares overflow or vanish."""
+    longest = np.abs(rays).max(axis=1, initial=0.0)
+    unusual = (longest > 1e100) | (longest < 1e-100)
+    if not unusual.any():
+        return rays
+    return np.where(unusual[:, None], rays / longest[:, None], rays)
 
 
 def _pack(
@@ -271,6 +283,8 @@ def _checked(
         given = np.asarray(values)
     except ValueError as error:  # rows of different lengths
         raise InputError(f"expected numbers of shape {_shape(rows, shape)}", field=name) from error
+    if given.shape == (0,):  # an empty list, whose rows have no length
+        given = np.empty((0, *shape))
     if given.dtype.kind not in "iuf" and given.size:
         raise InputError(
             f"expected real numbers of shape {_shape(rows, shape)}, got {given.dtype}", field=name
@@ -295,15 +309,33 @@ def _covariances(
         return ISOTROPIC, ISOTROPIC
     names = ("covariance0_px2", "covariance1_px2")
     given = [
-        None if covariance is None else _checked_covariance(name, covariance, count)
+        None
+        if covariance is None
+        else _bounded(_checked_covariance(name, covariance, count), *_BELIEVED_PX2)
         for name, covariance in zip(names, (covariance0_px2, covariance1_px2), strict=True)
     ]
     # One array given twice is looked at once; the median, lest one match said to be useless make
     # the others look exact.
     traces = [np.trace(c, axis1=1, axis2=2) for c in given if c is not None]
     typical = max(float(np.median(traces)) / 2.0 if count else 1.0, 1e-300)
-    first, second = (ISOTROPIC if c is None else c / typical for c in given)
+    first, second = (ISOTROPIC if c is None else _bounded(c / typical, *_BELIEVED) for c in given)
     return first, second
+
+
+def _bounded(covariances: np.ndarray, least: float, most: float) -> np.ndarray:
+    """Covariances (N, 2, 2), those with variances far below or above brought nearer.
+
+    Squares and quotients of what is beyond overflow, or leave nothing of the other matches.
+    """
+    variances = covariances[:, [0, 1], [0, 1]]
+    lowest, highest = variances.min(axis=1), variances.max(axis=1)
+    far = (lowest < least) | (highest > most)
+    if not far.any():
+        return covariances
+    scale = most / np.maximum(highest[far], most)
+    bounded = covariances.copy()
+    bounded[far] = scale[:, None, None] * covariances[far] + least * ISOTROPIC
+    return bounded
 
 
 def _checked_covariance(name: str, covariance: np.ndarray, count: int) -> np.ndarray:

@@ -165,7 +165,7 @@ class OutputFolder:
             if self._options.overlay:
                 film = self.path / _FILM_NAME
                 self._sinks["overlay"] = open_film(
-                    film, run.camera, self._options.palette, film_process
+                    film, run.camera, self._options.palette, film_process, run.mask
                 )
             opened.pop_all()
 

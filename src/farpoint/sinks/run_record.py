@@ -67,6 +67,8 @@ class RunDescription:
         Where the time stamps come from.
     notes : tuple of str
         What a reader of the results must know, a sentence each.
+    mask : ndarray of bool, shape (H, W), or None
+        True where the frames are used; None where they are used as a whole.
     """
 
     source: str
@@ -76,6 +78,7 @@ class RunDescription:
     frame_count: int | None = None
     timestamp_source: str = ""
     notes: tuple[str, ...] = ()
+    mask: np.ndarray | None = None
 
 
 class RunRecord:

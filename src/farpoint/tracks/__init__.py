@@ -6,7 +6,7 @@ from farpoint.tracks.options import (
     RefinementOptions,
     TrackerOptions,
 )
-from farpoint.tracks.region import trackable_region
+from farpoint.tracks.region import trackable_region, unmasked_region
 from farpoint.tracks.tracker import Tracker, grey_size
 from farpoint.tracks.tracks import Tracks
 
@@ -19,4 +19,5 @@ __all__ = [
     "Tracks",
     "grey_size",
     "trackable_region",
+    "unmasked_region",
 ]

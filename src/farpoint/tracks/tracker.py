@@ -9,6 +9,7 @@ import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.tracks.corners import find_corners, thin_out
+from farpoint.tracks.defects import DefectivePixels
 from farpoint.tracks.lucas_kanade import follow
 from farpoint.tracks.options import TrackerOptions
 from farpoint.tracks.pyramid import Pyramid, build_pyramid
@@ -41,6 +42,9 @@ class Tracker:
     nothing, and the next image is compared with the same reference again. `track` is `match` and
     `advance` in one.
 
+    Pixels of the sensor that are hot or dead are found as the image moves, and are not seen from
+    then on (`DefectivePixels`).
+
     Equal images, options and calls give equal tracks, bit for bit.
 
     Parameters
@@ -65,6 +69,7 @@ class Tracker:
     def __init__(self, options: TrackerOptions | None = None, *, mask: np.ndarray | None = None):
         self.options = TrackerOptions() if options is None else options
         self._mask = None if mask is None else _checked_mask(mask)
+        self._defects = DefectivePixels()
         self._reference: _Reference | None = None
         self._matched: Pyramid | None = None  # of the image that was matched last
         self._next_id = 0
@@ -119,6 +124,7 @@ class Tracker:
                 field="image",
             )
         start, warps = _predicted(predict, reference.points)
+        image = self._defects.repaired(image)
         pyramid = self._matched = build_pyramid(image, self.options.matching)
         tracks = self._found(reference, pyramid, start, warps)
         if predict is not None and 2 * len(tracks) < len(reference.ids):
@@ -129,7 +135,7 @@ class Tracker:
 
     def sees_texture(self, image: np.ndarray) -> bool:
         """Whether an image has corners enough, a hundredth of the tracks wanted, to begin with."""
-        image = _checked_image(image)
+        image = self._defects.repaired(_checked_image(image))
         wanted = max(self.options.max_tracks // 100, 8)
         return len(self._new_corners(image, np.empty((0, 2)), wanted)) == wanted
 
@@ -146,6 +152,8 @@ class Tracker:
             What `match` returned, or the part of it that proved good (`Tracks.select`).
         """
         image = _checked_image(image)
+        self._defects.learn(image, tracks)
+        image = self._defects.repaired(image)
         order = np.argsort(tracks.ids, kind="stable")
         ids, points = tracks.ids[order], tracks.points1[order]
         alive = thin_out(

@@ -9,7 +9,13 @@ from farpoint.errors import InputError, optional_import
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.overlay.canvas import Canvas
 from farpoint.sinks.overlay.layout import Layout
-from farpoint.sinks.overlay.palette import BACKGROUND, PALETTES, Palette, PaletteName
+from farpoint.sinks.overlay.palette import (
+    BACKGROUND,
+    PALETTES,
+    QUIET_GREY,
+    Palette,
+    PaletteName,
+)
 from farpoint.sinks.overlay.panel import draw_panel
 from farpoint.sinks.overlay.panes import draw_flow_pane, draw_points_pane
 
@@ -21,6 +27,7 @@ def draw_overlay(
     result: OdometryResult,
     camera: Camera,
     palette: PaletteName = "red-green",
+    mask: np.ndarray | None = None,
 ) -> np.ndarray:
     """Draw the working display of the method, after the screen-shots of the paper.
 
@@ -41,6 +48,9 @@ def draw_overlay(
         The camera of both frames.
     palette : {"red-green", "orange-blue"}
         The second is told apart with any kind of colour vision: far orange, near blue.
+    mask : ndarray of bool, shape (height, width), optional
+        True where the image is used: the rest is darkened and hatched. One of another size is
+        stretched, as the image is.
 
     Returns
     -------
@@ -62,7 +72,10 @@ def draw_overlay(
     picture[0] = BACKGROUND
     picture[1:] = picture[0]  # by rows: ten times faster than by pixels
     if image is not None:
-        picture[layout.pane_slices(0)] = _fitted(image, layout.pane)
+        pane = picture[layout.pane_slices(0)]
+        pane[:] = _fitted(image, layout.pane)
+        if mask is not None:
+            _hatch(pane, mask, layout.line_px)
     colours = PALETTES[palette]
     points, flow = (_canvas(picture, layout, index, size, colours) for index in (0, 1))
     draw_points_pane(points, result, camera, layout.line_px)
@@ -91,3 +104,15 @@ def _fitted(image: np.ndarray, pane: tuple[int, int]) -> np.ndarray:
             image, pane, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
         )
     return image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)
+
+
+def _hatch(pane: np.ndarray, mask: np.ndarray, line_px: float) -> None:
+    """Darken where the mask is False, and draw stripes over it: a bonnet may be dark itself."""
+    cv2 = optional_import("cv2", extra="video", purpose="drawing the overlay")
+    height, width = pane.shape[:2]
+    fitted = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+    unused = fitted == 0
+    period = max(round(line_px), 4)
+    across = np.add.outer(np.arange(height), np.arange(width)) % period
+    pane[unused] //= 3
+    pane[unused & (across < max(period // 8, 1))] = QUIET_GREY

@@ -56,6 +56,8 @@ class OverlayVideo:
         Camera of the frames; its image size, or else the first image, fixes the picture's size.
     palette : {"red-green", "orange-blue"}
         Colours, as `draw_overlay` takes them.
+    mask : ndarray of bool, shape (height, width), optional
+        Where the frames are used.
 
     Raises
     ------
@@ -65,13 +67,20 @@ class OverlayVideo:
         If PyAV or OpenCV is not installed.
     """
 
-    def __init__(self, path: Path, camera: Camera, palette: PaletteName = "red-green") -> None:
+    def __init__(
+        self,
+        path: Path,
+        camera: Camera,
+        palette: PaletteName = "red-green",
+        mask: np.ndarray | None = None,
+    ) -> None:
         self._av, self._cv2 = (
             optional_import(name, extra="video", purpose=purpose)
             for name, purpose in _LIBRARIES.items()
         )
         self._path, self._camera = path, camera
         self._palette: PaletteName = palette
+        self._mask = mask
         self._stream: Any = None
         self._start_s = 0.0
         self._last_tick = -1
@@ -86,7 +95,7 @@ class OverlayVideo:
                 return  # the size of the picture is not known yet
             self._camera = self._camera.with_size(image.shape[1], image.shape[0])
         stream = self._stream or self._open_stream(result.timestamp)
-        picture = draw_overlay(image, result, self._camera, self._palette)
+        picture = draw_overlay(image, result, self._camera, self._palette, self._mask)
         planes = self._cv2.cvtColor(
             picture, self._cv2.COLOR_RGB2YUV_I420
         )  # three times PyAV's pace
@@ -154,6 +163,7 @@ def open_film(
     camera: Camera,
     palette: PaletteName = "red-green",
     process: subprocess.Popen[bytes] | None = None,
+    mask: np.ndarray | None = None,
 ) -> BackgroundSink:
     """An `OverlayVideo` in a process of its own, with the same errors.
 
@@ -162,7 +172,7 @@ def open_film(
     """
     require_libraries()
     check_writable(path)
-    make = partial(OverlayVideo, path.absolute(), camera, palette)
+    make = partial(OverlayVideo, path.absolute(), camera, palette, mask)
     return BackgroundSink(SinkProcess(make, path, process or start_film()))
 
 
