@@ -29,7 +29,7 @@ from farpoint.metrics import (
     relative_motions,
 )
 from farpoint.options import settle_float, settle_int
-from farpoint.sinks.files import open_output, replacing
+from farpoint.sinks.files import replacing
 from farpoint.sinks.halves import read_halves
 from farpoint.sinks.motions import Motions, read_motions
 from farpoint.sinks.positions import read_positions
@@ -147,7 +147,7 @@ def write_pairs(path: str | Path, found: FolderEvaluation) -> None:
     """Write the errors as CSV: ``timestamp0,timestamp1,frame0,frame1`` and `PAIR_COLUMNS`."""
     m = found.motions
     keys = zip(m.timestamp0, m.timestamp1, m.frame0, m.frame1, strict=True)
-    with replacing(Path(path)) as part, open_output(part) as file:
+    with replacing(Path(path)) as part, part.open("w", encoding="utf-8", newline="\n") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("timestamp0", "timestamp1", "frame0", "frame1", *PAIR_COLUMNS))
         for (time0, time1, frame0, frame1), row in zip(keys, pair_rows(found.errors), strict=True):

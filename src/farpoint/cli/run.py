@@ -91,7 +91,7 @@ class Run:
                 self.output,
                 self.viewer,
                 self.metric.hints(),
-                self.mask,
+                mask_file=self.mask,
             )
 
 

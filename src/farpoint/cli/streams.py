@@ -7,7 +7,7 @@ import io
 import os
 import sys
 from collections.abc import Iterator
-from typing import Any, TextIO
+from typing import TextIO
 
 __all__ = ["lasting_streams"]
 
@@ -67,11 +67,6 @@ class _Lasting(io.TextIOBase):
         if self._stream is None:
             raise io.UnsupportedOperation("fileno")
         return self._stream.fileno()
-
-    @property
-    def encoding(self) -> Any:
-        """Of the stream behind it."""
-        return getattr(self._stream, "encoding", "utf-8")
 
     @contextlib.contextmanager
     def _while_read(self) -> Iterator[TextIO | None]:
