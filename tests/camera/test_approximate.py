@@ -41,6 +41,35 @@ def test_a_focal_length_in_35_mm_equivalents(size, millimetres, focal_px):
     assert "EXIF" in str(camera.source)
 
 
+def test_only_a_guess_is_uncertain():
+    assert HorizontalField(degrees=80.0).camera(1920, 1080).uncertainty is not None
+    assert Camera.pinhole(640, 480, 500, 500, 319.5, 239.5).uncertainty is None
+
+
+@pytest.mark.parametrize("degrees", [20.0, 60.0, 90.0, 150.0])
+def test_the_width_spans_the_field_of_view(degrees):
+    camera = HorizontalField(degrees=degrees).camera(640, 480)
+    assert camera.size == (640, 480)
+    # Half a pixel beyond the centres of the outermost ones.
+    edges = camera.unproject(np.array([[-0.5, 239.5], [639.5, 239.5]]))
+    assert math.degrees(math.acos(edges[0] @ edges[1])) == pytest.approx(degrees)
+
+
+@pytest.mark.parametrize(
+    ("size", "millimetres", "focal_px"),
+    [
+        ((6000, 4000), 36.0, 6000.0),  # the frame of 36 x 24 mm itself
+        ((4000, 6000), 36.0, 6000.0),  # held upright
+        ((4000, 3000), 26.0, 26.0 / math.hypot(36.0, 24.0) * 5000.0),  # a phone: by the diagonal
+    ],
+)
+def test_a_focal_length_in_35_mm_equivalents(size, millimetres, focal_px):
+    camera = EquivalentFocalLength(millimetres=millimetres, source="EXIF").camera(*size)
+    assert camera.model.parameters["fx"] == pytest.approx(focal_px)
+    assert camera.model.parameters["fy"] == pytest.approx(focal_px)
+    assert "EXIF" in str(camera.source)
+
+
 def test_the_doubts_are_one_sigma_each_way():
     camera = HorizontalField(degrees=80.0).camera(1920, 1080)
     height = math.tan(angle_off_axis(camera, CORNER))
