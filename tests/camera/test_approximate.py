@@ -41,22 +41,9 @@ def test_a_focal_length_in_35_mm_equivalents(size, millimetres, focal_px):
     assert "EXIF" in str(camera.source)
 
 
-def test_the_doubts_are_one_sigma_each_way():
-    camera = HorizontalField(degrees=80.0).camera(1920, 1080)
-    height = math.tan(angle_off_axis(camera, CORNER))
-    longer, shorter, cushion, barrel = (
-        math.tan(angle_off_axis(Camera(model=model, size=camera.size), CORNER)) / height
-        for model in camera.doubts
-    )
-    assert longer == pytest.approx(1.0 / 1.1)
-    assert shorter == pytest.approx(1.1)
-    # 5 % in the corner's distance from the centre, to first order.
-    assert cushion == pytest.approx(0.95, abs=0.01)
-    assert barrel == pytest.approx(1.05, abs=0.02)
-
-
-def test_a_calibrated_camera_is_not_doubted():
-    assert Camera.pinhole(640, 480, 500, 500, 319.5, 239.5).doubts == ()
+def test_only_a_guess_is_uncertain():
+    assert HorizontalField(degrees=80.0).camera(1920, 1080).uncertainty is not None
+    assert Camera.pinhole(640, 480, 500, 500, 319.5, 239.5).uncertainty is None
 
 
 @pytest.mark.parametrize("degrees", [0.0, -60.0, 151.0, 195.0, math.nan, math.inf])

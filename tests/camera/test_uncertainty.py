@@ -269,15 +269,11 @@ def test_a_factor_keeps_small_parameters_and_drops_what_depends() -> None:
 
 
 def test_a_guess_tells_how_far_it_is_off() -> None:
-    """As `doubts` do: 10 % of the focal length, 5 % of the corner's distance."""
+    """10 % of the focal length, 5 % of the corner's distance."""
     camera = HorizontalField(degrees=70.0).camera(640, 480)
     assert camera.uncertainty == CameraUncertainty(focal=0.1, distortion_px=20.0)
-    longer, _, cushion, _ = camera.doubts
     fx = camera.model.parameters["fx"]
-    assert camera.parameter_sigmas()["fx"] == pytest.approx(longer.parameters["fx"] - fx)
-    corner = camera.unproject([[639.5, 479.5]])
-    moved = np.linalg.norm(cushion.project(corner) - camera.project(corner))
-    assert moved == pytest.approx(20.0, rel=0.01)
+    assert camera.parameter_sigmas()["fx"] == pytest.approx(0.1 * fx, rel=0.01)
 
 
 def test_a_readout_time() -> None:

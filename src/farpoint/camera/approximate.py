@@ -1,7 +1,6 @@
 """A camera without a calibration: a pinhole of about the right focal length, and how far it is off.
 
-What is unknown is said by lenses that are off by one sigma each way of being wrong; the motion that
-each of them gives tells how wrong the motion may be.
+What is unknown is stated as the `CameraUncertainty` of the camera, which widens all covariances.
 """
 
 from __future__ import annotations
@@ -110,23 +109,12 @@ def camera_for(
 
 
 def _pinhole(width: int, height: int, focal_px: float, words: str) -> Camera:
-    def model(focal_px: float, *distortion: float) -> Pinhole:
-        centre = {"cx": 0.5 * (width - 1), "cy": 0.5 * (height - 1)}
-        return Pinhole(fx=focal_px, fy=focal_px, **centre, distortion=distortion)
-
-    corner = 0.5 * math.hypot(width, height) / focal_px
     return Camera(
-        model=model(focal_px),
+        model=Pinhole(fx=focal_px, fy=focal_px, cx=0.5 * (width - 1), cy=0.5 * (height - 1)),
         size=(width, height),
         name="approximate",
         source=f"a guess: {words}, without distortion",
         uncertainty=CameraUncertainty(
             focal=FOCAL_SIGMA, distortion_px=DISTORTION_SIGMA * 0.5 * math.hypot(width, height)
-        ),
-        doubts=(
-            model(focal_px * (1.0 + FOCAL_SIGMA)),
-            model(focal_px / (1.0 + FOCAL_SIGMA)),
-            model(focal_px, DISTORTION_SIGMA / corner**2, 0.0, 0.0, 0.0),
-            model(focal_px, -DISTORTION_SIGMA / corner**2, 0.0, 0.0, 0.0),
         ),
     )

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from farpoint.camera.lens_prior import prior_covariance
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
-from farpoint.camera.uncertainty import CameraUncertainty
+from farpoint.camera.uncertainty import CameraUncertainty, covariance_factor
 from farpoint.camera.values import as_rows, finite, parameter_values, positive
 from farpoint.errors import InputError
 
@@ -37,9 +38,6 @@ class Camera:
         Read-out time of a frame, first row to last, s; 0 for a global shutter, None: unknown.
     readout_sigma_s : float or None
         1 sigma of `readout_s`, s; None: it is exact, or unknown.
-    doubts : tuple of CameraModel
-        Lenses that are one sigma off, one each way for each thing that is known only roughly; none
-        for a calibrated camera. `Odometry` lets them widen the covariances.
     """
 
     model: CameraModel
@@ -49,7 +47,6 @@ class Camera:
     uncertainty: CameraUncertainty | None = None
     readout_s: float | None = None
     readout_sigma_s: float | None = None
-    doubts: tuple[CameraModel, ...] = ()
 
     @classmethod
     def pinhole(
@@ -176,6 +173,16 @@ class Camera:
             Where an error of the distortion is given and ``size`` is None (field ``camera.size``).
         """
         return prior_covariance(self.model, self.size, self.uncertainty)
+
+    @cached_property
+    def refinable(self) -> CameraModel:
+        """``model.refinable()``: the lens with every parameter that may be off."""
+        return self.model.refinable()
+
+    @cached_property
+    def parameter_factor(self) -> np.ndarray:
+        """`covariance_factor` of `parameter_covariance`: errors (P, r) of one sigma each."""
+        return covariance_factor(self.parameter_covariance())
 
     def parameter_sigmas(self) -> dict[str, float]:
         """1 sigma of each parameter of ``model.refinable()`` by name: the root of the diagonal."""

@@ -24,7 +24,6 @@ from farpoint.pose import (
     estimate_relative_pose,
     failed_pose,
 )
-from farpoint.pose.lens_doubt import with_lens_doubt
 from farpoint.pose.patches import patches_of
 from farpoint.tracks import Tracker, Tracks, grey_size
 from farpoint.trajectory.path import PathBuilder
@@ -171,7 +170,7 @@ class Odometry:
             groups = image_cells(tracks.points0, cell_px)
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
-            partial(self._estimate_by, self.camera, options),
+            partial(self._estimate_by, self.camera.with_uncertainty(), options),
             seed=result.frame1 + _FRAMES * self.options.seed,
             groups=groups,
         )
@@ -210,7 +209,7 @@ class Odometry:
         rough = estimate_relative_pose(
             tracks.points0[some],
             tracks.points1[some],
-            self.camera,
+            self.camera.with_uncertainty(),
             options=replace(self.options.pose, count_sharing=False, half_deals=0),
             seed=self.options.seed,
         )
@@ -224,11 +223,8 @@ class Odometry:
         self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
     ) -> RelativePose:
         """The motion behind `Tracks`, given as arrays so that parts of them can be given."""
-        return with_lens_doubt(
-            self.camera,
-            lambda camera: self._estimate_by(
-                camera, self._pose_options(), points0, points1, covariance_px2
-            ),
+        return self._estimate_by(
+            self.camera, self._pose_options(), points0, points1, covariance_px2
         )
 
     def _pose_options(self) -> RelativePoseOptions:
@@ -242,7 +238,7 @@ class Odometry:
         points1: np.ndarray,
         covariance_px2: np.ndarray,
     ) -> RelativePose:
-        """The motion by a lens that is not doubted."""
+        """The motion by a camera."""
         # The covariance is that of the displacement: each end carries half of it.
         half_px2 = 0.5 * covariance_px2
         return estimate_relative_pose(

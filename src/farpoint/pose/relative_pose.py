@@ -17,6 +17,7 @@ from farpoint.pose.as_turn import conclude_turn
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import Course, failed_pose
 from farpoint.pose.far_rotation import far_rotation
+from farpoint.pose.lens_uncertainty import View, with_lens_uncertainty
 from farpoint.pose.majority import BETWEEN, majority_motion
 from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
 from farpoint.pose.moving_fit import fit_moving, refit_moving
@@ -54,7 +55,8 @@ def estimate_relative_pose(
     points0, points1 : ndarray, shape (N, 2)
         Matching pixels in image 0 and image 1; the centre of the top-left pixel is (0, 0).
     camera0 : Camera
-        Camera of image 0, and of image 1 unless ``camera1`` is given.
+        Camera of image 0, and of image 1 unless ``camera1`` is given. An uncertain one
+        (`Camera.with_uncertainty`) widens the covariance.
     camera1 : Camera, optional
         Camera of image 1.
     options : RelativePoseOptions, optional
@@ -88,11 +90,18 @@ def estimate_relative_pose(
     >>> estimate_relative_pose(np.empty((0, 2)), np.empty((0, 2)), camera).status
     <PoseStatus.FAILED: 'FAILED'>
     """
-    options = options or DEFAULTS
-    matches = matches_from_points(
-        points0, points1, camera0, camera1 or camera0, covariance0_px2, covariance1_px2
-    )
-    return _estimate(matches, options.matching_tolerance_px, options, seed)
+    chosen = options or DEFAULTS
+
+    def by(camera0: Camera, camera1: Camera) -> RelativePose:
+        matches = matches_from_points(
+            points0, points1, camera0, camera1, covariance0_px2, covariance1_px2
+        )
+        return _estimate(matches, chosen.matching_tolerance_px, chosen, seed)
+
+    second = camera1 or camera0
+    pose = by(camera0, second)
+    views = View(points0, camera0), View(points1, second)
+    return with_lens_uncertainty(pose, *views, by, chosen.false_alarm_rate)
 
 
 def estimate_relative_pose_from_rays(

@@ -44,7 +44,7 @@ def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
     """Write a camera so that `load_camera` gives it back, to the last digit.
 
     The lens, the image size, the name, the uncertainty and the read-out time are kept; `source`
-    and `doubts` are not.
+    is not.
 
     Parameters
     ----------

@@ -1,0 +1,289 @@
+"""What the uncertainty of a calibration does to a motion: its covariance, and its direction.
+
+A wrong lens is not noise: it displaces all matches in one way, and no number of them averages it
+away. The covariance of a motion ``x`` by a lens of parameters ``c`` therefore grows by
+``J S J.T``, with ``S`` the covariance of ``c`` and ``J = dx/dc`` at the optimum, by the implicit
+function theorem: ``J = -H^-1 sum(w dr/dx dr/dc)`` for weighted residuals ``r(x, c)`` of information
+``H``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError
+from farpoint.geometry import so3
+from farpoint.geometry.sphere import tangent_basis
+from farpoint.pose.result import PoseStatus, RelativePose, TrackLabel
+
+__all__ = ["View", "with_lens_uncertainty"]
+
+_MOST = 200
+"""Inliers that J is taken from, spread over all: J is a ratio of two sums over the same matches."""
+
+_STEPS = 10
+"""Gauss-Newton steps, at most."""
+
+_NEGLIGIBLE = 0.01
+"""Step of an error of the lens, in its sigmas, that ends them (convention)."""
+
+_DOF = 5.0
+"""Degrees of freedom of the t distribution of what a rotation leaves: heavy tails (convention)."""
+
+
+class View(NamedTuple):
+    """Pixels of the matches in one image, shape (N, 2), and the camera that took it."""
+
+    points: np.ndarray
+    camera: Camera
+
+
+def with_lens_uncertainty(
+    pose: RelativePose,
+    view0: View,
+    view1: View,
+    estimate: Callable[[Camera, Camera], RelativePose],
+    false_alarm_rate: float,
+) -> RelativePose:
+    """The motion with a covariance that holds the uncertainty of its cameras.
+
+    A direction that the lens alone could have made is none: if, with the lens within its
+    uncertainty that explains most of the flow by a rotation, no direction is observable, only the
+    rotation is.
+
+    Parameters
+    ----------
+    pose : RelativePose
+        By the cameras as given.
+    view0, view1 : View
+        Of the matches behind it. If both have one and the same camera, its error is common to both.
+    estimate : callable
+        The motion between the same pixels by other cameras.
+    false_alarm_rate : float
+        Lenses less probable than this do not count; flows that noise explains at this rate do not
+        contradict a rotation.
+
+    Returns
+    -------
+    RelativePose
+        The pose itself where the cameras are exact, or it FAILED.
+    """
+    if pose.status is PoseStatus.FAILED or all(
+        v.camera.uncertainty is None for v in (view0, view1)
+    ):
+        return pose
+    lenses = _Lenses.of(view0.camera, view1.camera)
+    inliers = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
+    inliers = inliers[:: max(-(-len(inliers) // _MOST), 1)]
+    views = view0, view1
+    if pose.status is PoseStatus.OK:
+        errors = _explained_by_a_rotation(lenses, views, inliers, pose, false_alarm_rate)
+        if errors is not None and _only_turns(estimate(*lenses.at(errors))):
+            pose = _without_direction(pose)
+    by_lens = _sensitivity(pose, *lenses.rays(*views, inliers))
+    spread = by_lens @ by_lens.T
+    rotation_covariance, covariance = pose.rotation_covariance, pose.covariance
+    assert rotation_covariance is not None
+    return replace(
+        pose,
+        rotation_covariance=rotation_covariance + spread[:3, :3],
+        covariance=None if covariance is None else covariance + spread,
+    )
+
+
+class _Rays(NamedTuple):
+    """Unit rays (N, 3), their derivatives by the pixel (N, 3, 2) and by ``z`` (N, 3, r)."""
+
+    rays: np.ndarray
+    by_pixel: np.ndarray
+    by_lens: np.ndarray
+
+
+class _Lenses(NamedTuple):
+    """Both cameras as functions of ``z`` (r,), errors of their lenses in units of one sigma.
+
+    ``factors`` are of the parameters (P, r) of ``camera.refinable``.
+    """
+
+    cameras: tuple[Camera, Camera]
+    factors: tuple[np.ndarray, np.ndarray]
+
+    @classmethod
+    def of(cls, camera0: Camera, camera1: Camera) -> _Lenses:
+        """One camera twice shares its errors; those of two are independent."""
+        first = camera0.parameter_factor
+        if camera0 is camera1 or camera0 == camera1:
+            return cls((camera0, camera1), (first, first))
+        second = camera1.parameter_factor
+        r0, r1 = first.shape[1], second.shape[1]
+        return cls(
+            (camera0, camera1),
+            (np.pad(first, ((0, 0), (0, r1))), np.pad(second, ((0, 0), (r0, 0)))),
+        )
+
+    def rays(
+        self, view0: View, view1: View, rows: np.ndarray, z: np.ndarray | None = None
+    ) -> tuple[_Rays, _Rays]:
+        """What both images see at these matches, by the given lenses or by those in error by z."""
+        cameras = self.cameras if z is None or not z.any() else self.at(z)
+        first, second = (
+            _rays_of(camera, factor, view.points[rows])
+            for camera, factor, view in zip(cameras, self.factors, (view0, view1), strict=True)
+        )
+        return first, second
+
+    def at(self, z: np.ndarray) -> tuple[Camera, Camera]:
+        """Exact cameras with these errors of the lenses; smaller ones where these make no lens."""
+        first = _with_error(self.cameras[0], self.factors[0] @ z)
+        if self.cameras[0] is self.cameras[1]:
+            return first, first
+        return first, _with_error(self.cameras[1], self.factors[1] @ z)
+
+
+def _rays_of(camera: Camera, factor: np.ndarray, points: np.ndarray) -> _Rays:
+    lens = camera.refinable
+    rays = camera.unproject(np.asarray(points, np.float64))
+    return _Rays(
+        rays,
+        camera.unproject_jacobian(rays),
+        lens.unproject_parameter_jacobian(rays) @ factor,
+    )
+
+
+def _with_error(camera: Camera, error: np.ndarray) -> Camera:
+    lens = camera.refinable
+    given = np.array(list(lens.parameters.values()))
+    for _ in range(10):
+        try:
+            return replace(camera, model=lens.with_parameters(given + error), uncertainty=None)
+        except InputError:
+            error = 0.5 * error
+    return camera.with_uncertainty()
+
+
+def _sensitivity(pose: RelativePose, rays0: _Rays, rays1: _Rays) -> np.ndarray:
+    """``dx/dz`` (5, r) of ``x = [dtheta, dbeta]``, or (3, r) of ``dtheta``, at the estimate."""
+    R, t = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0
+    assert R is not None
+    if t is None:
+        flow = _Flow.of(R, rays0, rays1)
+        by_x = np.concatenate([flow.by_rotation, flow.by_lens], axis=2).reshape(-1, 3 + flow.size)
+        weight = np.repeat(1.0 / flow.variance, 2)
+        return _solved(by_x[:, :3], by_x[:, 3:], weight)
+    assert pose.direction_basis is not None
+    a, b = rays0.rays @ R.T, rays1.rays
+    # e = b . (t x R a), the residual across the epipolar plane, and its derivatives.
+    across0, across1 = np.cross(b, t), np.cross(t, a)
+    turned0 = across0 @ R
+    by_x = np.hstack([np.cross(a, across0), np.cross(a, b) @ pose.direction_basis])
+    by_lens = np.einsum("ni,nir->nr", turned0, rays0.by_lens) + np.einsum(
+        "ni,nir->nr", across1, rays1.by_lens
+    )
+    variance = _variance(turned0, rays0) + _variance(across1, rays1)
+    return _solved(by_x, by_lens, 1.0 / variance)
+
+
+def _variance(direction: np.ndarray, rays: _Rays) -> np.ndarray:
+    """Variance (N,) of ``direction . ray`` for one px^2 of each coordinate of the pixel."""
+    by_pixel = np.einsum("ni,nij->nj", direction, rays.by_pixel)
+    return np.maximum(np.sum(by_pixel**2, axis=1), np.finfo(float).tiny)
+
+
+def _solved(by_x: np.ndarray, by_lens: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """``-H^-1 sum(w dr/dx dr/dz)``; what the matches do not fix is not changed by the lens."""
+    known = np.isfinite(weight) & np.isfinite(by_x).all(axis=1) & np.isfinite(by_lens).all(axis=1)
+    weighted = (by_x * weight[:, None])[known]
+    return -np.linalg.pinv(weighted.T @ by_x[known], hermitian=True) @ (weighted.T @ by_lens[known])
+
+
+class _Flow(NamedTuple):
+    """What is left of the flow without the rotation, ``b - R a`` in the plane across ``b``.
+
+    ``left`` (N, 2), with its derivatives by ``dtheta`` (N, 2, 3) and ``z`` (N, 2, r), and its
+    variance (N,) along one direction for one px^2.
+    """
+
+    left: np.ndarray
+    by_rotation: np.ndarray
+    by_lens: np.ndarray
+    variance: np.ndarray
+
+    @property
+    def size(self) -> int:
+        """Number of errors of the lenses."""
+        return self.by_lens.shape[2]
+
+    @classmethod
+    def of(cls, R: np.ndarray, rays0: _Rays, rays1: _Rays) -> _Flow:
+        a, b = rays0.rays @ R.T, rays1.rays
+        basis = tangent_basis(b).transpose(0, 2, 1)
+        crossed = np.stack([np.cross(a, axis) for axis in np.eye(3)], axis=2)
+        noise = np.sum(rays1.by_pixel**2, axis=(1, 2)) + np.sum(rays0.by_pixel**2, axis=(1, 2))
+        return cls(
+            left=np.einsum("nki,ni->nk", basis, b - a),
+            by_rotation=basis @ crossed,
+            by_lens=basis @ (rays1.by_lens - R @ rays0.by_lens),
+            variance=np.maximum(0.5 * noise, np.finfo(float).tiny),
+        )
+
+
+def _explained_by_a_rotation(
+    lenses: _Lenses, views: tuple[View, View], rows: np.ndarray, pose: RelativePose, rate: float
+) -> np.ndarray | None:
+    """Errors of the lenses (r,) with which a rotation explains most of the flow.
+
+    None where most of the matches contradict a rotation through every lens. The maximum over
+    ``dtheta`` and ``z`` of a likelihood with heavy tails (the points that carry translation) and
+    of the prior of ``z``, by Gauss-Newton.
+    """
+    R, noise_px = pose.rotation_cam1_from_cam0, pose.noise_px
+    assert R is not None
+    assert noise_px is not None
+    z = np.zeros(lenses.factors[0].shape[1])
+    prior = np.diag([0.0] * 3 + [1.0] * len(z))
+    farthest2 = float(scipy.special.chdtri(float(len(z)), rate))
+    for _ in range(_STEPS):
+        flow = _Flow.of(R, *lenses.rays(*views, rows, z))
+        by_x = np.concatenate([flow.by_rotation, flow.by_lens], axis=2)
+        scale = 1.0 / (noise_px * np.sqrt(flow.variance))
+        left, by_x = flow.left * scale[:, None], by_x * scale[:, None, None]
+        # Rays that a lens in error does not have count for nothing.
+        seen = np.isfinite(left).all(axis=1) & np.isfinite(by_x).all(axis=(1, 2))
+        left, by_x = left[seen], by_x[seen]
+        distance2 = np.sum(left**2, axis=1)
+        weight = (_DOF + 2.0) / (_DOF + distance2)
+        H = np.einsum("n,nki,nkj->ij", weight, by_x, by_x) + prior
+        g = np.einsum("n,nki,nk->i", weight, by_x, left) + prior @ np.concatenate([np.zeros(3), z])
+        step = -np.linalg.pinv(H, hermitian=True) @ g
+        if np.median(np.sum((left + by_x @ step) ** 2, axis=1)) > scipy.special.chdtri(2.0, rate):
+            return None
+        R, z = so3.exp(step[:3]) @ R, z + step[3:]
+        z = z * min(1.0, np.sqrt(farthest2 / max(float(z @ z), 1e-300)))
+        if float(np.abs(step[3:]).max(initial=0.0)) < _NEGLIGIBLE:
+            break
+    return z
+
+
+def _only_turns(pose: RelativePose) -> bool:
+    return pose.status in (PoseStatus.ROTATION_ONLY, PoseStatus.STATIC)
+
+
+def _without_direction(pose: RelativePose) -> RelativePose:
+    stats = pose.stats
+    return replace(
+        pose,
+        status=PoseStatus.ROTATION_ONLY,
+        reason="The direction of travel is not observable: a lens within its stated uncertainty "
+        "explains the flow by a rotation alone.",
+        direction_cam1_from_cam0=None,
+        direction_basis=None,
+        covariance=None,
+        labels=np.minimum(pose.labels, np.uint8(TrackLabel.FAR)),
+        stats=replace(stats, far=stats.far + stats.near, near=0, sign_probability=None),
+    )
