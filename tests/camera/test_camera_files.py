@@ -367,7 +367,7 @@ def test_paths_that_hold_no_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file") as caught:
         load_camera(tmp_path / "absent.yaml")
     assert caught.value.file == str(tmp_path / "absent.yaml")
-    with pytest.raises(InputError, match="is a folder; expected a calibration file"):
+    with pytest.raises(InputError, match="is a folder; expected a calibration"):
         load_camera(tmp_path)
 
 

@@ -63,7 +63,7 @@ def test_a_camera_comes_back_as_it_was(name: str, tmp_path: Path) -> None:
 @given(
     name=st.text(min_size=1),
     numbers=st.lists(st.floats(-1e10, 1e10), min_size=4, max_size=4),
-    focal=st.floats(1e-300, 1e300),
+    focal=st.floats(1e-3, 1e9),
 )
 def test_any_name_and_number_comes_back(
     name: str, numbers: list[float], focal: float, tmp_path: Path

@@ -115,7 +115,7 @@ FAULTS = [
         "'wide'",
     ),
     (REALSENSE_LISTING, None, "name", "one of Depth 848x480, Color 640x480"),
-    (ZED, None, "name", "LEFT_CAM_HD, RIGHT_CAM_HD"),
+    (ZED, "MIDDLE_CAM_HD", "name", "LEFT_CAM_HD, RIGHT_CAM_HD"),
     (ZED.replace("k3=0.02", "s1=0.02"), "LEFT_CAM_HD", "[LEFT_CAM_HD] s1", UNKNOWN),
     (ZED.replace("500.5", "x"), "LEFT_CAM_HD", "[LEFT_CAM_HD] fx", "'x'"),
     (ZED_X.replace("cx = 320.25\n", ""), None, "[LEFT_CAM_FHD1200] cx", "missing"),

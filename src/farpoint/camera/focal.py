@@ -9,7 +9,7 @@ import numpy as np
 
 from farpoint.camera.lens_model import LensModel
 from farpoint.camera.roles import ParameterRoles
-from farpoint.camera.values import finite, positive
+from farpoint.camera.values import finite, positive, within
 
 __all__ = [
     "FocalModel",
@@ -19,6 +19,9 @@ __all__ = [
     "quotient_jacobian",
     "rays_from_plane",
 ]
+
+FOCAL_RANGE_PX = 1e-3, 1e9
+"""From an image of a pixel to a telescope's: beyond it, angles of pixels are lost in rounding."""
 
 PlaneJacobian = tuple[tuple[np.ndarray, ...], ...]
 """Rows of d(a, b) / d(x, y, z): two triples of arrays (N,)."""
@@ -48,7 +51,8 @@ class FocalModel(LensModel):
 
     def __post_init__(self) -> None:
         for name in ("fx", "fy"):
-            object.__setattr__(self, name, positive(name, getattr(self, name)))
+            focal_px = positive(name, getattr(self, name))
+            object.__setattr__(self, name, within(name, focal_px, *FOCAL_RANGE_PX))
         for name in ("cx", "cy"):
             object.__setattr__(self, name, finite(name, getattr(self, name)))
 

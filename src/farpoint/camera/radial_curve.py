@@ -52,7 +52,7 @@ def radial_curve(camera: Camera) -> RadialCurve:
     lines = axis_px + np.linspace(0.0, 1.0, SAMPLES)[:, None, None] * (border - axis_px)
     cosine = camera.unproject(lines.reshape(-1, 2))[:, 2].reshape(SAMPLES, -1)
     angle = np.arccos(np.clip(cosine, -1.0, 1.0))
-    farthest = int(np.argmax(np.nanmax(angle, axis=0)))
+    farthest = int(np.argmax(np.fmax.reduce(np.nan_to_num(angle, nan=-1.0), axis=0)))
     seen = np.isfinite(angle[:, farthest])
     radius = np.linalg.norm(lines[:, farthest] - axis_px, axis=1)
     return RadialCurve(radius_px=radius[seen], angle_rad=angle[seen, farthest])
@@ -65,7 +65,7 @@ def draw_radial_curve(camera: Camera) -> str:
     """
     curve = radial_curve(camera)
     radius, angle = curve.radius_px, np.rad2deg(curve.angle_rad)
-    if len(radius) < 3:
+    if len(radius) < 3 or not (radius[-1] > 0.0 and angle.max() > 0.0):
         return "no radial curve: the lens model ends beside its axis"
     near = 1 + len(radius) // 50
     straight = np.rad2deg(np.arctan(radius * np.tan(curve.angle_rad[near]) / radius[near]))

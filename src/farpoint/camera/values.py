@@ -16,15 +16,20 @@ __all__ = ["as_rows", "finite", "in_blocks", "parameter_values", "positive", "wi
 # pixels then take a quarter of the time they take at once.
 BLOCK_ROWS = 8192
 
+_LARGEST = 1e12
+"""No parameter of a lens comes near; powers and products of larger ones overflow."""
+
 
 def finite(name: str, value: Any) -> float:
     """The parameter as a finite float, or an InputError naming it."""
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"expected a number, got {value!r}", field=name) from None
     if not math.isfinite(number):
         raise InputError(f"expected a finite number, got {number}", field=name)
+    if abs(number) > _LARGEST:
+        raise InputError(f"expected a number up to {_LARGEST:g}, got {number:g}", field=name)
     return number
 
 

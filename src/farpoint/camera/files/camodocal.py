@@ -6,6 +6,7 @@ from farpoint.camera.camera import Camera
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.source import CalibrationFile
+from farpoint.camera.files.understood import refuse_unread
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
@@ -36,7 +37,9 @@ def read(file: CalibrationFile, name: str) -> Camera:
     if kind not in (MEI, FISHEYE, PINHOLE):
         raise unsupported_lens(fields, "model_type", (MEI, FISHEYE, PINHOLE))
     with blame(fields, "projection_parameters", distortion="distortion_parameters"):
-        return Camera(model=_lens(fields, kind), size=size, name=name)
+        camera = Camera(model=_lens(fields, kind), size=size, name=name)
+    refuse_unread(fields)
+    return camera
 
 
 def _lens(fields: Fields, kind: str) -> CameraModel:

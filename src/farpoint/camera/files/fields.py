@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,17 @@ class Fields:
         Named in every error.
     within : str
         Prefix of the keys in errors, such as ``"cam0."``.
+    read : set of str
+        Keys whose values were asked for, so that what was passed over can be found.
+    groups : dict
+        The groups of fields that were asked for, by key.
     """
 
     values: Mapping[str, Any]
     file: Path
     within: str = ""
+    read: set[str] = field(default_factory=set, compare=False)
+    groups: dict[str, Fields] = field(default_factory=dict, compare=False)
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
@@ -52,7 +58,8 @@ class Fields:
         value = self._required(key)
         if not isinstance(value, Mapping):
             raise self.error(key, f"expected a group of fields, got {_short(value)}")
-        return Fields(value, self.file, f"{self.place(key)}.")
+        found = Fields(value, self.file, f"{self.place(key)}.")
+        return self.groups.setdefault(key, found)
 
     def text(self, key: str) -> str:
         """The text under a key, stripped."""
@@ -99,6 +106,7 @@ class Fields:
     def _required(self, key: str) -> Any:
         if key not in self.values or self.values[key] is None:
             raise self.error(key, "the field is missing")
+        self.read.add(key)
         return self.values[key]
 
     def _as_number(self, key: str, value: Any) -> float:

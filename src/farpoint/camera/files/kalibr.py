@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from farpoint.camera.camera import Camera
 from farpoint.camera.files.lens import lens_of_sensor
 from farpoint.camera.files.source import CalibrationFile
+from farpoint.camera.files.understood import refuse_unread
 
 TITLE = "Kalibr camera chain"
 FIRST_IS_DEFAULT = False
@@ -30,4 +31,6 @@ def read(file: CalibrationFile, name: str) -> Camera:
     """One camera of the chain."""
     fields = file.fields.group(name)
     model = lens_of_sensor(fields, coefficients="distortion_coeffs")
-    return Camera(model=model, size=fields.size_pair("resolution"), name=name)
+    camera = Camera(model=model, size=fields.size_pair("resolution"), name=name)
+    refuse_unread(fields)
+    return camera

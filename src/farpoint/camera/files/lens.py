@@ -34,6 +34,8 @@ def lens_of_sensor(fields: Fields, *, coefficients: str) -> CameraModel:
     distortion = fields.text("distortion_model").lower() if "distortion_model" in fields else "none"
     if distortion not in distortions:
         raise unsupported_lens(fields, "distortion_model", distortions)
+    if distortion == "none" and "distortion_model" in fields:
+        fields.read.add(coefficients)  # by its own word, they do not count
     return distortions[distortion](fields, coefficients)
 
 

@@ -54,6 +54,17 @@ FORMATS: tuple[CalibrationFormat, ...] = (
 )
 
 
+# Names of the left camera of a pair, and what makes the right one's of them.
+_STEREO = (
+    (r"(.*)LEFT(.*)", r"\1RIGHT\2"),
+    (r"(.*)left(.*)", r"\1right\2"),
+    (r"(.*)Left(.*)", r"\1Right\2"),
+    (r"(.*)_l", r"\1_r"),
+    (r"(.*)_L", r"\1_R"),
+    (r"((?:camera_?matrix|mtx|k|m)_?)1", r"\g<1>2"),
+)
+
+
 def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera:
     """Read a camera calibration, recognised by what is in the file and not by its name.
 
@@ -68,8 +79,8 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
         RealSense, ZED, DepthAI, Open3D, ARKit, Metashape, OpenSfM, Gyroflow, mrcal, MC-Calib and
         Autoware.
     name : str, optional
-        Which of several cameras. KITTI's first (``P0``) is meant without it; elsewhere a file of
-        several cameras needs it.
+        Which of several cameras. Without it KITTI's first (``P0``) is meant, and the left one of
+        a stereo pair; elsewhere a file of several cameras needs it.
 
     Returns
     -------
@@ -103,11 +114,24 @@ def _seems_structured(text: str) -> bool:
     return re.search(r"\A\s*([{<]|%YAML)|^\s*[\w.]+\s*:\s", text, re.MULTILINE) is not None
 
 
+def _left_of(names: list[str]) -> str | None:
+    """The left one of a stereo pair's names, by OpenCV's numbers too; None of other cameras."""
+    if len(names) != 2:
+        return None
+    for left, right in _STEREO:
+        for one, other in (names, names[::-1]):
+            if re.fullmatch(left, one, re.I) and re.sub(left, right, one, flags=re.I) == other:
+                return one
+    return None
+
+
 def _choose(file: CalibrationFile, calibration: CalibrationFormat, name: str | None) -> str:
     names = calibration.names(file)
     if name is None:
         if len(names) == 1 or calibration.FIRST_IS_DEFAULT:
             return names[0]
+        if left := _left_of(names):
+            return left
         raise InputError(
             f"has several cameras; expected a name, one of {', '.join(names)}",
             file=file.path,

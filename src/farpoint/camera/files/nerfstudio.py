@@ -10,6 +10,7 @@ from farpoint.camera.equirectangular import Equirectangular
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.source import CalibrationFile
+from farpoint.camera.files.understood import refuse_unread
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
@@ -36,9 +37,12 @@ def names(file: CalibrationFile) -> list[str]:
 
 def read(file: CalibrationFile, name: str) -> Camera:
     """The camera; as in COLMAP, whose numbers these are, pixels have their centres at 0.5."""
-    fields = _frames(file).get(name, file.fields)
+    whole = file.fields
+    fields = _frames(file).get(name, whole)
     size = fields.size("w", "h")
-    return Camera(model=_lens(fields, file.fields, size), size=size, name=name)
+    camera = Camera(model=_lens(fields, whole, size), size=size, name=name)
+    refuse_unread(fields)
+    return camera
 
 
 def _frames(file: CalibrationFile) -> dict[str, Fields]:
@@ -59,6 +63,7 @@ def _lens(fields: Fields, whole: Fields, size: tuple[int, int] | None) -> Camera
     if kind == SPHERE:
         if size is None:
             raise fields.error("w", "the field is missing")
+        fields.read.update(fields.values)  # of a perspective lens, which nerfstudio ignores here
         return Equirectangular(width=size[0], height=size[1])
     fx = _focal(fields, "x", size, 0)
     fy = _focal(fields, "y", size, 1) if fields.first("fl_y", "camera_angle_y") else fx

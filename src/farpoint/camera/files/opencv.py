@@ -12,6 +12,13 @@ from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.matrix import intrinsics_from_matrix, skew_of_matrix
 from farpoint.camera.files.source import CalibrationFile
+from farpoint.camera.files.understood import (
+    ORDER,
+    is_nothing,
+    named_distortion,
+    refuse_others,
+    refuse_unread,
+)
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
@@ -21,15 +28,35 @@ TITLE = "OpenCV camera matrix"
 FIRST_IS_DEFAULT = False
 
 # People name these freely; one of several cameras carries a suffix, the same on both.
-SUFFIX = r"_?(\d|left|right|l|r|)"
-MATRIX = re.compile(rf"(?:camera_?matrix|intrinsics?(?:_?matrix)?|mtx|k|m){SUFFIX}", re.IGNORECASE)
-DISTORTION = re.compile(
-    rf"(?:dist(?:ortion)?(?:_?coeff?s?|_?coefficients)?|d){SUFFIX}", re.IGNORECASE
+SUFFIX = r"_?(\d|left|right|l|r|)(?:_fe)?"
+MATRIX = re.compile(
+    rf"(?:camera_?matrix|camera_?mat|intrinsics?(?:_?matrix)?|mtx|k|m){SUFFIX}", re.IGNORECASE
 )
+DISTORTION = re.compile(
+    r"(?:dist(?:ortion)?_?(?:coeff?(?:icient)?s?|vec(?:tor)?|params?|parameters|array|mat|)|kc|d)"
+    + SUFFIX,
+    re.IGNORECASE,
+)
+FISHEYE_COEFFICIENTS = re.compile(r".*_fe", re.IGNORECASE)
 SIZES = (("imagewidth", "imageheight"), ("width", "height"), ("cols", "rows"))
 SIZE_PAIRS = ("imagesize", "imgsize", "resolution", "size", "cameraresolution")
 PINHOLES = ("plumb_bob", "rational_polynomial", "radtan", "pinhole", "none")
 FISHEYES = ("equidistant", "fisheye")
+SYNONYMS = {
+    **dict.fromkeys(("plumb", "brown", "brownconrady", "perspective", "opencv"), PINHOLES[0]),
+    **dict.fromkeys(("radialtangential", "standard", "normal", "linear"), PINHOLES[0]),
+    **dict.fromkeys(("opencvpinhole", "modifiedbrownconrady"), PINHOLES[0]),
+    **dict.fromkeys(("rational", "thinprism"), PINHOLES[1]),
+    **dict.fromkeys(("opencvfisheye", "equi", "kannalabrandt", "kannalabrandt4"), FISHEYES[0]),
+    **dict.fromkeys(("kannalabrandt8", "kb4", "kb8"), FISHEYES[0]),
+    **{name.replace("_", ""): name for name in (*PINHOLES, *FISHEYES)},
+}
+MODEL = re.compile(r"(?:lens|camera|projection|distortion|dist)_?(?:model|type)|model|setup", re.I)
+MAY_NAME_A_SENSOR = re.compile(r"camera_?(?:model|type)|model", re.I)
+LENS_NAME = re.compile(
+    r".*(?:omni|mei|unified|ucm|sphere|spher|fov|atan|scaramuzza|ocam|cahvor|equirect|panoram|"
+    r"catadioptric|poly|division|theta|stereographic|orthographic|fish|lens).*|ds|kb\d*"
+)
 
 
 @dataclass(frozen=True)
@@ -60,11 +87,13 @@ def read(file: CalibrationFile, name: str) -> Camera:
     cameras = _cameras(fields)
     keys = next((keys for keys in cameras if keys.matrix == name), cameras[0])
     camera = Camera(model=_lens(fields, keys), size=_size(fields), name=name)
-    return with_deviations(camera, fields, keys.matrix, keys.distortion)
+    camera = with_deviations(camera, fields, keys.matrix, keys.distortion)
+    refuse_unread(fields, {key for other in cameras for key in (other.matrix, other.distortion)})
+    return camera
 
 
 def _lens(fields: Fields, keys: _Keys) -> CameraModel:
-    distortion = () if keys.distortion is None else tuple(fields.numbers(keys.distortion))
+    distortion = _distortion(fields, keys)
     with blame(fields, keys.matrix, distortion=keys.distortion or keys.matrix, xi="xi"):
         if "xi" in fields:
             (xi,) = fields.numbers("xi", (1,))
@@ -72,32 +101,77 @@ def _lens(fields: Fields, keys: _Keys) -> CameraModel:
             skew = skew_of_matrix(fields, keys.matrix)
             return Unified(**intrinsics, xi=xi, distortion=distortion, skew=skew)
         intrinsics = intrinsics_from_matrix(fields, keys.matrix)
-        if _is_fisheye(fields):
-            at = keys.distortion or "distortion_coefficients"
-            k1, k2, k3, k4 = fields.numbers(at, (4,))
+        if _is_fisheye(fields, keys):
+            if len(distortion) != 4:
+                at = keys.distortion or "distortion_coefficients"
+                fields.numbers(at, (4,))
+            k1, k2, k3, k4 = distortion
             return KannalaBrandt(**intrinsics, k1=k1, k2=k2, k3=k3, k4=k4)
         return Pinhole(**intrinsics, distortion=distortion)
 
 
+def _distortion(fields: Fields, keys: _Keys) -> tuple[float, ...]:
+    """Coefficients of a list, of a group ``k1: ...``, or of fields ``k1`` beside the matrix."""
+    if keys.distortion is None:
+        return named_distortion(fields)
+    value = fields.values[keys.distortion]
+    if isinstance(value, Mapping) and "data" not in value:
+        group = fields.group(keys.distortion)
+        refuse_others(group, ORDER)
+        return named_distortion(group)
+    return tuple(fields.numbers(keys.distortion))
+
+
 def _cameras(fields: Fields) -> list[_Keys]:
     distortions = {
-        hit[1].lower(): key for key in fields.values if (hit := DISTORTION.fullmatch(key))
+        hit[1].lower(): key
+        for key, value in fields.values.items()
+        if not _is_a_word(value) and (hit := DISTORTION.fullmatch(key))
     }
-    return [
-        _Keys(key, distortions.get(hit[1].lower()))
+    matrices = {
+        hit[1].lower(): key
         for key, value in fields.values.items()
         if isinstance(value, list | Mapping) and (hit := MATRIX.fullmatch(key))
-    ]
+    }
+    if len(matrices) == len(distortions) == 1:  # whatever suffixes they have
+        return [_Keys(*matrices.values(), *distortions.values())]
+    return [_Keys(key, distortions.get(suffix)) for suffix, key in matrices.items()]
 
 
-def _is_fisheye(fields: Fields) -> bool:
+def _is_a_word(value: object) -> bool:
+    """Whether a value is text without a number, such as the name of a model."""
+    return isinstance(value, str) and not re.search(r"\d", value)
+
+
+def _is_fisheye(fields: Fields, keys: _Keys) -> bool:
     """Whether the coefficients are a fisheye's; an InputError for a lens that is unknown here."""
-    if "fisheye_model" in fields and fields.number("fisheye_model") != 0:
+    if keys.distortion is not None and FISHEYE_COEFFICIENTS.fullmatch(keys.distortion):
         return True
-    named = fields.text("distortion_model").lower() if "distortion_model" in fields else ""
-    if named not in ("", *PINHOLES, *FISHEYES):
-        raise unsupported_lens(fields, "distortion_model", (*PINHOLES, *FISHEYES))
-    return named in FISHEYES
+    said = [_says_fisheye(fields, key) for key in fields.values if "fisheye" in key.lower()]
+    named = [kind for key in fields.values if MODEL.fullmatch(key) for kind in _kind(fields, key)]
+    return any(said) or any(kind in FISHEYES for kind in named)
+
+
+def _says_fisheye(fields: Fields, key: str) -> bool:
+    """What a flag says."""
+    word = fields.text(key).lower()
+    if word in ("true", "yes", "on", "1", "1.0", "1."):
+        return True
+    if word in ("false", "no", "off", "0", "0.0", "0.", "none", "null", ""):
+        return False
+    raise fields.error(key, f"expected 0 or 1, got {word!r}")
+
+
+def _kind(fields: Fields, key: str) -> list[str]:
+    """The lens that a field names; none of a sensor's name, or of a number that says nothing."""
+    if is_nothing(fields.values[key]) or isinstance(fields.values[key], list | Mapping):
+        return []
+    word = re.sub(r"[^a-z0-9]", "", fields.text(key).lower())
+    if word in SYNONYMS:
+        return [SYNONYMS[word]]
+    if MAY_NAME_A_SENSOR.fullmatch(key) and not LENS_NAME.fullmatch(word):
+        return []
+    raise unsupported_lens(fields, key, (*PINHOLES, *FISHEYES))
 
 
 def _size(fields: Fields) -> tuple[int, int] | None:

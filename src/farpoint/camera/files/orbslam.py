@@ -8,6 +8,7 @@ from farpoint.camera.camera import Camera
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.source import CalibrationFile
+from farpoint.camera.files.understood import refuse_others
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
@@ -19,6 +20,10 @@ KEY = re.compile(r"(Camera\d?)\.(fx|fy|cx|cy|type|k1)")
 # Rectified images have no distortion left, and their files give no coefficients.
 PINHOLES = ("PinHole", "Rectified")
 FISHEYE = "KannalaBrandt8"
+NOT_OF_THE_LENS = (
+    *("type", "width", "height", "newWidth", "newHeight", "fps", "RGB", "bf", "bFishEye"),
+    *("overlappingBegin", "overlappingEnd", "lappingBegin", "lappingEnd", "imageScale", "imu"),
+)
 
 
 def matches(file: CalibrationFile) -> bool:
@@ -38,7 +43,11 @@ def read(file: CalibrationFile, name: str) -> Camera:
     fields = file.fields
     prefix = name if f"{name}.fx" in fields else "Camera"
     size = fields.size("Camera.width", "Camera.height")
-    return Camera(model=_lens(fields, prefix), size=size, name=name)
+    camera = Camera(model=_lens(fields, prefix), size=size, name=name)
+    of_camera = {key: value for key, value in fields.values.items() if key.startswith(prefix + ".")}
+    known = (*(f"{prefix}.{key}" for key in NOT_OF_THE_LENS), *fields.read)
+    refuse_others(Fields(of_camera, fields.file), known)
+    return camera
 
 
 def _lens(fields: Fields, prefix: str) -> CameraModel:

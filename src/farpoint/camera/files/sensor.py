@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from farpoint.camera.camera import Camera
+from farpoint.camera.files import opencv
 from farpoint.camera.files.lens import lens_of_sensor
 from farpoint.camera.files.source import CalibrationFile
+from farpoint.camera.files.understood import refuse_unread
 
 TITLE = "EuRoC sensor.yaml"
 FIRST_IS_DEFAULT = False
@@ -13,6 +15,8 @@ FIRST_IS_DEFAULT = False
 def matches(file: CalibrationFile) -> bool:
     """Whether the fields of a sensor stand at the top level."""
     fields = file.fields
+    if fields.first("intrinsics", "sensor_type") is None and opencv.matches(file):
+        return False  # a camera matrix, beside the name of a sensor
     return fields.first("sensor_type", "camera_model") is not None or (
         "intrinsics" in fields and fields.first("distortion_model", "resolution") is not None
     )
@@ -29,4 +33,6 @@ def read(file: CalibrationFile, name: str) -> Camera:
     if "sensor_type" in fields and fields.text("sensor_type") != "camera":
         raise fields.error("sensor_type", f"expected camera, got {fields.text('sensor_type')}")
     model = lens_of_sensor(fields, coefficients="distortion_coefficients")
-    return Camera(model=model, size=fields.size_pair("resolution"), name=name)
+    camera = Camera(model=model, size=fields.size_pair("resolution"), name=name)
+    refuse_unread(fields)
+    return camera

@@ -13,11 +13,15 @@ from xml.etree import ElementTree
 from farpoint.camera.files.fields import Fields
 from farpoint.camera.files.npz import MAGIC, arrays_of_npz
 from farpoint.errors import InputError
+from farpoint.regular_files import read_regular_file
 
 __all__ = ["CalibrationFile"]
 
-# Calibrations are a few kilobytes; anything of this size is a video or an image.
 LARGEST_BYTES = 1 << 24
+"""Calibrations are a few kilobytes; anything of this size is a video or an image (convention)."""
+
+LARGEST_YAML_BYTES = 1 << 20
+"""Its parser takes a second for so much, and most of what is no text at all is YAML, too."""
 # Numbers and words of a YAML file, its aliases written out.
 MOST_ITEMS = 100_000
 
@@ -40,20 +44,7 @@ class CalibrationFile:
     @classmethod
     def open(cls, path: Path) -> CalibrationFile:
         """Read a file, or raise an InputError that says why it cannot be one."""
-        if path.is_dir():
-            raise InputError("is a folder; expected a calibration file", file=path)
-        try:
-            size = path.stat().st_size
-            if size > LARGEST_BYTES:
-                raise InputError(
-                    f"is too large for a calibration ({size >> 20} MB); expected a text file",
-                    file=path,
-                )
-            data = path.read_bytes()
-        except FileNotFoundError:
-            raise InputError("no such file; expected a calibration", file=path) from None
-        except OSError as error:
-            raise InputError(f"cannot be read: {error.strerror}", file=path) from None
+        data = read_regular_file(path, limit_bytes=LARGEST_BYTES, what="a calibration")
         if not data.strip():
             raise InputError("the file is empty; expected a calibration", file=path)
         return cls(path, data)
@@ -136,10 +127,17 @@ def _parse_yaml(text: str) -> Any:
     # Loaded on use: who has a camera at hand need not wait for it.
     import yaml
 
+    if len(text) > LARGEST_YAML_BYTES:
+        raise _MalformedError(
+            f"is too large for a calibration: more than {LARGEST_YAML_BYTES >> 20} MB", None
+        )
     text = re.sub(r"\A(\s*)%YAML[^\n]*", r"\1", text).expandtabs(4)
     text = re.sub(r"(?m)^([ ]*[A-Za-z_][\w.]*):(?=[^\s:/\\])", r"\1: ", text)
     try:
-        content = yaml.load(text, Loader=yaml.BaseLoader)
+        # A file may end in the mark of a next document, as `ros2 topic echo` prints it.
+        content, *others = [*yaml.load_all(text, Loader=yaml.BaseLoader)] or [None]
+        if any(other not in (None, "", content) for other in others):
+            raise _MalformedError("holds several YAML documents; expected one calibration", None)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise _MalformedError(

@@ -8,7 +8,7 @@ from typing import Any
 
 from farpoint.camera.files.fields import Fields
 
-__all__ = ["LENS_WORDS", "named_distortion", "refuse_others"]
+__all__ = ["LENS_WORDS", "is_nothing", "named_distortion", "refuse_others", "refuse_unread"]
 
 LENS_WORDS = re.compile(
     r".*(?:dist|coeff|fisheye|skew|polynom|projection|camera_?(?:model|type)|lens_?model).*"
@@ -16,6 +16,16 @@ LENS_WORDS = re.compile(
     re.IGNORECASE,
 )
 """Names of fields that look like a property of a lens."""
+
+# Of names in lower case without separators: of any value, and of a single number or word.
+_OF_A_LENS = re.compile(
+    r".*(?:distort|distcoef|coef|fisheye|skew|polynom|binning|(?:lens|camera|projection|dist)"
+    r"(?:model|type)).*|dist(?!ance).*|roi|regionofinterest|kc"
+)
+_OF_A_LENS_IF_ONE = re.compile(
+    r"[kps]\d|tau[xy]|xi|alpha|beta|gamma|omega|model|setup|rotat(?:e|ion)|orientation|flip|mirror"
+)
+_OF_ITS_ERRORS = re.compile(r".*(?:std|dev|sigma|covar|error|uncert|rms|flags?$|factor).*")
 
 # So many fields at most are listed in an error.
 MOST_NAMED = 16
@@ -37,10 +47,39 @@ def refuse_others(
         Look only at keys like this, such as `LENS_WORDS` where a file holds much else.
     """
     for key, value in fields.values.items():
-        if key in known or _is_nothing(value) or (only is not None and not only.fullmatch(key)):
+        if key in known or is_nothing(value) or (only is not None and not only.fullmatch(key)):
             continue
         those = ", ".join(known) if len(known) <= MOST_NAMED else "those of the format"
         raise fields.error(key, f"is not understood; expected no field beside {those}")
+
+
+def refuse_unread(fields: Fields, others: Collection[str] = ()) -> None:
+    """Raise an InputError about a property of a lens that the reader of a file passed over.
+
+    Parameters
+    ----------
+    fields : Fields
+        What was read from, with the groups in it that were.
+    others : collection of str
+        Keys that are of another camera.
+    """
+    for key, value in fields.values.items():
+        if key in fields.groups:
+            refuse_unread(fields.groups[key])
+        elif key not in fields.read and key not in others and _is_of_a_lens(key, value):
+            raise fields.error(
+                key, "looks like a property of the lens, and is not understood in this place"
+            )
+
+
+def _is_of_a_lens(key: str, value: Any) -> bool:
+    name = re.sub(r"[^a-z0-9]", "", str(key).lower())
+    if is_nothing(value) or _OF_ITS_ERRORS.fullmatch(name):
+        return False
+    if "binning" in name and str(value).strip() == "1":
+        return False
+    is_one = not isinstance(value, list | Mapping)
+    return bool(_OF_A_LENS.fullmatch(name) or (is_one and _OF_A_LENS_IF_ONE.fullmatch(name)))
 
 
 def named_distortion(fields: Fields) -> tuple[float, ...]:
@@ -55,12 +94,12 @@ def named_distortion(fields: Fields) -> tuple[float, ...]:
     return tuple(fields.number(key) if key in fields else 0.0 for key in ORDER[:count])
 
 
-def _is_nothing(value: Any) -> bool:
+def is_nothing(value: Any) -> bool:
     """Whether a value is absent or zero, alone or throughout a list."""
     if isinstance(value, list):
-        return all(_is_nothing(item) for item in value)
+        return all(is_nothing(item) for item in value)
     if isinstance(value, Mapping):
-        return not value
+        return all(map(is_nothing, value.values()))
     if value is None or str(value).strip().lower() in ("", "null", "~", "none", "false"):
         return True
     try:

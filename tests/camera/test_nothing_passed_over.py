@@ -1,0 +1,264 @@
+"""Whatever a calibration says of its lens is read, or refused by name; never passed over."""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from farpoint.camera import KannalaBrandt, Pinhole, describe, load_camera
+from farpoint.errors import InputError
+
+MATRIX = [[800.0, 0.0, 640.0], [0.0, 801.0, 360.0], [0.0, 0.0, 1.0]]
+DIST = [-0.3, 0.1, 0.001, 0.002, 0.05]
+NAMED = dict(zip(("k1", "k2", "p1", "p2", "k3"), DIST, strict=True))
+PINHOLE = Pinhole(fx=800.0, fy=801.0, cx=640.0, cy=360.0, distortion=tuple(DIST))
+FISHEYE = KannalaBrandt(fx=800.0, fy=801.0, cx=640.0, cy=360.0, k1=-0.3, k2=0.1, k3=0.001, k4=0.002)
+
+
+@pytest.fixture
+def load(tmp_path: Path):
+    def load(content: object, name: str | None = None):
+        path = tmp_path / "calibration.json"
+        path.write_text(content if isinstance(content, str) else json.dumps(content))
+        return load_camera(path, name)
+
+    return load
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"camera_matrix": MATRIX, "distortion_vector": DIST, "distortion_type": 0},
+        {"camera_matrix": MATRIX, "distortion_params": [DIST]},
+        {"camera_matrix": MATRIX, "distortion_coefficient": DIST},
+        {"cameraMatrix": MATRIX, "distCoeff": [[value] for value in DIST]},
+        {"camera_matrix": MATRIX, "distortion": NAMED},
+        {"camera_matrix": MATRIX, "dist": {"data": DIST, "rows": 1, "cols": 5}},
+        {"K": MATRIX, **NAMED},
+        {"K": MATRIX, "kc": DIST},
+        {"K": MATRIX, "D": DIST, "distortion_model": "Plumb Bob", "binning_x": 1, "binning_y": 0},
+        {"camera_matrix_left": MATRIX, "dist_coeffs_0": DIST},
+        {"mtx": MATRIX, "dist": DIST, "camera_model": "IMX219"},
+        {"mtx": MATRIX, "dist": DIST, "roi": {"x_offset": 0, "height": 0, "do_rectify": False}},
+    ],
+)
+def test_spellings_of_a_distortion(load, content: dict):
+    assert load(content).model == PINHOLE
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("distortion_curve", [1.0, 2.0]),
+        ("distortion_model_parameters", {"a": 1}),
+        ("k7", 0.2),
+        ("xi_left", None),
+        ("skewness", 0.3),
+        ("fisheye_polynomial", [1, 2]),
+        ("lens_model", "scaramuzza"),
+        ("model", "double_sphere"),
+        ("camera_model", "omni"),
+        ("binning_x", 2),
+        ("roi", {"x_offset": 100, "y_offset": 0}),
+        ("rotation", 90),
+        ("setup", "telecentric"),
+        ("is_fisheye", "perhaps"),
+        ("coeffs2", [0.1]),
+    ],
+)
+def test_what_is_not_understood_is_named(load, key: str, value: object):
+    content = {"camera_matrix": MATRIX, "dist_coeffs": DIST, key: value}
+    if value is None:
+        assert load(content).model == PINHOLE
+        return
+    with pytest.raises(InputError, match=key):
+        load(content)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("avg_reprojection_error", 0.21),
+        ("calibration_time", "Fri Nov 27 2026"),
+        ("flags", 4),
+        ("square_size", 0.025),
+        ("board_width", 9),
+        ("per_view_reprojection_errors", [0.1, 0.2]),
+        ("R", MATRIX),
+        ("P", [[800.0, 0, 640.0, 0], [0, 801.0, 360.0, 0], [0, 0, 1, 0]]),
+        ("T_cam_imu", MATRIX),
+        ("distance_to_board", 1.5),
+        ("dist_coeffs_sigma", [0.1] * 5),
+        ("fisheye", False),
+        ("fisheye_model", 0),
+    ],
+)
+def test_what_is_no_property_of_the_lens_is_left_alone(load, key: str, value: object):
+    assert load({"camera_matrix": MATRIX, "dist_coeffs": DIST, key: value}).model == PINHOLE
+
+
+@pytest.mark.parametrize(
+    "flag",
+    [
+        {"fisheye_model": 1},
+        {"is_fisheye": True},
+        {"fisheye": "yes"},
+        {"model": "fisheye"},
+        {"camera_model": "opencv_fisheye"},
+        {"lens_model": "Kannala-Brandt"},
+        {"distortion_type": "equidistant"},
+    ],
+)
+def test_flags_that_make_a_fisheye(load, flag: dict):
+    assert load({"K": MATRIX, "D": DIST[:4], **flag}).model == FISHEYE
+
+
+def test_a_fisheye_by_the_name_of_its_coefficients(load):
+    assert load({"K_LEFT": MATRIX, "D_LEFT_FE": DIST[:4]}).model == FISHEYE
+
+
+def test_the_left_camera_of_a_pair_is_meant_and_each_can_be_named(load):
+    other = [[700.0, 0.0, 640.0], [0.0, 701.0, 360.0], [0.0, 0.0, 1.0]]
+    for left, right in (("K1", "K2"), ("K_left", "K_right"), ("M_l", "M_r")):
+        d = (left.replace(left[0], "D", 1), right.replace(right[0], "D", 1))
+        content = {right: other, d[1]: [0.0] * 5, left: MATRIX, d[0]: DIST}
+        assert load(content).model == PINHOLE
+        assert load(content, left).model == PINHOLE
+        assert load(content, right).model.parameters["fx"] == 700.0
+    with pytest.raises(InputError, match="has several cameras"):
+        load({"K3": MATRIX, "K5": other})
+
+
+@pytest.mark.parametrize("extra", ["camera_model: radical\n", "skew: 0.1\n", "k9: 3\n"])
+def test_other_formats_pass_nothing_over(tmp_path: Path, extra: str):
+    path = tmp_path / "sensor.yaml"
+    text = (
+        "sensor_type: camera\nresolution: [640, 480]\nintrinsics: [500, 500, 320, 240]\n"
+        "distortion_model: radial-tangential\ndistortion_coefficients: [0, 0, 0, 0]\n"
+    )
+    if "camera_model" not in extra:
+        text += "camera_model: pinhole\n"
+        path.write_text(text)
+        load_camera(path)
+    path.write_text(text + extra)
+    with pytest.raises(InputError, match=extra.split(":")[0]):
+        load_camera(path)
+
+
+def test_a_second_yaml_document(tmp_path: Path):
+    path = tmp_path / "info.yaml"
+    text = f"camera_matrix: {MATRIX}\ndist_coeffs: {DIST}\n"
+    path.write_text(text + "---\n")
+    assert load_camera(path).model == PINHOLE
+    path.write_text(f"{text}---\n{text}---\n")
+    assert load_camera(path).model == PINHOLE
+    path.write_text(f"{text}---\n{text.replace('800', '700')}")
+    with pytest.raises(InputError, match="several YAML documents"):
+        load_camera(path)
+
+
+@pytest.mark.parametrize("value", ["1e300", "-1e300", "9" * 400, "1e-300", "nan", "1e13"])
+@pytest.mark.parametrize("key", range(5))
+def test_numbers_that_no_lens_has(tmp_path: Path, value: str, key: int):
+    numbers = ["800", "801", "640", "360", "0.1", "0", "0", "0"]
+    numbers[key] = value
+    path = tmp_path / "camera.txt"
+    path.write_text(" ".join(numbers))
+    if value == "1e-300" and key > 1:
+        describe(load_camera(path))
+        return
+    with pytest.raises(InputError, match=r"camera\.txt"):
+        load_camera(path)
+
+
+def test_a_large_file_of_keys_is_refused_at_once(tmp_path: Path):
+    path = tmp_path / "keys.yaml"
+    path.write_text("".join(f"key{k}: 1\n" for k in range(1_000_000)))
+    start = time.monotonic()
+    with pytest.raises(InputError, match="too large for a calibration"):
+        load_camera(path)
+    assert time.monotonic() - start < 5.0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs FIFOs and devices")
+@pytest.mark.parametrize("kind", ["fifo", "device", "link", "endless"])
+def test_only_regular_files_are_opened(tmp_path: Path, kind: str):
+    path = tmp_path / "camera.yaml"
+    if kind == "fifo":
+        subprocess.run(["mkfifo", path], check=True)
+    else:
+        path.symlink_to("/dev/zero" if kind != "link" else tmp_path / "fifo")
+        if kind == "link":
+            subprocess.run(["mkfifo", tmp_path / "fifo"], check=True)
+    with pytest.raises(InputError, match="is no regular file; expected a calibration"):
+        load_camera(path)
+
+
+NUMBER = re.compile(r"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
+ODD = (
+    "1e300",
+    "-1e308",
+    "1e400",
+    "nan",
+    "inf",
+    "0",
+    "-1",
+    "9" * 400,
+    "[]",
+    "{}",
+    "null",
+    '"x"',
+    "",
+)
+
+
+def test_mutants_are_read_or_refused_in_one_line(tmp_path: Path):
+    """Files of the usual kinds with odd numbers, cuts, lines out of place and bytes of noise."""
+    rng = random.Random(0)
+    samples = [
+        json.dumps({"camera_matrix": MATRIX, "dist_coeffs": DIST, "image_size": [1280, 720]}),
+        "cam0:\n  camera_model: omni\n  intrinsics: [1.2, 800, 801, 640, 360]\n"
+        "  distortion_model: radtan\n  distortion_coeffs: [-0.1, 0.1, 0, 0]\n"
+        "  resolution: [1280, 720]\n",
+        "Camera.type: KannalaBrandt8\nCamera.fx: 190\nCamera.fy: 190\nCamera.cx: 254\n"
+        "Camera.cy: 256\nCamera.k1: 0.003\nCamera.k2: 0.0007\nCamera.k3: -0.002\nCamera.k4: 0.0002\n",
+        "Pinhole 500 501 320 240 0\n640 480\nnone\n640 480\n",
+        "500 501 320 240 -0.2 0.1 0 0\n",
+    ]
+    path = tmp_path / "mutant"
+    for _ in range(300):
+        text = rng.choice(samples)
+        for _ in range(rng.choice((1, 1, 3))):
+            where = rng.randrange(4)
+            if where < 2 and (found := list(NUMBER.finditer(text))):
+                hit = rng.choice(found)
+                text = text[: hit.start()] + rng.choice(ODD) + text[hit.end() :]
+            elif where == 2:
+                text = text[: rng.randrange(len(text) + 1)]
+            else:
+                lines = text.splitlines(keepends=True)
+                rng.shuffle(lines)
+                text = "".join(lines)
+        data = bytearray(text.encode() or b" ")
+        if rng.random() < 0.2:
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        path.write_bytes(data)
+        assert _outcome(path).isprintable(), data
+
+
+def _outcome(path: Path) -> str:
+    try:
+        camera = load_camera(path)
+        describe(camera)
+    except InputError as error:
+        return str(error)
+    camera.unproject(np.array([[0.0, 0.0], [1e4, -1e4]]))
+    return "read"
