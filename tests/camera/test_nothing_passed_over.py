@@ -229,7 +229,7 @@ def test_mutants_are_read_or_refused_in_one_line(tmp_path: Path):
         "  distortion_model: radtan\n  distortion_coeffs: [-0.1, 0.1, 0, 0]\n"
         "  resolution: [1280, 720]\n",
         "Camera.type: KannalaBrandt8\nCamera.fx: 190\nCamera.fy: 190\nCamera.cx: 254\n"
-        "Camera.cy: 256\nCamera.k1: 0.003\nCamera.k2: 0.0007\nCamera.k3: -0.002\nCamera.k4: 0.0002\n",
+        "Camera.cy: 256\nCamera.k1: 3e-3\nCamera.k2: 7e-4\nCamera.k3: -2e-3\nCamera.k4: 2e-4\n",
         "Pinhole 500 501 320 240 0\n640 480\nnone\n640 480\n",
         "500 501 320 240 -0.2 0.1 0 0\n",
     ]

@@ -51,8 +51,7 @@ def test_colour_becomes_luma(tmp_path: Path):
         # A thumbnail, which has an end of its own, in front of a scan that breaks off.
         (JPEG[:2] + THUMBNAIL + JPEG[2:-300], "JPEG is truncated"),
         (encode(picture(0), ".pgm")[:900], "cannot be decoded"),
-        # A header that promises 10^5 x 10^5 pixels: OpenCV raises where it otherwise returns None.
-        (b"P5 100000 100000 255\n", "cannot be decoded"),
+        (b"P5 100000 100000 255\n", "has 10000 megapixels; expected 100 at most"),
     ],
 )
 def test_damage_has_a_reason_and_makes_no_noise(
@@ -69,7 +68,7 @@ def test_damage_has_a_reason_and_makes_no_noise(
 
 
 def test_files_that_cannot_be_read_have_a_reason(tmp_path: Path):
-    with pytest.raises(UnreadableImageError, match="No such file"):
+    with pytest.raises(UnreadableImageError, match="no such file"):
         read_grey(tmp_path / "nothing.png")
     (tmp_path / "locked.png").write_bytes(PNG)
     with (

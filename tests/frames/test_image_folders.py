@@ -133,13 +133,13 @@ def test_images_are_decoded_one_at_a_time(
 ):
     folder = write_images("drive", [f"{number}.png" for number in range(5)])
     decoded: list[str] = []
-    read_grey = farpoint.frames.sequence.read_grey
+    read_samples = farpoint.frames.sequence.read_samples
 
-    def spy(path: Path) -> np.ndarray:
+    def spy(path: Path, most: float) -> np.ndarray:
         decoded.append(path.name)
-        return read_grey(path)
+        return read_samples(path, most)
 
-    monkeypatch.setattr(farpoint.frames.sequence, "read_grey", spy)
+    monkeypatch.setattr(farpoint.frames.sequence, "read_samples", spy)
     frames = iter(open_frames(folder))
     assert decoded == []
     next(frames)
@@ -160,7 +160,7 @@ def test_what_cannot_be_read_is_a_fault_and_reading_goes_on(
     assert [frame.timestamp for frame in frames] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     faults = {frame.name: frame.fault for frame in frames if frame.image is None}
     assert list(faults) == ["1.png", "3.png", "4.png", "5.png"]
-    for name, why in zip(faults, ("empty", "truncated", "No such file", "denied"), strict=True):
+    for name, why in zip(faults, ("empty", "truncated", "no such file", "denied"), strict=True):
         assert why in str(faults[name])
     np.testing.assert_array_equal(frames[6].image, picture(6))
     assert capfd.readouterr().err == ""

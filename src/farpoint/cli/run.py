@@ -19,6 +19,7 @@ from farpoint.cli.lens import LensOptions
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError, printable
 from farpoint.frames import Frame, FrameSource, open_frames
+from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.mask import read_mask
 from farpoint.hints import Hint, MetricOptions
 from farpoint.odometry import Odometry, OdometryOptions
@@ -50,6 +51,10 @@ class Run:
         Folder for the outputs; farpoint-out/<source name> by default.
     fps : float or None
         Frames a second of images without time stamps; 10 by default.
+    max_megapixels : float
+        Larger images are refused before they are decoded.
+    follow_playlists : bool
+        Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
     mask : Path or None
         8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
     odometry : OdometryOptions
@@ -66,6 +71,8 @@ class Run:
     lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
     out: Path | None = None
     fps: float | None = None
+    max_megapixels: float = MAX_MEGAPIXELS
+    follow_playlists: bool = False
     mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
         default_factory=OdometryOptions
@@ -78,7 +85,12 @@ class Run:
         """Do it."""
         # What is wrong with the calibration is told before the source is looked at.
         known = self.lens.known()
-        frames = open_frames(self.source, fps=self.fps)
+        frames = open_frames(
+            self.source,
+            fps=self.fps,
+            max_megapixels=self.max_megapixels,
+            follow_playlists=self.follow_playlists,
+        )
         camera = known or self.lens.told_by(frames, self.source)
         out = self.out or Path("farpoint-out") / frames.name
         with self.lens.naming_file():
@@ -125,6 +137,7 @@ def process_frames(
     image = first[-1][0].image
     assert image is not None  # or `_timed` had raised
     camera, notes = camera_for(camera, *image.shape[::-1])
+    notes = (*notes, *frames.notes)
     for note in notes:
         warn(note)
     mask = None if mask_file is None else read_mask(mask_file, image.shape[::-1])
@@ -183,6 +196,10 @@ def _run_into(
         finally:
             for stage, seconds in odometry.seconds.items():
                 folder.add_time(stage, seconds)
+            for note in odometry.notes:
+                folder.note(note)
+    for note in odometry.notes:
+        warn(note)
     return counts
 
 

@@ -28,6 +28,7 @@ class CameraDevice:
     count: int | None = None
     timestamp_source: str = "wall clock"
     calibration_path: Path | None = None
+    notes: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[Frame]:
         """Frames as the camera delivers them; a frame with a fault where it stops to."""

@@ -9,12 +9,16 @@ from pathlib import Path
 
 from farpoint.errors import InputError
 from farpoint.frames.clock import seconds_in_name
+from farpoint.regular_files import read_regular_file
 
 __all__ = ["in_order", "is_image", "list_images", "natural_key", "read_lines", "source_name"]
 
 _IMAGE_SUFFIXES = frozenset(
     {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"}
 )
+
+_LARGEST_LIST_BYTES = 1 << 28
+"""Of a file that lists images or times: some millions of lines (convention)."""
 
 _NO_NAMES = frozenset(
     {"images", "image", "imgs", "img", "frames", "rgb", "color", "colour", "gray", "grey"}
@@ -62,7 +66,8 @@ def list_images(folder: Path) -> list[Path]:
 def read_lines(path: Path) -> list[tuple[int, str]]:
     """Number (from 1) and text of every line that is neither blank nor a ``#`` comment."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        data = read_regular_file(path, limit_bytes=_LARGEST_LIST_BYTES, what="a list")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError("is not a text file in UTF-8", file=path) from error
     lines = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))

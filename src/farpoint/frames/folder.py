@@ -8,22 +8,24 @@ from pathlib import Path
 from farpoint.errors import InputError
 from farpoint.frames.calibration import find_calibration
 from farpoint.frames.files import in_order, is_image, list_images, source_name
+from farpoint.frames.pages import with_pages
 from farpoint.frames.sequence import ImageSequence
 from farpoint.frames.stamps import find_stamps
 
-__all__ = ["open_folder", "open_glob", "sequence_in"]
+__all__ = ["open_folder", "open_glob", "open_pages", "sequence_in"]
 
 _USUAL_NAMES = ("images", "image", "rgb", "frames", "data", "img", "imgs")
 
 
 def sequence_in(images_folder: Path, *, root: Path, fps: float | None) -> ImageSequence | None:
     """The images directly in `images_folder`, named after `root`; None where there are none."""
-    images = list_images(images_folder)
+    images, pages = with_pages(list_images(images_folder))
     if not images:
         return None
     return ImageSequence(
         name=source_name(root),
-        images=tuple(images),
+        images=images,
+        pages=pages,
         stamps=find_stamps(images, fps),
         calibration_path=find_calibration(images_folder, images_folder.absolute().parent),
     )
@@ -68,9 +70,31 @@ def open_glob(pattern: str, *, fps: float | None) -> ImageSequence:
     if not images:
         raise InputError("matches no images", file=pattern)
     folder = images[0].absolute().parent
+    found, pages = with_pages(images)
     return ImageSequence(
         name=source_name(folder),
-        images=tuple(images),
-        stamps=find_stamps(images, fps),
+        images=found,
+        pages=pages,
+        stamps=find_stamps(found, fps),
         calibration_path=find_calibration(folder, folder.parent),
+    )
+
+
+def open_pages(file: Path, *, fps: float | None) -> ImageSequence:
+    """The pages of one image file.
+
+    Raises
+    ------
+    InputError
+        Where it has one page only.
+    """
+    images, pages = with_pages([file])
+    if len(images) < 2:
+        raise InputError("is one image: expected a video, a folder or a pattern", file=file)
+    return ImageSequence(
+        name=file.stem,
+        images=images,
+        pages=pages,
+        stamps=find_stamps(images, fps),
+        calibration_path=find_calibration(file.absolute().parent, stem=file.stem),
     )

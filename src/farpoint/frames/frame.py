@@ -64,6 +64,11 @@ class FrameSource(Protocol):
         """A file next to the images that looks like their calibration; a hint, never used."""
         ...
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was done to the images that whoever uses the results must know."""
+        ...
+
     def __iter__(self) -> Iterator[Frame]:
         """Frames from start to end."""
         ...

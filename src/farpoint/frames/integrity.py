@@ -40,6 +40,8 @@ def _find_png_damage(data: bytes) -> str | None:
             break
         if zlib.crc32(view[start + 4 : end - 4]) != int.from_bytes(view[end - 4 : end], "big"):
             return f"the PNG is damaged (checksum of the chunk at byte {start})"
+        if view[start + 4 : start + 8] == b"acTL":
+            return "is an animated PNG; expected one image"
         if view[start + 4 : start + 8] == b"IEND":
             return None
         start = end

@@ -7,31 +7,48 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["grey_image"]
+from farpoint.frames.depth import GreyTable
+
+__all__ = ["Grey"]
 
 # More than 8 bits, little-endian, in the low bits of each sample: not P010, whose bits are high.
 _DEEP_LUMA = re.compile(r"(?:yuv|yuva|gray)[0-9]*p?(?:9|10|12|14|16)le")
 
 
-def grey_image(picture: Any) -> np.ndarray:
-    """Grey values of an ``av.VideoFrame``, uint8 of shape (height, width), upright.
+class Grey:
+    """Grey values of the pictures of one video.
 
-    Where the picture carries luma as a plane of its own that plane is taken as it is: no colour
+    Where a picture carries luma as a plane of its own that plane is taken as it is: no colour
     is converted, and limited range (16 to 235) is not stretched, since corners and optical flow
-    do not depend on it. Deeper luma keeps its upper 8 bits. Other formats (RGB, packed or palette
-    colours) are converted by FFmpeg.
+    do not depend on it. Deeper luma keeps its upper 8 bits; of 16, whose upper ones need not be
+    in use, a table says what they become. Other formats (RGB, packed or palette colours) are
+    converted by FFmpeg.
+
+    Attributes
+    ----------
+    deep : GreyTable or None
+        For samples of 16 bits; if it is not given, by the first picture that has them.
     """
-    # A copy, so that a frame someone keeps does not hold the decoder's memory.
-    return np.array(_upright(_luma(picture), picture), order="C")
 
+    def __init__(self, deep: GreyTable | None = None) -> None:
+        self.deep = deep
 
-def _luma(picture: Any) -> np.ndarray:
-    if _is_byte_luma(picture):
-        return _plane(picture, np.dtype(np.uint8))
-    if _DEEP_LUMA.fullmatch(picture.format.name) and picture.planes[0].line_size > 0:
-        bits = picture.format.components[0].bits
-        return (_plane(picture, np.dtype("<u2")) >> (bits - 8)).astype(np.uint8)
-    return _plane(picture.reformat(format="gray"), np.dtype(np.uint8))
+    def __call__(self, picture: Any) -> np.ndarray:
+        """Grey values of an ``av.VideoFrame``, uint8 of shape (height, width), upright."""
+        # A copy, so that a frame someone keeps does not hold the decoder's memory.
+        return np.array(_upright(self._luma(picture), picture), order="C")
+
+    def _luma(self, picture: Any) -> np.ndarray:
+        if _is_byte_luma(picture):
+            return _plane(picture, np.dtype(np.uint8))
+        if not (_DEEP_LUMA.fullmatch(picture.format.name) and picture.planes[0].line_size > 0):
+            return _plane(picture.reformat(format="gray"), np.dtype(np.uint8))
+        samples, bits = _plane(picture, np.dtype("<u2")), picture.format.components[0].bits
+        if bits < 16:
+            return GreyTable.upper_bits(bits)(samples)
+        if self.deep is None:
+            self.deep = GreyTable.for_images([samples])
+        return self.deep(samples)
 
 
 def _is_byte_luma(picture: Any) -> bool:

@@ -38,6 +38,7 @@ class NetworkVideo:
     container: Any
     stream: Any
     calibration_path: Path | None = None
+    notes: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[Frame]:
         """Frames until the stream ends or falls silent; then the connection is closed."""

@@ -5,23 +5,32 @@ from __future__ import annotations
 import glob
 import math
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 from farpoint.errors import InputError
+from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.device import open_device
 from farpoint.frames.euroc import open_euroc
 from farpoint.frames.files import is_image
-from farpoint.frames.folder import open_folder, open_glob
+from farpoint.frames.folder import open_folder, open_glob, open_pages
 from farpoint.frames.frame import FrameSource
 from farpoint.frames.kitti import open_kitti
 from farpoint.frames.network import open_url
+from farpoint.frames.sequence import ImageSequence
 from farpoint.frames.tum import open_tum
 from farpoint.frames.video import open_video
 
 __all__ = ["open_frames"]
 
 
-def open_frames(source: str | Path | int, *, fps: float | None = None) -> FrameSource:
+def open_frames(
+    source: str | Path | int,
+    *,
+    fps: float | None = None,
+    max_megapixels: float = MAX_MEGAPIXELS,
+    follow_playlists: bool = False,
+) -> FrameSource:
     """Open whatever holds images: the kind is recognised by what is there.
 
     Parameters
@@ -32,6 +41,7 @@ def open_frames(source: str | Path | int, *, fps: float | None = None) -> FrameS
         - a video file;
         - a folder of images, or a folder around one (``images``, ``rgb``, ...);
         - a pattern of image files, such as ``"shots/*.png"``;
+        - a TIFF of several pages, each of them a frame, alone or in a folder;
         - a KITTI (odometry or raw), EuRoC, TUM-VI or TUM RGB-D folder, of which the left, grey
           or only colour camera is read; name the folder of another camera to read that one;
         - the index of an attached camera, such as ``0`` or ``"0"``;
@@ -40,6 +50,10 @@ def open_frames(source: str | Path | int, *, fps: float | None = None) -> FrameS
         Frames a second, used only where the source carries no time stamps: a video's own, a
         list, a file ``times.txt`` or names made of times come first, and
         ``timestamp_source`` of what is returned tells. None assumes 10 for images.
+    max_megapixels : float
+        Larger image files are frames with a fault, before they are decoded.
+    follow_playlists : bool
+        Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names, wherever they lie.
 
     Returns
     -------
@@ -57,6 +71,10 @@ def open_frames(source: str | Path | int, *, fps: float | None = None) -> FrameS
     >>> for frame in open_frames("drive.mp4"):  # doctest: +SKIP
     ...     print(frame.timestamp, frame.image.shape)
     """
+    if not (math.isfinite(max_megapixels) and max_megapixels > 0):
+        raise InputError(
+            f"expected a positive number, got {max_megapixels}", field="max_megapixels"
+        )
     if fps is not None and not (math.isfinite(fps) and fps > 0):
         raise InputError(f"expected a positive number of frames a second, got {fps}", field="fps")
     # Path would take "" for the current folder, and True is an int.
@@ -69,14 +87,17 @@ def open_frames(source: str | Path | int, *, fps: float | None = None) -> FrameS
     if "://" in str(source):
         return open_url(str(source))
     try:
-        return _open_path(Path(source).expanduser(), fps)
+        opened = _open_path(Path(source).expanduser(), fps, follow_playlists)
     except OSError as error:
         raise InputError(
             f"cannot be read: {error.strerror}", file=error.filename or source
         ) from error
+    if isinstance(opened, ImageSequence):
+        return replace(opened, max_megapixels=max_megapixels)
+    return opened
 
 
-def _open_path(path: Path, fps: float | None) -> FrameSource:
+def _open_path(path: Path, fps: float | None, follow_playlists: bool) -> FrameSource:
     try:
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -91,8 +112,8 @@ def _open_path(path: Path, fps: float | None) -> FrameSource:
     if not stat.S_ISREG(mode):
         raise InputError("is neither a file nor a folder", file=path)
     if is_image(path):
-        raise InputError("is one image: expected a video, a folder or a pattern", file=path)
-    return open_video(path, fps=fps)
+        return open_pages(path, fps=fps)
+    return open_video(path, fps=fps, follow_playlists=follow_playlists)
 
 
 def _open_name(name: str, fps: float | None) -> FrameSource:

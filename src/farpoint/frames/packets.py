@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from farpoint.errors import optional_import
-from farpoint.frames.luma import grey_image
+from farpoint.frames.depth import GreyTable
+from farpoint.frames.luma import Grey
 
 __all__ = ["Moment", "decode", "frame_rate"]
 
@@ -31,21 +32,26 @@ class Moment:
         Grey values, upright.
     fault : str or None
         Why there is no image.
+    deep : GreyTable or None
+        By what samples of 16 bits became grey values.
     """
 
     seconds: float | None
     image: np.ndarray | None = None
     fault: str | None = None
+    deep: GreyTable | None = None
 
 
-def decode(container: Any, stream: Any) -> Iterator[Moment]:
+def decode(container: Any, stream: Any, deep: GreyTable | None = None) -> Iterator[Moment]:
     """Pictures and faults of a stream of an open ``av`` container, in the order of their times.
+
+    Samples of 16 bits become grey values by the table ``deep``, or by one of the first picture.
 
     Pictures leave the decoder later than the packets they came in, so a packet's fault waits
     until the pictures before it are out.
     """
     waiting: list[tuple[float, int, Moment]] = []
-    for number, moment in enumerate(_decode_in_storage_order(container, stream)):
+    for number, moment in enumerate(_decode_in_storage_order(container, stream, deep)):
         seconds = moment.seconds
         if moment.fault is not None and seconds is not None:
             heapq.heappush(waiting, (seconds, number, moment))
@@ -59,10 +65,13 @@ def decode(container: Any, stream: Any) -> Iterator[Moment]:
         yield heapq.heappop(waiting)[-1]
 
 
-def _decode_in_storage_order(container: Any, stream: Any) -> Iterator[Moment]:
+def _decode_in_storage_order(
+    container: Any, stream: Any, deep: GreyTable | None
+) -> Iterator[Moment]:
     """Pictures as they leave the decoder, faults as they occur, and why the stream ends early."""
     av = optional_import("av", extra="video", purpose="reading video")
     packets, end_s = container.demux(stream), 0.0
+    grey = Grey(deep)
     incomplete: set[int] = set()  # pts of packets cut short
     while True:
         try:
@@ -70,19 +79,21 @@ def _decode_in_storage_order(container: Any, stream: Any) -> Iterator[Moment]:
         except StopIteration:
             break
         except av.FFmpegError as error:
-            yield from _decode_packet(stream, None, incomplete)  # what the decoder still holds
+            yield from _decode_packet(
+                stream, None, incomplete, grey
+            )  # what the decoder still holds
             yield Moment(seconds=None, fault=f"reading stopped: {error.strerror}")
             return
         if packet.is_corrupt and packet.pts is not None:
             incomplete.add(packet.pts)
         if (start_s := _seconds(packet.pts, stream)) is not None:
             end_s = max(end_s, start_s + float((packet.duration or 0) * stream.time_base))
-        yield from _decode_packet(stream, packet, incomplete)
+        yield from _decode_packet(stream, packet, incomplete, grey)
     if fault := _find_truncation(container, stream, end_s):
         yield Moment(seconds=None, fault=fault)
 
 
-def _decode_packet(stream: Any, packet: Any, incomplete: set[int]) -> Iterator[Moment]:
+def _decode_packet(stream: Any, packet: Any, incomplete: set[int], grey: Grey) -> Iterator[Moment]:
     """Pictures that the decoder gives out on a packet, or at the end (None), or its complaint."""
     av = optional_import("av", extra="video", purpose="reading video")
     try:
@@ -92,7 +103,7 @@ def _decode_packet(stream: Any, packet: Any, incomplete: set[int]) -> Iterator[M
             if picture.is_corrupt or picture.pts in incomplete:
                 yield Moment(seconds=seconds, fault="decoded only in part: data is damaged")
             else:
-                yield Moment(seconds=seconds, image=grey_image(picture))
+                yield Moment(seconds=seconds, image=grey(picture), deep=grey.deep)
     except av.FFmpegError as error:
         seconds = None if packet is None else _seconds(packet.pts, stream)
         yield Moment(seconds=seconds, fault=f"cannot be decoded: {error.strerror}")

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from farpoint.errors import optional_import
-from farpoint.frames.decode import UnreadableImageError, read_grey
+from farpoint.frames.decode import MAX_MEGAPIXELS, UnreadableImageError, read_samples
+from farpoint.frames.depth import GreyTable
 from farpoint.frames.frame import Frame
+from farpoint.frames.pages import read_page
 from farpoint.frames.stamps import Stamps
 
 __all__ = ["ImageSequence"]
+
+_EXAMPLES = 8
+"""Images, spread over all, by which the table for deep samples is made."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,13 +36,19 @@ class ImageSequence:
     stamps : Stamps
         Their times, one for each.
     calibration_path : Path or None
-        A file near the images that looks like their calibration.
+        A file near the images that looks like its calibration.
+    pages : tuple of int
+        Which page of its file each image is; empty where all files are of one page.
+    max_megapixels : float
+        Larger images are frames with a fault.
     """
 
     name: str
     images: tuple[Path, ...]
     stamps: Stamps
     calibration_path: Path | None = None
+    pages: tuple[int, ...] = ()
+    max_megapixels: float = MAX_MEGAPIXELS
 
     def __post_init__(self) -> None:
         optional_import("cv2", extra="video", purpose="reading images")  # now, not in mid-run
@@ -48,12 +63,44 @@ class ImageSequence:
         """Where the time stamps come from."""
         return self.stamps.source
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How deep samples become grey values."""
+        return (self._deep.words,) if self._deep is not None and self._deep.words else ()
+
     def __iter__(self) -> Iterator[Frame]:
         """Frames in order; an image that cannot be had is a frame with a fault."""
         for index, (path, time) in enumerate(zip(self.images, self.stamps.seconds, strict=True)):
-            image, fault = None, None
+            image, fault, name = None, None, path.name
+            if any(self.pages):
+                name = f"{name} page {self.pages[index]}"
             try:
-                image = read_grey(path)
+                image = self._samples(index)
+                if image.dtype == np.uint16:
+                    assert self._deep is not None
+                    image = self._deep(image)
             except UnreadableImageError as error:
                 fault = str(error)
-            yield Frame(index=index, timestamp=time, image=image, name=path.name, fault=fault)
+            yield Frame(index=index, timestamp=time, image=image, name=name, fault=fault)
+
+    @cached_property
+    def _deep(self) -> GreyTable | None:
+        """The table for deep samples; None where the first image that can be read is not deep."""
+        samples: list[np.ndarray] = []
+        step = max(len(self.images) // _EXAMPLES, 1)
+        for index in range(0, len(self.images), step):
+            with suppress(UnreadableImageError):
+                samples.append(self._samples(index))
+                if samples[-1].dtype != np.uint16:
+                    break
+        deep = [image for image in samples if image.dtype == np.uint16]
+        return GreyTable.for_images(deep) if deep else GreyTable.upper_bits(16)
+
+    def _samples(self, index: int) -> np.ndarray:
+        page = self.pages[index] if self.pages else 0
+        if page:
+            try:
+                return read_page(self.images[index], page)
+            except Exception as error:  # of damaged files Pillow raises whatever its parsers do
+                raise UnreadableImageError(f"page {page} cannot be decoded") from error
+        return read_samples(self.images[index], self.max_megapixels)

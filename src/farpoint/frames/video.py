@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,9 +10,17 @@ from typing import Any
 
 from farpoint.errors import InputError, optional_import
 from farpoint.frames.calibration import find_calibration
+from farpoint.frames.depth import GreyTable
 from farpoint.frames.frame import Frame
 from farpoint.frames.packets import Moment, decode, frame_rate
 from farpoint.frames.stamps import DEFAULT_FPS
+
+_BEGINNING_BYTES = 4096
+_PLAYLIST = re.compile(
+    r"#extm3u|ffconcat version|<mpd[\s>]|\A\W{0,8}v=0\s|\A\W{0,8}\[reference\]|<smil[\s>]"
+    r"|\A\W{0,8}\[playlist\]|\A\W{0,8}file\s+['\"]?\S|<compositionplaylist|\A\W{0,8}rtsptext"
+)
+"""Of HLS, ffconcat, DASH, SDP, ASX and its like, SMIL, PLS, concat lists and IMF."""
 
 __all__ = ["VideoFile", "frame_count", "frames_of", "open_container", "open_video", "video_stream"]
 
@@ -37,6 +46,8 @@ class VideoFile:
         Frames a second where a picture has no time stamp.
     calibration_path : Path or None
         A file beside the video that looks like its calibration.
+    deep : GreyTable or None
+        What samples of 16 bits become, by the first picture; None of other videos.
     """
 
     path: Path
@@ -45,15 +56,21 @@ class VideoFile:
     timestamp_source: str
     nominal_fps: float
     calibration_path: Path | None = None
+    deep: GreyTable | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How deep samples become grey values."""
+        return (self.deep.words,) if self.deep is not None and self.deep.words else ()
 
     def __iter__(self) -> Iterator[Frame]:
         """Frames in order of time; what cannot be decoded is a frame with a fault."""
         with _open(self.path) as container:
             stream = video_stream(container, self.path)
-            yield from frames_of(decode(container, stream), self.nominal_fps)
+            yield from frames_of(decode(container, stream, self.deep), self.nominal_fps)
 
 
-def open_video(path: Path, *, fps: float | None) -> VideoFile:
+def open_video(path: Path, *, fps: float | None, follow_playlists: bool = False) -> VideoFile:
     """Open a video far enough to know that it has a picture.
 
     Parameters
@@ -63,12 +80,20 @@ def open_video(path: Path, *, fps: float | None) -> VideoFile:
     fps : float or None
         Frames a second for a file without time stamps (a raw H.264 stream); None takes the rate
         its header tells.
+    follow_playlists : bool
+        Play the files that a playlist names, wherever they lie.
 
     Raises
     ------
     InputError
         Where the file is no video, or not one picture can be decoded.
     """
+    if not follow_playlists and _is_playlist(path):
+        raise InputError(
+            "is a playlist, which names other files; they are played if asked for "
+            "(--follow-playlists)",
+            file=path,
+        )
     with _open(path) as container:
         stream = video_stream(container, path)
         rate = fps or frame_rate(stream) or DEFAULT_FPS
@@ -83,6 +108,7 @@ def open_video(path: Path, *, fps: float | None) -> VideoFile:
             timestamp_source="video" if first.seconds is not None else f"{rate:g} frames a second",
             nominal_fps=rate,
             calibration_path=find_calibration(folder, stem=path.stem),
+            deep=first.deep,
         )
 
 
@@ -129,6 +155,15 @@ def open_container(address: str, **options: Any) -> Any:
     if int(av.__version__.partition(".")[0]) < 19:
         options["metadata_errors"] = "replace"
     return av.open(address, **options)
+
+
+def _is_playlist(path: Path) -> bool:
+    """Whether a file names others for FFmpeg to open, by what it begins with."""
+    with path.open("rb") as file:
+        begin = file.read(_BEGINNING_BYTES)
+    # A playlist is text; FFmpeg looks for its marks behind white space and byte order marks, too.
+    text = begin.replace(b"\0", b"").lower().decode("latin-1")
+    return bool(_PLAYLIST.search(text))
 
 
 def _open(path: Path) -> Any:

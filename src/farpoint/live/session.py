@@ -213,6 +213,8 @@ class LiveSession:
         self._record(self.state)
         for stage, seconds in self._odometry.seconds.items():
             self._folder.add_time(stage, seconds)
+        for note in self._odometry.notes:
+            self._folder.note(note)
         self._opened.__exit__(kind, error, trace)
 
     def _first_size(self) -> tuple[int, int]:

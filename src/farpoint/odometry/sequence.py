@@ -11,11 +11,13 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.frames import Frame
+from farpoint.frames.deinterlace import Deinterlacer
 from farpoint.metrics import SplitHalf, image_cells, split_half
 from farpoint.odometry.half_ratios import HalfRatios
 from farpoint.odometry.mask import checked_mask, tracked_region
 from farpoint.odometry.options import OdometryOptions
 from farpoint.odometry.result import OdometryResult
+from farpoint.odometry.rising_time import RisingTime
 from farpoint.pose import (
     PoseStatus,
     RelativePose,
@@ -96,8 +98,22 @@ class Odometry:
         self._reference: _Reference | None = None
         self._half_ratios = HalfRatios(self.options.pose.expected_half_ratio)
         self._path = PathBuilder(self._estimate, self.options.path)
+        self._time, self._fields = RisingTime(), Deinterlacer()
         self._next_index = 0
         self._has_seen = False  # an image, which fixed the size
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found about the images so far that whoever uses the results must know."""
+        notes = []
+        if self._fields.is_interlaced:
+            notes.append("The images are interlaced: only their even lines are used.")
+        if self._time.falls:
+            notes.append(
+                f"Time stamps fell {self._time.falls} times: each time a new segment begins, and "
+                "later time stamps are moved to follow the ones before."
+            )
+        return tuple(notes)
 
     def run(self, frames: Iterable[Frame]) -> Iterator[OdometryResult]:
         """Results of frames, one for each, as they come."""
@@ -112,9 +128,11 @@ class Odometry:
         Parameters
         ----------
         image : ndarray of uint8, shape (H, W), or None
-            Grey values; None for a frame that could not be decoded.
+            Grey values; None for a frame that could not be decoded. Of interlaced images, which
+            are recognised, the even lines count.
         timestamp : float
-            Seconds.
+            Seconds. One before the last begins a new segment, and all that follow are moved: the
+            time stamps of results never fall.
         fault : str, optional
             Why there is no image.
 
@@ -125,9 +143,14 @@ class Odometry:
             calibration's size, or not of the mask's.
         """
         index, self._next_index = self._next_index, self._next_index + 1
+        timestamp, fell = self._time.follow(timestamp)
+        if fell:  # another recording, joined to the one before
+            self._reference = None
+            self._path.break_off()
         if image is None:
             return self._pass_over(index, timestamp, f"The frame cannot be decoded: {fault}.")
         width, height = grey_size(image)
+        image = self._fields(image)
         if not self._has_seen:
             self.camera = self.camera.with_size(width, height)
             region = tracked_region(self.camera, self._mask, self.options.tracker)

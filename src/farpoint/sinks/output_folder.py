@@ -205,6 +205,10 @@ class OutputFolder:
         """Say something more of the run in ``run.json``, under a key of its own."""
         self._record.put(name, fact)
 
+    def note(self, words: str) -> None:
+        """Add to what must be known of the results, in ``run.json``."""
+        self._record.note(words)
+
     def add_time(self, stage: str, seconds: float) -> None:
         """Add to the time spent in a stage that happens elsewhere, such as reading."""
         self._record.add_time(stage, seconds)

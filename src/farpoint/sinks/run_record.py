@@ -148,6 +148,10 @@ class RunRecord:
         if time.monotonic() - self._clock_saved > _UPDATE_S:
             self._save()
 
+    def note(self, words: str) -> None:
+        """Add to what must be known of the results."""
+        self._fixed["notes"].append(words)
+
     def add_time(self, stage: str, seconds: float) -> None:
         """Add to the time spent in a stage of the run."""
         self._stages_s[stage] = self._stages_s.get(stage, 0.0) + seconds

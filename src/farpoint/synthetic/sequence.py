@@ -113,6 +113,7 @@ class RenderedSequence:
         self.count: int | None = len(path)
         self.timestamp_source = "the rendered path"
         self.calibration_path: Path | None = None
+        self.notes: tuple[str, ...] = ()
         self.timestamps = path.timestamps
         self.world_from_cam = path.world_from_body
         self._seed = seed

@@ -88,7 +88,8 @@ def read(file: CalibrationFile, name: str) -> Camera:
     keys = next((keys for keys in cameras if keys.matrix == name), cameras[0])
     camera = Camera(model=_lens(fields, keys), size=_size(fields), name=name)
     camera = with_deviations(camera, fields, keys.matrix, keys.distortion)
-    refuse_unread(fields, {key for other in cameras for key in (other.matrix, other.distortion)})
+    others = {key for other in cameras for key in (other.matrix, other.distortion) if key}
+    refuse_unread(fields, others)
     return camera
 
 

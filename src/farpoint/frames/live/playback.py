@@ -81,6 +81,7 @@ class Playback:
     count: int | None = field(default=None, init=False)
     timestamp_source: str = field(default="wall clock", init=False)
     calibration_path: Path | None = field(default=None, init=False)
+    notes: tuple[str, ...] = field(default=(), init=False)
 
     def __post_init__(self) -> None:
         self.name = getattr(self.frames, "name", self.name)

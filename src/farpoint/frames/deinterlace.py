@@ -1,0 +1,94 @@
+"""Interlaced pictures: recognised by their combs, and made of one field.
+
+The even and the odd lines of an interlaced picture are half a frame time apart. Where something
+has moved in between, each line resembles the second next more than the next: a comb.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["Deinterlacer", "comb_share", "one_field"]
+
+_EVERY_COLUMN = 8
+"""Columns looked at: neighbours tell the same."""
+
+_BLOCK_PX = 32
+_TEXTURE_GREY2 = 25.0
+"""Mean squared difference of second next lines, grey levels^2, from which a block can tell: five
+times the 2 grey levels of a noisy camera, squared and doubled by the difference."""
+
+_COMB_RATIO = 1.5
+"""Squared second differences over one line to those over two: 1 for white noise, less for anything
+that is smooth, more for lines that alternate."""
+
+_LEAST_SHARE = 0.3
+"""Share of the telling blocks that alternate, from which a picture is interlaced: half of them in
+rendered streets at 20 fields a second, at most 0.14 in 1,048 progressive pictures of nine
+recordings and five renderings, 0.21 in pure noise (`tests/frames/test_deinterlace.py`)."""
+
+_FRAMES = 50
+"""Pictures looked at: a camera that weaves does so from the start, but may stand at first."""
+
+
+class Deinterlacer:
+    """Takes the even lines of every picture once one was seen to be woven of two fields.
+
+    Attributes
+    ----------
+    is_interlaced : bool
+        Whether one was.
+    """
+
+    def __init__(self) -> None:
+        self.is_interlaced = False
+        self._seen = 0
+
+    def __call__(self, image: np.ndarray) -> np.ndarray:
+        """The picture (H, W), uint8, as it is or of one field."""
+        if not self.is_interlaced and self._seen < _FRAMES:
+            self._seen += 1
+            self.is_interlaced = comb_share(image) > _LEAST_SHARE
+        return one_field(image) if self.is_interlaced else image
+
+
+def comb_share(image: np.ndarray) -> float:
+    """Share, 0 to 1, of the textured blocks of an image (H, W) whose lines alternate."""
+    rows = len(image) // _BLOCK_PX * _BLOCK_PX
+    some = image[:rows, ::_EVERY_COLUMN]
+    columns = some.shape[1] // (_BLOCK_PX // _EVERY_COLUMN) * (_BLOCK_PX // _EVERY_COLUMN)
+    if rows < 2 * _BLOCK_PX or columns == 0:
+        return 0.0
+    lines = some[:, :columns].astype(np.int16)
+    middle = 2 * lines[2:-2]
+    by_next = _in_blocks((middle - lines[1:-3] - lines[3:-1]) ** 2 // 4)
+    by_second = _in_blocks((middle - lines[:-4] - lines[4:]) ** 2 // 4)
+    telling = np.maximum(by_next, by_second) > _TEXTURE_GREY2
+    if not telling.any():
+        return 0.0
+    return float(np.mean(by_next[telling] > _COMB_RATIO * by_second[telling]))
+
+
+def one_field(image: np.ndarray) -> np.ndarray:
+    """The even lines of an image (H, W), and the lines between them; no pixel moves.
+
+    All lines are those of the cubic B-spline over the even ones, which smooths each of them
+    alike: where the even lines stayed sharp beside means of two, windows would be pulled to whole
+    lines of the field.
+    """
+    even = image[::2].astype(np.float32)
+    above, below = even[[0, *range(len(even) - 1)]], even[[*range(1, len(even)), len(even) - 1]]
+    field = np.empty(image.shape, np.float32)
+    field[::2] = (above + 4.0 * even + below) / 6.0
+    last = even[[*range(2, len(even)), len(even) - 1, len(even) - 1][: len(even)]]
+    between = (above + 23.0 * even + 23.0 * below + last) / 48.0
+    field[1::2] = between[: len(image) // 2]
+    return np.rint(field).astype(np.uint8)
+
+
+def _in_blocks(squares: np.ndarray) -> np.ndarray:
+    """Means over blocks."""
+    width = _BLOCK_PX // _EVERY_COLUMN
+    height = len(squares) // _BLOCK_PX * _BLOCK_PX
+    blocks = squares[:height].reshape(-1, _BLOCK_PX, squares.shape[1] // width, width)
+    return blocks.mean(axis=(1, 3), dtype=np.float32)
