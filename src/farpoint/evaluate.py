@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from farpoint.errors import InputError
+from farpoint.geometry import so3
 from farpoint.metrics import (
     PAIR_COLUMNS,
     AssociationOptions,
@@ -28,12 +30,19 @@ from farpoint.metrics import (
     poses_at_times,
     relative_motions,
 )
+from farpoint.metrics.other_frame import fits_better, other_frame
 from farpoint.options import settle_float, settle_int
 from farpoint.sinks.files import replacing
 from farpoint.sinks.halves import read_halves
 from farpoint.sinks.motions import Motions, read_motions
 from farpoint.sinks.positions import read_positions
-from farpoint.trajectory.files import Trajectory, iter_tum, read_trajectory
+from farpoint.trajectory.files import (
+    QuaternionOrder,
+    Trajectory,
+    iter_tum,
+    named_order,
+    read_trajectory,
+)
 
 __all__ = ["EvaluationOptions", "FolderEvaluation", "evaluate_folder", "write_pairs"]
 
@@ -50,10 +59,14 @@ class EvaluationOptions:
         Pairs that truly moved less than this have no error of direction, in the unit of the truth.
     delta_frames : int
         Poses between the two of each relative pose error.
+    truth_quaternion : {"xyzw", "wxyz"} or None
+        Order of the quaternions in the file of true poses; by default that of its columns'
+        names, if it has any, else w first in EuRoC's files and last in TUM's.
     association : AssociationOptions
         How true poses are found for the times of the estimates.
     """
 
+    truth_quaternion: QuaternionOrder | None = None
     min_translation: float = 0.01
     delta_frames: int = 1
     association: AssociationOptions = field(default_factory=AssociationOptions)
@@ -75,11 +88,14 @@ class FolderEvaluation:
         Errors pair by pair, a row of ``motions.csv`` each; without truth they are undefined.
     motions : Motions
         Those rows.
+    notes : tuple of str
+        How the true poses were read, and what they rather seem to be.
     """
 
     evaluation: Evaluation
     errors: PairErrors
     motions: Motions
+    notes: tuple[str, ...] = ()
 
 
 def evaluate_folder(
@@ -120,7 +136,10 @@ def evaluate_folder(
     if not len(motions):
         raise InputError("expected at least one pair of frames", file=motions_file)
     halves = _evaluated_halves(folder / "halves.csv")
-    reference = None if truth is None else _of_camera(read_trajectory(truth), body_from_cam)
+    reference, notes = None, ()
+    if truth is not None:
+        reference = _of_camera(read_trajectory(truth, options.truth_quaternion), body_from_cam)
+        notes = _notes(Path(truth), motions, reference, body_from_cam, options)
     try:
         errors = _motion_errors(motions, reference, options)
     except InputError as error:
@@ -140,7 +159,7 @@ def evaluate_folder(
         path=path,
         halves=halves,
     )
-    return FolderEvaluation(evaluation=evaluation, errors=errors, motions=motions)
+    return FolderEvaluation(evaluation=evaluation, errors=errors, motions=motions, notes=notes)
 
 
 def write_pairs(path: str | Path, found: FolderEvaluation) -> None:
@@ -160,6 +179,57 @@ def _of_camera(truth: Trajectory, body_from_cam: np.ndarray | None) -> Trajector
     return Trajectory(
         timestamps=truth.timestamps, world_from_body=truth.world_from_body @ body_from_cam
     )
+
+
+def _notes(
+    file: Path,
+    motions: Motions,
+    truth: Trajectory,
+    body_from_cam: np.ndarray | None,
+    options: EvaluationOptions,
+) -> tuple[str, ...]:
+    """How the truth was taken, and hints at what it rather is."""
+    order = options.truth_quaternion or named_order(file)
+    said = "as given" if options.truth_quaternion else "by the names of its columns"
+    of = "the camera" if body_from_cam is None else "a body that carries the camera"
+    notes = [f"true poses are taken for those of {of}, world_from_body"]
+    if truth.timestamps is not None:
+        words = f"{' '.join(order)} ({said})" if order else "in the order of the format (assumed)"
+        notes.append(f"true quaternions are {words}")
+    estimated = motions.rotation_cam1_from_cam0
+    true = _true_rotations(motions, truth, options)
+    if body_from_cam is None and (found := other_frame(estimated, true)) is not None:
+        degrees = np.rad2deg(so3.log(found.true_from_camera))
+        notes.append(
+            "hint: relative rotations agree only after a constant rotation of the axes, by the "
+            f"rotation vector ({degrees[0]:.1f}, {degrees[1]:.1f}, {degrees[2]:.1f}) deg: "
+            f"{np.rad2deg(found.with_rad):.3f} deg rms instead of "
+            f"{np.rad2deg(found.without_rad):.3f}. The truth may be of another body than the "
+            "camera; --body-from-camera FILE takes its place on that body"
+        )
+    inverse = replace(truth, world_from_body=np.linalg.inv(truth.world_from_body))
+    if fits_better(estimated, true, _true_rotations(motions, inverse, options)):
+        notes.append("hint: the inverse poses, cam_from_world, agree far better with the run")
+    if truth.timestamps is not None:
+        other = "xyzw" if (order or "xyzw") == "wxyz" else "wxyz"
+        with suppress(InputError):
+            swapped = _of_camera(read_trajectory(file, other), body_from_cam)
+            if fits_better(estimated, true, _true_rotations(motions, swapped, options)):
+                notes.append(
+                    f"hint: quaternions in the order {other} agree far better with the run"
+                )
+    return tuple(notes)
+
+
+def _true_rotations(motions: Motions, truth: Trajectory, options: EvaluationOptions) -> np.ndarray:
+    """Relative rotations (N, 3, 3) of the pairs, NaN where unknown."""
+    times = np.concatenate([motions.timestamp0, motions.timestamp1])
+    frames = np.concatenate([motions.frame0, motions.frame1])
+    try:
+        poses = _true_poses(truth, times, frames, options)
+    except InputError:
+        return np.full((len(motions), 3, 3), np.nan)
+    return relative_motions(*np.split(poses, 2))[0]
 
 
 def _true_poses(

@@ -96,8 +96,30 @@ DAMAGED = {
     "other columns": ("1 2 3\n", "line 1: expected 8 numbers (TUM)"),
     "no row": ("# only a comment\n\n", "found no row of numbers"),
     "euroc cut off": ("1,2,3\n", "line 1: expected 8 numbers (t[ns]"),
-    "euroc in seconds": ("1.5,0,0,0,1,0,0,0\n", "line 1: expected whole nanoseconds"),
+    "euroc in seconds": ("1,0,0,0,1,0,0,0\n1.5,0,0,0,1,0,0,0\n", "line 2: expected whole nanosec"),
+    "huge position": (GOOD_TUM + "1.0 0 1e300 0 0 0 0 1\n", "line 2: expected positions of at"),
+    "huge kitti position": (GOOD_KITTI + "1 0 0 1e300 0 1 0 0 0 0 1 0\n", "line 2: expected posi"),
+    "huge matrix": (GOOD_KITTI + "1e300 0 0 0 0 1 0 0 0 0 1 0\n", "line 2: expected a rotation"),
+    "empty cell": (GOOD_TUM + "1.0,0,,0,0,0,0,1\n", "line 2: expected a number, got ''"),
+    "words below numbers": (GOOD_TUM + "t x y z qx qy qz qw\n", "line 2: expected a number"),
 }
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("separator", [",", ", ", ";", "\t", "  "])
+@pytest.mark.parametrize("columns", [8, 12])
+def test_every_separator_line_end_and_byte_order_mark_is_read(
+    tmp_path: Path, encoding: str, line_end: str, separator: str, columns: int
+) -> None:
+    row = "0.5 1 2 3 0 0 0 1" if columns == 8 else "1 0 0 1 0 1 0 2 0 0 1 3"
+    names = separator.join(f"name{k}" for k in range(columns))
+    lines = ["# made", names, row.replace(" ", separator), "", ""]
+    path = tmp_path / "truth.txt"
+    path.write_bytes(line_end.join(lines).encode(encoding))
+    read = files.read_trajectory(path)
+    np.testing.assert_array_equal(read.world_from_body[:, :3, 3], [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(read.world_from_body[:, :3, :3], [np.eye(3)])
 
 
 @pytest.mark.parametrize("damage", DAMAGED)

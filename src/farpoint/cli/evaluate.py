@@ -8,6 +8,8 @@ from typing import Annotated
 
 import tyro
 
+from farpoint.camera.files.extrinsics import read_body_from_cam
+from farpoint.cli.run import warn
 from farpoint.errors import InputError
 from farpoint.evaluate import EvaluationOptions, evaluate_folder, write_pairs
 from farpoint.metrics import to_json, to_text
@@ -26,6 +28,9 @@ class Evaluate:
         Folder of a run.
     truth : Path or None
         TUM or KITTI trajectory, or EuRoC ground truth.
+    body_from_camera : Path or None
+        Where the camera sits on the body that the truth follows: EuRoC's sensor.yaml (T_BS), a
+        Kalibr camera chain (T_cam_imu), or 16 numbers; by default the truth is the camera's.
     json : bool
         Print JSON instead of a table.
     pairs : Path or None
@@ -39,6 +44,7 @@ class Evaluate:
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
     truth: Path | None = None
+    body_from_camera: Path | None = None
     json: bool = False
     pairs: Path | None = None
     report: bool = False
@@ -52,9 +58,22 @@ class Evaluate:
             raise InputError("errors pair by pair need --truth", field="--pairs")
         if self.report and self.truth is None:
             raise InputError("a true path in the report needs --truth", field="--report")
-        found = evaluate_folder(self.folder, self.truth, self.options)
+        if self.body_from_camera is not None and self.truth is None:
+            raise InputError(
+                "a body that the truth follows needs --truth", field="--body-from-camera"
+            )
+        body_from_cam = (
+            None if self.body_from_camera is None else read_body_from_cam(self.body_from_camera)
+        )
+        found = evaluate_folder(self.folder, self.truth, self.options, body_from_cam=body_from_cam)
         if self.pairs is not None:
             write_pairs(self.pairs, found)
         if self.report:
             write_report(self.folder, self.truth)
-        print(to_json(found.evaluation) if self.json else to_text(found.evaluation))
+        if self.json:
+            print(to_json(found.evaluation))
+            for note in found.notes:
+                warn(note)
+        else:
+            print(to_text(found.evaluation))
+            print(*found.notes, sep="\n", end="\n" if found.notes else "")

@@ -6,20 +6,27 @@ IMU in EuRoC's. Positions keep the unit of the file.
 
 from __future__ import annotations
 
+import codecs
+import itertools
 import math
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.geometry import so3
+from farpoint.regular_files import check_regular_file
 
 __all__ = [
+    "QuaternionOrder",
     "Trajectory",
     "iter_tum",
     "kitti_line",
+    "named_order",
     "read_euroc",
     "read_kitti",
     "read_trajectory",
@@ -29,7 +36,13 @@ __all__ = [
     "write_tum",
 ]
 
+QuaternionOrder = Literal["xyzw", "wxyz"]
+
+_HEADER_LINES = 20  # in which the names of the columns stand, if anywhere
 _UNIT_TOLERANCE = 1e-2  # files round rotations to as few as four digits
+_MAX_POSITION = 1e12  # in the unit of the file; sums of squares of larger ones lose their meaning
+_NANOSECOND_DIGITS = 15  # times of this many digits are nanoseconds whatever separates the columns
+_SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,8 +64,16 @@ class Trajectory:
         return len(self.world_from_body)
 
 
-def read_trajectory(path: str | Path) -> Trajectory:
+def read_trajectory(path: str | Path, quaternion: QuaternionOrder | None = None) -> Trajectory:
     """Read a TUM, KITTI or EuRoC trajectory, recognised by its first row of numbers.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    quaternion : {"xyzw", "wxyz"}, optional
+        Order of its quaternions; by default that of the columns' names where the file has them,
+        else EuRoC's has w first, TUM's last.
 
     Raises
     ------
@@ -61,15 +82,17 @@ def read_trajectory(path: str | Path) -> Trajectory:
     """
     path = Path(path)
     for line, text in _rows(path):
-        if "," in text:
-            return read_euroc(path)
-        columns = len(text.split())
+        cells = _cells(text)
+        columns = len(cells)
+        if _has_nanoseconds(text, cells):
+            return _stacked(_euroc(path, quaternion or named_order(path) or "wxyz"), path)
         if columns == 8:
-            return read_tum(path)
+            return _stacked(_tum(path, quaternion or named_order(path) or "xyzw"), path)
         if columns in (12, 16):
             return read_kitti(path)
         raise InputError(
-            f"expected 8 numbers (TUM), 12 or 16 (KITTI) or commas (EuRoC), got {columns} columns",
+            f"expected 8 numbers (TUM), 12 or 16 (KITTI) or nanoseconds first (EuRoC), "
+            f"got {columns} columns",
             file=path,
             field=f"line {line}",
         )
@@ -87,25 +110,53 @@ def iter_tum(path: str | Path, *, whole_lines: bool = False) -> Iterator[tuple[f
     With ``whole_lines`` a last line without its end is left out: its run may have been killed
     while it was written.
     """
+    return _tum(Path(path), "xyzw", whole_lines)
 
+
+def _tum(
+    path: Path, order: QuaternionOrder, whole_lines: bool = False
+) -> Iterator[tuple[float, np.ndarray]]:
     def parse(text: str) -> tuple[float, np.ndarray]:
-        row = _numbers(text.split(), 8, "timestamp tx ty tz qx qy qz qw")
-        return row[0], _pose(_rotation(np.array(row[4:8])), row[1:4])
+        row = _numbers(_cells(text), 8, "timestamp tx ty tz qx qy qz qw")
+        return row[0], _pose(_rotation(_xyzw(row[4:8], order)), row[1:4])
 
-    return _stamped(Path(path), parse, whole_lines)
+    return _stamped(path, parse, whole_lines)
 
 
 def read_euroc(path: str | Path) -> Trajectory:
     """Read EuRoC's ground truth, ``t[ns],px,py,pz,qw,qx,qy,qz[,...]``: poses of the IMU."""
+    return _stacked(_euroc(Path(path), "wxyz"), path)
 
+
+def _euroc(path: Path, order: QuaternionOrder) -> Iterator[tuple[float, np.ndarray]]:
     def parse(text: str) -> tuple[float, np.ndarray]:
-        cells = text.split(",")[:8]
+        cells = _cells(text)[:8]
         row = _numbers(cells, 8, "t[ns],px,py,pz,qw,qx,qy,qz")
         # Nanoseconds since 1970 do not fit a float; their seconds nearly do.
         seconds = _nanoseconds(cells[0]) / 1e9
-        return seconds, _pose(_rotation(np.roll(row[4:8], -1)), row[1:4])
+        return seconds, _pose(_rotation(_xyzw(row[4:8], order)), row[1:4])
 
-    return _stacked(_stamped(Path(path), parse), path)
+    return _stamped(path, parse)
+
+
+def named_order(path: Path) -> QuaternionOrder | None:
+    """Order of the quaternions by the names of the columns; None where the file names none."""
+    with path.open(encoding=_encoding(path)) as file:
+        for text in itertools.islice(file, _HEADER_LINES):
+            names = [re.sub(r"[^a-z]", "", cell.lower()) for cell in _cells(text.lstrip("# "))]
+            at = {
+                axis: [
+                    k for k, name in enumerate(names) if re.fullmatch(f"q.*{axis}|q{axis}.*", name)
+                ]
+                for axis in "wx"
+            }
+            if len(at["w"]) == len(at["x"]) == 1:
+                return "wxyz" if at["w"] < at["x"] else "xyzw"
+    return None
+
+
+def _xyzw(quaternion: list[float], order: QuaternionOrder) -> np.ndarray:
+    return np.array(quaternion if order == "xyzw" else [*quaternion[1:], quaternion[0]])
 
 
 def read_kitti(path: str | Path) -> Trajectory:
@@ -114,13 +165,13 @@ def read_kitti(path: str | Path) -> Trajectory:
     poses = []
     for line, text in _rows(path):
         try:
-            cells = text.split()
+            cells = _cells(text)
             row = _numbers(cells, 16 if len(cells) == 16 else 12, "the rows of a 3x4 matrix")
             matrix = np.array(row[:12]).reshape(3, 4)
             _check_rotation(matrix[:, :3])
+            poses.append(_pose(matrix[:, :3], matrix[:, 3]))
         except ValueError as error:
             raise InputError(str(error), file=path, field=f"line {line}") from error
-        poses.append(_pose(matrix[:, :3], matrix[:, 3]))
     if not poses:
         raise InputError("expected a trajectory, found no row of numbers", file=path)
     return Trajectory(timestamps=None, world_from_body=np.stack(poses))
@@ -179,16 +230,55 @@ def _stacked(rows: Iterator[tuple[float, np.ndarray]], path: str | Path) -> Traj
 def _rows(path: Path, whole_lines: bool = False) -> Iterator[tuple[int, str]]:
     """Numbered lines of a file that are neither empty nor comments."""
     try:
-        with path.open(encoding="utf-8") as file:
+        if path.exists():
+            check_regular_file(path, what="a trajectory")
+        first = True
+        with path.open(encoding=_encoding(path)) as file:
             for line, text in enumerate(file, start=1):
                 if whole_lines and not text.endswith("\n"):
                     return
-                if text.strip() and not text.lstrip().startswith("#"):
+                if not text.strip() or text.lstrip().startswith("#"):
+                    continue
+                if not (first and _is_header(text)):
                     yield line, text.strip()
-    except UnicodeDecodeError as error:
+                first = False
+    except UnicodeError as error:
         raise InputError("expected a text file of poses", file=path) from error
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+
+
+def _encoding(path: Path) -> str:
+    """UTF-8, or UTF-16 where a byte order mark says so."""
+    with path.open("rb") as file:
+        mark = file.read(2)
+    return "utf-16" if mark in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
+
+
+def _cells(text: str) -> list[str]:
+    """Columns of a line, whether commas, semicolons, tabs or spaces part them."""
+    return _SEPARATOR.split(text.strip().rstrip(",;").rstrip())
+
+
+def _is_header(text: str) -> bool:
+    """Whether a line names columns: no cell of it is a number."""
+    return not any(map(_is_number, _cells(text)))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _has_nanoseconds(text: str, cells: list[str]) -> bool:
+    """Whether a row is EuRoC's: a whole number first, long, or in a row with commas."""
+    if not cells[0].isdecimal():
+        return False
+    parted = "," in text or ";" in text
+    return len(cells[0]) >= _NANOSECOND_DIGITS or (parted and len(cells) not in (12, 16))
 
 
 def _numbers(cells: list[str], count: int, expected: str) -> list[float]:
@@ -220,12 +310,16 @@ def _rotation(quat_xyzw: np.ndarray) -> np.ndarray:
 
 
 def _check_rotation(R: np.ndarray) -> None:
+    if np.abs(R).max() > 1.0 + _UNIT_TOLERANCE:  # products of huge numbers overflow
+        raise ValueError("expected a rotation matrix in the first three columns")
     off = float(np.abs(R @ R.T - np.eye(3)).max())
     if off > _UNIT_TOLERANCE or np.linalg.det(R) < 0.0:
         raise ValueError("expected a rotation matrix in the first three columns")
 
 
 def _pose(R: np.ndarray, position: np.ndarray | list[float]) -> np.ndarray:
+    if np.abs(position).max() > _MAX_POSITION:
+        raise ValueError(f"expected positions of at most {_MAX_POSITION:g}")
     world_from_body = np.eye(4)
     world_from_body[:3, :3] = R
     world_from_body[:3, 3] = position

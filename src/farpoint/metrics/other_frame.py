@@ -1,0 +1,61 @@
+"""Whether true rotations are given in axes other than the camera's."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint.geometry import so3
+
+__all__ = ["OtherFrame", "fits_better", "other_frame"]
+
+_LEAST_MOTIONS = 10
+_LEAST_TURN_RAD = np.deg2rad(5.0)
+"""Smaller turns of the axes are calibration errors, not another frame (convention)."""
+
+_GAIN = 0.1
+"""Squares of the misfits that must remain, at most: noise alone leaves nearly all of them."""
+
+
+class OtherFrame(NamedTuple):
+    """A rotation ``true_from_camera`` (3, 3) of axes; misfits, rad rms, without and with it."""
+
+    true_from_camera: np.ndarray
+    without_rad: float
+    with_rad: float
+
+
+def other_frame(estimated: np.ndarray, true: np.ndarray) -> OtherFrame | None:
+    """The rotation of the axes with which relative rotations (N, 3, 3) agree; None where without.
+
+    Relative rotations of one motion in two frames fixed to each other have rotation vectors that
+    differ by the constant rotation between the frames (the rotation part of hand-eye calibration):
+    it is found by the SVD of their products (Kabsch, Acta Crystallographica A32, 1976).
+    """
+    known = np.isfinite(estimated).all(axis=(1, 2)) & np.isfinite(true).all(axis=(1, 2))
+    if np.count_nonzero(known) < _LEAST_MOTIONS:
+        return None
+    a, b = so3.log(estimated[known]), so3.log(true[known])
+    U, _, Vt = np.linalg.svd(b.T @ a)
+    C = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    before, after = _rms(b - a), _rms(b - a @ C.T)
+    turn = float(np.linalg.norm(so3.log(C)))
+    if turn < _LEAST_TURN_RAD or after**2 > _GAIN * before**2:
+        return None
+    return OtherFrame(C, before, after)
+
+
+def fits_better(estimated: np.ndarray, true: np.ndarray, other: np.ndarray) -> bool:
+    """Whether relative rotations (N, 3, 3) agree with others far better than with the true ones."""
+    known = np.isfinite(estimated).all(axis=(1, 2))
+    known &= np.isfinite(true).all(axis=(1, 2)) & np.isfinite(other).all(axis=(1, 2))
+    if np.count_nonzero(known) < _LEAST_MOTIONS:
+        return False
+    a = so3.log(estimated[known])
+    before, after = _rms(so3.log(true[known]) - a), _rms(so3.log(other[known]) - a)
+    return after**2 < _GAIN * before**2
+
+
+def _rms(vectors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
