@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from farpoint.camera import Camera, EquivalentFocalLength, HorizontalField
+from farpoint.camera import Camera, EquivalentFocalLength, HorizontalField, camera_for
 from farpoint.errors import InputError
 
 CORNER = np.array([[1919.0, 1079.0]])
@@ -39,6 +39,18 @@ def test_a_focal_length_in_35_mm_equivalents(size, millimetres, focal_px):
     assert camera.model.parameters["fx"] == pytest.approx(focal_px)
     assert camera.model.parameters["fy"] == pytest.approx(focal_px)
     assert "EXIF" in str(camera.source)
+
+
+def test_pixels_that_are_not_square_make_two_focal_lengths():
+    """A pixel twice as wide as high is half as many to the radian across, as many upright."""
+    guess = HorizontalField(degrees=60.0)
+    camera, _ = camera_for(guess, 640, 480, pixel_aspect=2.0)
+    square, _ = camera_for(guess, 640, 480)
+    fx = square.model.parameters["fx"]
+    assert camera.model.parameters["fx"] == pytest.approx(fx)
+    assert camera.model.parameters["fy"] == pytest.approx(2.0 * fx)
+    calibrated = Camera.pinhole(640, 480, 500, 500, 319.5, 239.5)
+    assert camera_for(calibrated, 640, 480, pixel_aspect=2.0)[0] == calibrated
 
 
 def test_only_a_guess_is_uncertain():

@@ -15,6 +15,7 @@ import pytest
 
 from farpoint.camera import KannalaBrandt, Pinhole, describe, load_camera
 from farpoint.errors import InputError
+from fuzz import fuzz_count
 
 MATRIX = [[800.0, 0.0, 640.0], [0.0, 801.0, 360.0], [0.0, 0.0, 1.0]]
 DIST = [-0.3, 0.1, 0.001, 0.002, 0.05]
@@ -234,7 +235,7 @@ def test_mutants_are_read_or_refused_in_one_line(tmp_path: Path):
         "500 501 320 240 -0.2 0.1 0 0\n",
     ]
     path = tmp_path / "mutant"
-    for _ in range(300):
+    for _ in range(fuzz_count(300)):
         text = rng.choice(samples)
         for _ in range(rng.choice((1, 1, 3))):
             where = rng.randrange(4)

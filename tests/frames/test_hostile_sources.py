@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 import random
 import sys
+import threading
 import time
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import cv2
@@ -14,6 +17,7 @@ import pytest
 
 from farpoint.errors import InputError
 from farpoint.frames import open_frames
+from fuzz import fuzz_count
 
 GREY = np.random.default_rng(0).integers(0, 256, (48, 64)).astype(np.uint8)
 posix = pytest.mark.skipif(sys.platform == "win32", reason="needs FIFOs and devices")
@@ -110,7 +114,7 @@ def test_mutants_are_frames_faults_or_one_line(tmp_path: Path, write_clip):
     for suffix in (".png", ".tif", ".jpg"):
         cv2.imwrite(str(tmp_path / f"b{suffix}"), GREY)
         samples[suffix] = tmp_path / f"b{suffix}"
-    for k in range(60):
+    for k in range(fuzz_count(60)):
         suffix, sample = rng.choice(list(samples.items()))
         data = bytearray(sample.read_bytes())
         for _ in range(rng.choice((1, 5, 50))):
@@ -124,6 +128,36 @@ def test_mutants_are_frames_faults_or_one_line(tmp_path: Path, write_clip):
         start = time.monotonic()
         assert outcome(place if suffix in (".png", ".tif", ".jpg") else place / f"x{suffix}")
         assert time.monotonic() - start < 10.0
+
+
+@pytest.fixture
+def serve(tmp_path: Path):
+    """A server without ranges, on the loopback."""
+    handler = partial(SimpleHTTPRequestHandler, directory=tmp_path)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def test_a_recording_behind_a_server_without_ranges(tmp_path: Path, write_clip, serve: str):
+    """The index of an MP4 stands at its end, as most programs write it."""
+    clip = write_clip(tmp_path / "clip.mp4", 40)
+    frames = list(open_frames(f"{serve}/clip.mp4"))
+    there = list(open_frames(clip))
+    assert [frame.timestamp for frame in frames] == [frame.timestamp for frame in there]
+    for frame, same in zip(frames, there, strict=True):
+        np.testing.assert_array_equal(frame.image, same.image)
+    with pytest.raises(InputError, match="404"):
+        open_frames(f"{serve}/nothing.mp4")
+
+
+def test_a_large_one_is_refused_in_words(tmp_path: Path, write_clip, serve: str, monkeypatch):
+    write_clip(tmp_path / "clip.mp4")
+    monkeypatch.setattr("farpoint.frames.network._LARGEST_COPY_BYTES", 100)
+    with pytest.raises(InputError, match=r"gives no parts of files.*download it first"):
+        open_frames(f"{serve}/clip.mp4")
 
 
 def outcome(source: Path) -> str:

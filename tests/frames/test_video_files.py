@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Callable
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -389,3 +390,19 @@ def test_memory_does_not_grow_with_the_length(write_video: WriteVideo):
 
     peak(30)  # what is loaded on first use
     assert peak(240) < peak(30) + 10 * WIDTH * HEIGHT
+
+
+@pytest.mark.parametrize("aspect", ["1:1", "4:3", "8:9"])
+def test_pixels_that_are_not_square(tmp_path: Path, aspect: str):
+    path = tmp_path / "wide.mkv"
+    wide, high = map(int, aspect.split(":"))
+    with av.open(str(path), "w") as out:
+        stream = out.add_stream("mpeg4", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        stream.codec_context.sample_aspect_ratio = Fraction(wide, high)
+        for _ in range(2):
+            image = np.zeros((48, 64), np.uint8)
+            frame = av.VideoFrame.from_ndarray(image, format="gray").reformat(format="yuv420p")
+            out.mux(stream.encode(frame))
+        out.mux(stream.encode())
+    assert open_frames(path).pixel_aspect == pytest.approx(wide / high)

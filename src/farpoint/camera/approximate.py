@@ -6,7 +6,7 @@ What is unknown is stated as the `CameraUncertainty` of the camera, which widens
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from farpoint.camera.camera import Camera
@@ -93,9 +93,18 @@ class EquivalentFocalLength:
 
 
 def camera_for(
-    camera: Camera | CameraGuess, width: int, height: int
+    camera: Camera | CameraGuess, width: int, height: int, pixel_aspect: float = 1.0
 ) -> tuple[Camera, tuple[str, ...]]:
     """The camera of images of this size, and what who uses its results must know.
+
+    Parameters
+    ----------
+    camera : Camera or CameraGuess
+        A guess is made for pixels of this aspect, width over height; a calibration holds as it is.
+    width, height : int
+        Of the images, px.
+    pixel_aspect : float
+        1 for square pixels.
 
     Raises
     ------
@@ -105,6 +114,10 @@ def camera_for(
     if isinstance(camera, Camera):
         return camera.with_size(width, height), ()
     guessed = camera.camera(width, height)
+    if pixel_aspect != 1.0:
+        lens = guessed.model
+        fy = lens.parameters["fy"] * pixel_aspect
+        guessed = replace(guessed, model=lens.with_parameters({"fy": fy}))
     return guessed, (CAUTION.format(guessed.source),)
 
 

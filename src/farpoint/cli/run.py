@@ -136,7 +136,9 @@ def process_frames(
     first = _up_to_an_image(timed)
     image = first[-1][0].image
     assert image is not None  # or `_timed` had raised
-    camera, notes = camera_for(camera, *image.shape[::-1])
+    height, width = image.shape
+    aspect = getattr(frames, "pixel_aspect", 1.0)
+    camera, notes = camera_for(camera, width, height, aspect)
     notes = (*notes, *frames.notes)
     for note in notes:
         warn(note)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import http.client
 import re
+import shutil
+import tempfile
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 from urllib.parse import urlsplit
 
 from farpoint.errors import InputError, optional_import
@@ -19,6 +24,9 @@ from farpoint.frames.video import frame_count, frames_of, open_container, video_
 __all__ = ["NetworkVideo", "in_wall_clock", "open_url"]
 
 _SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt")
+_LARGEST_COPY_BYTES = 1 << 32
+"""Of a recording from a server without ranges (convention)."""
+
 _PATIENCE_S = 10.0
 """How long a server may keep silent, at the start or later, before it counts as gone."""
 
@@ -37,12 +45,13 @@ class NetworkVideo:
     timestamp_source: str
     container: Any
     stream: Any
+    copy: IO[bytes] | None = None
     calibration_path: Path | None = None
     notes: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[Frame]:
         """Frames until the stream ends or falls silent; then the connection is closed."""
-        with self.container:
+        with self.container, self.copy or nullcontext():
             moments = decode(self.container, self.stream)
             if self.container.duration is None:
                 moments = in_wall_clock(moments, time.time)
@@ -79,9 +88,12 @@ def open_url(url: str) -> NetworkVideo:
     av = optional_import("av", extra="video", purpose="reading streams")
     # Over UDP, the default of RTSP, lost packets damage picture after picture.
     options = {"rtsp_transport": "tcp"} if parts.scheme.startswith("rtsp") else {}
+    copied = _copy_of(url, public) if parts.scheme.startswith("http") else None
     try:
-        container = open_container(url, options=options, timeout=_PATIENCE_S)
+        container = open_container(copied or url, options=options, timeout=_PATIENCE_S)
     except av.FFmpegError as error:
+        if copied is not None:
+            copied.close()
         raise InputError(f"cannot be opened as a stream ({error.strerror})", file=public) from None
     stream = video_stream(container, public)
     live = container.duration is None
@@ -91,4 +103,36 @@ def open_url(url: str) -> NetworkVideo:
         timestamp_source="wall clock" if live else "video",
         container=container,
         stream=stream,
+        copy=copied,
+    )
+
+
+def _copy_of(url: str, public: str) -> IO[bytes] | None:
+    """A recording behind a server that gives no parts of it, as a temporary file.
+
+    Its index may stand at its end, where only parts would lead to. None where the server gives
+    parts, where what it sends has no known end (a live stream), and where it does not answer as
+    expected: then FFmpeg tells why.
+
+    Raises
+    ------
+    InputError
+        Where the recording is too large to be copied.
+    """
+    try:
+        with urllib.request.urlopen(url, timeout=_PATIENCE_S) as answer:
+            size = int(answer.headers.get("Content-Length") or 0)
+            if size == 0 or answer.headers.get("Accept-Ranges", "none").lower() == "bytes":
+                return None
+            if size <= _LARGEST_COPY_BYTES:
+                copy = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the video)
+                shutil.copyfileobj(answer, copy)
+                copy.seek(0)
+                return copy
+    except (OSError, ValueError, http.client.HTTPException):
+        return None
+    raise InputError(
+        f"the server gives no parts of files (HTTP ranges), and this one has {size >> 20} MB: "
+        "download it first",
+        file=public,
     )

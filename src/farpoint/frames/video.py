@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from farpoint.errors import InputError, optional_import
 from farpoint.frames.calibration import find_calibration
@@ -46,6 +46,8 @@ class VideoFile:
         Frames a second where a picture has no time stamp.
     calibration_path : Path or None
         A file beside the video that looks like its calibration.
+    pixel_aspect : float
+        Width of a pixel over its height; 1 for square ones.
     deep : GreyTable or None
         What samples of 16 bits become, by the first picture; None of other videos.
     """
@@ -56,6 +58,7 @@ class VideoFile:
     timestamp_source: str
     nominal_fps: float
     calibration_path: Path | None = None
+    pixel_aspect: float = 1.0
     deep: GreyTable | None = None
 
     @property
@@ -108,6 +111,7 @@ def open_video(path: Path, *, fps: float | None, follow_playlists: bool = False)
             timestamp_source="video" if first.seconds is not None else f"{rate:g} frames a second",
             nominal_fps=rate,
             calibration_path=find_calibration(folder, stem=path.stem),
+            pixel_aspect=_pixel_aspect(stream, first),
             deep=first.deep,
         )
 
@@ -146,7 +150,7 @@ def video_stream(container: Any, source: str | Path) -> Any:
     return stream
 
 
-def open_container(address: str, **options: Any) -> Any:
+def open_container(address: str | IO[bytes], **options: Any) -> Any:
     """By PyAV, with its other ``options``, whatever bytes the metadata hold.
 
     Bytes that are not UTF-8 keep PyAV before version 19 from opening, if it is not told otherwise.
@@ -155,6 +159,14 @@ def open_container(address: str, **options: Any) -> Any:
     if int(av.__version__.partition(".")[0]) < 19:
         options["metadata_errors"] = "replace"
     return av.open(address, **options)
+
+
+def _pixel_aspect(stream: Any, first: Moment) -> float:
+    """Width of a pixel over its height, as the pictures are turned upright; 1 if unknown."""
+    ratio = float(stream.sample_aspect_ratio or 1)
+    if first.image is not None and first.image.shape == (stream.width, stream.height):
+        ratio = 1.0 / ratio if stream.width != stream.height else ratio
+    return ratio if ratio > 0.0 else 1.0
 
 
 def _is_playlist(path: Path) -> bool:
