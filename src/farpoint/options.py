@@ -12,7 +12,7 @@ __all__ = ["settle_float", "settle_int", "settle_positive"]
 
 # No option of this program is meaningful beyond: squares and products of a few stay finite.
 _LARGEST = 1e9
-_LEAST = 1e-9  # of a positive number
+_LEAST = 1e-15  # of a positive number
 
 
 def settle_float(
@@ -43,7 +43,7 @@ def settle_float(
 
 
 def settle_positive(options: object, *names: str) -> None:
-    """Make the named fields positive numbers, 1e-9 to 1e9, as `settle_float` does."""
+    """Make the named fields positive numbers, 1e-15 to 1e9, as `settle_float` does."""
     settle_float(options, "a positive number", lambda number: number >= _LEAST, *names)
 
 

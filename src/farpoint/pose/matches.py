@@ -226,10 +226,8 @@ def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) ->
     """Unit rays (N, 3), normalised here, with isotropic noise of ``noise_rad`` each."""
     rays0 = _checked("rays0", rays0, (3,))
     rays1 = _checked("rays1", rays1, (3,), rows=len(rays0))
-    if not (isinstance(noise_rad, int | float | np.number) and 0 < noise_rad <= np.pi):
-        raise InputError(
-            f"expected positive radians, pi at most, got {noise_rad!r}", field="noise_rad"
-        )
+    if not (isinstance(noise_rad, int | float | np.number) and 0 < noise_rad < np.inf):
+        raise InputError(f"expected positive radians, got {noise_rad!r}", field="noise_rad")
     for name, rays in (("rays0", rays0), ("rays1", rays1)):
         if not rays.any(axis=1).all():
             raise InputError("expected rays of non-zero length", field=name)
