@@ -12,7 +12,7 @@ from farpoint import PoseStatus, RelativePose, TrackLabel, Tracks
 from farpoint.geometry import so3
 from farpoint.trajectory.depths import BENDS, Depths
 from farpoint.trajectory.moved import Moved, MovedUnseen
-from farpoint.trajectory.options import PathOptions
+from farpoint.path.options import PathOptions
 from farpoint.trajectory.parallax import Parallax, measure_parallax
 from farpoint.trajectory.path import PathBuilder
 from farpoint.trajectory.resection import Resection, resect

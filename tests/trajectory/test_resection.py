@@ -13,10 +13,10 @@ from farpoint import Camera, PoseStatus, RelativePose, TrackLabel, Tracks
 from farpoint.camera import Equirectangular, KannalaBrandt
 from farpoint.geometry import so3
 from farpoint.trajectory.depths import BENDS, Depths
-from farpoint.trajectory.options import PathOptions
+from farpoint.path.options import PathOptions
 from farpoint.trajectory.parallax import measure_parallax
 from farpoint.trajectory.path import PathBuilder
-from farpoint.trajectory.point import PathPoint
+from farpoint.path.point import PathPoint
 from farpoint.trajectory.resection import Resection, resect
 from farpoint.trajectory.scale import fit_scale
 

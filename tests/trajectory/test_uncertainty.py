@@ -11,7 +11,7 @@ from scipy.linalg import block_diag, sqrtm
 from scipy.stats import chi2
 
 from farpoint.geometry import so3, sphere
-from farpoint.trajectory.chain import chain
+from farpoint.path.chain import chain
 from farpoint.trajectory.depths import BENDS
 from farpoint.trajectory.moved import Moved
 from farpoint.trajectory.scale import ScaleFit

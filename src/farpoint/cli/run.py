@@ -191,15 +191,13 @@ def _run_into(
                 folder.add_time("read", seconds)
                 result = odometry.process(frame.image, frame.timestamp, fault=frame.fault)
                 folder.write(result, frame.image)
+                folder.settle(odometry.settled())
                 folder.check_halves(result, odometry)
                 if result.pose is not None:
                     counts[result.pose.status] += 1
                 progress.step()
         finally:
-            for stage, seconds in odometry.seconds.items():
-                folder.add_time(stage, seconds)
-            for note in odometry.notes:
-                folder.note(note)
+            folder.finish_path(odometry)
     for note in odometry.notes:
         warn(note)
     return counts
