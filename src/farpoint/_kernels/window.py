@@ -36,6 +36,7 @@ UNSEEN_COST = 50.0
 """What it costs to have a point behind the camera: as a residual of many sigma."""
 
 _DOF = 5.0  # of Student's t, whose tails residuals of tracks have
+_RIDGE = 1e-9  # relative, of a diagonal: keeps what no point tells where it is
 _FACING = 0.2  # least cosine between a point and where it is expected
 
 _loop: Any = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
@@ -343,86 +344,155 @@ def point_steps(coupling, point_h, point_g, step, damping, steps):
 
 
 @_loop
+def _velocity(R, R0, p, p0, rate, twist):
+    """Rotation vector and way from one pose to another, times a rate."""
+    D = R @ R0.T
+    x, y, z = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
+    sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0)
+    scale = rate * (math.atan2(sine, cosine) / sine if sine > 1e-12 else 1.0)
+    twist[0], twist[1], twist[2] = scale * x, scale * y, scale * z
+    for i in range(3):
+        twist[3 + i] = rate * (p[i] - p0[i])
+
+
+@_loop
+def _turn(R, x, y, z):
+    """``R = Exp([x, y, z]) R``."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    a = math.sin(angle) / angle if angle > 1e-9 else 1.0
+    b = (1.0 - math.cos(angle)) / (angle * angle) if angle > 1e-5 else 0.5
+    for i in range(3):
+        rx, ry, rz = R[0, i], R[1, i], R[2, i]
+        cx, cy, cz = _cross(x, y, z, rx, ry, rz)
+        dx, dy, dz = _cross(x, y, z, cx, cy, cz)
+        R[0, i], R[1, i], R[2, i] = rx + a * cx + b * dx, ry + a * cy + b * dy, rz + a * cz + b * dz
+
+
+@_loop
+def _solved(H, g, x):
+    """``H x = g`` for a positive matrix, by its Cholesky factor; False where it is none."""
+    n = len(g)
+    L = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            total = H[i, j] * (1.0 + _RIDGE) if i == j else H[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i == j:
+                if not total > 0.0:
+                    return False
+                L[i, i] = math.sqrt(total)
+            else:
+                L[i, j] = total / L[j, j]
+    for i in range(n):
+        total = g[i]
+        for k in range(i):
+            total -= L[i, k] * x[k]
+        x[i] = total / L[i, i]
+    for i in range(n - 1, -1, -1):
+        total = x[i]
+        for k in range(i + 1, n):
+            total -= L[k, i] * x[k]
+        x[i] = total / L[i, i]
+    return np.isfinite(x).all()
+
+
+@_loop
 def locate(
-    R, p, twist, readout, offsets, row_phase, expected, by_ray, covariances, inflation,
-    X, s, s_variance, base, before_by_s, H, g, squares,
+    R, p, R0, p0, seconds, readout, offsets, row_phase, expected, by_ray, covariances, inflations,
+    X, s, s_variance, base, before_by_s, H, squares,
 ):  # fmt: skip
-    """Information (6, 6) and gradient (6,) of one pose, by points whose places are known.
+    """Move a pose to where it is likelier by points whose places are known, step by step.
 
     The pose changes as ``R' = Exp(theta) R``, ``p' = p + rho``.
 
     Parameters
     ----------
-    R, p, twist, readout : (3, 3), (3,), (6,), float
-        The pose, its velocities in the world, and the read-out time.
+    R, p : (3, 3), (3,)
+        The pose; changed.
+    R0, p0, seconds, readout : (3, 3), (3,), float, float
+        The pose of the frame before, the time since, and the read-out time.
     offsets, row_phase, expected, by_ray : (N, 2), (N,), (N, 3), (N, 2, 3)
         As of `pixel_residuals`; offsets are less the residuals in the last keyframe.
     covariances : (N, 3)
         Of what the residuals have changed by since then (uu, uv, vv), px^2.
-    inflation : float
-        Of these: for a pose that may be far off.
+    inflations : (I,)
+        Of these, for each step: for a pose that may be far off.
     X, s, s_variance, base : (N, 3), (N,), (N,), (N, 3)
         Homogeneous points, their inverse distances with variances, and the derivative of X by it.
     before_by_s : (N, 2)
         Derivatives, by the inverse distance, of the residuals in the last keyframe.
-    H, g, squares : (6, 6), (6,), (N,)
-        Results; squared residuals over their variances, infinite where a point is not seen.
+    H, squares : (6, 6), (N,)
+        Results: information of the pose before the last step; and squared residuals over their
+        variances there, infinite where a point is not seen.
 
     Returns
     -------
     (float, int)
-        Robust cost, and how many points are in it.
+        Robust cost before the last step, and how many points are in it; 0 where a step failed.
     """
-    H[:] = 0.0
-    g[:] = 0.0
     J, m = np.empty((2, 6)), np.empty((2, 3))
     e, E = np.empty(2), np.empty(2)
+    g, step, twist = np.empty(6), np.empty(6), np.zeros(6)
     cost, count = 0.0, 0
-    squares[:] = math.inf
-    for o in range(len(s)):
-        sj = s[o]
-        dx, dy, dz = X[o, 0] - sj * p[0], X[o, 1] - sj * p[1], X[o, 2] - sj * p[2]
-        late = row_phase[o] * readout
-        vx, vy, vz = _lag(twist, dx, dy, dz, sj)
-        cx, cy, cz = _turned_back(R, dx - late * vx, dy - late * vy, dz - late * vz)
-        depth = expected[o, 0] * cx + expected[o, 1] * cy + expected[o, 2] * cz
-        if not depth > _FACING * math.sqrt(cx * cx + cy * cy + cz * cz):
-            continue
-        inverse = 1.0 / depth
-        for q in range(2):
-            pixel = inverse * (by_ray[o, q, 0] * cx + by_ray[o, q, 1] * cy + by_ray[o, q, 2] * cz)
-            m[q, 0], m[q, 1], m[q, 2] = _turned(
-                R,
-                (by_ray[o, q, 0] - pixel * expected[o, 0]) * inverse,
-                (by_ray[o, q, 1] - pixel * expected[o, 1]) * inverse,
-                (by_ray[o, q, 2] - pixel * expected[o, 2]) * inverse,
-            )
-            e[q] = pixel + offsets[o, q]
-            E[q] = (
-                m[q, 0] * (base[o, 0] - p[0])
-                + m[q, 1] * (base[o, 1] - p[1])
-                + m[q, 2] * (base[o, 2] - p[2])
-                - before_by_s[o, q]
-            )
-            tx, ty, tz = _cross(m[q, 0], m[q, 1], m[q, 2], dx, dy, dz)
-            J[q, 0], J[q, 1], J[q, 2] = tx, ty, tz
-            J[q, 3], J[q, 4], J[q, 5] = -sj * m[q, 0], -sj * m[q, 1], -sj * m[q, 2]
-        uu = covariances[o, 0] * inflation + s_variance[o] * E[0] * E[0]
-        uv = covariances[o, 1] * inflation + s_variance[o] * E[0] * E[1]
-        vv = covariances[o, 2] * inflation + s_variance[o] * E[1] * E[1]
-        det = uu * vv - uv * uv
-        if not det > 0.0:
-            continue
-        uu, uv, vv = vv / det, -uv / det, uu / det
-        square = uu * e[0] * e[0] + 2.0 * uv * e[0] * e[1] + vv * e[1] * e[1]
-        squares[o] = square
-        weight = (_DOF + 2.0) / (_DOF + square)
-        cost += 0.5 * (_DOF + 2.0) * math.log(1.0 + square / _DOF)
-        count += 1
-        for i in range(6):
-            w0 = weight * (uu * J[0, i] + uv * J[1, i])
-            w1 = weight * (uv * J[0, i] + vv * J[1, i])
-            g[i] += w0 * e[0] + w1 * e[1]
-            for n in range(6):
-                H[i, n] += w0 * J[0, n] + w1 * J[1, n]
+    for k in range(len(inflations)):
+        inflation = inflations[k]
+        if seconds > 0.0:
+            _velocity(R, R0, p, p0, 1.0 / seconds, twist)
+        cost, count = 0.0, 0
+        H[:] = 0.0
+        g[:] = 0.0
+        for o in range(len(s)):
+            squares[o] = math.inf
+            sj = s[o]
+            dx, dy, dz = X[o, 0] - sj * p[0], X[o, 1] - sj * p[1], X[o, 2] - sj * p[2]
+            late = row_phase[o] * readout
+            vx, vy, vz = _lag(twist, dx, dy, dz, sj)
+            cx, cy, cz = _turned_back(R, dx - late * vx, dy - late * vy, dz - late * vz)
+            depth = expected[o, 0] * cx + expected[o, 1] * cy + expected[o, 2] * cz
+            if not depth > _FACING * math.sqrt(cx * cx + cy * cy + cz * cz):
+                continue
+            inverse = 1.0 / depth
+            for q in range(2):
+                ux, uy, uz = by_ray[o, q, 0], by_ray[o, q, 1], by_ray[o, q, 2]
+                pixel = inverse * (ux * cx + uy * cy + uz * cz)
+                m[q, 0], m[q, 1], m[q, 2] = _turned(
+                    R,
+                    (ux - pixel * expected[o, 0]) * inverse,
+                    (uy - pixel * expected[o, 1]) * inverse,
+                    (uz - pixel * expected[o, 2]) * inverse,
+                )
+                e[q] = pixel + offsets[o, q]
+                E[q] = (
+                    m[q, 0] * (base[o, 0] - p[0])
+                    + m[q, 1] * (base[o, 1] - p[1])
+                    + m[q, 2] * (base[o, 2] - p[2])
+                    - before_by_s[o, q]
+                )
+                tx, ty, tz = _cross(m[q, 0], m[q, 1], m[q, 2], dx, dy, dz)
+                J[q, 0], J[q, 1], J[q, 2] = tx, ty, tz
+                J[q, 3], J[q, 4], J[q, 5] = -sj * m[q, 0], -sj * m[q, 1], -sj * m[q, 2]
+            uu = covariances[o, 0] * inflation + s_variance[o] * E[0] * E[0]
+            uv = covariances[o, 1] * inflation + s_variance[o] * E[0] * E[1]
+            vv = covariances[o, 2] * inflation + s_variance[o] * E[1] * E[1]
+            det = uu * vv - uv * uv
+            if not det > 0.0:
+                continue
+            uu, uv, vv = vv / det, -uv / det, uu / det
+            square = uu * e[0] * e[0] + 2.0 * uv * e[0] * e[1] + vv * e[1] * e[1]
+            squares[o] = square
+            weight = (_DOF + 2.0) / (_DOF + square)
+            cost += 0.5 * (_DOF + 2.0) * math.log(1.0 + square / _DOF)
+            count += 1
+            for i in range(6):
+                w0 = weight * (uu * J[0, i] + uv * J[1, i])
+                w1 = weight * (uv * J[0, i] + vv * J[1, i])
+                g[i] += w0 * e[0] + w1 * e[1]
+                for n in range(6):
+                    H[i, n] += w0 * J[0, n] + w1 * J[1, n]
+        if not _solved(H, g, step):
+            return cost, 0
+        _turn(R, -step[0], -step[1], -step[2])
+        for i in range(3):
+            p[i] -= step[3 + i]
     return cost, count

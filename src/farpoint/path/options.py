@@ -32,7 +32,7 @@ class PathOptions:
 
     keyframes: int = 12
     keyframe_flow_px: float = 20.0
-    keyframe_share: float = 0.6
+    keyframe_share: float = 0.7
     max_tracks: int = 400
     speed_ratio_sigma: float = 0.5
 

@@ -26,7 +26,7 @@ __all__ = ["Pair", "PathBuilder"]
 
 Estimate = Callable[[np.ndarray, np.ndarray, np.ndarray], RelativePose]
 
-_FIRST_ITERATIONS = 12  # of the first solutions, which start from two views
+_FIRST_ITERATIONS = 6  # of the first solutions, which start from two views
 _ITERATIONS = 1  # afterwards: each keyframe moves the others little
 _UNKNOWN_WAY = 2.0  # 1-sigma of a keyframe's way before the first length, in units of that
 _FIT_CHI2 = 13.8  # squared residual that 0.999 of right matches stay below (2 degrees of freedom)
@@ -247,8 +247,11 @@ class PathBuilder:
         self._own[:3, :3] += R @ (np.zeros((3, 3)) if rotation is None else rotation) @ R.T
         if self._has_scale:
             self._add_keyframe(window, good, pair)
+            window.set_unit()
             window.triangulate()
             self._solve(window)
+            # The unit itself has no error.
+            self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
         elif self._is_keyframe_due(now, 2.0 * self._options.keyframe_flow_px):
             self._add_keyframe(window, good, pair)
             window.expect_rest(_UNKNOWN_WAY)
@@ -390,7 +393,6 @@ class PathBuilder:
         self._key_sighting = fresh
 
     def _solve(self, window: Window) -> None:
-        window.set_gauge()
         window.solve(_ITERATIONS if window.has_forgotten else _FIRST_ITERATIONS)
         self._key_covariance = window.pose_covariance()
         while len(window) > self._options.keyframes:

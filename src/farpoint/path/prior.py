@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint.geometry import so3
 from farpoint.path.keyframe import Keyframe
 
 __all__ = ["Prior", "System", "by_position_change"]
@@ -61,7 +60,7 @@ class Prior:
         found = np.empty(6 * len(frames) + len(common))
         if frames:
             turns = np.array([f.R @ R.T for f, (R, _) in zip(frames, self._poses, strict=True)])
-            angles = so3.log(turns)
+            angles = _rotation_vectors(turns)
             for k, (frame, (_, p)) in enumerate(zip(frames, self._poses, strict=True)):
                 found[6 * k : 6 * k + 3] = angles[k]
                 found[6 * k + 3 : 6 * k + 6] = frame.p - turns[k] @ p
@@ -94,6 +93,16 @@ class Prior:
         self._H, self._g = 0.5 * (reduced + reduced.T), g[rest] - gain @ g[out]
         self._poses = [(frame.R, frame.p) for frame in frames]
         self._common = common
+
+
+def _rotation_vectors(R: np.ndarray) -> np.ndarray:
+    """Of rotations (K, 3, 3) by less than half a turn."""
+    sines = 0.5 * np.stack(
+        [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
+    )
+    sine = np.sqrt(np.sum(sines**2, axis=1))
+    angle = np.arctan2(sine, 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0))
+    return sines * (angle / np.where(sine > 0.0, sine, 1.0) + (sine == 0.0))[:, None]
 
 
 def by_position_change(

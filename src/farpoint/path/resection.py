@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint._kernels.window import locate
-from farpoint.geometry import so3
 from farpoint.path.history import Sighting
 from farpoint.path.window import NOISE, Window
 
@@ -17,10 +16,9 @@ FEWEST_POINTS = 8
 """A pose has six unknowns."""
 
 # Variances of the residuals are multiplied by these, step by step: from ten sigma off to none.
-_INFLATION = (100.0, 100.0, 25.0, 9.0, 4.0, 1.0, 1.0, 1.0)
-_FACED_ANEW = 4  # steps after which the lens is taken where points are expected by then
+# Between the two parts the lens is taken where points are expected by then.
+_INFLATIONS = np.array([100.0, 100.0, 25.0, 9.0]), np.array([4.0, 1.0, 1.0, 1.0])
 _RELATIVE_SIGMA = 2.0  # of an inverse distance, at the most: it is positive
-_DAMPING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,36 +131,19 @@ class _Points:
         seconds: float,
     ) -> tuple[float, Located] | None:
         """Cost and pose from one start; None where the points are not seen from there."""
-        p, (R0, p0) = start, last
-        H, g, squares = np.empty((6, 6)), np.empty(6), np.empty(len(self.s))
-        at = self._faced(window, R, p)
-        cost, scaled, unit = np.inf, np.eye(6), np.ones(6)
-        for k, inflation in enumerate(_INFLATION):
-            if k == _FACED_ANEW:
-                at = self._faced(window, R, p)
-            twist = np.zeros(6)
-            if seconds > 0.0:
-                twist = np.concatenate([so3.log(R @ R0.T), p - p0]) / seconds
-            rays, offsets, by_ray = at
+        R, p, (R0, p0) = R.copy(), start.copy(), last
+        H, squares, cost = np.empty((6, 6)), np.empty(len(self.s)), np.inf
+        for inflations in _INFLATIONS:
+            rays, offsets, by_ray = self._faced(window, R, p)
             cost, count = locate(
-                R, p, twist, window.lens.readout_s, offsets, self.row_phase, rays, by_ray,
-                self.covariances, inflation, self.places, self.s, self.s_variance, self.base,
-                self.before_by_s, H, g, squares,
+                R, p, R0, p0, seconds, window.lens.readout_s, offsets, self.row_phase, rays, by_ray,
+                self.covariances, inflations, self.places, self.s, self.s_variance, self.base,
+                self.before_by_s, H, squares,
             )  # fmt: skip
             if count < FEWEST_POINTS:
                 return None
-            unit = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
-            scaled = H * np.outer(unit, unit) + _DAMPING * np.eye(6)
-            try:
-                step = -unit * np.linalg.solve(scaled, unit * g)
-            except np.linalg.LinAlgError:
-                return None
-            if not np.isfinite(step).all():
-                return None
-            R, p = so3.exp(step[:3]) @ R, p + step[3:]
-        covariance = np.linalg.pinv(scaled, hermitian=True) * np.outer(unit, unit) / NOISE.temper
-        found = Located(R=R, p=p, covariance=covariance, ids=self.ids, squares=squares)
-        return cost, found
+        covariance = np.linalg.pinv(NOISE.temper * H, hermitian=True)
+        return cost, Located(R=R, p=p, covariance=covariance, ids=self.ids, squares=squares)
 
     def _faced(
         self, window: Window, R: np.ndarray, p: np.ndarray

@@ -25,6 +25,7 @@ from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate
 from farpoint.path.prior import Prior, System, by_position_change
+from farpoint.path.vectors import cross
 
 __all__ = ["LEAST_INVERSE_DEPTH", "NOISE", "Window", "WindowNoise"]
 
@@ -123,7 +124,9 @@ class Window:
         self.landmarks = Landmarks(lens)
         self.variance_factor = 1.0
         self._prior = Prior(lens.common, lens.covariance)
-        self._gauge: tuple[int, float] | None = None  # slot of the keyframe at a fixed distance
+        # Keyframes between which the unit lies, until the prior holds the scale.
+        self._unit: tuple[int, int] | None = None
+        self._unit_variance = 0.0
         self._has_forgotten = False
         self._next_serial = 0
         self.covariance = lens.covariance
@@ -175,15 +178,19 @@ class Window:
     def _deviation(self) -> np.ndarray:
         return self._prior.deviation(self.frames, self.lens.common)
 
-    def set_gauge(self) -> None:
-        """Hold the scale by the longest baseline from the first keyframe, as it is now.
+    def set_unit(self) -> None:
+        """The way between the last two keyframes is the unit of the path."""
+        self._unit = (len(self.frames) - 2, len(self.frames) - 1)
 
-        Until the first keyframe leaves: then the prior holds it.
+    def _baseline(self) -> tuple[int, int] | None:
+        """The longest way from the first keyframe: holding it fixed keeps steps small.
+
+        None once the prior holds the scale, and as long as nothing has moved.
         """
-        if not self._has_forgotten:
-            ways = [float(np.linalg.norm(frame.p - self.frames[0].p)) for frame in self.frames]
-            slot = int(np.argmax(ways))
-            self._gauge = (slot, ways[slot]) if ways[slot] > 0.0 else None
+        if self._unit is None:
+            return None
+        ways = [float(np.linalg.norm(frame.p - self.frames[0].p)) for frame in self.frames]
+        return (0, int(np.argmax(ways))) if max(ways) > 0.0 else None
 
     # Points
 
@@ -196,7 +203,7 @@ class Window:
         world = np.einsum("nij,nj->ni", R[slot], rays)
         late = (self.row_phase(marks.pixels[at]) * self.lens.readout_s)[:, None]
         base = p[slot] + late * twist[slot, 3:]
-        world = world + late * np.cross(twist[slot, :3], world)
+        world = world + late * cross(twist[slot, :3], world)
         return world + marks.s[rows, None] * base, base
 
     def row_phase(self, pixels: np.ndarray) -> np.ndarray:
@@ -214,7 +221,7 @@ class Window:
         seen, rows = seen[new], rows[new]
         far, base = self.places(rows)  # without a distance they are rays
         late = (self.row_phase(marks.pixels[seen]) * self.lens.readout_s)[:, None]
-        rays = (far - late * np.cross(frame.twist[:3], far)) @ frame.R
+        rays = (far - late * cross(np.broadcast_to(frame.twist[:3], far.shape), far)) @ frame.R
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
         by_s = (base - frame.p - late * frame.twist[3:]) @ frame.R
         pixels, by_ray, by_lens = self.lens.pixels_of(rays)
@@ -266,10 +273,10 @@ class Window:
         offsets = self._offsets()
         linear = self._linearised(offsets)
         damping = _FIRST_DAMPING
-        normal = None
+        normal = system = None
         for _ in range(iterations):
             normal, cost = self._normal(linear, self.landmarks.has_depth), self._cost(linear)
-            system = self._whole(normal.reduced(self._depth_damping()))
+            system = self._whole(normal.reduced(self._depth_damping()), self._baseline())
             for _ in range(_TRIES):
                 step = _solution(system, damping)
                 before = self._state()
@@ -280,7 +287,7 @@ class Window:
                     break
                 self._restore(before)
                 damping *= _DAMPING_STEP
-        self._remember(linear, normal)
+        self._remember(linear, normal, system)
 
     def pose_covariance(self) -> np.ndarray:
         """Covariance (7, 7) of ``[dtheta, dp, dlog_scale]`` of the newest keyframe, in the world.
@@ -289,6 +296,7 @@ class Window:
         """
         count, newest = len(self.covariance), len(self.frames) - 1
         frame, at = self.frames[newest], 6 * newest
+        unit = self._unit_variance if self._unit is None else self._variance_of_unit()
         rows = np.zeros((7, count))
         rows[:6, at : at + 6] = np.eye(6)
         rows[3:6, at : at + 3] = -so3.skew(frame.p)
@@ -301,7 +309,17 @@ class Window:
                 variance = float(row @ self.covariance @ row)
                 if variance < least:
                     least, rows[6] = variance, row
-        return rows @ self.covariance @ rows.T
+        by_unit = np.array([0.0, 0.0, 0.0, *frame.p, 1.0])
+        return rows @ self.covariance @ rows.T + unit * np.outer(by_unit, by_unit)
+
+    def _variance_of_unit(self) -> float:
+        """Variance of the logarithm of the way that is the unit, another one held fixed."""
+        if self._unit is None:
+            return 0.0
+        way = self.frames[self._unit[1]].p - self.frames[self._unit[0]].p
+        square = float(way @ way)
+        row = by_position_change(self.frames, *self._unit, way / square, len(self.covariance))
+        return float(row @ self.covariance @ row)
 
     def relative_pose(self, slot0: int, slot1: int) -> tuple[np.ndarray, np.ndarray]:
         """Motion ``cam1_from_cam0`` (4, 4) between two keyframes, and its covariance (6, 6).
@@ -319,16 +337,16 @@ class Window:
         turned = np.kron(np.eye(2), second.R.T) @ rows
         return motion, turned @ self.covariance @ turned.T
 
-    def _remember(self, linear: _Linear, normal: _Normal | None) -> None:
+    def _remember(self, linear: _Linear, normal: _Normal | None, system: System | None) -> None:
         """Covariances and residuals as they are after a solution."""
         marks = self.landmarks
         self._linear = linear
         unseen = linear.residuals[:, :1] == UNSEEN_PX
         marks.residuals = np.where(unseen, 0.0, linear.residuals)
         marks.by_s = linear.by_s
-        if normal is None:
+        if normal is None or system is None:
             return
-        self.covariance = _inverse(self._whole(normal.reduced(0.0)).H)
+        self.covariance = _inverse(system.H)
         common = 1 + self.lens.size
         self.lens.covariance = self.covariance[-common:, -common:]
         with np.errstate(divide="ignore"):
@@ -390,21 +408,20 @@ class Window:
             array *= NOISE.temper
         return _Normal(H, g, coupling, point_h, point_g, squares, taken)
 
-    def _whole(self, system: System) -> System:
-        """With the prior and the gauge."""
-        known, gauge = self._prior.at(self._deviation()), self._gauge_terms()
-        return System(system.H + known.H + gauge.H, system.g + known.g + gauge.g)
+    def _whole(self, system: System, held: tuple[int, int] | None) -> System:
+        """With the prior, and a way between two keyframes held."""
+        known = self._prior.at(self._deviation())
+        return System(system.H + known.H + self._gauge(held), system.g + known.g)
 
-    def _gauge_terms(self) -> System:
+    def _gauge(self, held: tuple[int, int] | None) -> np.ndarray:
+        """Information (D, D) that holds the way between two keyframes: the scale is free else."""
         count = 6 * len(self.frames) + self.lens.size + 1
-        if self._gauge is None:
-            return System(np.zeros((count, count)), np.zeros(count))
-        slot, length = self._gauge
-        way = self.frames[slot].p - self.frames[0].p
-        found = float(np.linalg.norm(way))
-        row = by_position_change(self.frames, 0, slot, way / found, count)
-        weight = 1.0 / (_GAUGE_SIGMA * length) ** 2
-        return System(weight * np.outer(row, row), weight * (found - length) * row)
+        if held is None:
+            return np.zeros((count, count))
+        way = self.frames[held[1]].p - self.frames[held[0]].p
+        length = float(np.linalg.norm(way))
+        row = by_position_change(self.frames, *held, way / length, count)
+        return np.outer(row, row) / (_GAUGE_SIGMA * length) ** 2
 
     def _cost(self, linear: _Linear) -> float:
         marks = self.landmarks
@@ -412,10 +429,6 @@ class Window:
             marks.point, marks.last, marks.travelled, marks.anchor, marks.has_depth, self._noise(),
             linear.residuals, np.empty(len(marks.ids), np.int64),
         )  # fmt: skip
-        if self._gauge is not None:
-            slot, length = self._gauge
-            found = float(np.linalg.norm(self.frames[slot].p - self.frames[0].p))
-            cost += 0.5 * ((found - length) / (_GAUGE_SIGMA * length)) ** 2
         return cost + self._prior.cost(self._deviation())
 
     def _depth_damping(self) -> float:
@@ -471,17 +484,19 @@ class Window:
         those that are get their rays from the next keyframe that sees them.
         """
         marks, frame = self.landmarks, self.frames[slot]
+        if self._unit is not None:
+            self._unit_variance = self._variance_of_unit()
         linear = self._linear or self._linearised(self._offsets())
         is_anchored = marks.serial[marks.anchor] == frame.serial
         ended = is_anchored & ~np.isin(marks.ids, alive)
         used = ended & marks.has_depth
-        system = self._whole(self._normal(linear, used).reduced(0.0))
+        system = self._whole(self._normal(linear, used).reduced(0.0), self._baseline())
         gone = ended.copy()
         gone[self._change_anchors(np.flatnonzero(is_anchored & ~ended), frame.serial)] = True
         marks.keep(~gone, marks.serial != frame.serial)
         del self.frames[slot]
         self._prior.replace(system, slot, self.frames, self.lens.common)
-        self._has_forgotten, self._gauge, self._linear = True, None, None
+        self._has_forgotten, self._unit, self._linear = True, None, None
         return frame
 
     def forget_lonely(self, alive: np.ndarray) -> None:
