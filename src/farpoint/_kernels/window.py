@@ -213,7 +213,7 @@ def pixel_residuals(
 def gather_information(
     frame, point, last, travelled, anchor, used, noise,
     residuals, by_pose, by_common, by_s,
-    before, H, g, coupling, point_h, point_g,
+    patch, before, H, g, coupling, point_h, point_g, patch_sums, point_sums,
 ):  # fmt: skip
     """Information (D, D) and gradient (D,) of poses and common unknowns, and of the points.
 
@@ -226,22 +226,26 @@ def gather_information(
         Covariances (uu, uv, vv), px^2: of the last match, and summed since the track began.
     noise : (4,)
         Share of the last covariance, share of those travelled, floor (px^2), variance factor.
+    patch : (N,) of int
+        Which part of which image the observation lies in.
     before : (M,) of int
         Scratch.
     H, g, coupling, point_h, point_g : (D, D), (D,), (M, D), (M,), (M,)
         Results, zero before: of poses and common unknowns, of both with the inverse distances, and
         of these.
+    patch_sums, point_sums : (P, 2), (M, 2)
+        Results, zero before: sums of residuals, each in units of its sigma times its weight.
 
     Returns
     -------
-    (float, int)
-        Sum of the weighted squares, and how many residuals are in it.
+    (float, float, int)
+        Sums of the weighted squares and of the squares of what the sums are of, and the count.
     """
     D, G = len(g), by_common.shape[2]
     J, where = np.empty((2, 18 + G)), np.empty(18 + G, np.int64)
     e, E = np.empty(2), np.empty(2)
     before[:] = -1
-    squares, count = 0.0, 0
+    squares, influence, count = 0.0, 0.0, 0
     for o in range(len(frame)):
         j = point[o]
         a = anchor[j]
@@ -293,6 +297,11 @@ def gather_information(
             J[0, i], J[1, i] = c00 * J[0, i] + c01 * J[1, i], c11 * J[1, i]
         E[0], E[1] = c00 * E[0] + c01 * E[1], c11 * E[1]
         e[0], e[1] = c00 * e[0] + c01 * e[1], c11 * e[1]
+        root = math.sqrt(weight)
+        for q in range(2):
+            patch_sums[patch[o], q] += root * e[q]
+            point_sums[j, q] += root * e[q]
+            influence += weight * e[q] * e[q]
         for i in range(n):
             a0, a1, row = J[0, i], J[1, i], where[i]
             g[row] += a0 * e[0] + a1 * e[1]
@@ -305,7 +314,7 @@ def gather_information(
     for i in range(D):
         for m in range(i):
             H[i, m] = H[m, i] = H[i, m] + H[m, i]
-    return squares, count
+    return squares, influence, count
 
 
 @_loop

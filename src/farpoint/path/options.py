@@ -63,7 +63,7 @@ class LensRefinementOptions:
     """
 
     refine: bool = True
-    focal_sigma: float = 0.02
+    focal_sigma: float = 0.03
     center_sigma_px: float = 1.0
     distortion_sigma_px: float = 1.0
     readout_ms: float | None = None

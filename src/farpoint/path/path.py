@@ -18,7 +18,7 @@ from farpoint.path.options import LensRefinementOptions, PathOptions
 from farpoint.path.point import PathPoint, Rest, SettledPose
 from farpoint.path.resection import Located, locate_frame
 from farpoint.path.selection import least_useful, some_of
-from farpoint.path.window import NOISE, Window
+from farpoint.path.window import Window
 from farpoint.pose import PoseStatus, RelativePose, TrackLabel
 from farpoint.tracks import Tracks
 
@@ -216,7 +216,7 @@ class PathBuilder:
             if self._lens is None:
                 self._lens = LensEstimate(camera, self._lens_options, pair.seconds)
             assert camera.size is not None
-            self._window = Window(self._lens, camera.size[1])
+            self._window = Window(self._lens, camera.size)
             self._new_keyframe = self._window.add(
                 pair.frame0, pair.time0, self._R, self._p, np.zeros(6)
             )
@@ -292,7 +292,7 @@ class PathBuilder:
             R, p = located.R, located.p
         else:
             p = self._p + (np.zeros(3) if guess is None else guess)
-        rest = None if located is None else self._rest(now, motion, located)
+        rest = None if located is None else self._rest(window, now, motion, located)
         self._move_to(R, p, pair.seconds)
         if is_key:
             fits = (
@@ -332,7 +332,9 @@ class PathBuilder:
         else:
             window.expect_rest(max((self._speed or 1.0) * max(seconds, 0.0), 1e-3))
 
-    def _rest(self, now: Sighting, motion: RelativePose, located: Located) -> Rest | None:
+    def _rest(
+        self, window: Window, now: Sighting, motion: RelativePose, located: Located
+    ) -> Rest | None:
         """What known points tell where they deny a way that other matches make up.
 
         Most of the matches with a parallax are then of things that move by themselves: they have no
@@ -341,7 +343,8 @@ class PathBuilder:
         if motion.status is not PoseStatus.OK:
             return None
         way = located.p - self._p
-        spread = 2.0 * NOISE.temper * located.covariance  # of this frame and the last one
+        # Of this frame and the last one, as if no errors were alike: a doubt is no rest.
+        spread = 2.0 / window.design_effect * located.covariance
         if way @ np.linalg.pinv(spread[3:, 3:], hermitian=True) @ way > _REST_CHI2:
             return None
         near = now.ids[motion.labels[self._history.order] == TrackLabel.NEAR]

@@ -8,7 +8,7 @@ import numpy as np
 
 from farpoint._kernels.window import locate
 from farpoint.path.history import Sighting
-from farpoint.path.window import NOISE, Window
+from farpoint.path.window import Window
 
 __all__ = ["Located", "locate_frame"]
 
@@ -142,7 +142,7 @@ class _Points:
             )  # fmt: skip
             if count < FEWEST_POINTS:
                 return None
-        covariance = np.linalg.pinv(NOISE.temper * H, hermitian=True)
+        covariance = np.linalg.pinv(H / window.design_effect, hermitian=True)
         return cost, Located(R=R, p=p, covariance=covariance, ids=self.ids, squares=squares)
 
     def _faced(

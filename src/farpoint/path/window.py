@@ -7,6 +7,7 @@ matches. Distances are eliminated; keyframes that leave become a prior for those
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +37,13 @@ _GAUGE_SIGMA = 1e-4  # relative, of the length that is the unit: small against a
 _POSE_SIGMA = 1e-6  # of the first pose, which is the world
 _FARTHEST_GROWTH = 10.0  # of an inverse distance in one step
 _FACTOR_RANGE = (0.1, 100.0)  # of the variance
-_FACTOR_MEMORY = 0.7  # share of it that stays from keyframe to keyframe
+_EFFECT_RANGE = (1.0, 50.0)  # of the design effect
+_FIRST_EFFECT = 4.0  # before any was seen: of handheld and driving recordings 3 to 6
+# Information that noise makes: derivatives are taken where noisy estimates are, once. Of tracks with
+# independent errors, squared errors of lens and shutter are so many times their variances.
+_LINEARISATION_EFFECT = 3.0
+_PATCHES = 4  # across the longer side of an image
+_MEMORY = 0.8  # share of either that stays from keyframe to keyframe
 _FEWEST_RESIDUALS = 50  # which tell it
 _FIRST_DAMPING, _DAMPING_STEP, _TRIES = 1e-6, 100.0, 3
 _DEPTH_DAMPING = 1e-3  # of a point's information, over that of the median distance squared
@@ -54,14 +61,11 @@ class WindowNoise(NamedTuple):
         Shares of the covariance of the last match, and of those since the last keyframe, summed.
     floor_px2 : float
         Added to both variances: repeated frames match without an error.
-    temper : float
-        What an observation counts, for its errors are those of its neighbours, too.
     """
 
     last: float = 0.5
     travelled: float = 0.5
     floor_px2: float = 0.03**2
-    temper: float = 0.1
 
 
 NOISE = WindowNoise()
@@ -77,7 +81,12 @@ class _Linear(NamedTuple):
 
 
 class _Normal(NamedTuple):
-    """Normal equations of the observations: of poses and common unknowns, and of the points."""
+    """Normal equations of the observations: of poses and common unknowns, and of the points.
+
+    ``squares`` is the sum of the weighted ones of so many ``residuals``, and ``likeness`` how many
+    times larger sums of residuals over patches of images, and over tracks, vary than independent
+    ones would.
+    """
 
     H: np.ndarray
     g: np.ndarray
@@ -86,6 +95,7 @@ class _Normal(NamedTuple):
     point_g: np.ndarray
     squares: float
     residuals: int
+    likeness: float
 
     def reduced(self, damping: float) -> System:
         """Of poses and common unknowns alone, the points eliminated."""
@@ -103,8 +113,8 @@ class Window:
     ----------
     lens : LensEstimate
         Changed as it is found.
-    height : int
-        Of the images, px: when a row is read.
+    size : (int, int)
+        Width and height of the images, px.
 
     Attributes
     ----------
@@ -116,13 +126,17 @@ class Window:
         Of all poses, 6 each as in `Prior`, and the common unknowns, as last solved.
     variance_factor : float
         Of the residuals' variances, as found.
+    design_effect : float
+        How many observations count as one, for their errors are alike: neighbours lie on the same
+        things, and a track errs the same way again and again.
     """
 
-    def __init__(self, lens: LensEstimate, height: int) -> None:
-        self.lens, self._height = lens, height
+    def __init__(self, lens: LensEstimate, size: tuple[int, int]) -> None:
+        self.lens, self._size = lens, size
         self.frames: list[Keyframe] = []
         self.landmarks = Landmarks(lens)
         self.variance_factor = 1.0
+        self.design_effect = _LINEARISATION_EFFECT * _FIRST_EFFECT
         self._prior = Prior(lens.common, lens.covariance)
         # Keyframes between which the unit lies, until the prior holds the scale.
         self._unit: tuple[int, int] | None = None
@@ -208,7 +222,7 @@ class Window:
 
     def row_phase(self, pixels: np.ndarray) -> np.ndarray:
         """When the rows of pixels (N, 2) are read: from -1/2 to 1/2 of the read-out time."""
-        return pixels[:, 1] / max(self._height - 1, 1) - 0.5
+        return pixels[:, 1] / max(self._size[1] - 1, 1) - 0.5
 
     def triangulate(self) -> None:
         """Distances of points that the newest keyframe sees a second time."""
@@ -354,8 +368,11 @@ class Window:
         free = 2 * normal.residuals - len(normal.g) - int(marks.has_depth.sum())
         if normal.residuals > _FEWEST_RESIDUALS:
             ratio = normal.squares / max(free, _FEWEST_RESIDUALS)
-            factor = self.variance_factor * (_FACTOR_MEMORY + (1.0 - _FACTOR_MEMORY) * ratio)
+            factor = self.variance_factor * (_MEMORY + (1.0 - _MEMORY) * ratio)
             self.variance_factor = float(np.clip(factor, *_FACTOR_RANGE))
+            seen = _LINEARISATION_EFFECT * normal.likeness
+            effect = _MEMORY * self.design_effect + (1.0 - _MEMORY) * seen
+            self.design_effect = float(np.clip(effect, *_EFFECT_RANGE))
 
     def _offsets(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The lens where points are expected: rays, pixels less the found ones, derivatives."""
@@ -400,13 +417,29 @@ class Window:
         count, points = 6 * len(self.frames) + self.lens.size + 1, len(marks.ids)
         H, g, coupling = np.zeros((count, count)), np.zeros(count), np.zeros((points, count))
         point_h, point_g = np.zeros(points), np.zeros(points)
-        squares, taken = gather_information(
+        patches, patch = self._patches()
+        patch_sums, point_sums = np.zeros((patches, 2)), np.zeros((points, 2))
+        squares, influence, taken = gather_information(
             self._slots(), marks.point, marks.last, marks.travelled, marks.anchor, used,
-            self._noise(), *linear, np.empty(points, np.int64), H, g, coupling, point_h, point_g,
+            self._noise(), *linear, patch, np.empty(points, np.int64), H, g, coupling, point_h,
+            point_g, patch_sums, point_sums,
         )  # fmt: skip
         for array in (H, g, coupling, point_h, point_g):
-            array *= NOISE.temper
-        return _Normal(H, g, coupling, point_h, point_g, squares, taken)
+            array /= self.design_effect
+        likeness = 1.0
+        if influence > 0.0:
+            along = max(float(np.sum(point_sums**2)) / influence, 1.0)
+            likeness = along * max(float(np.sum(patch_sums**2)) / influence, 1.0)
+        return _Normal(H, g, coupling, point_h, point_g, squares, taken, likeness)
+
+    def _patches(self) -> tuple[int, np.ndarray]:
+        """How many patches all images have, and in which the observations (N,) are."""
+        width, height = self._size
+        side = max(width, height) / _PATCHES
+        across, down = math.ceil(width / side), math.ceil(height / side)
+        column, row = (self.landmarks.pixels // side).astype(np.int64).T
+        place = row.clip(0, down - 1) * across + column.clip(0, across - 1)
+        return len(self.frames) * across * down, self._slots() * (across * down) + place
 
     def _whole(self, system: System, held: tuple[int, int] | None) -> System:
         """With the prior, and a way between two keyframes held."""
@@ -425,11 +458,11 @@ class Window:
 
     def _cost(self, linear: _Linear) -> float:
         marks = self.landmarks
-        cost = NOISE.temper * robust_cost(
+        cost = robust_cost(
             marks.point, marks.last, marks.travelled, marks.anchor, marks.has_depth, self._noise(),
             linear.residuals, np.empty(len(marks.ids), np.int64),
         )  # fmt: skip
-        return cost + self._prior.cost(self._deviation())
+        return cost / self.design_effect + self._prior.cost(self._deviation())
 
     def _depth_damping(self) -> float:
         known = self.landmarks.s[self.landmarks.has_depth]
