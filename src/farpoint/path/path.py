@@ -116,8 +116,13 @@ class PathBuilder:
         self._begin_segment()
 
     def _begin_segment(self) -> None:
-        self._window: Window | None = None
         self._history = TrackHistory()
+        # Covariance (7, 7) of where the window begins, the scale that is guessed there included.
+        self._base, self._base_p = np.zeros((7, 7)), self._p
+        self._forget_window()
+
+    def _forget_window(self) -> None:
+        self._window: Window | None = None
         self._key_sighting: Sighting | None = None
         self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
@@ -192,7 +197,7 @@ class PathBuilder:
         self._complete_keyframe(window, before)
         is_good = (motion.labels != TrackLabel.OUTLIER)[self._history.order]
         if self._has_scale:
-            return self._go_on(window, now, is_good, motion, pair)
+            return self._go_on(window, before, now, is_good, motion, pair)
         return self._start(window, now, is_good, motion, pair)
 
     def settled(self) -> list[SettledPose]:
@@ -249,7 +254,7 @@ class PathBuilder:
             self._add_keyframe(window, good, pair)
             window.set_unit()
             window.triangulate()
-            self._solve(window)
+            self._solve(window, motion)
             # The unit itself has no error.
             self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
         elif self._is_keyframe_due(now, 2.0 * self._options.keyframe_flow_px):
@@ -257,7 +262,7 @@ class PathBuilder:
             window.expect_rest(_UNKNOWN_WAY)
             while len(window) > self._options.keyframes:
                 self._settle(window.remove(0, good.ids))
-        return self._point(pair, motion, None, last_p, guessed=False)
+        return self._point(pair, motion, None, last_p)
 
     def _unit(self, seconds: float) -> float:
         """Length of a segment's first way: the unit, or what the last segment's speed suggests."""
@@ -276,6 +281,7 @@ class PathBuilder:
     def _go_on(
         self,
         window: Window,
+        before: Sighting,
         now: Sighting,
         is_good: np.ndarray,
         motion: RelativePose,
@@ -288,14 +294,14 @@ class PathBuilder:
             starts.append(self._p + self._twist[3:] * pair.seconds)
         last = self._R, self._p
         located = locate_frame(window, now, last, R, starts, pair.seconds)
-        guess = None
         if located is None or not self._carries_scale(window, located, pair.seconds):
-            guess, located = self._guessed_way(motion, pair.seconds), None
-        is_key = guess is not None or self._is_keyframe_due(now, self._options.keyframe_flow_px)
+            if motion.status is PoseStatus.OK and self._speed is not None and pair.seconds > 0.0:
+                return self._guess(window, before, now, is_good, motion, pair)
+            located = None
+        is_key = self._is_keyframe_due(now, self._options.keyframe_flow_px)
+        p = self._p
         if located is not None:
             R, p = located.R, located.p
-        else:
-            p = self._p + (np.zeros(3) if guess is None else guess)
         rest = None if located is None else self._rest(window, now, motion, located)
         self._move_to(R, p, pair.seconds)
         if is_key:
@@ -306,14 +312,14 @@ class PathBuilder:
             )
             self._add_keyframe(window, now.select(fits), pair)
             if located is None:
-                self._expect(window, guess, pair.seconds)
+                window.expect_rest(max((self._speed or 1.0) * max(pair.seconds, 0.0), 1e-3))
             window.triangulate()
-            self._solve(window)
+            self._solve(window, motion)
         elif located is not None:
             self._own = located.covariance
         else:
             self._own = self._lost(motion, pair.seconds)
-        point = self._point(pair, motion, located, last[1], guessed=guess is not None)
+        point = self._point(pair, motion, located, last[1])
         return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
 
     def _carries_scale(self, window: Window, located: Located, seconds: float) -> bool:
@@ -323,11 +329,23 @@ class PathBuilder:
         sigma = float(np.sqrt(np.trace(located.covariance[3:, 3:]) / 3.0))
         return sigma < self._options.speed_ratio_sigma * known
 
-    def _guessed_way(self, motion: RelativePose, seconds: float) -> np.ndarray | None:
-        if motion.status is not PoseStatus.OK or self._speed is None or seconds <= 0.0:
-            return None
-        heading = motion.heading_cam0
-        return None if heading is None else self._R @ heading * self._speed * seconds
+    def _guess(
+        self,
+        window: Window,
+        before: Sighting,
+        now: Sighting,
+        is_good: np.ndarray,
+        motion: RelativePose,
+        pair: Pair,
+    ) -> PathPoint:
+        """Go on from the last frame in a window of its own, whose unit the last speed suggests."""
+        self._settle_all()
+        self._base, self._base_p = self._covariance(), self._p
+        self._base[6, 6] += self._options.speed_ratio_sigma**2
+        self._forget_window()
+        fresh = self._window_of(window.lens.given, pair)
+        self._complete_keyframe(fresh, before)
+        return replace(self._start(fresh, now, is_good, motion, pair), scale_is_guessed=True)
 
     def _lost(self, motion: RelativePose, seconds: float) -> np.ndarray:
         """Covariance (6, 6) of the pose since the keyframe, where the last step is not known."""
@@ -336,15 +354,6 @@ class PathBuilder:
             own[:3, :3] += self._R @ motion.rotation_covariance @ self._R.T
         own[3:, 3:] += way**2 * np.eye(3)
         return own
-
-    def _expect(self, window: Window, guess: np.ndarray | None, seconds: float) -> None:
-        """What is taken of the way from the last keyframe to the newest, without known points."""
-        way = window.frames[-1].p - window.frames[-2].p
-        length = float(np.linalg.norm(way))
-        if guess is not None and length > 0.0:
-            window.expect_length(length, self._options.speed_ratio_sigma * length)
-        else:
-            window.expect_rest(max((self._speed or 1.0) * max(seconds, 0.0), 1e-3))
 
     def _rest(
         self, window: Window, now: Sighting, motion: RelativePose, located: Located
@@ -409,7 +418,7 @@ class PathBuilder:
             fresh = joined.select(np.argsort(joined.ids))
         self._key_sighting = fresh
 
-    def _solve(self, window: Window) -> None:
+    def _solve(self, window: Window, motion: RelativePose) -> None:
         window.solve(_ITERATIONS if window.has_forgotten else _FIRST_ITERATIONS)
         self._key_covariance = window.pose_covariance()
         while len(window) > self._options.keyframes:
@@ -419,7 +428,7 @@ class PathBuilder:
         newest = window.frames[-1]
         seconds = newest.timestamp - window.frames[-2].timestamp
         way, is_seen = window.last_way()
-        if is_seen and seconds > 0.0:
+        if is_seen and seconds > 0.0 and motion.status is PoseStatus.OK:
             self._speed = way / seconds
         self._R, self._p, self._own = newest.R, newest.p, np.zeros((6, 6))
         self._key_p = newest.p
@@ -443,8 +452,6 @@ class PathBuilder:
         motion: RelativePose,
         located: Located | None,
         last_p: np.ndarray,
-        *,
-        guessed: bool,
     ) -> PathPoint:
         before, self._step = self._step, np.zeros((6, 6)) if located is None else located.covariance
         self._wait(pair.frame1, pair.time1)
@@ -461,17 +468,22 @@ class PathBuilder:
             segment=self._segment,
             scale=scale,
             scale_sigma=sigma,
-            scale_is_guessed=guessed,
             fitting=None if located is None else located.fitting(_FIT_CHI2),
         )
 
     def _covariance(self) -> np.ndarray:
-        """Covariance (7, 7) of the pose now: the newest keyframe's, carried here, and its own."""
-        carried = np.eye(7)
-        carried[3:6, :3] = -so3.skew(self._p - self._key_p)
-        covariance = carried @ self._key_covariance @ carried.T
+        """Covariance (7, 7) of the pose: of the window's beginning, the newest keyframe, its own.
+
+        The way since the window began errs by what its unit does.
+        """
+        by_key = np.eye(7)
+        by_key[3:6, :3] = -so3.skew(self._p - self._key_p)
+        covariance = by_key @ self._key_covariance @ by_key.T
         covariance[:6, :6] += self._own
-        return covariance
+        way = self._p - self._base_p
+        by_base = np.eye(7)
+        by_base[3:6, :3], by_base[3:6, 6] = -so3.skew(way), way
+        return covariance + by_base @ self._base @ by_base.T
 
     def _wait(self, frame: int, timestamp: float) -> None:
         keyframe, R, p = None, self._R, self._p

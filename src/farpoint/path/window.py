@@ -51,7 +51,7 @@ _DEPTH_DAMPING = 1e-3  # of a point's information, over that of the median dista
 _DEPTH_SIGMA = 2.0
 _FIRM_PARALLAX = 5.0  # sigma
 _SEEN_SIGMAS = 3.0  # a way that is not longer may be none
-_PLACED_SIGMA = 0.5  # relative, of the distance of a point that others are measured by
+_PLACED_SIGMA = 0.25  # relative, of the distance of a point that others are measured by: 4 sigma
 _FAR_SIGMA = 0.1  # of the inverse distance of a far one, in units of the median
 
 
@@ -127,6 +127,8 @@ class Window:
         What they see.
     covariance : ndarray, shape (D, D)
         Of all poses, 6 each as in `Prior`, and the common unknowns, as last solved.
+    origin : ndarray, shape (3,)
+        Where the first keyframe is, which is taken as true.
     variance_factor : float
         Of the residuals' variances, as found.
     design_effect : float
@@ -146,6 +148,7 @@ class Window:
         self._unit_variance = self._scale_variance = 0.0
         self._has_forgotten = False
         self._next_serial = 0
+        self.origin = np.zeros(3)
         self.covariance = lens.covariance
         self._linear: _Linear | None = None
 
@@ -169,20 +172,11 @@ class Window:
         self._next_serial += 1
         self.frames.append(keyframe)
         self._prior.add_pose(keyframe)
-        if len(self.frames) == 1 and not self._has_forgotten:
+        if self._next_serial == 1:
             self._prior.fix_first(_POSE_SIGMA)
+            self.origin = p
         self._linear = None
         return keyframe
-
-    def expect_length(self, length: float, sigma: float) -> None:
-        """The last two keyframes are so far apart, to a 1-sigma in the unit of the path.
-
-        It is a guess, by which all later lengths are measured.
-        """
-        way = self.frames[-1].p - self.frames[-2].p
-        found = float(np.linalg.norm(way))
-        self._scale_variance += (sigma / length) ** 2
-        self._measure(way / found, found - length, sigma)
 
     def expect_rest(self, sigma: float) -> None:
         """The last two keyframes are at one place, to a 1-sigma in the unit of the path."""
@@ -336,7 +330,7 @@ class Window:
             self._scale_variance = least
         else:
             rows[6] = 0.0
-        by_unit = np.array([0.0, 0.0, 0.0, *frame.p, 1.0])
+        by_unit = np.array([0.0, 0.0, 0.0, *(frame.p - self.origin), 1.0])
         covariance = rows @ self.covariance @ rows.T + unit * np.outer(by_unit, by_unit)
         if not is_measured:
             covariance[6, 6] += self._scale_variance
