@@ -7,9 +7,9 @@ import numpy as np
 from boards import CAMERA, STEP, TURN
 from farpoint import PoseStatus, Tracks, estimate_relative_pose
 from farpoint.geometry import so3, sphere
-from farpoint.pose import failed_pose
 from farpoint.path.chain import chain
 from farpoint.path.prediction import inverse_depths, point_predictor
+from farpoint.pose import failed_pose
 
 
 def exact_matches(count: int = 40) -> tuple[Tracks, np.ndarray]:

@@ -37,6 +37,7 @@ FILES = {
     "overlay.mp4",
     "report.html",
     "run.json",
+    "camera.yaml",
 }
 
 

@@ -7,11 +7,21 @@ from pathlib import Path
 from typing import Any
 
 import av
+import numpy as np
 
+from farpoint.odometry import OdometryResult
+from farpoint.sinks import OutputFolder
 from farpoint.sinks.halves import read_halves
 from farpoint.sinks.motions import read_motions
 from farpoint.sinks.positions import read_positions
 from farpoint.trajectory.files import iter_tum
+
+
+def put(folder: OutputFolder, result: OdometryResult, image: np.ndarray | None) -> None:
+    """Write a result, and its pose as one that is settled."""
+    folder.write(result, image)
+    folder.settle([result])
+
 
 LINES = ("motions.csv", "trajectory.tum", "trajectory.kitti", "positions.csv", "halves.csv")
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from folder_kit import check_whole, pictures_in, record_in
+from folder_kit import check_whole, pictures_in, put, record_in
 
 from farpoint.camera import Camera
 from farpoint.errors import InputError
@@ -164,7 +164,7 @@ def test_a_run_says_what_failed(
     def fill() -> None:
         with OutputFolder(tmp_path, run, OutputOptions(halves_every=0)) as folder:
             for k in range(1000):
-                folder.write(results[k % 12], IMAGE)
+                put(folder, results[k % 12], IMAGE)
 
     with files_up_to(size), pytest.raises(InputError, match="cannot be written: File too") as told:
         fill()
@@ -179,7 +179,7 @@ def test_a_report_without_room_fails_the_run(
 ):
     folder = OutputFolder(tmp_path, run, OutputOptions(overlay=False))
     for result in results:
-        folder.write(result, IMAGE)
+        put(folder, result, IMAGE)
     with files_up_to(20_000), pytest.raises(InputError, match=r"report\.html: cannot be written"):
         folder.close()
     check_whole(tmp_path)
@@ -250,7 +250,7 @@ def test_a_disk_that_is_full(
         with OutputFolder(out, run, OutputOptions(halves_every=1)) as folder:
             for k in range(200):
                 result = replace(results[k % 12], timestamp=float(k))
-                folder.write(result, IMAGE)
+                put(folder, result, IMAGE)
                 folder.write_halves(result, HALF)
 
     with pytest.raises(InputError, match="cannot be written: No space left") as told:

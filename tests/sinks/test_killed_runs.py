@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from folder_kit import check_readable, check_whole, pictures_in, record_in
+from folder_kit import check_readable, check_whole, pictures_in, put, record_in
 
 from farpoint.camera import Camera
 from farpoint.errors import InputError
@@ -47,7 +47,7 @@ while True:
         print(film.pid, flush=True)
         with OutputFolder(sys.argv[2], run, film_process=film) as folder:
             for result in results:
-                folder.write(result, image)
+                put(folder, result, image)
 """
 
 HOLDER = """
@@ -101,7 +101,7 @@ def test_a_run_killed_at_any_moment_leaves_files_that_can_be_read(
     assert "running" in seen  # a folder tells that its run did not end
     with OutputFolder(out, RUN) as folder:  # what is left is in nobody's way
         for result in results_of(make_result, 3):
-            folder.write(result, IMAGE)
+            put(folder, result, IMAGE)
     check_whole(out)
     assert record_in(out / "run.json")["state"] == "done"
 
@@ -110,7 +110,7 @@ def test_a_second_run_into_a_folder_is_refused_and_harms_nothing(
     tmp_path: Path, make_result: MakeResult
 ):
     with OutputFolder(tmp_path, RUN, TEXT) as folder:
-        folder.write(make_result(0), IMAGE)
+        put(folder, make_result(0), IMAGE)
         before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
         with pytest.raises(InputError) as told:
             OutputFolder(tmp_path / ".." / tmp_path.name, RUN, TEXT)
@@ -205,7 +205,7 @@ def test_what_stops_all_processes_does_not_stop_the_drawing(
         folder = OutputFolder(tmp_path, RUN, OutputOptions(report=False), film_process=film)
         wait_until_loaded(film)
         for result in results_of(make_result, 12):
-            folder.write(result, IMAGE)
+            put(folder, result, IMAGE)
         film.send_signal(getattr(signal, name))
         time.sleep(0.1)
         with pytest.raises(KeyboardInterrupt), folder:

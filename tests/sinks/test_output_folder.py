@@ -9,6 +9,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from folder_kit import put
 
 from farpoint.camera import Camera
 from farpoint.errors import InputError
@@ -46,7 +47,7 @@ def write_frames(
     folder: OutputFolder, make_result: MakeResult, count: int, then: BaseException | None = None
 ) -> None:
     for k in range(count):
-        folder.write(make_result(k), IMAGE if k % 5 else None)
+        put(folder, make_result(k), IMAGE if k % 5 else None)
     if then is not None:
         raise then
 
@@ -146,7 +147,7 @@ def test_the_other_outputs_survive_the_process_that_draws(
         def write_on() -> None:
             with folder:
                 for k in range(drawn, drawn + 100):
-                    folder.write(make_result(k), IMAGE)
+                    put(folder, make_result(k), IMAGE)
 
         with pytest.raises(ChildProcessError, match=r"overlay\.mp4: the process that draws it"):
             write_on()
@@ -155,7 +156,8 @@ def test_the_other_outputs_survive_the_process_that_draws(
     assert rows >= drawn - 1
     with av.open(str(tmp_path / "overlay.mp4")) as film:
         assert 0 < sum(1 for _ in film.decode(video=0)) <= drawn
-    assert len(read_tum(tmp_path / "trajectory.tum")) == rows + 1
+    # The result that met the dead process is written, its pose is not: it may still change.
+    assert len(read_tum(tmp_path / "trajectory.tum")) in (rows, rows + 1)
     record = json.loads((tmp_path / "run.json").read_text())
     assert record["state"] == "failed"
     assert "overlay.mp4" in record["error"]
@@ -195,9 +197,9 @@ def test_faults_in_the_stream_go_through_every_output(
     tmp_path: Path, run: RunDescription, make_result: MakeResult
 ) -> None:
     with OutputFolder(tmp_path, run) as folder:
-        folder.write(make_result(0), IMAGE)
+        put(folder, make_result(0), IMAGE)
         for k, status in enumerate([*PoseStatus, PoseStatus.OK], start=1):
-            folder.write(make_result(k, status), None if status is PoseStatus.FAILED else IMAGE)
+            put(folder, make_result(k, status), None if status is PoseStatus.FAILED else IMAGE)
     check_files(tmp_path, 6, "done")
 
 

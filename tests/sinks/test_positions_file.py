@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
+from folder_kit import put
 
 from farpoint.errors import InputError, MissingExtraError
 from farpoint.odometry import OdometryResult
@@ -94,7 +95,7 @@ def test_parquet_holds_the_same_numbers(
     monkeypatch.setattr("farpoint.sinks.positions._ROWS_AT_ONCE", 2)
     with OutputFolder(tmp_path, run, QUICK) as folder:
         for result in results:
-            folder.write(result, None)
+            put(folder, result, None)
     table = pyarrow.parquet.read_table(tmp_path / "positions.parquet")
     assert table.column_names == list(COLUMNS)
     kinds = {name: str(kind) for name, kind in zip(COLUMNS, table.schema.types, strict=True)}

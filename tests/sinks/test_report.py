@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import cv2
 import numpy as np
 import pytest
+from folder_kit import put
 
 from farpoint.camera import Camera
 from farpoint.errors import InputError
@@ -87,7 +88,7 @@ def page(
     with OutputFolder(path, run) as folder:
         for k in range(60):
             status = PoseStatus.FAILED if k == 30 else PoseStatus.OK
-            folder.write(make_result(k, status, reason="a hard cut <here>"), IMAGE)
+            put(folder, make_result(k, status, reason="a hard cut <here>"), IMAGE)
     return (path / "report.html").read_text()
 
 
@@ -129,7 +130,7 @@ def test_a_worst_moment_shows_the_frame_of_its_time(
     with OutputFolder(tmp_path, run) as folder:
         for k in range(40):
             # Each frame has a brightness of its own, by which its picture is known.
-            folder.write(make_result(k), np.full((480, 640), 3 * k, np.uint8))
+            put(folder, make_result(k), np.full((480, 640), 3 * k, np.uint8))
     for k in (1, 17, 38):
         (still,) = stills_at(tmp_path / "overlay.mp4", [0.1 * k])
         assert still.time_s == pytest.approx(0.1 * k, abs=1e-4)
@@ -146,7 +147,8 @@ def test_the_worst_moments_are_the_failures_and_the_extremes(
             status = PoseStatus.FAILED if k in stretch | {30} else PoseStatus.OK
             result = make_result(k, status, sigma_deg=5.0 if k == 44 else 0.5, reason=f"cut {k}")
             late = 0.7 if k > 50 else 0.0
-            folder.write(
+            put(
+                folder,
                 replace(
                     result,
                     timestamp0=result.timestamp0 + (0.7 if k > 51 else 0.0),
@@ -168,7 +170,7 @@ def test_the_true_path_is_carried_into_the_axes_of_the_run(
 ) -> None:
     with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
         for k in range(30):
-            folder.write(make_result(k), None)
+            put(folder, make_result(k), None)
     estimate = read_tum(tmp_path / "trajectory.tum")
     assert estimate.timestamps is not None
     moved = np.eye(4)
@@ -259,7 +261,7 @@ def test_an_interrupted_folder_gives_a_page(
 def write_long_run(folder: Path, run: RunDescription, result: OdometryResult, rows: int) -> None:
     """The rows that OutputFolder would write, many times over; one pair in the middle is off."""
     with OutputFolder(folder, run, OutputOptions(overlay=False, report=False)) as outputs:
-        outputs.write(result, None)
+        put(outputs, result, None)
     header, row = (folder / "motions.csv").read_text().splitlines()
     heading, place = (folder / "positions.csv").read_text().splitlines()
     place = place.split(",", 2)[2]
@@ -310,7 +312,7 @@ def test_the_worst_status_of_a_bin_is_the_one_shown(
     with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
         for k in range(1, 2 * MAX_BINS + 1):
             status = PoseStatus.FAILED if k == 500 else PoseStatus.OK
-            folder.write(replace(make_result(1, status), frame1=k, timestamp=100 + k / 10), None)
+            put(folder, replace(make_result(1, status), frame1=k, timestamp=100 + k / 10), None)
     digest = digest_motions(tmp_path / "motions.csv")
     assert digest.stride == 3
     assert [index for index, s in enumerate(digest.worst) if s is not PoseStatus.OK] == [499 // 3]
@@ -380,7 +382,8 @@ def test_lengths_are_not_added_across_a_break(
             place = np.eye(4)
             place[2, 3] = 100.0 * (k > 2) + k
             covariance = np.diag([0.0] * 5 + [0.04 * k, 0.0])
-            folder.write(
+            put(
+                folder,
                 replace(
                     make_result(k),
                     world_from_cam=place,
@@ -438,7 +441,8 @@ def test_lengths_have_the_unit_of_the_files(
             place = np.eye(4)
             place[2, 3] = k
             covariance = np.diag([0.0] * 5 + [0.04 * k, 0.0])
-            folder.write(
+            put(
+                folder,
                 replace(
                     make_result(k),
                     world_from_cam=place,
@@ -491,7 +495,7 @@ def test_a_missing_file_is_named(
     tmp_path: Path, run: RunDescription, make_result: MakeResult, name: str
 ) -> None:
     with OutputFolder(tmp_path, run, OutputOptions(overlay=False)) as folder:
-        folder.write(make_result(1), IMAGE)
+        put(folder, make_result(1), IMAGE)
     (tmp_path / "positions.csv").unlink()  # which tells more than trajectory.tum
     (tmp_path / name).unlink()
     with pytest.raises(InputError, match=rf"{re.escape(name)}: cannot be read"):

@@ -247,9 +247,9 @@ class LiveSession:
 
     def _settle(self, poses: list[SettledPose]) -> None:
         """Write poses, counted as `_numbered` does; those of earlier frames are told no more."""
-        self._folder.settle(replace(pose, frame=self._indices[pose.frame]) for pose in poses)
+        self._folder.settle(replace(pose, frame1=self._indices[pose.frame1]) for pose in poses)
         if poses:
-            done = min(poses[-1].frame, self._compared_with)
+            done = min(poses[-1].frame1, self._compared_with)
             self._indices = {k: v for k, v in self._indices.items() if k >= done}
 
     def _record(self, state: LiveState) -> None:

@@ -38,6 +38,7 @@ from farpoint.tracks import Tracker, Tracks, grey_size
 __all__ = ["Odometry"]
 
 _ENOUGH_TRACKS = 200  # for a first estimate of a motion
+_SHOWN_SIGMAS = 3.0  # a lens that is farther off is wrong
 _FRAMES = 1_000_000  # whose tracks are dealt each in its own way, for a seed
 
 
@@ -52,10 +53,10 @@ class _Reference:
 
 
 class _LensInUse:
-    """The camera that motions are estimated with: as found, once that is sure enough.
+    """The camera that motions are estimated with: as given, unless the path has shown it wrong.
 
-    It changes where the lens found has moved from it by more than its own 1-sigma: each change
-    costs tables of the lens, and below that it would follow noise.
+    It changes where the lens found is more than three of its own sigmas from it: below that it
+    would follow noise, and each change costs tables of the lens.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -67,7 +68,7 @@ class _LensInUse:
         if lens is None or not lens.size:
             return
         moved = lens.z if self._z is None else lens.z - self._z
-        if lens.moved_px(moved) > lens.sigma_px():
+        if lens.moved_px(moved) > _SHOWN_SIGMAS * lens.sigma_px():
             self._z, self.camera = lens.z, lens.found()
 
 

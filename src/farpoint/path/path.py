@@ -31,7 +31,7 @@ _ITERATIONS = 1  # afterwards: each keyframe moves the others little
 _UNKNOWN_WAY = 2.0  # 1-sigma of a keyframe's way before the first length, in units of that
 _FIT_CHI2 = 13.8  # squared residual that 0.999 of right matches stay below (2 degrees of freedom)
 _REST_CHI2 = 11.3  # the same for 0.99 of displacements of a camera at rest (3 of them)
-_LONGEST_WAIT = 600  # frames whose poses are kept for their keyframes to settle
+_LONGEST_WAIT = 150  # frames whose poses are kept for their keyframes to settle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,11 +75,11 @@ class _Waiting:
         if self.keyframe is not None:
             R, p = self.keyframe.R @ R, self.keyframe.R @ p + self.keyframe.p
         return SettledPose(
-            frame=self.frame,
+            frame1=self.frame,
             timestamp=self.timestamp,
             segment=self.segment,
             world_from_cam=_matrix(R, p),
-            covariance=self.covariance,
+            world_covariance=self.covariance,
         )
 
 

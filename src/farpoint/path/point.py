@@ -67,20 +67,20 @@ class SettledPose:
 
     Attributes
     ----------
-    frame : int
-        Index of the frame.
+    frame1 : int
+        Index of the frame, named as in a result.
     timestamp : float
         Seconds.
     segment : int
         Of the path.
     world_from_cam : ndarray, shape (4, 4)
         Camera axes to world; the first frame is the world.
-    covariance : ndarray, shape (7, 7)
+    world_covariance : ndarray, shape (7, 7)
         Of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the segment.
     """
 
-    frame: int
+    frame1: int
     timestamp: float
     segment: int
     world_from_cam: np.ndarray
-    covariance: np.ndarray
+    world_covariance: np.ndarray

@@ -18,7 +18,7 @@ import numpy as np
 from farpoint.camera import write_camera
 from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
-from farpoint.odometry import LensReport, Odometry, OdometryResult, SettledPose
+from farpoint.odometry import LensReport, Odometry, OdometryResult
 from farpoint.options import settle_int
 from farpoint.sinks.files import new_of, part_of, replacing, unwritable
 from farpoint.sinks.halves import HalvesFile
@@ -29,7 +29,7 @@ from farpoint.sinks.overlay import PALETTES, PaletteName, open_film, require_lib
 from farpoint.sinks.positions import PositionsFile, load_pyarrow, write_positions_parquet
 from farpoint.sinks.report import REPORT_NAME, write_report
 from farpoint.sinks.run_record import RunDescription, RunRecord, RunState
-from farpoint.sinks.sink import PathFile, Sink
+from farpoint.sinks.sink import PathFile, Posed, Sink
 from farpoint.sinks.trajectory import KittiFile, TrajectoryFile
 
 __all__ = ["OutputFolder", "OutputOptions"]
@@ -192,7 +192,7 @@ class OutputFolder:
             self._record.add_time(name, time.perf_counter() - start)
         self._record.write(result, image)
 
-    def settle(self, poses: Iterable[SettledPose]) -> None:
+    def settle(self, poses: Iterable[Posed]) -> None:
         """Add poses of the path that change no more: `Odometry.settled`, at the end `remaining`."""
         for pose in poses:
             for name, file in self._path_files.items():

@@ -13,9 +13,8 @@ import numpy as np
 
 from farpoint.errors import InputError, optional_import
 from farpoint.geometry import so3
-from farpoint.odometry import SettledPose
 from farpoint.sinks.files import replacing
-from farpoint.sinks.sink import PathFile
+from farpoint.sinks.sink import PathFile, Posed
 
 __all__ = [
     "COLUMNS",
@@ -57,15 +56,16 @@ class PositionsFile(PathFile):
     def __init__(self, path: Path) -> None:
         super().__init__(path, header=",".join(COLUMNS) + "\n")
 
-    def lines(self, pose: SettledPose) -> str:
+    def lines(self, pose: Posed) -> str:
         """The row of this frame."""
+        covariance = pose.world_covariance
         return position_line(
             PositionRow(
                 timestamp=pose.timestamp,
-                frame=pose.frame,
+                frame=pose.frame1,
                 segment=pose.segment,
                 world_from_cam=pose.world_from_cam,
-                covariance=pose.covariance,
+                covariance=np.full((7, 7), np.nan) if covariance is None else covariance,
             )
         )
 

@@ -8,10 +8,10 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from farpoint.odometry import OdometryResult, SettledPose
+from farpoint.odometry import OdometryResult
 from farpoint.sinks.files import AppendFile
 
-__all__ = ["PathFile", "Sink", "TextFile", "TextSink"]
+__all__ = ["PathFile", "Posed", "Sink", "TextFile", "TextSink"]
 
 
 class Sink(Protocol):
@@ -59,14 +59,44 @@ class TextFile:
         self._file.append(text.encode())
 
 
-class PathFile(TextFile):
-    """A file with lines for each pose of the path, once it is settled."""
+class Posed(Protocol):
+    """A pose of the path: settled, or as it was known with a result."""
 
-    def write(self, pose: SettledPose) -> None:
-        """Append the lines of one pose."""
+    @property
+    def frame1(self) -> int:
+        """Index of the frame."""
+        ...
+
+    @property
+    def timestamp(self) -> float:
+        """Seconds."""
+        ...
+
+    @property
+    def segment(self) -> int:
+        """Of the path."""
+        ...
+
+    @property
+    def world_from_cam(self) -> np.ndarray:
+        """Pose (4, 4)."""
+        ...
+
+    @property
+    def world_covariance(self) -> np.ndarray | None:
+        """Its covariance (7, 7)."""
+        ...
+
+
+class PathFile(TextFile):
+    """A file with lines for each pose of the path."""
+
+    def write(self, pose: Posed, image: np.ndarray | None = None) -> None:
+        """Append the lines of one pose; the image is not looked at."""
+        del image
         self._put(self.lines(pose))
 
-    def lines(self, pose: SettledPose) -> str:
+    def lines(self, pose: Posed) -> str:
         """What is written of a pose, with line ends."""
         raise NotImplementedError
 

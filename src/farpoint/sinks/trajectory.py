@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from farpoint.odometry import SettledPose
-from farpoint.sinks.sink import PathFile
+from farpoint.sinks.sink import PathFile, Posed
 from farpoint.trajectory.files import kitti_line, tum_line
 
 __all__ = ["KittiFile", "TrajectoryFile"]
@@ -12,7 +11,7 @@ __all__ = ["KittiFile", "TrajectoryFile"]
 class TrajectoryFile(PathFile):
     """Writes ``timestamp tx ty tz qx qy qz qw`` of ``world_from_cam``."""
 
-    def lines(self, pose: SettledPose) -> str:
+    def lines(self, pose: Posed) -> str:
         """The line of this frame."""
         return tum_line(pose.timestamp, pose.world_from_cam)
 
@@ -20,6 +19,6 @@ class TrajectoryFile(PathFile):
 class KittiFile(PathFile):
     """Writes the upper 3x4 of ``world_from_cam``, row by row, without time stamps."""
 
-    def lines(self, pose: SettledPose) -> str:
+    def lines(self, pose: Posed) -> str:
         """The line of this frame."""
         return kitti_line(pose.world_from_cam)
