@@ -44,7 +44,7 @@ class Run:
     Attributes
     ----------
     source : str
-        Video file, image folder or pattern, KITTI / EuRoC / TUM folder, camera index, stream URL.
+        Video file, image folder or pattern, KITTI / EuRoC / TUM folder, bag, camera index, URL.
     lens : LensOptions
         Which camera it is.
     out : Path or None
@@ -55,6 +55,8 @@ class Run:
         Larger images are refused before they are decoded.
     follow_playlists : bool
         Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
+    topic : str or None
+        Of the images in a bag that has several such topics.
     mask : Path or None
         8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
     odometry : OdometryOptions
@@ -73,6 +75,7 @@ class Run:
     fps: float | None = None
     max_megapixels: float = MAX_MEGAPIXELS
     follow_playlists: bool = False
+    topic: str | None = None
     mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
         default_factory=OdometryOptions
@@ -90,6 +93,7 @@ class Run:
             fps=self.fps,
             max_megapixels=self.max_megapixels,
             follow_playlists=self.follow_playlists,
+            topic=self.topic,
         )
         camera = known or self.lens.told_by(frames, self.source)
         out = self.out or Path("farpoint-out") / frames.name

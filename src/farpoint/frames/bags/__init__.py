@@ -1,0 +1,6 @@
+"""Recordings of ROS 1, ROS 2 and MCAP as sources of images, read as streams."""
+
+from farpoint.frames.bags.kinds import is_bag, open_bag
+from farpoint.frames.bags.source import BagImages, open_bag_images
+
+__all__ = ["BagImages", "is_bag", "open_bag", "open_bag_images"]
