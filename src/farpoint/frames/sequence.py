@@ -19,6 +19,7 @@ from farpoint.frames.stamps import Stamps
 
 __all__ = ["ImageSequence"]
 
+
 @dataclass(frozen=True, kw_only=True)
 class ImageSequence:
     """Image files in order; decodes one at a time, and can be iterated again.

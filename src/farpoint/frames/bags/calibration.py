@@ -87,7 +87,9 @@ def _camera(bag: Bag, topic: Topic, message: Any, rectified: bool) -> Camera:
 
 def _field(message: Any, name: str) -> Any:
     """Upper case in ROS 1, lower case since."""
-    return getattr(message, name, None) if hasattr(message, name) else getattr(message, name.upper())
+    return (
+        getattr(message, name, None) if hasattr(message, name) else getattr(message, name.upper())
+    )
 
 
 def _frame_of(message: Any) -> str:

@@ -44,8 +44,6 @@ def stamp_ns(message: Any) -> int:
 def _function(topic: Topic) -> Decoder:
     if topic.encoding in ("protobuf", "json"):
         kind = kind_of(topic)
-        if kind not in FOXGLOVE_FIELDS:
-            raise BrokenBagError(f"the type {topic.type_name} is not known")
         read = from_protobuf if topic.encoding == "protobuf" else from_json
         return lambda data: read(data, kind)
     store, name = _typestore(topic), topic.type_name
@@ -68,6 +66,4 @@ def _typestore(topic: Topic) -> Any:
             pass
         else:
             return store
-    return typesys.get_typestore(
-        stores.ROS1_NOETIC if topic.encoding == "ros1" else stores.LATEST
-    )
+    return typesys.get_typestore(stores.ROS1_NOETIC if topic.encoding == "ros1" else stores.LATEST)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
+import weakref
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import cached_property
@@ -54,7 +56,13 @@ class BagFolder:
         facts = _facts(path / METADATA)
         self._messages_are_packed = str(facts.get("compression_mode", "")).upper() == "MESSAGE"
         self._names = _file_names(facts) or [file.name for file in bag_files(path)]
-        self._unpacked = tempfile.TemporaryDirectory(prefix="farpoint-bag-")
+
+    @cached_property
+    def _unpacked(self) -> Path:
+        """Where packed parts are unpacked: gone with this object."""
+        folder = tempfile.mkdtemp(prefix="farpoint-bag-")
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        return Path(folder)
 
     @cached_property
     def _parts(self) -> list[tuple[str, Bag | None, str | None]]:
@@ -105,7 +113,7 @@ class BagFolder:
         fault = None
         try:
             if path.suffix in _PACKED:
-                unpacked = Path(self._unpacked.name) / path.stem
+                unpacked = self._unpacked / path.stem
                 fault = unpack_file(path, unpacked)
                 path = unpacked
             part = self._open(path)

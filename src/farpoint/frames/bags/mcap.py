@@ -115,9 +115,7 @@ class McapFile:
     def _loss(self, problem: str) -> Message:
         return Message(topic=None, time_s=None, fault=f"{self.path.name} {problem}")
 
-    def _message(
-        self, data: bytes, wanted: Callable[[int], Topic | None]
-    ) -> Iterator[Message]:
+    def _message(self, data: bytes, wanted: Callable[[int], Topic | None]) -> Iterator[Message]:
         """A message outside of a chunk."""
         try:
             record = _parsed(data)

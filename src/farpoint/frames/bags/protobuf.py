@@ -41,14 +41,18 @@ def from_protobuf(data: bytes, kind: str) -> SimpleNamespace:
         name = FOXGLOVE_FIELDS[kind].get(number)
         if name is None:
             continue
-        if name == "timestamp":
-            parts = dict(_wire(memoryview(bytes(value))))
-            value = _stamp(parts.get(1, 0), parts.get(2, 0))
-        elif name in _TEXTS:
-            value = bytes(value).decode()
-        elif name in _MATRICES:
-            packed = bytes(value) if isinstance(value, memoryview) else struct.pack("<Q", value)
+        if name in _MATRICES:
+            packed = struct.pack("<Q", value) if isinstance(value, int) else bytes(value)
             value = [*fields[name], *struct.unpack(f"<{len(packed) // 8}d", packed)]
+        elif name in ("width", "height", "step"):
+            value = int(value)  # TypeError of bytes
+        elif isinstance(value, int):
+            raise ValueError(f"{name} is a number")
+        elif name == "timestamp":
+            parts = dict(_wire(value))
+            value = _stamp(int(parts.get(1, 0)), int(parts.get(2, 0)))
+        else:
+            value = bytes(value).decode() if name in _TEXTS else bytes(value)
         fields[name] = value
     return SimpleNamespace(**fields)
 

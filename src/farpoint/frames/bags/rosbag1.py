@@ -120,9 +120,8 @@ class Ros1Bag:
         file.seek(record.data_at)
         data = file.read(record.data_size)
         kind = record.header.get(b"compression", b"").decode("latin-1")
-        size = _u32(record.header, b"size")
         return chunk_messages(
-            lambda: decompress(data, kind, size),
+            lambda: decompress(data, kind, _u32(record.header, b"size")),
             self._records,
             _message_at,
             partial(self._index, file, record.data_at + record.data_size),
@@ -157,7 +156,9 @@ class Ros1Bag:
                 break
             file.seek(record.data_at)
             data = file.read(min(record.data_size, 12 * count))
-            for second, nanosecond, offset in struct.iter_unpack("<3I", data[: len(data) // 12 * 12]):
+            for second, nanosecond, offset in struct.iter_unpack(
+                "<3I", data[: len(data) // 12 * 12]
+            ):
                 entries.append(IndexEntry(channel, second * 10**9 + nanosecond, offset))
             at = record.data_at + record.data_size
         return entries

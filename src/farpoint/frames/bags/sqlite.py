@@ -45,7 +45,8 @@ class SqliteBag:
                 raise InputError(
                     f"cannot be read as a bag of ROS 2 ({error})", file=self.path
                 ) from error
-            for number, name, kind, encoding in rows:
+            for number, *words in rows:
+                name, kind, encoding = map(str, words)
                 definition, is_idl = definitions.get(kind, ("", False))
                 self._topics[number] = Topic(
                     name=name,
@@ -96,9 +97,7 @@ class SqliteBag:
             ).fetchone()
             if known is None or known[0] not in wanted:
                 return
-            (data,) = database.execute(
-                "SELECT data FROM messages WHERE id = ?", (row,)
-            ).fetchone()
+            (data,) = database.execute("SELECT data FROM messages WHERE id = ?", (row,)).fetchone()
             yield self._message(*known, data)
         except sqlite3.Error as error:
             topic, time_s = None, None
@@ -148,7 +147,11 @@ class SqliteBag:
         log = self.path.with_name(self.path.name + "-wal")
         rest = "" if log.exists() else "&immutable=1"
         address = f"file:{quote(str(self.path.absolute()))}?mode=ro{rest}"
-        return sqlite3.connect(address, uri=True, check_same_thread=False)
+        database = sqlite3.connect(address, uri=True, check_same_thread=False)
+        database.text_factory = lambda data: data.decode(errors="replace")
+        # Reads what is left of a file that is shorter than its head says; nothing is written.
+        database.execute("PRAGMA writable_schema = ON")
+        return database
 
 
 def _seconds(time_ns: object) -> float | None:

@@ -41,9 +41,7 @@ def image_topic(bag: Bag, name: str | None) -> Topic:
     return images[0]
 
 
-def topic_of_kind(
-    bag: Bag, name: str, kinds: Collection[str], what: str, *, field: str
-) -> Topic:
+def topic_of_kind(bag: Bag, name: str, kinds: Collection[str], what: str, *, field: str) -> Topic:
     """The topic of this name, with a type of one of these kinds.
 
     Raises
