@@ -38,7 +38,9 @@ from farpoint.camera.files.load import load_camera
 from farpoint.errors import InputError, MissingExtraError
 from farpoint.frames import open_frames
 from farpoint.frames.bags import BagImages, compression
+from farpoint.frames.bags.decoding import decoder_of
 from farpoint.frames.bags.images import samples_of
+from farpoint.frames.bags.records import Topic
 
 TENTH_NS = 10**8
 K = [100.0, 0.0, 79.0, 0.0, 101.0, 59.0, 0.0, 0.0, 1.0]
@@ -138,8 +140,10 @@ def test_deep_images_keep_their_upper_bits(tmp_path: Path, encoding: str, big: b
     np.testing.assert_array_equal(next(iter(open_bag(path))).image, DEEP >> 8)
 
 
-@pytest.mark.parametrize(("pattern", "row", "column"), [("rggb", 0, 0), ("bggr", 1, 1),
-                                                        ("gbrg", 1, 0), ("grbg", 0, 1)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("pattern", "row", "column"),
+    [("rggb", 0, 0), ("bggr", 1, 1), ("gbrg", 1, 0), ("grbg", 0, 1)],
+)
 @pytest.mark.parametrize("deep", [False, True])
 def test_bayer_patterns_find_the_red_pixel(pattern: str, row: int, column: int, deep: bool):
     mosaic = np.zeros((HEIGHT, WIDTH), np.uint16 if deep else np.uint8)
@@ -307,22 +311,20 @@ def test_topics_that_are_no_images_or_not_there_are_refused(tmp_path: Path):
     path = write_bag(tmp_path, "mcap", [*images(1), info_message(size=(8, 8), k=K)])
     with pytest.raises(InputError, match=r"holds sensor_msgs/msg/CameraInfo; expected images"):
         open_frames(path, topic="/cam/camera_info")
-    with pytest.raises(
-        InputError, match=r"no topic /nowhere; expected one of /cam/image_raw \(1\)"
-    ):
+    with pytest.raises(InputError, match=r"no topic /nowhere; expected one of /cam/image_raw "):
         open_frames(path, topic="/nowhere")
     only = write_bag(tmp_path, "mcap", [info_message(size=(8, 8), k=K)], name="without")
     with pytest.raises(InputError, match=r"holds no images; its topics are /cam/camera_info \(1\)"):
         open_frames(only)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "0.png").write_bytes(png(picture(0)))
     with pytest.raises(InputError, match="only a bag has topics"):
-        (tmp_path / "folder").mkdir()
-        (tmp_path / "folder" / "0.png").write_bytes(png(picture(0)))
         open_frames(tmp_path / "folder", topic="/cam")
 
 
 def test_a_missing_extra_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     path = write_bag(tmp_path, "mcap", images(1))
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
     with pytest.raises(MissingExtraError, match=r"farpoint\[ros\]"):
         open_frames(path)
 
@@ -410,10 +412,7 @@ def test_the_camera_is_the_one_beside_the_images_or_of_their_frame(tmp_path: Pat
         camera_of(tmp_path / "none", left, topic="/images")
 
 
-def test_the_calibration_of_foxglove_is_read(tmp_path: Path):
-    from farpoint.frames.bags.decoding import decoder_of
-    from farpoint.frames.bags.records import Topic
-
+def test_the_calibration_of_foxglove_is_read():
     data = proto((9, "camera"), (4, "plumb_bob"), (5, [0.1, 0.2]), (6, K))
     data += b"\x15" + (640).to_bytes(4, "little") + b"\x1d" + (480).to_bytes(4, "little")
     topic = Topic(name="/c", type_name="foxglove.CameraCalibration", encoding="protobuf")
@@ -423,7 +422,7 @@ def test_the_calibration_of_foxglove_is_read(tmp_path: Path):
 
 def test_chunks_are_not_unpacked_beyond_what_they_announce():
     bomb = compression._zstd().compress(bytes(1 << 24))
-    assert len(compression.decompress(bomb, "zstd", 1000)) == 1000
+    assert len(compression.decompress(memoryview(bomb), "zstd", 1000)) == 1000
 
 
 def test_the_kit_builds_what_rosbags_reads_back():

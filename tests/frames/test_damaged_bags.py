@@ -1,4 +1,4 @@
-"""Bags that are cut off, damaged, or never closed: what can be read is read, and the rest is said."""
+"""Bags that are cut off, damaged, or never closed: what is there is read, what is lost is said."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from bags_kit import (
     write_bag,
 )
 from frames_kit import picture
-from fuzz import fuzz_count
-from memory import peak_bytes
 
 from farpoint.errors import InputError
 from farpoint.frames import Frame, open_frames
+from fuzz import fuzz_count
+from memory import peak_bytes
 
 TENTH_NS = 10**8
 COMPRESSIONS = [("ros1", ""), ("ros1", "lz4"), ("sqlite3", ""), ("mcap", ""), ("mcap", "storage")]
@@ -172,7 +172,7 @@ def test_a_missing_part_of_a_bag_is_said(tmp_path: Path):
     text = metadata.read_text()
     metadata.write_text(text.replace("- drive-sqlite3.db3", "- gone.db3\n  - drive-sqlite3.db3"))
     frames = list(open_frames(path))
-    assert [frame.fault for frame in frames][0] == "gone.db3: is missing"
+    assert frames[0].fault == "gone.db3: is missing"
     assert len(good(frames)) == 4
     metadata.write_bytes(b"\xff\x00not: [yaml")
     assert len(good(list(open_frames(path)))) == 4

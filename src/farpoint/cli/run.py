@@ -19,6 +19,7 @@ from farpoint.cli.lens import LensOptions
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError, printable
 from farpoint.frames import Frame, FrameSource, open_frames
+from farpoint.frames.bags import BagImages
 from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.mask import read_mask
 from farpoint.hints import Hint, MetricOptions
@@ -106,7 +107,7 @@ class Run:
                 self.odometry,
                 self.output,
                 self.viewer,
-                self.metric.hints(),
+                self.metric.hints(frames.bag if isinstance(frames, BagImages) else None),
                 mask_file=self.mask,
             )
 

@@ -36,7 +36,7 @@ class Parsed:
 
     channel: int
     time_ns: int
-    data: bytes
+    data: memoryview
 
 
 def seconds(time_ns: int) -> float:
@@ -45,9 +45,9 @@ def seconds(time_ns: int) -> float:
 
 
 def chunk_messages(
-    unpack: Callable[[], bytes],
-    records: Callable[[bytes], Iterable[Parsed]],
-    record_at: Callable[[bytes, int], Parsed],
+    unpack: Callable[[], memoryview],
+    records: Callable[[memoryview], Iterable[Parsed]],
+    record_at: Callable[[memoryview, int], Parsed],
     index: Callable[[], list[IndexEntry]],
     wanted: Callable[[int], Topic | None],
     where: str,
@@ -98,8 +98,8 @@ def chunk_messages(
 
 
 def _by_index(
-    raw: bytes,
-    record_at: Callable[[bytes, int], Parsed],
+    raw: memoryview,
+    record_at: Callable[[memoryview, int], Parsed],
     entries: list[IndexEntry],
     wanted: Callable[[int], Topic | None],
 ) -> Iterator[Message]:

@@ -20,7 +20,7 @@ _AT_ONCE_BYTES = 1 << 22
 
 
 class _Decompressor(Protocol):
-    def decompress(self, data: bytes, max_length: int) -> bytes: ...
+    def decompress(self, data: bytes | memoryview, max_length: int) -> bytes: ...
 
 
 def _zstd() -> Any:
@@ -46,7 +46,7 @@ _KINDS: dict[str, Callable[[], _Decompressor]] = {
 }
 
 
-def decompress(data: bytes, kind: str, size: int) -> bytes:
+def decompress(data: memoryview, kind: str, size: int) -> memoryview:
     """The ``size`` bytes that were compressed, fewer where the data is cut off.
 
     Raises BrokenBagError where it is damaged.
@@ -57,10 +57,10 @@ def decompress(data: bytes, kind: str, size: int) -> bytes:
         raise BrokenBagError(f"compression {kind!r} is not known")
     if size > LARGEST_CHUNK_BYTES:
         raise BrokenBagError(f"a chunk of {size} bytes; expected {LARGEST_CHUNK_BYTES} at most")
-    return _attempt(_KINDS[kind](), data, size)
+    return memoryview(_attempt(_KINDS[kind](), data, size))
 
 
-def unpack_message(data: bytes) -> bytes:
+def unpack_message(data: bytes | memoryview) -> bytes:
     """A message that is compressed (zstd) by itself."""
     decompressor = _zstd_decompressor()
     raw = _attempt(decompressor, data, LARGEST_CHUNK_BYTES)
@@ -84,7 +84,7 @@ def unpack_file(packed: Path, to: Path) -> str | None:
     return None
 
 
-def _attempt(decompressor: _Decompressor, data: bytes, size: int) -> bytes:
+def _attempt(decompressor: _Decompressor, data: bytes | memoryview, size: int) -> bytes:
     try:
         return decompressor.decompress(data, size)
     except Exception as error:  # each library has errors of its own

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import lru_cache
 from typing import Any
 
 from farpoint.errors import optional_import
-from farpoint.frames.bags.protobuf import FOXGLOVE_FIELDS, from_json, from_protobuf
+from farpoint.frames.bags.protobuf import from_json, from_protobuf
 from farpoint.frames.bags.records import BrokenBagError, Topic
 
 __all__ = ["Decoder", "kind_of", "stamp_ns"]
 
-Decoder = Callable[[bytes], Any]
+Decoder = Callable[[bytes | memoryview], Any]
 """Gives an object with the fields of a message, or raises BrokenBagError."""
 
 
@@ -24,7 +26,7 @@ def decoder_of(topic: Topic) -> Decoder:
     """What makes objects of the messages of a topic."""
     decode = _function(topic)
 
-    def checked(data: bytes) -> Any:
+    def checked(data: bytes | memoryview) -> Any:
         try:
             return decode(data)
         except Exception as error:  # of damaged bytes a reader raises whatever its parts do
@@ -46,24 +48,24 @@ def _function(topic: Topic) -> Decoder:
         kind = kind_of(topic)
         read = from_protobuf if topic.encoding == "protobuf" else from_json
         return lambda data: read(data, kind)
-    store, name = _typestore(topic), topic.type_name
+    name = topic.type_name
+    store = _typestore(name, topic.encoding, topic.definition, topic.is_idl)
     if topic.encoding == "ros1":
         return lambda data: store.deserialize_ros1(data, name)
     return lambda data: store.deserialize_cdr(data, name)
 
 
-def _typestore(topic: Topic) -> Any:
+@lru_cache(maxsize=64)
+def _typestore(name: str, encoding: str, definition: str, is_idl: bool) -> Any:
     """The types by the bag's own definition, or, where it has none, by ROS's."""
     typesys = optional_import("rosbags.typesys", extra="ros", purpose="reading a bag")
     stores = typesys.Stores
-    if topic.definition:
-        parse = typesys.get_types_from_idl if topic.is_idl else typesys.get_types_from_msg
-        arguments = () if topic.is_idl else (topic.type_name,)
-        try:
+    if definition:
+        parse = typesys.get_types_from_idl if is_idl else typesys.get_types_from_msg
+        arguments = (definition,) if is_idl else (definition, name)
+        # A definition that is damaged: the type is ROS's in most cases.
+        with suppress(Exception):
             store = typesys.get_typestore(stores.EMPTY)
-            store.register(parse(topic.definition, *arguments))
-        except Exception:  # a definition that is damaged: the type is ROS's in most cases
-            pass
-        else:
+            store.register(parse(*arguments))
             return store
-    return typesys.get_typestore(stores.ROS1_NOETIC if topic.encoding == "ros1" else stores.LATEST)
+    return typesys.get_typestore(stores.ROS1_NOETIC if encoding == "ros1" else stores.LATEST)

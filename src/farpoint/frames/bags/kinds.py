@@ -18,7 +18,7 @@ _SUFFIXES = (".bag", ".mcap", ".db3")
 def is_bag(path: Path) -> bool:
     """Whether a file, or the files in a folder, are a bag's."""
     if path.is_dir():
-        return (path / METADATA).is_file() and bool(_opens_as_bag(path)) or bool(bag_files(path))
+        return bool(bag_files(path)) or ((path / METADATA).is_file() and _names_a_bag(path))
     return path.suffix in _SUFFIXES or _begin(path).startswith(_MARKS)
 
 
@@ -41,7 +41,7 @@ def open_bag(path: Path) -> Bag:
     return bag
 
 
-def _opens_as_bag(folder: Path) -> bool:
+def _names_a_bag(folder: Path) -> bool:
     with (folder / METADATA).open("rb") as file:
         return b"rosbag2_bagfile_information" in file.read(1 << 12)
 

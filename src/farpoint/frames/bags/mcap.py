@@ -118,7 +118,7 @@ class McapFile:
     def _message(self, data: bytes, wanted: Callable[[int], Topic | None]) -> Iterator[Message]:
         """A message outside of a chunk."""
         try:
-            record = _parsed(data)
+            record = _parsed(memoryview(data))
         except BrokenBagError as error:
             yield Message(topic=None, time_s=None, fault=str(error))
             return
@@ -131,7 +131,7 @@ class McapFile:
         file.seek(at)
         data = file.read(size)
         return chunk_messages(
-            lambda: _unpack(data),
+            lambda: _unpack(memoryview(data)),
             self._records,
             _message_at,
             partial(self._index, file, at + size),
@@ -139,7 +139,7 @@ class McapFile:
             f"the chunk at byte {at}",
         )
 
-    def _records(self, raw: bytes) -> Iterator[Parsed]:
+    def _records(self, raw: memoryview) -> Iterator[Parsed]:
         at = 0
         while at < len(raw):
             if at + _HEAD.size > len(raw):
@@ -151,8 +151,8 @@ class McapFile:
             if op == _MESSAGE:
                 yield _parsed(raw[at - size : at])
             elif op in (_SCHEMA, _CHANNEL):
-                self._declare(op, raw[at - size : at])
-            elif not 0x80 <= op:
+                self._declare(op, bytes(raw[at - size : at]))
+            elif op < 0x80:
                 raise BrokenBagError("a record of an unknown kind")
 
     def _index(self, file: BinaryIO, at: int) -> list[IndexEntry]:
@@ -280,11 +280,11 @@ class McapFile:
         return True
 
 
-def _unpack(data: bytes) -> bytes:
+def _unpack(data: memoryview) -> memoryview:
     """What a chunk holds."""
     try:
         _, _, size, checksum, length = _CHUNK_HEAD.unpack_from(data)
-        kind = data[_CHUNK_HEAD.size : _CHUNK_HEAD.size + length].decode("ascii")
+        kind = bytes(data[_CHUNK_HEAD.size : _CHUNK_HEAD.size + length]).decode("ascii")
         begin = _CHUNK_HEAD.size + length + 8
         stored = _U64.unpack_from(data, begin - 8)[0]
     except (struct.error, UnicodeDecodeError):
@@ -296,7 +296,7 @@ def _unpack(data: bytes) -> bytes:
     return raw
 
 
-def _message_at(raw: bytes, at: int) -> Parsed:
+def _message_at(raw: memoryview, at: int) -> Parsed:
     if at + _HEAD.size > len(raw):
         raise BrokenBagError("the record is cut off")
     op, size = _HEAD.unpack_from(raw, at)
@@ -306,7 +306,7 @@ def _message_at(raw: bytes, at: int) -> Parsed:
     return _parsed(raw[begin : begin + size])
 
 
-def _parsed(data: bytes) -> Parsed:
+def _parsed(data: memoryview) -> Parsed:
     if len(data) < _ENVELOPE.size:
         raise BrokenBagError("a message is cut off")
     channel, _, time_ns, _ = _ENVELOPE.unpack_from(data)

@@ -34,7 +34,7 @@ _MATRICES = frozenset({"d", "k", "r", "p"})
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 
-def from_protobuf(data: bytes, kind: str) -> SimpleNamespace:
+def from_protobuf(data: bytes | memoryview, kind: str) -> SimpleNamespace:
     """The fields of a message; absent ones have their default. ValueError where it is damaged."""
     fields = _blank(kind)
     for number, value in _wire(memoryview(data)):
@@ -57,9 +57,9 @@ def from_protobuf(data: bytes, kind: str) -> SimpleNamespace:
     return SimpleNamespace(**fields)
 
 
-def from_json(data: bytes, kind: str) -> SimpleNamespace:
+def from_json(data: bytes | memoryview, kind: str) -> SimpleNamespace:
     """The same of a message in JSON, its bytes in base64."""
-    found = json.loads(data)
+    found = json.loads(bytes(data))
     fields = _blank(kind)
     for key, value in found.items():
         name = key.lower()

@@ -52,7 +52,7 @@ class Message:
         None where a part of the bag is lost, whatever it held.
     time_s : float or None
         When it was recorded, s; None where that is lost.
-    data : bytes
+    data : bytes or memoryview
         Without the envelope of the bag; empty where it is lost.
     fault : str or None
         Why it is lost.
@@ -60,7 +60,7 @@ class Message:
 
     topic: Topic | None
     time_s: float | None
-    data: bytes = b""
+    data: bytes | memoryview = b""
     fault: str | None = None
 
 

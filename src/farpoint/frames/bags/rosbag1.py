@@ -121,7 +121,7 @@ class Ros1Bag:
         data = file.read(record.data_size)
         kind = record.header.get(b"compression", b"").decode("latin-1")
         return chunk_messages(
-            lambda: decompress(data, kind, _u32(record.header, b"size")),
+            lambda: decompress(memoryview(data), kind, _u32(record.header, b"size")),
             self._records,
             _message_at,
             partial(self._index, file, record.data_at + record.data_size),
@@ -129,7 +129,7 @@ class Ros1Bag:
             f"the chunk at byte {record.data_at}",
         )
 
-    def _records(self, raw: bytes) -> Iterator[Parsed]:
+    def _records(self, raw: memoryview) -> Iterator[Parsed]:
         at = 0
         while at < len(raw):
             header, data_at, size = _split(raw, at)
@@ -139,7 +139,7 @@ class Ros1Bag:
             if _op(header) == _MESSAGE:
                 yield _message(header, raw[data_at:at])
             elif _op(header) == _CONNECTION:
-                self._connect(header, raw[data_at:at])
+                self._connect(header, bytes(raw[data_at:at]))
             else:
                 raise BrokenBagError("a record of an unknown kind")
 
@@ -245,23 +245,23 @@ class Ros1Bag:
         return None
 
 
-def _message_at(raw: bytes, at: int) -> Parsed:
+def _message_at(raw: memoryview, at: int) -> Parsed:
     header, data_at, size = _split(raw, at)
     if _op(header) != _MESSAGE or data_at + size > len(raw):
         raise BrokenBagError("the record is damaged")
     return _message(header, raw[data_at : data_at + size])
 
 
-def _message(header: Header, data: bytes) -> Parsed:
+def _message(header: Header, data: memoryview) -> Parsed:
     time = _u64(header, b"time")
     return Parsed(_u32(header, b"conn"), (time & 0xFFFFFFFF) * 10**9 + (time >> 32), data)
 
 
-def _split(raw: bytes, at: int) -> tuple[Header, int, int]:
+def _split(raw: memoryview, at: int) -> tuple[Header, int, int]:
     """Header of a record in an unpacked chunk, where its data begins, and the size of that."""
     try:
         size = _U32.unpack_from(raw, at)[0]
-        header = _fields(raw[at + 4 : at + 4 + size])
+        header = _fields(bytes(raw[at + 4 : at + 4 + size]))
         return header, at + size + 8, _U32.unpack_from(raw, at + 4 + size)[0]
     except struct.error:
         raise BrokenBagError("the record is cut off or damaged") from None

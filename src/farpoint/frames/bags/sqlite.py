@@ -72,8 +72,9 @@ class SqliteBag:
             last, done = self._last_row(database), 0
             while True:
                 try:
-                    for done, number, time_ns, data in database.execute(query, (done, *wanted)):
+                    for row, number, time_ns, data in database.execute(query, (done, *wanted)):
                         yield self._message(number, time_ns, data)
+                        done = row
                     return
                 except sqlite3.Error as error:
                     if last is None:
@@ -98,7 +99,7 @@ class SqliteBag:
             if known is None or known[0] not in wanted:
                 return
             (data,) = database.execute("SELECT data FROM messages WHERE id = ?", (row,)).fetchone()
-            yield self._message(*known, data)
+            yield self._message(known[0], known[1], data)
         except sqlite3.Error as error:
             topic, time_s = None, None
             if known is not None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from typing import Any
 
 from farpoint.errors import InputError
-from farpoint.frames.bags.decoding import kind_of
+from farpoint.frames.bags.decoding import decoder_of, kind_of, stamp_ns
 from farpoint.frames.bags.images import COMPRESSED, RAW, VIDEO
-from farpoint.frames.bags.records import Bag, Topic
+from farpoint.frames.bags.records import Bag, BrokenBagError, Topic
 
-__all__ = ["image_topic", "topic_of_kind"]
+__all__ = ["image_topic", "messages_of", "topic_of_kind"]
 
 _IMAGES = RAW | COMPRESSED | VIDEO
 _DEPTH = "/compressedDepth"  # a transport whose images are distances
@@ -63,6 +66,30 @@ def topic_of_kind(bag: Bag, name: str, kinds: Collection[str], what: str, *, fie
     raise InputError(
         f"no topic {name}; expected one of {_listed(of_kind)}", file=bag.path, field=field
     )
+
+
+def messages_of(
+    bag: Bag, name: str, kinds: Collection[str], what: str, *, field: str
+) -> Iterator[tuple[float, Any]]:
+    """Times, s, ascending, and messages of a topic; damaged ones are left out.
+
+    Raises
+    ------
+    InputError
+        Where the bag has no topic of this name and kind; it lists those that it has.
+    """
+    topic = topic_of_kind(bag, name, kinds, what, field=field)
+    decode, last_s = decoder_of(topic), -math.inf
+    for message in bag.messages((topic.name,)):
+        if message.fault is not None:
+            continue
+        with suppress(BrokenBagError):
+            found = decode(message.data)
+            stamp = stamp_ns(found)
+            time_s = stamp / 10**9 if stamp else message.time_s
+            if time_s is not None and time_s > last_s:
+                last_s = time_s
+                yield time_s, found
 
 
 def _listed(topics: Collection[Topic]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -68,10 +69,8 @@ class VideoTopic(Generic[Label]):
         """What the decoder still holds."""
         if self._codec is not None:
             av = optional_import("av", extra="video", purpose="reading video")
-            try:
+            with suppress(av.FFmpegError):
                 yield from self._given(self._codec.decode(None))
-            except av.FFmpegError:
-                pass
         yield from self._until(self._count)
 
     def _given(self, pictures: list[Any]) -> Iterator[Picture[Label]]:
