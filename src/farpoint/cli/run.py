@@ -26,6 +26,7 @@ from farpoint.hints import Hint, MetricOptions
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
 from farpoint.sinks import (
+    BagSink,
     FolderLock,
     MetricSink,
     OutputFolder,
@@ -58,6 +59,8 @@ class Run:
         Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
     topic : str or None
         Of the images in a bag that has several such topics.
+    bag : Path or None
+        MCAP file for the motions as messages of ROS 2.
     mask : Path or None
         8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
     odometry : OdometryOptions
@@ -77,6 +80,7 @@ class Run:
     max_megapixels: float = MAX_MEGAPIXELS
     follow_playlists: bool = False
     topic: str | None = None
+    bag: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
         default_factory=OdometryOptions
@@ -109,6 +113,7 @@ class Run:
                 self.viewer,
                 self.metric.hints(frames.bag if isinstance(frames, BagImages) else None),
                 mask_file=self.mask,
+                bag_file=self.bag,
             )
 
 
@@ -123,6 +128,7 @@ def process_frames(
     hints: Sequence[Hint] = (),
     lock: FolderLock | None = None,
     mask_file: Path | None = None,
+    bag_file: Path | None = None,
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
 
@@ -158,6 +164,7 @@ def process_frames(
         notes=notes,
         mask=mask,
     )
+    odometry = Odometry(camera, options, mask=mask)
     with ExitStack() as opened:
         # Whoever holds the folder may record into it, too.
         lock = lock or opened.enter_context(FolderLock(out))
@@ -166,6 +173,13 @@ def process_frames(
         if viewer is not None and viewer.wanted:
             display = open_viewer(viewer, frames.name, camera, output.palette)
             opened.callback(display.close)
+        metric: MetricSink | None = None
+        bag = None
+        if bag_file is not None:
+            _refuse_source(bag_file, source)
+            metres = (lambda: metric.now if metric else None) if hints else None
+            bag = BagSink(bag_file, lambda: odometry.camera, metres)
+            opened.callback(bag.close)
         folder = opened.enter_context(OutputFolder(out, description, output, lock=lock))
         for note in folder.notes:
             warn(note)
@@ -175,11 +189,21 @@ def process_frames(
             metric = MetricSink(list(hints), camera, warn, folder.put)
             folder.add("metric", metric)
             folder.at_end(metric.finish)
-        odometry = Odometry(camera, options, mask=mask)
+        if bag is not None:
+            folder.add("bag", bag)
         counts = _run_into(folder, chain(first, timed), odometry, frames.count)
     print(f"{sum(counts.values())} pairs of frames: {in_words(counts)}")
     print(f"time stamps: {frames.timestamp_source}")
     print(f"results in {printable(str(out))}")
+
+
+def _refuse_source(bag_file: Path, source: str) -> None:
+    """Keep a recording from being replaced by what is found in it."""
+    images = Path(source)
+    if bag_file.exists() and images.exists() and bag_file.samefile(images):
+        raise InputError("is the source itself", file=bag_file, field="--bag")
+    if images.is_dir() and bag_file.resolve().parent == images.resolve():
+        raise InputError("expected a place outside of the source", file=bag_file, field="--bag")
 
 
 def _run_into(
