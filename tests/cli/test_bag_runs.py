@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bags_kit import KINDS, Sent, header, image_message, info_message, write_bag
 from cli_kit import HEIGHT, WIDTH, CommandLine, assert_refused, encoded, record_of
+from rosbags.highlevel import AnyReader
 
 from farpoint.sinks import read_motions
 from farpoint.synthetic.sequence import RenderedSequence
@@ -194,3 +195,44 @@ def test_topics_need_a_bag_that_has_them(
     assert_refused(farpoint("run", bag, *speed), "--metric.speed-topic: no topic /wheels")
     fix = ("--camera", calibration, "--metric.gnss-topic", "/cam/image_raw")
     assert_refused(farpoint("run", bag, *fix), "holds sensor_msgs/msg/Image; expected NavSatFix")
+
+
+def test_the_motions_of_a_run_are_written_as_a_bag(
+    farpoint: CommandLine, tmp_path: Path, images: tuple[np.ndarray, ...], drive: RenderedSequence
+):
+    sent = [info_message(size=(WIDTH, HEIGHT), k=K), *sent_images(images)]
+    source = write_bag(tmp_path, "mcap", [*sent, *wheels(drive, "nav_msgs/msg/Odometry", 1e-4)])
+    bag, out = tmp_path / "motions.mcap", tmp_path / "out"
+    speed = ("--metric.speed-topic", "/wheels")
+    outcome = farpoint("run", source, *QUICK, *speed, "--out", out, "--bag", bag)
+    assert outcome.code == 0, outcome.err
+    counts, last = {}, None
+    with AnyReader([bag]) as reader:
+        for topic, info in reader.topics.items():
+            counts[topic] = info.msgcount
+        odometry = [c for c in reader.connections if c.topic == "/farpoint/odometry"]
+        for connection, _, data in reader.messages(odometry):
+            last = reader.deserialize(data, connection.msgtype)
+    count = len(images)
+    assert counts["/farpoint/odometry"] == counts["/farpoint/camera_info"] == count
+    assert counts["/farpoint/twist"] == count - 1
+    # In metres: forward is x.
+    place = drive.world_from_cam[-1][:3, 3] - drive.world_from_cam[0][:3, 3]
+    start = drive.world_from_cam[0][:3, :3].T @ place
+    position: Any = last.pose.pose.position  # type: ignore[union-attr]
+    found = np.array([position.x, position.y, position.z])
+    np.testing.assert_allclose(found, [start[2], -start[0], -start[1]], atol=0.06 * start[2])
+    assert "bag" in record_of(out)["wall_clock"]["stages_s"]
+
+
+def test_a_bag_never_replaces_its_source(
+    farpoint: CommandLine, tmp_path: Path, images: tuple[np.ndarray, ...], calibration: Path
+):
+    source = write_bag(tmp_path, "ros1", sent_images(images[:2]))
+    data = source.read_bytes()
+    given = ("--camera", calibration, *QUICK, "--out", tmp_path / "out", "--bag")
+    assert_refused(farpoint("run", source, *given, source), "--bag: is the source itself")
+    assert source.read_bytes() == data
+    folder = write_bag(tmp_path, "sqlite3", sent_images(images[:2]))
+    outcome = farpoint("run", folder, *given, folder / "out.mcap")
+    assert_refused(outcome, "expected a place outside of the source")
