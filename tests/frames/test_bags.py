@@ -430,3 +430,26 @@ def test_the_kit_builds_what_rosbags_reads_back():
     name = "sensor_msgs/msg/CompressedImage"
     raw = ROS2.serialize_cdr(build(ROS2, name, fields), name)
     assert ROS2.deserialize_cdr(raw, name).header.stamp.nanosec == 12
+
+
+def test_a_bag_beside_images_is_passed_over(tmp_path: Path):
+    (tmp_path / "0.png").write_bytes(png(picture(0)))
+    write_bag(tmp_path, "ros1", images(3))
+    assert open_frames(tmp_path).count == 1
+    (tmp_path / "0.png").unlink()
+    assert open_bag(tmp_path).count == 3
+
+
+def test_json_without_sense_is_a_fault(tmp_path: Path):
+    messages = [
+        b'{"timestamp": {"sec": "x"}, "data": ""}',
+        b'{"timestamp": {"sec": 1, "nsec": 5}, "data": 7}',
+        b"[1, 2]",
+        b'{"timestamp": {"sec": 1, "nsec": 5}, "width": "w", "height": 2, "encoding": "mono8"}',
+    ]
+    path = tmp_path / "x.mcap"
+    rows = [(k, message) for k, message in enumerate(messages)]
+    foxglove_mcap(path, rows, type_name="foxglove.RawImage", encoding="json")
+    frames = list(open_bag(path))
+    assert len(frames) == 4
+    assert all(frame.fault for frame in frames)

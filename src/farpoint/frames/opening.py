@@ -9,11 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from farpoint.errors import InputError
-from farpoint.frames.bags import BagImages, is_bag, open_bag_images
+from farpoint.frames.bags import BagImages, holds_bag, is_bag, open_bag_images
 from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.device import open_device
 from farpoint.frames.euroc import open_euroc
-from farpoint.frames.files import is_image
+from farpoint.frames.files import is_image, list_images
 from farpoint.frames.folder import open_folder, open_glob, open_pages
 from farpoint.frames.frame import FrameSource
 from farpoint.frames.kitti import open_kitti
@@ -115,12 +115,11 @@ def _open_path(
     if stat.S_ISDIR(mode):
         if is_bag(path):
             return open_bag_images(path, topic)
-        return (
-            open_euroc(path)
-            or open_tum(path)
-            or open_kitti(path, fps=fps)
-            or open_folder(path, fps=fps)
-        )
+        if known := open_euroc(path) or open_tum(path) or open_kitti(path, fps=fps):
+            return known
+        if holds_bag(path) and not list_images(path):
+            return open_bag_images(path, topic)
+        return open_folder(path, fps=fps)
     if not stat.S_ISREG(mode):
         raise InputError("is neither a file nor a folder", file=path)
     if is_bag(path):

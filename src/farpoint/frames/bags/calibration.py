@@ -64,10 +64,16 @@ def _first(bag: Bag, topic: Topic) -> Any:
 
 
 def _camera(bag: Bag, topic: Topic, message: Any, rectified: bool) -> Camera:
-    if message is None:
-        raise InputError(f"cannot be read: {_HELP}", file=bag.path, field=topic.name)
+    try:
+        info = _info(message)
+    except (AttributeError, TypeError, ValueError, OverflowError):
+        raise InputError(f"cannot be read: {_HELP}", file=bag.path, field=topic.name) from None
+    return camera_of_info(info, rectified=rectified, file=bag.path, topic=topic.name)
+
+
+def _info(message: Any) -> CameraInfo:
     roi = getattr(message, "roi", None)
-    info = CameraInfo(
+    return CameraInfo(
         width=int(message.width),
         height=int(message.height),
         distortion_model=str(message.distortion_model),
@@ -82,7 +88,6 @@ def _camera(bag: Bag, topic: Topic, message: Any, rectified: bool) -> Camera:
         if roi is None
         else (int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
     )
-    return camera_of_info(info, rectified=rectified, file=bag.path, topic=topic.name)
 
 
 def _field(message: Any, name: str) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import statistics
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 __all__ = ["HeaderClock"]
@@ -18,40 +20,48 @@ class HeaderClock:
 
     The clock of the headers need not be that of the recording; but the difference of the two does
     not jump in one message and back in the next, except in damaged ones.
+
+    Attributes
+    ----------
+    offset_s : float or None
+        From the recording's clock to that of the headers, s; None where one of them has no time.
     """
 
-    _offset_s: float | None = None  # of the headers to the recording's clock
+    offset_s: float | None = None
     _other_s: float | None = None  # where the last header was refused
     _last_s: float | None = None
     _interval_s: float = _FRAME_S
 
+    @classmethod
+    def of_first(cls, first: Sequence[tuple[int, float | None]]) -> HeaderClock:
+        """By the headers, ns, of some messages, and when these were recorded, s."""
+        offsets = [stamp_ns / 10**9 - time_s for stamp_ns, time_s in first if stamp_ns and time_s]
+        return cls(statistics.median(offsets) if len(offsets) > len(first) // 2 else None)
+
     def take(self, stamp_ns: int, recorded_s: float | None) -> float | None:
         """Time of an image, s; None where its header contradicts those before."""
-        stamp_s = stamp_ns / 10**9
         if not stamp_ns:  # never set
-            stamp_s = self.guess(recorded_s) if recorded_s is None else recorded_s
-        offset_s = stamp_s - (stamp_s if recorded_s is None else recorded_s)
-        if self._offset_s is not None and abs(offset_s - self._offset_s) > _CONTRADICTS_S:
-            other, self._other_s = self._other_s, offset_s
-            if other is None or abs(offset_s - other) > _CONTRADICTS_S:
-                return None  # the next one that agrees with it is believed
-        self._offset_s, self._other_s = offset_s, None
+            return self.guess(recorded_s)
+        stamp_s = stamp_ns / 10**9
+        if recorded_s is not None:
+            offset_s = stamp_s - recorded_s
+            if self.offset_s is not None and abs(offset_s - self.offset_s) > _CONTRADICTS_S:
+                other, self._other_s = self._other_s, offset_s
+                if other is None or abs(offset_s - other) > _CONTRADICTS_S:
+                    return None  # the next one that agrees with it is believed
+            self.offset_s, self._other_s = offset_s, None
         if self._last_s is not None and stamp_s > self._last_s:
             self._interval_s = stamp_s - self._last_s
         self._last_s = stamp_s
         return stamp_s
 
-    def rewind(self) -> None:
-        """Begin anew, with what was learned of the two clocks."""
-        self._last_s = None
-
     def guess(self, recorded_s: float | None) -> float:
-        """Time of an image whose header is lost, s: not before the one before."""
-        if recorded_s is not None and self._offset_s is not None:
-            time_s = recorded_s + self._offset_s
+        """Time of an image whose header has none or is lost, s: not before the one before."""
+        if recorded_s is not None:
+            time_s = recorded_s + (self.offset_s or 0.0)
         elif self._last_s is not None:
             time_s = self._last_s + self._interval_s
         else:
-            time_s = recorded_s or 0.0
+            time_s = 0.0
         self._last_s = time_s if self._last_s is None else max(time_s, self._last_s)
         return self._last_s

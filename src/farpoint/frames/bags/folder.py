@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 import weakref
@@ -22,6 +23,7 @@ __all__ = ["BagFolder", "bag_files"]
 METADATA = "metadata.yaml"
 _SUFFIXES = (".db3", ".mcap", ".bag")
 _PACKED = (".zstd", ".zst")
+_ENDINGS = (*_SUFFIXES, *(suffix + packed for suffix in _SUFFIXES for packed in _PACKED))
 _LARGEST_METADATA = 1 << 24
 _LARGEST_FILES = 100_000
 
@@ -30,13 +32,9 @@ Open = Callable[[Path], Bag]
 
 def bag_files(folder: Path) -> list[Path]:
     """The parts of a bag in a folder, by their names; empty where it holds none."""
-    found = [
-        path
-        for path in folder.iterdir()
-        if path.suffix in _SUFFIXES
-        or (path.suffix in _PACKED and Path(path.stem).suffix in _SUFFIXES)
-    ]
-    return sorted(found, key=lambda path: natural_key(path.name))
+    with os.scandir(folder) as entries:
+        names = [entry.name for entry in entries if entry.name.endswith(_ENDINGS)]
+    return [folder / name for name in sorted(names, key=natural_key)]
 
 
 class BagFolder:

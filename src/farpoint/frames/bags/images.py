@@ -35,6 +35,15 @@ def samples_of(message: Any, kind: str, max_megapixels: float) -> np.ndarray:
     UnreadableImageError
         Where it holds none that is known.
     """
+    try:
+        return _samples(message, kind, max_megapixels)
+    except UnreadableImageError:
+        raise
+    except Exception as error:  # of fields that make no sense, whatever reads them raises
+        raise UnreadableImageError(f"the image cannot be read ({error})") from error
+
+
+def _samples(message: Any, kind: str, max_megapixels: float) -> np.ndarray:
     if kind in COMPRESSED:
         return decode_samples(bytes(message.data), max_megapixels)
     encoding = str(message.encoding)

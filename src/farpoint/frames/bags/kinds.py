@@ -9,17 +9,22 @@ from farpoint.frames.bags import mcap, rosbag1, sqlite
 from farpoint.frames.bags.folder import METADATA, BagFolder, bag_files
 from farpoint.frames.bags.records import Bag
 
-__all__ = ["is_bag", "open_bag"]
+__all__ = ["holds_bag", "is_bag", "open_bag"]
 
 _MARKS = (rosbag1.MAGIC[:8], mcap.MAGIC)  # "#ROSBAG " of any version
 _SUFFIXES = (".bag", ".mcap", ".db3")
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a file, or the files in a folder, are a bag's."""
+    """Whether a file is a bag's, or a folder is one as ROS 2 records it."""
     if path.is_dir():
-        return bool(bag_files(path)) or ((path / METADATA).is_file() and _names_a_bag(path))
+        return (path / METADATA).is_file() and _names_a_bag(path)
     return path.suffix in _SUFFIXES or _begin(path).startswith(_MARKS)
+
+
+def holds_bag(folder: Path) -> bool:
+    """Whether files of bags are in a folder."""
+    return bool(bag_files(folder))
 
 
 def open_bag(path: Path) -> Bag:

@@ -64,7 +64,7 @@ def from_json(data: bytes | memoryview, kind: str) -> SimpleNamespace:
     for key, value in found.items():
         name = key.lower()
         if name == "timestamp":
-            value = _stamp(value["sec"], value.get("nsec", value.get("nanosec", 0)))
+            value = _stamp(int(value["sec"]), int(value.get("nsec", value.get("nanosec", 0))))
         elif name == "data":
             value = base64.b64decode(value, validate=True)
         fields[name] = value

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,9 @@ from farpoint.frames.frame import Frame
 
 __all__ = ["BagImages", "open_bag_images"]
 
+_FIRST = 15
+"""Messages that tell of a topic: some of them may be damaged."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class BagImages:
@@ -40,8 +44,8 @@ class BagImages:
         Of the images.
     name : str
         That of the bag, without suffix.
-    timestamp_source : str
-        The headers, or the recording where these have no times.
+    clock : HeaderClock
+        By the first images; each iteration begins with it.
     frame_id : str
         Of the first image: the camera's optical frame.
     max_megapixels : float
@@ -51,7 +55,7 @@ class BagImages:
     bag: Bag
     topic: Topic
     name: str
-    timestamp_source: str
+    clock: HeaderClock
     frame_id: str
     max_megapixels: float = MAX_MEGAPIXELS
     calibration_path: Path | None = None
@@ -60,6 +64,12 @@ class BagImages:
     def count(self) -> int | None:
         """Number of messages, as the bag tells it."""
         return self.topic.count
+
+    @property
+    def timestamp_source(self) -> str:
+        """The headers, or the recording where these have no times."""
+        what = "recording" if self.clock.offset_s is None else "headers"
+        return f"{what} of {self.topic.name}"
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -107,10 +117,7 @@ class BagImages:
 
     def _messages(self) -> Iterator[tuple[float, Any, str | None]]:
         """Time of each message, s, and the message, or what is wrong with it."""
-        decode, clock = decoder_of(self.topic), HeaderClock()
-        if (first := _first(self.bag, self.topic)) is not None:
-            clock.take(*first[:2])  # so that what is lost before it has a time, too
-            clock.rewind()
+        decode, clock = decoder_of(self.topic), replace(self.clock)
         for message in self.bag.messages((self.topic.name,)):
             found, fault = None, message.fault
             time_s: float | None = None
@@ -159,27 +166,27 @@ def open_bag_images(path: Path, topic: str | None) -> BagImages:
     optional_import("cv2", extra="video", purpose="reading images")  # now, not in mid-run
     bag = open_bag(path)
     images = image_topic(bag, topic)
-    first = _first(bag, images)
-    if first is None:
+    first, frame_ids = _first(bag, images)
+    if not first:
         raise InputError(f"{images.name} holds no message that can be read", file=path)
-    stamp, _, frame_id = first
     return BagImages(
         bag=bag,
         topic=images,
         name=path.resolve().name if path.is_dir() else path.stem,
-        timestamp_source=f"headers of {images.name}" if stamp else f"recording of {images.name}",
-        frame_id=frame_id,
+        clock=HeaderClock.of_first(first),
+        frame_id=Counter(frame_ids).most_common(1)[0][0],
     )
 
 
-def _first(bag: Bag, topic: Topic) -> tuple[int, float | None, str] | None:
-    """Stamp, ns, time of recording, s, and frame of the first message that can be read."""
-    decode = decoder_of(topic)
+def _first(bag: Bag, topic: Topic) -> tuple[list[tuple[int, float | None]], list[str]]:
+    """Headers, ns, and times of recording, s, of the first messages; and their frames."""
+    decode, stamps, frames = decoder_of(topic), [], []
     for message in bag.messages((topic.name,)):
-        if message.fault is not None:
-            continue
-        with suppress(BrokenBagError):
-            found = decode(message.data)
-            header = getattr(found, "header", found)
-            return stamp_ns(found), message.time_s, str(getattr(header, "frame_id", ""))
-    return None
+        if message.fault is None:
+            with suppress(BrokenBagError):
+                found = decode(message.data)
+                stamps.append((stamp_ns(found), message.time_s))
+                frames.append(str(getattr(getattr(found, "header", found), "frame_id", "")))
+        if len(stamps) == _FIRST:
+            break
+    return stamps, frames
