@@ -139,6 +139,27 @@ def test_speeds_of_the_bag_put_lengths_in_metres(
     assert record_of(out)["metric"]["unit"] == "m"
 
 
+def test_the_covariances_of_speeds_count(
+    farpoint: CommandLine,
+    tmp_path: Path,
+    images: tuple[np.ndarray, ...],
+    drive: RenderedSequence,
+    calibration: Path,
+):
+    sigmas = []
+    speed = 10.0 * np.linalg.norm(np.diff(drive.world_from_cam[:2, :3, 3], axis=0))
+    for share in (0.01, 0.5):  # 1-sigma of a speed; of ten in a second, a third of that
+        kind, out = "geometry_msgs/msg/TwistWithCovarianceStamped", tmp_path / f"{share}"
+        sent = [*sent_images(images), *wheels(drive, kind, (share * speed) ** 2)]
+        bag = write_bag(tmp_path, "mcap", sent, name=out.name)
+        options = ("--metric.speed-topic", "/wheels", "--metric.speed-sigma", "0.001")
+        outcome = farpoint("run", bag, "--camera", calibration, *QUICK, "--out", out, *options)
+        assert outcome.code == 0, outcome.err
+        sigmas.append(record_of(out)["metric"]["relative_sigma"])
+    assert sigmas[0] < 0.05
+    assert 0.1 < sigmas[1] < 0.25
+
+
 def fixes(drive: RenderedSequence, variance: float, *, known: int = 2) -> list[Sent]:
     """Positions about 48 N, 11 E: x to the east, z to the north."""
     latitude, radius = np.radians(48.0), 6378137.0
