@@ -117,7 +117,7 @@ def test_records_whose_lengths_are_wrong_are_passed_over(tmp_path: Path, kind: K
     file.write_bytes(data)
     frames = list(open_frames(path))
     assert_in_order(frames)
-    assert 80 - 2 * 15 <= len(good(frames)) < 80
+    assert len(good(frames)) >= 80 - 2 * 15  # MCAP: all, since messages in a chunk are found, too
     assert good(frames)[-1].timestamp == 8.0  # those behind it are read
     assert any("reading goes on at byte" in (frame.fault or "") for frame in frames)
 
