@@ -204,12 +204,15 @@ def foxglove_mcap(
     encoding: str = "protobuf",
     topic: str = "/camera",
     end: bool = True,
+    schema: tuple[str, bytes] | None = None,
 ) -> Path:
     """An MCAP file without a profile, chunks or a summary: messages one after the other."""
-    schema = struct.pack("<H", 1) + _text(type_name) + _text(encoding) + struct.pack("<I", 0)
+    language, definition = schema or (encoding, b"")
+    described = struct.pack("<H", 1) + _text(type_name) + _text(language)
+    described += struct.pack("<I", len(definition)) + definition
     channel = struct.pack("<HH", 7, 1) + _text(topic) + _text(encoding) + struct.pack("<I", 0)
     parts = [b"\x89MCAP0\r\n", mcap_record(1, _text("") + _text("test"))]
-    parts += [mcap_record(3, schema), mcap_record(4, channel)]
+    parts += [mcap_record(3, described), mcap_record(4, channel)]
     parts += [
         mcap_record(5, struct.pack("<HIQQ", 7, 0, time_ns, time_ns) + data)
         for time_ns, data in messages

@@ -16,6 +16,7 @@ import pytest
 from bags_kit import (
     KINDS,
     RECORDED_NS,
+    ROS1,
     ROS2,
     Kind,
     Sent,
@@ -481,3 +482,18 @@ def test_every_message_of_a_video_has_its_turn_whatever_leaves_the_decoder(
     for found in given:
         if found.image is not None:
             np.testing.assert_array_equal(found.image, picture(found.label))
+
+
+def test_plain_mcap_with_messages_of_ros_1(tmp_path: Path):
+    name = "sensor_msgs/msg/Image"
+    messages = [
+        (sent.recorded_ns, bytes(ROS1.serialize_ros1(build(ROS1, name, sent.fields), name)))
+        for sent in images(3)
+    ]
+    definition = ROS1.generate_msgdef(name)[0].encode()
+    path = tmp_path / "x.mcap"
+    described = ("ros1msg", definition)
+    foxglove_mcap(path, messages, type_name="sensor_msgs/Image", encoding="ros1", schema=described)
+    frames = list(open_bag(path))
+    assert [frame.timestamp for frame in frames] == [0.1, 0.2, 0.3]
+    np.testing.assert_array_equal(frames[2].image, picture(2))

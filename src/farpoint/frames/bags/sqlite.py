@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -45,6 +46,7 @@ class SqliteBag:
                 raise InputError(
                     f"cannot be read as a bag of ROS 2 ({error})", file=self.path
                 ) from error
+            counts = self._counts(database)
             for number, *words in rows:
                 name, kind, encoding = map(str, words)
                 definition, is_idl = definitions.get(kind, ("", False))
@@ -54,7 +56,7 @@ class SqliteBag:
                     encoding=encoding,
                     definition=definition,
                     is_idl=is_idl,
-                    count=self._count(database, number),
+                    count=None if counts is None else counts[number],
                 )
         return list(self._topics.values())
 
@@ -131,11 +133,12 @@ class SqliteBag:
         return {kind: (text, language == "ros2idl") for kind, language, text in rows}
 
     @staticmethod
-    def _count(database: sqlite3.Connection, number: int) -> int | None:
+    def _counts(database: sqlite3.Connection) -> Counter[int] | None:
+        """Messages of each topic, row by row: a table of any length takes no memory."""
         try:
-            return database.execute(
-                "SELECT count(*) FROM messages WHERE topic_id = ?", (number,)
-            ).fetchone()[0]
+            return Counter(
+                number for (number,) in database.execute("SELECT topic_id FROM messages")
+            )
         except sqlite3.Error:
             return None
 
