@@ -9,6 +9,7 @@ stands where the camera stands.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import scipy
@@ -22,6 +23,7 @@ BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0
 
 _TURNED = np.kron(np.eye(2), BODY_FROM_OPTICAL)
 _TERMS = 24  # of the series of a Jacobian: at a turn of 180 degrees the last one is 1e-7
+_NEGLIGIBLE = 1e-17
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,7 +116,14 @@ def _left_jacobian_inverse(adjoint: np.ndarray) -> np.ndarray:
     T. Barfoot, State Estimation for Robotics, 7.1.5.
     """
     total, power = np.zeros_like(adjoint), np.eye(len(adjoint))
-    for n, number in enumerate(scipy.special.bernoulli(_TERMS)):
+    for n, number in enumerate(_bernoulli()):
         total = total + number * power
         power = power @ adjoint / (n + 1)
+        if np.abs(power).max() < _NEGLIGIBLE:
+            break
     return total
+
+
+@cache
+def _bernoulli() -> tuple[float, ...]:
+    return tuple(scipy.special.bernoulli(_TERMS).tolist())
