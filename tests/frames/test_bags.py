@@ -297,6 +297,26 @@ def test_images_without_a_time_in_their_header_have_that_of_the_recording(tmp_pa
     assert [frame.timestamp for frame in bag] == [0.1, 0.2, 0.3]
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_headers_may_begin_at_zero(tmp_path: Path, kind: Kind):
+    sent = [image_message(picture(k), "mono8", k * TENTH_NS) for k in range(4)]
+    sent.insert(3, image_message(picture(0), "mono8", 0, recorded_ns=RECORDED_NS + 25 * 10**7))
+    bag = open_bag(write_bag(tmp_path, kind, sent))
+    times = [frame.timestamp for frame in bag]
+    assert times[:3] == [0.0, 0.1, 0.2]
+    assert times[3] == pytest.approx(0.25, abs=1e-6)
+    assert times[4] == 0.3
+    assert "headers" in bag.timestamp_source
+
+
+def test_a_header_without_a_time_among_others_has_about_that_of_the_recording(tmp_path: Path):
+    sent = images(30)
+    sent[20] = image_message(picture(0), "mono8", 0, recorded_ns=sent[20].recorded_ns)
+    times = [frame.timestamp for frame in open_bag(write_bag(tmp_path, "mcap", sent))]
+    assert times[20] == pytest.approx(2.1, abs=1e-6)
+    assert times[21] == 2.2
+
+
 # Which topic
 
 

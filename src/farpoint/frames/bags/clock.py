@@ -11,6 +11,7 @@ __all__ = ["HeaderClock"]
 _CONTRADICTS_S = 3600.0
 """A header that departs by so much from the clock of the recording, and alone, is damaged."""
 
+_ABOUT_ZERO_S = 1.0
 _FRAME_S = 0.1  # until two headers have told
 
 
@@ -35,12 +36,16 @@ class HeaderClock:
     @classmethod
     def of_first(cls, first: Sequence[tuple[int, float | None]]) -> HeaderClock:
         """By the headers, ns, of some messages, and when these were recorded, s."""
-        offsets = [stamp_ns / 10**9 - time_s for stamp_ns, time_s in first if stamp_ns and time_s]
-        return cls(statistics.median(offsets) if len(offsets) > len(first) // 2 else None)
+        offsets = [
+            stamp_ns / 10**9 - time_s
+            for stamp_ns, time_s in first
+            if stamp_ns and time_s is not None
+        ]
+        return cls(statistics.median(offsets) if 2 * len(offsets) >= len(first) > 0 else None)
 
     def take(self, stamp_ns: int, recorded_s: float | None) -> float | None:
         """Time of an image, s; None where its header contradicts those before."""
-        if not stamp_ns:  # never set
+        if not stamp_ns and not self._begins_at_zero(recorded_s):  # never set
             return self.guess(recorded_s)
         stamp_s = stamp_ns / 10**9
         if recorded_s is not None:
@@ -54,6 +59,12 @@ class HeaderClock:
             self._interval_s = stamp_s - self._last_s
         self._last_s = stamp_s
         return stamp_s
+
+    def _begins_at_zero(self, recorded_s: float | None) -> bool:
+        """Whether the headers' clock was about zero at that time, and has not gone on since."""
+        if self.offset_s is None or recorded_s is None or self._last_s:
+            return False
+        return abs(recorded_s + self.offset_s) < _ABOUT_ZERO_S
 
     def guess(self, recorded_s: float | None) -> float:
         """Time of an image whose header has none or is lost, s: not before the one before."""
