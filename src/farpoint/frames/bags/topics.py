@@ -37,7 +37,7 @@ def image_topic(bag: Bag, name: str | None) -> Topic:
         raise InputError(f"holds no images; its topics are {_listed(bag.topics())}", file=bag.path)
     if len(images) > 1:
         raise InputError(
-            f"several topics hold images: expected one of {_listed(images)}",
+            f"several topics hold images: expected one of {_listed(images)} (--topic)",
             file=bag.path,
             field="topic",
         )
