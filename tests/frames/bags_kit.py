@@ -188,6 +188,11 @@ def write_bag(
     return path
 
 
+def file_of(bag: Path) -> Path:
+    """The file of a bag that may be a folder."""
+    return bag if bag.is_file() else next(p for p in bag.iterdir() if p.suffix in (".mcap", ".db3"))
+
+
 def mcap_record(op: int, data: bytes) -> bytes:
     return struct.pack("<BQ", op, len(data)) + data
 
