@@ -8,8 +8,8 @@ from boards import CAMERA, STEP, TURN
 from farpoint import PoseStatus, Tracks, estimate_relative_pose
 from farpoint.geometry import so3, sphere
 from farpoint.pose import failed_pose
-from farpoint.trajectory.chain import chain
-from farpoint.trajectory.prediction import inverse_depths, point_predictor
+from farpoint.path.chain import chain
+from farpoint.path.prediction import inverse_depths, point_predictor
 
 
 def exact_matches(count: int = 40) -> tuple[Tracks, np.ndarray]:

@@ -178,7 +178,7 @@ def process_frames(
         if bag_file is not None:
             _refuse_source(bag_file, source)
             metres = (lambda: metric.now if metric else None) if hints else None
-            bag = BagSink(bag_file, lambda: odometry.camera, metres)
+            bag = BagSink(bag_file, lambda: odometry.lens.camera, metres)
             opened.callback(bag.close)
         folder = opened.enter_context(OutputFolder(out, description, output, lock=lock))
         for note in folder.notes:
@@ -220,15 +220,13 @@ def _run_into(
                 folder.add_time("read", seconds)
                 result = odometry.process(frame.image, frame.timestamp, fault=frame.fault)
                 folder.write(result, frame.image)
+                folder.settle(odometry.settled())
                 folder.check_halves(result, odometry)
                 if result.pose is not None:
                     counts[result.pose.status] += 1
                 progress.step()
         finally:
-            for stage, seconds in odometry.seconds.items():
-                folder.add_time(stage, seconds)
-            for note in odometry.notes:
-                folder.note(note)
+            folder.finish_path(odometry)
     for note in odometry.notes:
         warn(note)
     return counts

@@ -6,8 +6,8 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.odometry import OdometryResult
+from farpoint.path.prediction import inverse_depths
 from farpoint.pose import TrackLabel
-from farpoint.trajectory.prediction import inverse_depths
 
 __all__ = ["find_ground"]
 

@@ -17,7 +17,7 @@ from farpoint.errors import InputError
 from farpoint.frames.live import Capture, LiveAccount, LiveFrame, LiveSource
 from farpoint.hints import Hint
 from farpoint.live.rehearsal import rehearse
-from farpoint.odometry import Odometry, OdometryOptions, OdometryResult
+from farpoint.odometry import Odometry, OdometryOptions, OdometryResult, SettledPose
 from farpoint.pose import PoseStatus
 from farpoint.sinks import (
     FolderLock,
@@ -121,6 +121,7 @@ class LiveSession:
         output, viewer = output or OutputOptions(), viewer or ViewerOptions()
         self._latency_s = self._longest_latency_s = 0.0
         self._indices: dict[int, int] = {}  # of the odometry's frames, in the source
+        self._compared_with = 0  # the odometry's frame that the last one was compared with
         with ExitStack() as opened:
             # These load while this process does.
             display = opened.enter_context(start_live_viewer()) if viewer.wanted else None
@@ -211,10 +212,8 @@ class LiveSession:
         # The source first: what still waits counts as dropped in the account of the files.
         self._capture.close()
         self._record(self.state)
-        for stage, seconds in self._odometry.seconds.items():
-            self._folder.add_time(stage, seconds)
-        for note in self._odometry.notes:
-            self._folder.note(note)
+        self._settle(self._odometry.remaining())
+        self._folder.tell(self._odometry)
         self._opened.__exit__(kind, error, trace)
 
     def _first_size(self) -> tuple[int, int]:
@@ -232,6 +231,7 @@ class LiveSession:
             self._odometry.process(frame.image, frame.timestamp, fault=frame.fault), frame.index
         )
         self._folder.write(result, frame.image)
+        self._settle(self._odometry.settled())
         self._latency_s = time.monotonic() - taken.arrived_s
         self._longest_latency_s = max(self._longest_latency_s, self._latency_s)
         self._folder.check_halves(result, self._odometry)
@@ -242,9 +242,15 @@ class LiveSession:
 
     def _numbered(self, found: OdometryResult, index: int) -> OdometryResult:
         """The result with its frames counted as the source delivered them: gaps were dropped."""
-        self._indices[found.frame1] = index
-        self._indices = {k: v for k, v in self._indices.items() if k >= found.frame0}
+        self._indices[found.frame1], self._compared_with = index, found.frame0
         return replace(found, frame0=self._indices[found.frame0], frame1=index)
+
+    def _settle(self, poses: list[SettledPose]) -> None:
+        """Write poses, counted as `_numbered` does; those of earlier frames are told no more."""
+        self._folder.settle(replace(pose, frame=self._indices[pose.frame]) for pose in poses)
+        if poses:
+            done = min(poses[-1].frame, self._compared_with)
+            self._indices = {k: v for k, v in self._indices.items() if k >= done}
 
     def _record(self, state: LiveState) -> None:
         """Put the account into ``run.json``."""

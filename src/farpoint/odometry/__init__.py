@@ -3,5 +3,7 @@
 from farpoint.odometry.options import OdometryOptions
 from farpoint.odometry.result import OdometryResult
 from farpoint.odometry.sequence import Odometry
+from farpoint.path.lens import LensReport
+from farpoint.path.point import SettledPose
 
-__all__ = ["Odometry", "OdometryOptions", "OdometryResult"]
+__all__ = ["LensReport", "Odometry", "OdometryOptions", "OdometryResult", "SettledPose"]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from farpoint.path.options import LensRefinementOptions, PathOptions
 from farpoint.pose import RelativePoseOptions
 from farpoint.tracks import TrackerOptions
-from farpoint.trajectory.options import PathOptions
 
 __all__ = ["OdometryOptions"]
 
@@ -24,7 +24,9 @@ class OdometryOptions:
         tracker's windows were seen to have in common on rendered streets; and `half_deals` is 8.
         `expected_half_ratio` is that of the first pair, from which it goes on.
     path : PathOptions
-        How motions are strung together.
+        The window that keeps one scale.
+    lens : LensRefinementOptions
+        How far lens and shutter may be from what the calibration says.
     seed : int
         Of the random samples.
     """
@@ -34,4 +36,5 @@ class OdometryOptions:
         default_factory=lambda: RelativePoseOptions(shared_error_px=0.002, half_deals=8)
     )
     path: PathOptions = field(default_factory=PathOptions)
+    lens: LensRefinementOptions = field(default_factory=LensRefinementOptions)
     seed: int = 0

@@ -13,11 +13,17 @@ from farpoint.camera import Camera
 from farpoint.frames import Frame
 from farpoint.frames.deinterlace import Deinterlacer
 from farpoint.metrics import SplitHalf, image_cells, split_half
+from farpoint.odometry.at_rest import at_rest
 from farpoint.odometry.half_ratios import HalfRatios
 from farpoint.odometry.mask import checked_mask, tracked_region
 from farpoint.odometry.options import OdometryOptions
 from farpoint.odometry.result import OdometryResult
 from farpoint.odometry.rising_time import RisingTime
+from farpoint.path.lens import LensReport, given_lens
+from farpoint.path.path import Pair, PathBuilder
+from farpoint.path.perspective import without_perspective
+from farpoint.path.point import PathPoint, SettledPose
+from farpoint.path.prediction import point_predictor
 from farpoint.pose import (
     PoseStatus,
     RelativePose,
@@ -28,10 +34,6 @@ from farpoint.pose import (
 )
 from farpoint.pose.patches import patches_of
 from farpoint.tracks import Tracker, Tracks, grey_size
-from farpoint.trajectory.path import PathBuilder
-from farpoint.trajectory.perspective import without_perspective
-from farpoint.trajectory.point import PathPoint
-from farpoint.trajectory.prediction import point_predictor
 
 __all__ = ["Odometry"]
 
@@ -49,10 +51,32 @@ class _Reference:
     tracks: Tracks
 
 
+class _LensInUse:
+    """The camera that motions are estimated with: as found, once that is sure enough.
+
+    It changes where the lens found has moved from it by more than its own 1-sigma: each change
+    costs tables of the lens, and below that it would follow noise.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        self.camera = camera
+        self._z: np.ndarray | None = None
+
+    def follow(self, path: PathBuilder) -> None:
+        lens = path.lens
+        if lens is None or not lens.size:
+            return
+        moved = lens.z if self._z is None else lens.z - self._z
+        if lens.moved_px(moved) > lens.sigma_px():
+            self._z, self.camera = lens.z, lens.found()
+
+
 class Odometry:
     """Motion of a calibrated camera from frame to frame.
 
-    Each frame is compared with the last one that was of use. A frame of no use (not decoded, of
+    Each frame is compared with the last one that was of use. The poses of the last keyframes are
+    solved together, with the distances of points, the lens and the shutter: motions are estimated
+    with the lens as found. A frame of no use (not decoded, of
     another size, without texture) gives a FAILED result and is passed over. Where the matches of a
     textured frame have no consensus, as at a cut, the sequence begins anew from that frame, as
     another segment of the trajectory; within a segment it has one scale.
@@ -72,7 +96,7 @@ class Odometry:
     Attributes
     ----------
     camera : Camera
-        With the size of the frames, once there was one.
+        As given, with the size of the frames, once there was one.
     seconds : dict
         Time spent so far in ``"tracks"``, ``"pose"`` and ``"path"``.
 
@@ -97,7 +121,8 @@ class Odometry:
         self._tracker = Tracker(self.options.tracker)
         self._reference: _Reference | None = None
         self._half_ratios = HalfRatios(self.options.pose.expected_half_ratio)
-        self._path = PathBuilder(self._estimate, self.options.path)
+        self._path = PathBuilder(self._estimate, self.options.path, self.options.lens)
+        self._lens = _LensInUse(camera)
         self._time, self._fields = RisingTime(), Deinterlacer()
         self._next_index = 0
         self._has_seen = False  # an image, which fixed the size
@@ -114,6 +139,39 @@ class Odometry:
                 "later time stamps are moved to follow the ones before."
             )
         return tuple(notes)
+
+    @property
+    def lens(self) -> LensReport:
+        """What was found of lens and shutter so far."""
+        return self._path.report() or given_lens(self.camera)
+
+    def settled(self) -> list[SettledPose]:
+        """Poses that have left the window since the last call, in the order of their frames.
+
+        They change no more; `OdometryResult.world_from_cam` is what was known at its time.
+        """
+        return self._path.settled()
+
+    def remaining(self) -> list[SettledPose]:
+        """Poses that `settled` has not given yet, as they are now: at the end of a run."""
+        return self._path.remaining()
+
+    def relative_pose(self, frame0: int, frame1: int) -> tuple[np.ndarray, np.ndarray] | None:
+        """Motion between two keyframes that are in the window, for a pose graph.
+
+        Parameters
+        ----------
+        frame0, frame1 : int
+            Indices of their frames.
+
+        Returns
+        -------
+        (ndarray, ndarray) or None
+            ``cam1_from_cam0`` (4, 4), and the covariance (6, 6) of ``[dtheta, dt]`` in camera 1:
+            ``R_true = Exp(dtheta) R``, ``t_true = t + dt``, rad and units of the path. None where
+            one of them is no keyframe of the window.
+        """
+        return self._path.relative_pose(frame0, frame1)
 
     def run(self, frames: Iterable[Frame]) -> Iterator[OdometryResult]:
         """Results of frames, one for each, as they come."""
@@ -153,6 +211,7 @@ class Odometry:
         image = self._fields(image)
         if not self._has_seen:
             self.camera = self.camera.with_size(width, height)
+            self._lens = _LensInUse(self.camera)
             region = tracked_region(self.camera, self._mask, self.options.tracker)
             self._tracker = Tracker(self.options.tracker, mask=region)
             self._has_seen = True
@@ -188,12 +247,12 @@ class Odometry:
         # A lens is wrong for both halves alike, and so is what all tracks have in common.
         options = replace(self._pose_options(), shared_error_px=0.0)
         if cell_px is None:
-            groups = patches_of(self.camera.unproject(tracks.points0))
+            groups = patches_of(self._lens.camera.unproject(tracks.points0))
         else:
             groups = image_cells(tracks.points0, cell_px)
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
-            partial(self._estimate_by, self.camera.with_uncertainty(), options),
+            partial(self._estimate_by, self._lens.camera.with_uncertainty(), options),
             seed=result.frame1 + _FRAMES * self.options.seed,
             groups=groups,
         )
@@ -209,21 +268,32 @@ class Odometry:
         self._half_ratios.add(pose.stats.half_ratio)
         estimated = time.perf_counter()
         if pose.status is not PoseStatus.FAILED:
-            good = tracks.select(pose.labels != TrackLabel.OUTLIER)
-            self._tracker.advance(image, good)
-            self._reference = _Reference(index=index, timestamp=timestamp, motion=pose, tracks=good)
-            advanced = time.perf_counter()
-            point = self._path.add(self.camera, tracks, pose, timestamp - reference.timestamp)
+            pair = Pair(
+                frame0=reference.index, frame1=index, time0=reference.timestamp, time1=timestamp
+            )
+            point = self._path.add(self.camera, tracks, pose, pair)
+            self._lens.follow(self._path)
+            strung = time.perf_counter()
+            pose = at_rest(pose, point.rest)
+            is_good = pose.labels != TrackLabel.OUTLIER
+            self._reference = _Reference(
+                index=index, timestamp=timestamp, motion=pose, tracks=tracks.select(is_good)
+            )
+            if point.fitting is not None:  # known points are right whatever moves before them
+                is_good |= np.isin(tracks.ids, point.fitting)
+            self._tracker.advance(image, tracks.select(is_good))
         elif self._tracker.sees_texture(image):
             # A cut, or a motion too large to follow: what comes next resembles this frame.
+            strung = time.perf_counter()
             self._restart(image, index, timestamp)
-            advanced = time.perf_counter()
             point = self._path.break_off()
+            self._path.pass_over(index, timestamp)
         else:
             return self._pass_over(index, timestamp, "The frame shows nothing to track.")
-        self.seconds["tracks"] += matched - start + advanced - estimated
+        advanced = time.perf_counter()
+        self.seconds["tracks"] += matched - start + advanced - strung
         self.seconds["pose"] += estimated - matched
-        self.seconds["path"] += time.perf_counter() - advanced
+        self.seconds["path"] += strung - estimated
         return self._result(reference, index, timestamp, pose, tracks, point)
 
     def _without_perspective(self, tracks: Tracks) -> Tracks:
@@ -232,14 +302,14 @@ class Odometry:
         rough = estimate_relative_pose(
             tracks.points0[some],
             tracks.points1[some],
-            self.camera.with_uncertainty(),
+            self._lens.camera.with_uncertainty(),
             options=replace(self.options.pose, count_sharing=False, half_deals=0),
             seed=self.options.seed,
         )
         if rough.rotation_cam1_from_cam0 is None:
             return tracks
         return without_perspective(
-            tracks, self.camera, rough.rotation_cam1_from_cam0, rough.direction_cam1_from_cam0
+            tracks, self._lens.camera, rough.rotation_cam1_from_cam0, rough.direction_cam1_from_cam0
         )
 
     def _estimate(
@@ -247,7 +317,7 @@ class Odometry:
     ) -> RelativePose:
         """The motion behind `Tracks`, given as arrays so that parts of them can be given."""
         return self._estimate_by(
-            self.camera, self._pose_options(), points0, points1, covariance_px2
+            self._lens.camera, self._pose_options(), points0, points1, covariance_px2
         )
 
     def _pose_options(self) -> RelativePoseOptions:
@@ -280,7 +350,9 @@ class Odometry:
         if motion is None:
             return None
         tracker = self._tracker
-        return point_predictor(self.camera, motion, reference.tracks, tracker.ids, tracker.points)
+        return point_predictor(
+            self._lens.camera, motion, reference.tracks, tracker.ids, tracker.points
+        )
 
     def _begin(self, image: np.ndarray, index: int, timestamp: float) -> OdometryResult:
         self._restart(image, index, timestamp)
@@ -299,6 +371,7 @@ class Odometry:
         self, index: int, timestamp: float, pose: RelativePose | None
     ) -> OdometryResult:
         tracks, point = Tracks.empty(), self._path.now
+        self._path.pass_over(index, timestamp)
         return self._result(self._reference, index, timestamp, pose, tracks, point)
 
     @staticmethod

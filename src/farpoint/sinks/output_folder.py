@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,33 +15,37 @@ from typing import Self
 
 import numpy as np
 
+from farpoint.camera import write_camera
 from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
-from farpoint.odometry import Odometry, OdometryResult
+from farpoint.odometry import LensReport, Odometry, OdometryResult, SettledPose
 from farpoint.options import settle_int
-from farpoint.sinks.files import new_of, part_of, unwritable
+from farpoint.sinks.files import new_of, part_of, replacing, unwritable
 from farpoint.sinks.halves import HalvesFile
+from farpoint.sinks.lens import lens_facts
 from farpoint.sinks.lock import FolderLock
 from farpoint.sinks.motions import MotionsFile
 from farpoint.sinks.overlay import PALETTES, PaletteName, open_film, require_libraries
 from farpoint.sinks.positions import PositionsFile, load_pyarrow, write_positions_parquet
 from farpoint.sinks.report import REPORT_NAME, write_report
 from farpoint.sinks.run_record import RunDescription, RunRecord, RunState
-from farpoint.sinks.sink import Sink
+from farpoint.sinks.sink import PathFile, Sink
 from farpoint.sinks.trajectory import KittiFile, TrajectoryFile
 
 __all__ = ["OutputFolder", "OutputOptions"]
 
-_TEXT_FILES: dict[str, tuple[Callable[[Path], Sink], str]] = {
-    "motions": (MotionsFile, "motions.csv"),
+_PATH_FILES: dict[str, tuple[Callable[[Path], PathFile], str]] = {
     "trajectory": (TrajectoryFile, "trajectory.tum"),
     "kitti": (KittiFile, "trajectory.kitti"),
     "positions": (PositionsFile, "positions.csv"),
 }
+_MOTIONS_NAME, _CAMERA_NAME = "motions.csv", "camera.yaml"
 _RECORD_NAME, _HALVES_NAME, _FILM_NAME = "run.json", "halves.csv", "overlay.mp4"
 _OUTPUTS = (
     REPORT_NAME,
-    *(file for _, file in _TEXT_FILES.values()),
+    _MOTIONS_NAME,
+    *(file for _, file in _PATH_FILES.values()),
+    _CAMERA_NAME,
     _HALVES_NAME,
     _FILM_NAME,
     "positions.parquet",
@@ -154,11 +158,14 @@ class OutputFolder:
         self, run: RunDescription, film_process: subprocess.Popen[bytes] | None
     ) -> None:
         self._sinks: dict[str, Sink] = {}
+        self._path_files: dict[str, PathFile] = {}
         self._halves: HalvesFile | None = None
         with ExitStack() as opened:  # closes what is open already if a later one cannot be
-            for name, (kind, file) in _TEXT_FILES.items():
-                self._sinks[name] = kind(self.path / file)
-                opened.callback(self._sinks[name].close)
+            self._sinks["motions"] = MotionsFile(self.path / _MOTIONS_NAME)
+            opened.callback(self._sinks["motions"].close)
+            for name, (kind, file) in _PATH_FILES.items():
+                self._path_files[name] = kind(self.path / file)
+                opened.callback(self._path_files[name].close)
             if self._options.halves_every:
                 self._halves = HalvesFile(self.path / _HALVES_NAME)
                 opened.callback(self._halves.close)
@@ -184,6 +191,34 @@ class OutputFolder:
             sink.write(result, image)
             self._record.add_time(name, time.perf_counter() - start)
         self._record.write(result, image)
+
+    def settle(self, poses: Iterable[SettledPose]) -> None:
+        """Add poses of the path that change no more: `Odometry.settled`, at the end `remaining`."""
+        for pose in poses:
+            for name, file in self._path_files.items():
+                start = time.perf_counter()
+                file.write(pose)
+                self._record.add_time(name, time.perf_counter() - start)
+
+    def finish_path(self, odometry: Odometry) -> None:
+        """Add what a run ends with, however it ends: the last poses, and what `tell` tells."""
+        self.settle(odometry.remaining())
+        self.tell(odometry)
+
+    def tell(self, odometry: Odometry) -> None:
+        """Add the lens as found, times and notes."""
+        if odometry.camera.size is not None:
+            self.put_lens(odometry.lens)
+        for stage, seconds in odometry.seconds.items():
+            self.add_time(stage, seconds)
+        for note in odometry.notes:
+            self.note(note)
+
+    def put_lens(self, lens: LensReport) -> None:
+        """Tell what was found of lens and shutter, in ``run.json`` and as ``camera.yaml``."""
+        self._record.put("lens", lens_facts(lens))
+        with replacing(self.path / _CAMERA_NAME) as part:
+            write_camera(lens.camera, part)
 
     def check_halves(self, result: OdometryResult, odometry: Odometry) -> None:
         """Test the pair that was just written by two halves of its matches, if it is its turn."""
@@ -238,6 +273,7 @@ class OutputFolder:
     def _last_of_all(self) -> list[Callable[[], object]]:
         """Steps that finish every output but the record and the report, which tell of them."""
         steps: list[Callable[[], object]] = [sink.close for sink in self._sinks.values()]
+        steps += [file.close for file in self._path_files.values()]
         if self._halves is not None:
             steps.append(self._halves.close)
         steps += [partial(step, self.path) for step in self._last_steps]

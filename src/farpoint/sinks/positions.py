@@ -13,9 +13,9 @@ import numpy as np
 
 from farpoint.errors import InputError, optional_import
 from farpoint.geometry import so3
-from farpoint.odometry import OdometryResult
+from farpoint.odometry import SettledPose
 from farpoint.sinks.files import replacing
-from farpoint.sinks.sink import TextSink
+from farpoint.sinks.sink import PathFile
 
 __all__ = [
     "COLUMNS",
@@ -51,22 +51,21 @@ class PositionRow(NamedTuple):
     covariance: np.ndarray
 
 
-class PositionsFile(TextSink):
+class PositionsFile(PathFile):
     """Writes a row per frame: ``world_from_cam`` and its covariance with the scale's."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, header=",".join(COLUMNS) + "\n")
 
-    def lines(self, result: OdometryResult) -> str:
+    def lines(self, pose: SettledPose) -> str:
         """The row of this frame."""
-        covariance = result.world_covariance
         return position_line(
             PositionRow(
-                timestamp=result.timestamp,
-                frame=result.frame1,
-                segment=result.segment,
-                world_from_cam=result.world_from_cam,
-                covariance=np.full((7, 7), np.nan) if covariance is None else covariance,
+                timestamp=pose.timestamp,
+                frame=pose.frame,
+                segment=pose.segment,
+                world_from_cam=pose.world_from_cam,
+                covariance=pose.covariance,
             )
         )
 

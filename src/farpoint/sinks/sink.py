@@ -8,10 +8,10 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from farpoint.odometry import OdometryResult
+from farpoint.odometry import OdometryResult, SettledPose
 from farpoint.sinks.files import AppendFile
 
-__all__ = ["Sink", "TextFile", "TextSink"]
+__all__ = ["PathFile", "Sink", "TextFile", "TextSink"]
 
 
 class Sink(Protocol):
@@ -57,6 +57,18 @@ class TextFile:
 
     def _put(self, text: str) -> None:
         self._file.append(text.encode())
+
+
+class PathFile(TextFile):
+    """A file with lines for each pose of the path, once it is settled."""
+
+    def write(self, pose: SettledPose) -> None:
+        """Append the lines of one pose."""
+        self._put(self.lines(pose))
+
+    def lines(self, pose: SettledPose) -> str:
+        """What is written of a pose, with line ends."""
+        raise NotImplementedError
 
 
 class TextSink(TextFile):

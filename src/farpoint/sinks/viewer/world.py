@@ -10,10 +10,10 @@ from farpoint.camera import Camera
 from farpoint.errors import optional_import
 from farpoint.geometry import so3
 from farpoint.odometry import OdometryResult
+from farpoint.path.prediction import inverse_depths
 from farpoint.pose import TrackLabel
 from farpoint.sinks.overlay.palette import WHITE, Colour, Palette
 from farpoint.sinks.viewer import places
-from farpoint.trajectory.prediction import inverse_depths
 
 __all__ = ["World", "position_region", "sparse_points"]
 

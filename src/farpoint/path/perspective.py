@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint.camera import Camera
+from farpoint.path.prediction import inverse_depths
+from farpoint.path.vectors import products, solutions
 from farpoint.tracks import Tracks
-from farpoint.trajectory.prediction import inverse_depths
-from farpoint.trajectory.vectors import products, solutions
 
 __all__ = ["without_perspective"]
 

@@ -14,7 +14,7 @@ from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.tracks import CornerOptions, RefinementOptions, Tracks
 from farpoint.tracks.corners import find_corners
 from farpoint.tracks.tracks import Windows
-from farpoint.trajectory.perspective import without_perspective
+from farpoint.path.perspective import without_perspective
 
 SIZE = 280, 200
 PINHOLE = Camera.pinhole(*SIZE, 220.0, 220.0, 140.0, 100.0)

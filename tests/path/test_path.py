@@ -11,9 +11,9 @@ from drive_kit import CAMERA, Cloud, cloud, estimate, forward, motion_of, poses_
 
 from farpoint import PoseStatus
 from farpoint.errors import InputError
-from farpoint.trajectory.options import PathOptions
+from farpoint.path.options import PathOptions
 from farpoint.trajectory.path import PathBuilder
-from farpoint.trajectory.point import PathPoint
+from farpoint.path.point import PathPoint
 
 INDEPENDENT = PathOptions(  # that is what the errors of these tracks are
     persistent_motion_share=0.0, persistent_length_share=0.0, fading_motion_share=0.0

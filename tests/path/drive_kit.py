@@ -7,21 +7,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint import Camera, RelativePose, Tracks, estimate_relative_pose
+from farpoint import Camera, PoseStatus, RelativePose, Tracks, estimate_relative_pose
 from farpoint.geometry import so3
+from farpoint.path.options import LensRefinementOptions, PathOptions
+from farpoint.path.path import Pair, PathBuilder
+from farpoint.path.point import PathPoint
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 
 
-def estimate(points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray) -> RelativePose:
+def estimate(
+    points0: np.ndarray,
+    points1: np.ndarray,
+    covariance_px2: np.ndarray,
+    camera: Camera = CAMERA,
+) -> RelativePose:
     half_px2 = 0.5 * covariance_px2
     return estimate_relative_pose(
-        points0, points1, CAMERA, covariance0_px2=half_px2, covariance1_px2=half_px2
+        points0, points1, camera, covariance0_px2=half_px2, covariance1_px2=half_px2
     )
 
 
-def motion_of(tracks: Tracks) -> RelativePose:
-    return estimate(tracks.points0, tracks.points1, tracks.covariance_px2)
+def motion_of(tracks: Tracks, camera: Camera = CAMERA) -> RelativePose:
+    return estimate(tracks.points0, tracks.points1, tracks.covariance_px2, camera)
 
 
 def poses_of(steps: np.ndarray, turns: np.ndarray) -> np.ndarray:
@@ -40,6 +48,41 @@ def forward(count: int, length: float = 0.5, sway: float = 0.05, seed: int = 0) 
     steps = rng.normal(0.0, sway * length, (count, 3))
     steps[:, 2] += length * (1.0 + 0.3 * np.sin(0.2 * np.arange(count)))
     return steps
+
+
+EXACT = LensRefinementOptions(refine=False)
+FPS = 10.0
+
+
+class Drive:
+    """A path built from tracks, with what was told after each pair."""
+
+    def __init__(
+        self,
+        options: PathOptions | None = None,
+        lens: LensRefinementOptions = EXACT,
+        camera: Camera = CAMERA,
+    ) -> None:
+        self.camera = camera
+        self.builder = PathBuilder(estimate, options or PathOptions(), lens)
+        self.builder.pass_over(0, 0.0)
+        self.points = [self.builder.now]
+        self.settled = []
+
+    def add(self, tracks: Tracks, motion: RelativePose | None = None) -> PathPoint:
+        frame = len(self.points)
+        pair = Pair(
+            frame0=frame - 1, frame1=frame, time0=(frame - 1) / FPS, time1=frame / FPS
+        )
+        motion = motion or motion_of(tracks, self.camera)
+        assert motion.status is not PoseStatus.FAILED
+        self.points.append(self.builder.add(self.camera, tracks, motion, pair))
+        self.settled += self.builder.settled()
+        return self.points[-1]
+
+    def finish(self) -> Drive:
+        self.settled += self.builder.remaining()
+        return self
 
 
 @dataclass

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from farpoint.camera import Camera
+from farpoint.path.vectors import cross
 from farpoint.pose import RelativePose
 from farpoint.tracks import Tracks
-from farpoint.trajectory.vectors import cross
 
 __all__ = ["inverse_depths", "point_predictor"]
 

@@ -1,0 +1,45 @@
+"""A motion of two views, where points of known distance tell that the camera stands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from farpoint.geometry import so3
+from farpoint.path.point import Rest
+from farpoint.pose import PoseStatus, RelativePose
+
+__all__ = ["at_rest"]
+
+_TURN_CHI2 = 11.3  # 0.99 of the rotations of a camera that does not turn (3 degrees of freedom)
+
+
+def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
+    """The motion without a translation: STATIC, or ROTATION_ONLY where the camera turned.
+
+    Parameters
+    ----------
+    pose : RelativePose
+        Of two views.
+    rest : Rest or None
+        None: the motion stays what the two views say.
+    """
+    if rest is None:
+        return pose
+    turn = so3.log(rest.rotation_cam1_from_cam0)
+    squared = turn @ np.linalg.pinv(rest.rotation_covariance, hermitian=True) @ turn
+    turned = bool(squared > _TURN_CHI2)
+    return replace(
+        pose,
+        status=PoseStatus.ROTATION_ONLY if turned else PoseStatus.STATIC,
+        reason=(
+            f"{rest.points} points of known distance stand still: what moves is in front of the "
+            f"camera, which {'only turned' if turned else 'is at rest'}."
+        ),
+        rotation_cam1_from_cam0=rest.rotation_cam1_from_cam0,
+        rotation_covariance=rest.rotation_covariance,
+        direction_cam1_from_cam0=None,
+        direction_basis=None,
+        covariance=None,
+    )

@@ -1,0 +1,228 @@
+"""Lens and shutter as the window believes them, and as its derivatives have them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError
+from farpoint.path.options import LensRefinementOptions
+
+__all__ = ["LensEstimate", "LensReport", "given_lens", "with_prior"]
+
+# Change of a pixel beyond which derivatives are taken anew: what they leave out is its square over
+# the focal length, a hundredth of a pixel.
+_STALE_PX = 2.0
+# One sigma of an unknown read-out time, in units of the time between frames (a frame cannot be read
+# out for longer than that).
+_READOUT_SIGMA = 0.5
+# Sigma of a read-out time that is known, s: as good as exact, and the equations stay regular.
+_EXACT_S = 1e-9
+_GRID = (9, 7)  # pixels at which the reach of an error is taken
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LensReport:
+    """What was found of lens and shutter.
+
+    Attributes
+    ----------
+    camera : Camera
+        As found, with the covariance of its parameters.
+    given : Camera
+        As given.
+    sigma : dict of str to float
+        1-sigma of each of the model's parameters, in its units.
+    readout_s, readout_sigma_s : float
+        Read-out time of a frame, first row to last, and its 1-sigma, s.
+    moved_px : float
+        How far the image moved at most: between the lens as given and as found.
+    refined : bool
+        Whether anything of the lens was free.
+    """
+
+    camera: Camera
+    given: Camera
+    sigma: dict[str, float]
+    readout_s: float
+    readout_sigma_s: float
+    moved_px: float
+    refined: bool
+
+
+def given_lens(camera: Camera) -> LensReport:
+    """The report of a camera that was not looked into."""
+    return LensReport(
+        camera=camera,
+        given=camera,
+        sigma=camera.parameter_sigmas() if camera.size is not None else {},
+        readout_s=camera.readout_s or 0.0,
+        readout_sigma_s=camera.readout_sigma_s or 0.0,
+        moved_px=0.0,
+        refined=False,
+    )
+
+
+def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
+    """The camera with the sigmas of its calibration, or those of the options where it has none."""
+    if not options.refine:
+        return camera.with_uncertainty()
+    if camera.uncertainty is not None:
+        return camera
+    return camera.with_uncertainty(
+        focal=options.focal_sigma,
+        center_px=options.center_sigma_px,
+        distortion_px=options.distortion_sigma_px,
+    )
+
+
+class LensEstimate:
+    """Parameters ``given + factor @ z``, whose z have a prior of zero and one.
+
+    Parameters
+    ----------
+    camera : Camera
+        As given, with its size.
+    options : LensRefinementOptions
+    interval_s : float
+        Time between two frames.
+
+    Attributes
+    ----------
+    z : ndarray, shape (r,)
+        Change of the lens, in sigmas of independent errors.
+    readout_s : float
+        Read-out time.
+    """
+
+    def __init__(self, camera: Camera, options: LensRefinementOptions, interval_s: float) -> None:
+        self.given = camera
+        prior = with_prior(camera, options)
+        self._refinable = prior.refinable
+        self.factor = prior.parameter_factor
+        self.z = np.zeros(self.factor.shape[1])
+        self._linear_z = self.z
+        self._model = self._refinable
+        self.readout_s, readout_sigma_s = _shutter(camera, options, interval_s)
+        self.covariance = np.diag([1.0] * len(self.z) + [readout_sigma_s**2])
+        self._reach = self._reach_px()
+
+    @property
+    def size(self) -> int:
+        """Number of directions in which the lens may change."""
+        return len(self.z)
+
+    @property
+    def common(self) -> np.ndarray:
+        """All common unknowns (r + 1,): ``z`` and the read-out time."""
+        return np.append(self.z, self.readout_s)
+
+    @property
+    def change(self) -> np.ndarray:
+        """Change (r,) since the derivatives were taken."""
+        return self.z - self._linear_z
+
+    def moved_px(self, z: np.ndarray) -> float:
+        """How far a change ``z`` moves pixels, at most."""
+        return float(np.max(np.linalg.norm(self._reach @ z, axis=1), initial=0.0))
+
+    def sigma_px(self) -> float:
+        """1-sigma of a pixel by what is unknown of the lens, where it is largest."""
+        lens = self.covariance[: self.size, : self.size]
+        variance = np.einsum("nqi,ij,nqj->n", self._reach, lens, self._reach)
+        return float(np.sqrt(np.max(variance, initial=0.0)))
+
+    def step(self, change: np.ndarray) -> None:
+        """Change lens and read-out time; a lens moves by no more than its derivatives hold for."""
+        lens = change[:-1]
+        share = min(1.0, 5.0 * _STALE_PX / max(self.moved_px(lens), 1e-12))
+        self.z, self.readout_s = self.z + share * lens, self.readout_s + float(change[-1])
+
+    def is_stale(self) -> bool:
+        """Whether the lens has moved too far from where its derivatives were taken."""
+        return self.moved_px(self.change) > _STALE_PX
+
+    def relinearise(self) -> None:
+        """Take derivatives at the lens as it is; a lens that cannot be is left as it was."""
+        try:
+            self._model = self._refinable.with_parameters(self.parameters())
+        except InputError:
+            self.z = self._linear_z
+        else:
+            self._linear_z = self.z
+
+    def parameters(self) -> np.ndarray:
+        """Of the model's ``refinable()``, as found (P,)."""
+        return np.array(list(self._refinable.parameters.values())) + self.factor @ self.z
+
+    def rays_of(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Unit rays (N, 3) of pixels, and their derivatives (N, 3, r) by the lens."""
+        rays = self._model.unproject(pixels)
+        if not self.size:
+            return rays, np.zeros((len(pixels), 3, 0))
+        by_lens = self._model.project_parameter_jacobian(rays) @ self.factor
+        return rays, -self._model.unproject_jacobian(rays) @ by_lens
+
+    def pixels_of(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pixels (N, 2) of rays, derivatives by the rays (N, 2, 3) and by the lens (N, 2, r)."""
+        pixels, by_ray = self._model.project(rays), self._model.project_jacobian(rays)
+        if not self.size:
+            return pixels, by_ray, np.zeros((len(rays), 2, 0))
+        by_parameters = self._model.project_parameter_jacobian(rays)
+        count = by_parameters.shape[2]
+        by_lens = (by_parameters.reshape(-1, count) @ self.factor).reshape(len(rays), 2, self.size)
+        return pixels, by_ray, by_lens
+
+    def found(self) -> Camera:
+        """The camera as found, without uncertainty."""
+        return replace(
+            self.given, model=self._refinable.with_parameters(self.parameters()), uncertainty=None
+        )
+
+    def report(self) -> LensReport:
+        """What was found so far."""
+        lens = self.covariance[: self.size, : self.size]
+        covariance = self.factor @ lens @ self.factor.T
+        readout_s = max(self.readout_s, 0.0)
+        readout_sigma_s = float(np.sqrt(self.covariance[-1, -1]))
+        camera = self.found().with_parameter_covariance(covariance) if self.size else self.given
+        return LensReport(
+            camera=replace(camera, readout_s=readout_s, readout_sigma_s=readout_sigma_s),
+            given=self.given,
+            sigma=dict(
+                zip(self._refinable.parameters, np.sqrt(np.diag(covariance)).tolist(), strict=True)
+            ),
+            readout_s=readout_s,
+            readout_sigma_s=readout_sigma_s,
+            moved_px=self.moved_px(self.z),
+            refined=self.size > 0,
+        )
+
+    def _reach_px(self) -> np.ndarray:
+        """Change (N, 2, r) of pixels all over the image by a sigma of each direction."""
+        assert self.given.size is not None
+        width, height = self.given.size
+        u, v = np.meshgrid(
+            np.linspace(0, width - 1, _GRID[0]), np.linspace(0, height - 1, _GRID[1])
+        )
+        rays = self._refinable.unproject(np.column_stack([u.ravel(), v.ravel()]))
+        rays = rays[np.isfinite(rays).all(axis=1)]
+        if not self.size or not len(rays):
+            return np.zeros((1, 2, self.size))
+        reach = self._refinable.project_parameter_jacobian(rays) @ self.factor
+        return reach[np.isfinite(reach).all(axis=(1, 2))]
+
+
+def _shutter(
+    camera: Camera, options: LensRefinementOptions, interval_s: float
+) -> tuple[float, float]:
+    """Read-out time and its 1-sigma, s, before anything was seen."""
+    if options.readout_ms is not None:
+        return 1e-3 * options.readout_ms, _EXACT_S
+    if camera.readout_s is not None:
+        return camera.readout_s, camera.readout_sigma_s or _EXACT_S
+    if not options.refine or interval_s <= 0.0:
+        return 0.0, _EXACT_S
+    return 0.0, _READOUT_SIGMA * interval_s

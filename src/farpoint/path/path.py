@@ -1,0 +1,494 @@
+"""The path of the camera: frames are located by known points, keyframes are solved together."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.geometry import so3
+from farpoint.path.history import Sighting, TrackHistory
+from farpoint.path.keyframe import Keyframe
+from farpoint.path.lens import LensEstimate, LensReport
+from farpoint.path.options import LensRefinementOptions, PathOptions
+from farpoint.path.point import PathPoint, Rest, SettledPose
+from farpoint.path.resection import Located, locate_frame
+from farpoint.path.selection import least_useful, some_of
+from farpoint.path.window import Window
+from farpoint.pose import PoseStatus, RelativePose, TrackLabel
+from farpoint.tracks import Tracks
+
+__all__ = ["Pair", "PathBuilder"]
+
+Estimate = Callable[[np.ndarray, np.ndarray, np.ndarray], RelativePose]
+
+_FIRST_ITERATIONS = 6  # of the first solutions, which start from two views
+_ITERATIONS = 1  # afterwards: each keyframe moves the others little
+_UNKNOWN_WAY = 2.0  # 1-sigma of a keyframe's way before the first length, in units of that
+_FIT_CHI2 = 13.8  # squared residual that 0.999 of right matches stay below (2 degrees of freedom)
+_REST_CHI2 = 11.3  # the same for 0.99 of displacements of a camera at rest (3 of them)
+_LONGEST_WAIT = 600  # frames whose poses are kept for their keyframes to settle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Which frames a motion is between.
+
+    Attributes
+    ----------
+    frame0, frame1 : int
+        Their indices.
+    time0, time1 : float
+        Seconds.
+    """
+
+    frame0: int
+    frame1: int
+    time0: float
+    time1: float
+
+    @property
+    def seconds(self) -> float:
+        """Time between the two."""
+        return self.time1 - self.time0
+
+
+@dataclass(kw_only=True, eq=False)
+class _Waiting:
+    """A frame's pose, relative to a keyframe that may still move, or as it was settled with it."""
+
+    frame: int
+    timestamp: float
+    segment: int
+    keyframe: Keyframe | None
+    R: np.ndarray  # of the frame in the keyframe's axes, or in the world
+    p: np.ndarray
+    covariance: np.ndarray
+
+    def settled(self) -> SettledPose:
+        """With the keyframe where it is now."""
+        R, p = self.R, self.p
+        if self.keyframe is not None:
+            R, p = self.keyframe.R @ R, self.keyframe.R @ p + self.keyframe.p
+        return SettledPose(
+            frame=self.frame,
+            timestamp=self.timestamp,
+            segment=self.segment,
+            world_from_cam=_matrix(R, p),
+            covariance=self.covariance,
+        )
+
+
+class PathBuilder:
+    """Strings motions of consecutive frames together, on one scale.
+
+    The first observable motion sets the unit. From then on a frame is located by the points whose
+    distances the window knows; where tracks have moved far, or are lost, it becomes a keyframe, and
+    all keyframes of the window, the distances, lens and shutter are solved together. Where nothing
+    known is in view the camera's last speed carries the scale, which is then as unsure as that.
+
+    Cost and memory for a frame do not depend on the number of frames.
+
+    Parameters
+    ----------
+    estimate : callable
+        Motion of the camera from matches of two frames: pixels (N, 2) in each, and covariances
+        (N, 2, 2), px^2, of their displacements.
+    options : PathOptions
+        Of the window.
+    lens_options : LensRefinementOptions
+        How far the lens may be off.
+    """
+
+    def __init__(
+        self, estimate: Estimate, options: PathOptions, lens_options: LensRefinementOptions
+    ) -> None:
+        self._estimate, self._options, self._lens_options = estimate, options, lens_options
+        self._lens: LensEstimate | None = None
+        self._waiting: deque[_Waiting] = deque()
+        self._segment = 0
+        self._R, self._p = np.eye(3), np.zeros(3)
+        self._speed: float | None = None  # units a second
+        self._begin_segment()
+
+    def _begin_segment(self) -> None:
+        self._window: Window | None = None
+        self._history = TrackHistory()
+        self._key_sighting: Sighting | None = None
+        self._new_keyframe: Keyframe | None = None
+        self._is_key, self._has_scale = False, False
+        self._twist = np.zeros(6)
+        self._key_covariance = np.zeros((7, 7))  # of the newest keyframe, as last solved
+        self._key_p = self._p  # where it was then
+        self._own = np.zeros((6, 6))  # of the pose now, the window's points as they are
+        self._step = np.zeros((6, 6))  # of the last step, which a solution has not changed
+
+    @property
+    def now(self) -> PathPoint:
+        """Where the camera was last seen; without a motion."""
+        return PathPoint(
+            world_from_cam=_matrix(self._R, self._p),
+            covariance=self._covariance(),
+            segment=self._segment,
+        )
+
+    @property
+    def lens(self) -> LensEstimate | None:
+        """What was found of the lens; None before the first motion."""
+        return self._lens
+
+    def report(self) -> LensReport | None:
+        """The same, for a person; None before the first motion."""
+        return None if self._lens is None else self._lens.report()
+
+    def break_off(self) -> PathPoint:
+        """Begin a new segment where the last one ended: nothing connects the two."""
+        self._settle_all()
+        self._segment += 1
+        self._begin_segment()
+        return self.now
+
+    def pass_over(self, frame: int, timestamp: float) -> None:
+        """A frame of which nothing is known: the camera is where it was."""
+        self._wait(frame, timestamp)
+
+    def relative_pose(self, frame0: int, frame1: int) -> tuple[np.ndarray, np.ndarray] | None:
+        """Motion between two keyframes of the window and its covariance; None where one is not.
+
+        Returns
+        -------
+        cam1_from_cam0 : ndarray, shape (4, 4)
+        covariance : ndarray, shape (6, 6)
+            Of ``[dtheta, dt]`` in camera 1: ``R_true = Exp(dtheta) R``, ``t_true = t + dt``, in rad
+            and units of the path, the errors of lens and shutter included.
+        """
+        if self._window is None:
+            return None
+        slots = {frame.frame: slot for slot, frame in enumerate(self._window.frames)}
+        if frame0 not in slots or frame1 not in slots:
+            return None
+        return self._window.relative_pose(slots[frame0], slots[frame1])
+
+    def add(self, camera: Camera, tracks: Tracks, motion: RelativePose, pair: Pair) -> PathPoint:
+        """Add a motion from the last frame to the next, of any status but FAILED.
+
+        Parameters
+        ----------
+        camera : Camera
+            As given, of all frames.
+        tracks : Tracks
+            The matches behind the motion.
+        motion : RelativePose
+            What they say.
+        pair : Pair
+            The two frames.
+        """
+        before, now = self._history.follow(tracks)
+        window = self._window_of(camera, pair)
+        self._complete_keyframe(window, before)
+        is_good = (motion.labels != TrackLabel.OUTLIER)[self._history.order]
+        if self._has_scale:
+            return self._go_on(window, now, is_good, motion, pair)
+        return self._start(window, now, is_good, motion, pair)
+
+    def settled(self) -> list[SettledPose]:
+        """Poses that change no more, in the order of their frames, each given once."""
+        found = []
+        while self._waiting and (
+            self._waiting[0].keyframe is None or len(self._waiting) > _LONGEST_WAIT
+        ):
+            found.append(self._waiting.popleft().settled())
+        return found
+
+    def remaining(self) -> list[SettledPose]:
+        """All poses that have not been given yet, as they are now."""
+        self._settle_all()
+        return self.settled()
+
+    # The beginning
+
+    def _window_of(self, camera: Camera, pair: Pair) -> Window:
+        if self._window is None:
+            if self._lens is None:
+                self._lens = LensEstimate(camera, self._lens_options, pair.seconds)
+            assert camera.size is not None
+            self._window = Window(self._lens, camera.size)
+            self._new_keyframe = self._window.add(
+                pair.frame0, pair.time0, self._R, self._p, np.zeros(6)
+            )
+            self._is_key = True
+        return self._window
+
+    def _start(
+        self,
+        window: Window,
+        now: Sighting,
+        is_good: np.ndarray,
+        motion: RelativePose,
+        pair: Pair,
+    ) -> PathPoint:
+        """Until a motion since the last keyframe is observable: its length is the unit."""
+        assert motion.rotation_cam1_from_cam0 is not None
+        key, good = window.frames[-1], now.select(is_good)
+        since_key = motion if key.frame == pair.frame0 else self._since_keyframe(good)
+        R, p = self._R @ motion.rotation_cam1_from_cam0.T, self._p
+        last_p = p
+        if since_key.status is PoseStatus.OK:
+            assert since_key.rotation_cam1_from_cam0 is not None
+            R = key.R @ since_key.rotation_cam1_from_cam0.T
+            p = key.p + key.R @ since_key.heading_cam0
+            self._has_scale = True
+        self._move_to(R, p, pair.seconds)
+        rotation = motion.rotation_covariance
+        self._own[:3, :3] += R @ (np.zeros((3, 3)) if rotation is None else rotation) @ R.T
+        if self._has_scale:
+            self._add_keyframe(window, good, pair)
+            window.set_unit()
+            window.triangulate()
+            self._solve(window)
+            # The unit itself has no error.
+            self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
+        elif self._is_keyframe_due(now, 2.0 * self._options.keyframe_flow_px):
+            self._add_keyframe(window, good, pair)
+            window.expect_rest(_UNKNOWN_WAY)
+            while len(window) > self._options.keyframes:
+                self._settle(window.remove(0, good.ids))
+        return self._point(pair, motion, None, last_p, guessed=False)
+
+    def _since_keyframe(self, seen: Sighting) -> RelativePose:
+        assert self._key_sighting is not None
+        rows = self._key_sighting.rows_of(seen.ids)
+        both = seen.select(rows >= 0)
+        uu, uv, vv = both.travelled.T
+        covariances = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2)
+        return self._estimate(self._key_sighting.pixels[rows[rows >= 0]], both.pixels, covariances)
+
+    # Afterwards
+
+    def _go_on(
+        self,
+        window: Window,
+        now: Sighting,
+        is_good: np.ndarray,
+        motion: RelativePose,
+        pair: Pair,
+    ) -> PathPoint:
+        assert motion.rotation_cam1_from_cam0 is not None
+        R = self._R @ motion.rotation_cam1_from_cam0.T
+        starts = [self._p]
+        if motion.status is PoseStatus.OK:
+            starts.append(self._p + self._twist[3:] * pair.seconds)
+        last = self._R, self._p
+        located = locate_frame(window, now, last, R, starts, pair.seconds)
+        guess = None
+        if located is None or not self._carries_scale(window, located, pair.seconds):
+            guess, located = self._guessed_way(motion, pair.seconds), None
+        is_key = located is None or self._is_keyframe_due(now, self._options.keyframe_flow_px)
+        if located is not None:
+            R, p = located.R, located.p
+        else:
+            p = self._p + (np.zeros(3) if guess is None else guess)
+        rest = None if located is None else self._rest(window, now, motion, located)
+        self._move_to(R, p, pair.seconds)
+        if is_key:
+            fits = (
+                is_good
+                if located is None
+                else is_good | np.isin(now.ids, located.fitting(_FIT_CHI2))
+            )
+            self._add_keyframe(window, now.select(fits), pair)
+            if located is None:
+                self._expect(window, guess, pair.seconds)
+            window.triangulate()
+            self._solve(window)
+        elif located is not None:
+            self._own = located.covariance
+        point = self._point(pair, motion, located, last[1], guessed=guess is not None)
+        return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
+
+    def _carries_scale(self, window: Window, located: Located, seconds: float) -> bool:
+        """Whether known points tell a way better than the last speed would."""
+        ways = [float(np.linalg.norm(frame.p - self._p)) for frame in window.frames]
+        known = max(*ways, (self._speed or 0.0) * seconds)
+        sigma = float(np.sqrt(np.trace(located.covariance[3:, 3:]) / 3.0))
+        return sigma < self._options.speed_ratio_sigma * known
+
+    def _guessed_way(self, motion: RelativePose, seconds: float) -> np.ndarray | None:
+        if motion.status is not PoseStatus.OK or self._speed is None or seconds <= 0.0:
+            return None
+        heading = motion.heading_cam0
+        return None if heading is None else self._R @ heading * self._speed * seconds
+
+    def _expect(self, window: Window, guess: np.ndarray | None, seconds: float) -> None:
+        """What is taken of the way from the last keyframe to the newest, without known points."""
+        way = window.frames[-1].p - window.frames[-2].p
+        length = float(np.linalg.norm(way))
+        if guess is not None and length > 0.0:
+            window.expect_length(length, self._options.speed_ratio_sigma * length)
+        else:
+            window.expect_rest(max((self._speed or 1.0) * max(seconds, 0.0), 1e-3))
+
+    def _rest(
+        self, window: Window, now: Sighting, motion: RelativePose, located: Located
+    ) -> Rest | None:
+        """What known points tell where they deny a way that other matches make up.
+
+        Most of the matches with a parallax are then of things that move by themselves: they have no
+        known place, or do not fit it.
+        """
+        if motion.status is not PoseStatus.OK:
+            return None
+        way = located.p - self._p
+        # Of this frame and the last one, as if no errors were alike: a doubt is no rest.
+        spread = 2.0 / window.design_effect * located.covariance
+        if way @ np.linalg.pinv(spread[3:, 3:], hermitian=True) @ way > _REST_CHI2:
+            return None
+        near = now.ids[motion.labels[self._history.order] == TrackLabel.NEAR]
+        fitting = located.fitting(_FIT_CHI2)
+        if (
+            not len(near)
+            or np.isin(near, fitting).mean() > 0.5
+            or 2 * len(fitting) < len(located.ids)
+        ):
+            return None
+        return Rest(
+            rotation_cam1_from_cam0=located.R.T @ self._R,
+            rotation_covariance=located.R.T @ spread[:3, :3] @ located.R,
+            points=len(fitting),
+        )
+
+    # Keyframes
+
+    def _is_keyframe_due(self, now: Sighting, flow_px: float) -> bool:
+        key = self._key_sighting
+        assert key is not None
+        rows = key.rows_of(now.ids)
+        both = rows >= 0
+        if both.sum() < self._options.keyframe_share * len(key.ids):
+            return True
+        flow = np.linalg.norm(now.pixels[both] - key.pixels[rows[both]], axis=1)
+        return bool(np.median(flow) > flow_px)
+
+    def _add_keyframe(self, window: Window, seen: Sighting, pair: Pair) -> None:
+        keyframe = window.add(pair.frame1, pair.time1, self._R, self._p, self._twist)
+        taken = some_of(seen, window.landmarks, self._options.max_tracks)
+        window.landmarks.observe(keyframe.serial, *taken)
+        self._key_sighting, self._new_keyframe, self._is_key = seen, keyframe, True
+
+    def _complete_keyframe(self, window: Window, before: Sighting) -> None:
+        """Give the last keyframe the tracks that begin there: its next match tells them."""
+        if not self._is_key:
+            return
+        self._is_key = False
+        key = self._key_sighting
+        fresh = before if key is None else before.select(key.rows_of(before.ids) < 0)
+        if not len(fresh.ids):
+            return
+        taken = some_of(fresh, window.landmarks, self._options.max_tracks)
+        window.landmarks.observe(window.frames[-1].serial, *taken)
+        if key is not None:
+            joined = Sighting(*(np.concatenate(parts) for parts in zip(key, fresh, strict=True)))
+            fresh = joined.select(np.argsort(joined.ids))
+        self._key_sighting = fresh
+
+    def _solve(self, window: Window) -> None:
+        window.solve(_ITERATIONS if window.has_forgotten else _FIRST_ITERATIONS)
+        self._key_covariance = window.pose_covariance()
+        while len(window) > self._options.keyframes:
+            alive = self._history.now.ids
+            self._settle(window.remove(least_useful(window, alive), alive))
+        window.forget_lonely(self._history.now.ids)
+        newest, before = window.frames[-1], window.frames[-2]
+        way = float(np.linalg.norm(newest.p - before.p))
+        if way > 0.0 and newest.timestamp > before.timestamp:
+            self._speed = way / (newest.timestamp - before.timestamp)
+        self._R, self._p, self._own = newest.R, newest.p, np.zeros((6, 6))
+        self._key_p = newest.p
+
+    def _move_to(self, R: np.ndarray, p: np.ndarray, seconds: float) -> None:
+        twist = np.zeros(6)
+        if seconds > 0.0:
+            twist = np.concatenate([so3.log(R @ self._R.T), p - self._p]) / seconds
+        keyframe, self._new_keyframe = self._new_keyframe, None
+        if keyframe is not None:
+            # Its velocity is the mean of those before and after it; the first one has none before.
+            is_first = not keyframe.twist.any()
+            keyframe.twist = twist if is_first else 0.5 * (keyframe.twist + twist)
+        self._R, self._p, self._twist = R, p, twist
+
+    # What is told of a frame
+
+    def _point(
+        self,
+        pair: Pair,
+        motion: RelativePose,
+        located: Located | None,
+        last_p: np.ndarray,
+        *,
+        guessed: bool,
+    ) -> PathPoint:
+        before, self._step = self._step, np.zeros((6, 6)) if located is None else located.covariance
+        self._wait(pair.frame1, pair.time1)
+        covariance, scale, sigma = self._covariance(), None, None
+        if self._has_scale and motion.status is PoseStatus.OK:
+            way = self._p - last_p
+            scale = float(np.linalg.norm(way))
+            axis = way / max(scale, 1e-300)
+            own = float(axis @ (before + self._step)[3:, 3:] @ axis)
+            sigma = math.sqrt(own + scale**2 * float(covariance[6, 6]))
+        return PathPoint(
+            world_from_cam=_matrix(self._R, self._p),
+            covariance=covariance,
+            segment=self._segment,
+            scale=scale,
+            scale_sigma=sigma,
+            scale_is_guessed=guessed,
+            fitting=None if located is None else located.fitting(_FIT_CHI2),
+        )
+
+    def _covariance(self) -> np.ndarray:
+        """Covariance (7, 7) of the pose now: the newest keyframe's, carried here, and its own."""
+        carried = np.eye(7)
+        carried[3:6, :3] = -so3.skew(self._p - self._key_p)
+        covariance = carried @ self._key_covariance @ carried.T
+        covariance[:6, :6] += self._own
+        return covariance
+
+    def _wait(self, frame: int, timestamp: float) -> None:
+        keyframe, R, p = None, self._R, self._p
+        if self._window is not None:
+            keyframe = self._window.frames[-1]
+            R, p = keyframe.R.T @ R, keyframe.R.T @ (p - keyframe.p)
+        self._waiting.append(
+            _Waiting(
+                frame=frame,
+                timestamp=timestamp,
+                segment=self._segment,
+                keyframe=keyframe,
+                R=R,
+                p=p,
+                covariance=self._covariance(),
+            )
+        )
+
+    def _settle(self, keyframe: Keyframe) -> None:
+        """Put the frames that wait for a keyframe where they are in the world."""
+        for pose in self._waiting:
+            if pose.keyframe is keyframe:
+                pose.R, pose.p = keyframe.R @ pose.R, keyframe.R @ pose.p + keyframe.p
+                pose.keyframe = None
+
+    def _settle_all(self) -> None:
+        if self._window is not None:
+            for keyframe in self._window.frames:
+                self._settle(keyframe)
+
+
+def _matrix(R: np.ndarray, p: np.ndarray) -> np.ndarray:
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = R, p
+    return pose

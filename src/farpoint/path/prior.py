@@ -1,0 +1,116 @@
+"""What is known of the window's unknowns besides its observations: a quadratic about a point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint.path.keyframe import Keyframe
+
+__all__ = ["Prior", "System", "by_position_change"]
+
+_RANK = 1e-12  # relative, of eigenvalues: the rest is what rounding makes of zero
+
+
+class System(NamedTuple):
+    """Information (D, D) and gradient (D,) of poses, 6 each, and the common unknowns."""
+
+    H: np.ndarray
+    g: np.ndarray
+
+
+class Prior:
+    """Information about poses and common unknowns, and its gradient, at a fixed point.
+
+    Poses deviate from it by ``R' = Exp(theta) R``, ``p' = Exp(theta) p + rho``.
+
+    Parameters
+    ----------
+    common : ndarray, shape (G,)
+        Lens and read-out time as expected.
+    covariance : ndarray, shape (G, G)
+        Of these.
+    """
+
+    def __init__(self, common: np.ndarray, covariance: np.ndarray) -> None:
+        self._common = common
+        self._poses: list[tuple[np.ndarray, np.ndarray]] = []
+        self._H, self._g = np.linalg.inv(covariance), np.zeros(len(common))
+
+    def add_pose(self, frame: Keyframe) -> None:
+        """Another pose, of which nothing is known."""
+        at = [6 * len(self._poses)] * 6
+        self._H = np.insert(np.insert(self._H, at, 0.0, axis=0), at, 0.0, axis=1)
+        self._g = np.insert(self._g, at, 0.0)
+        self._poses.append((frame.R, frame.p))
+
+    def fix_first(self, sigma: float) -> None:
+        """The first pose is known to this 1-sigma, rad and units."""
+        self._H[:6, :6] += np.eye(6) / sigma**2
+
+    def add(self, row: np.ndarray, residual: float, sigma: float, deviation: np.ndarray) -> None:
+        """A linear measurement: its derivatives (D,), residual and 1-sigma at a deviation."""
+        self._H += np.outer(row, row) / sigma**2
+        self._g += row * (residual - row @ deviation) / sigma**2
+
+    def deviation(self, frames: Sequence[Keyframe], common: np.ndarray) -> np.ndarray:
+        """Of poses and common unknowns (D,) from the point at which the prior is known."""
+        found = np.empty(6 * len(frames) + len(common))
+        if frames:
+            turns = np.array([f.R @ R.T for f, (R, _) in zip(frames, self._poses, strict=True)])
+            angles = _rotation_vectors(turns)
+            for k, (frame, (_, p)) in enumerate(zip(frames, self._poses, strict=True)):
+                found[6 * k : 6 * k + 3] = angles[k]
+                found[6 * k + 3 : 6 * k + 6] = frame.p - turns[k] @ p
+        found[6 * len(frames) :] = common - self._common
+        return found
+
+    def cost(self, deviation: np.ndarray) -> float:
+        """Half of the squared deviation, but for a constant."""
+        return float(self._g @ deviation + 0.5 * deviation @ self._H @ deviation)
+
+    def at(self, deviation: np.ndarray) -> System:
+        """Information and gradient at a deviation."""
+        return System(self._H, self._g + self._H @ deviation)
+
+    def replace(
+        self, system: System, slot: int, frames: Sequence[Keyframe], common: np.ndarray
+    ) -> None:
+        """Take all that is known, but of the pose in a slot, which is eliminated.
+
+        ``frames`` are those that remain, where the system was made.
+        """
+        H, g = system
+        out = np.arange(6 * slot, 6 * slot + 6)
+        rest = np.delete(np.arange(len(g)), out)
+        block = H[np.ix_(out, out)]
+        unit = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-300))
+        inverse = np.linalg.pinv(block * np.outer(unit, unit), rcond=_RANK, hermitian=True)
+        gain = H[np.ix_(rest, out)] @ (inverse * np.outer(unit, unit))
+        reduced = H[np.ix_(rest, rest)] - gain @ H[np.ix_(out, rest)]
+        self._H, self._g = 0.5 * (reduced + reduced.T), g[rest] - gain @ g[out]
+        self._poses = [(frame.R, frame.p) for frame in frames]
+        self._common = common
+
+
+def _rotation_vectors(R: np.ndarray) -> np.ndarray:
+    """Of rotations (K, 3, 3) by less than half a turn."""
+    sines = 0.5 * np.stack(
+        [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
+    )
+    sine = np.sqrt(np.sum(sines**2, axis=1))
+    angle = np.arctan2(sine, 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0))
+    return sines * (angle / np.where(sine > 0.0, sine, 1.0) + (sine == 0.0))[:, None]
+
+
+def by_position_change(
+    frames: Sequence[Keyframe], slot0: int, slot1: int, axis: np.ndarray, count: int
+) -> np.ndarray:
+    """Derivatives (count,) of ``axis . (p1 - p0)`` by all unknowns."""
+    row = np.zeros(count)
+    for slot, sign in ((slot1, 1.0), (slot0, -1.0)):
+        row[6 * slot : 6 * slot + 3] = sign * np.cross(frames[slot].p, axis)
+        row[6 * slot + 3 : 6 * slot + 6] = sign * axis
+    return row

@@ -1,0 +1,31 @@
+"""What was found of lens and shutter, as plain values for ``run.json``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from farpoint.odometry import LensReport
+
+__all__ = ["lens_facts"]
+
+
+def lens_facts(lens: LensReport) -> dict[str, Any]:
+    """Parameters as given and as found with their sigmas, by name; and the read-out time.
+
+    Returns
+    -------
+    dict
+        ``refined``, ``given``, ``found`` and ``sigma`` by the model's parameters, ``moved_px``: how
+        far a pixel moves at most between the two, ``readout_s`` and ``readout_sigma_s``.
+    """
+    found = lens.camera.model.parameters
+    given = {**dict.fromkeys(found, 0.0), **lens.given.model.refinable().parameters}
+    return {
+        "refined": lens.refined,
+        "given": {name: float(given[name]) for name in found},
+        "found": {name: float(value) for name, value in found.items()},
+        "sigma": {name: float(lens.sigma.get(name, 0.0)) for name in found},
+        "moved_px": lens.moved_px,
+        "readout_s": lens.readout_s,
+        "readout_sigma_s": lens.readout_sigma_s,
+    }
