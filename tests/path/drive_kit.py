@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -62,18 +63,18 @@ class Drive:
         options: PathOptions | None = None,
         lens: LensRefinementOptions = EXACT,
         camera: Camera = CAMERA,
+        fps: float = FPS,
     ) -> None:
-        self.camera = camera
-        self.builder = PathBuilder(estimate, options or PathOptions(), lens)
+        self.camera, self.fps = camera, fps
+        self.builder = PathBuilder(partial(estimate, camera=camera), options or PathOptions(), lens)
         self.builder.pass_over(0, 0.0)
         self.points = [self.builder.now]
         self.settled = []
 
     def add(self, tracks: Tracks, motion: RelativePose | None = None) -> PathPoint:
         frame = len(self.points)
-        pair = Pair(
-            frame0=frame - 1, frame1=frame, time0=(frame - 1) / FPS, time1=frame / FPS
-        )
+        times = (frame - 1) / self.fps, frame / self.fps
+        pair = Pair(frame0=frame - 1, frame1=frame, time0=times[0], time1=times[1])
         motion = motion or motion_of(tracks, self.camera)
         assert motion.status is not PoseStatus.FAILED
         self.points.append(self.builder.add(self.camera, tracks, motion, pair))

@@ -7,27 +7,19 @@ import math
 
 import numpy as np
 import pytest
-from drive_kit import CAMERA, Cloud, cloud, estimate, forward, motion_of, poses_of
+from drive_kit import Cloud, Drive, cloud, forward, motion_of, poses_of
 
 from farpoint import PoseStatus
 from farpoint.errors import InputError
-from farpoint.path.options import PathOptions
-from farpoint.trajectory.path import PathBuilder
+from farpoint.path.options import LensRefinementOptions, PathOptions
 from farpoint.path.point import PathPoint
 
-INDEPENDENT = PathOptions(  # that is what the errors of these tracks are
-    persistent_motion_share=0.0, persistent_length_share=0.0, fading_motion_share=0.0
-)
 
-
-def build(scene: Cloud, options: PathOptions = INDEPENDENT) -> list[PathPoint]:
-    builder = PathBuilder(estimate, options)
-    points = [builder.now]
+def build(scene: Cloud) -> Drive:
+    drive = Drive()
     for tracks in scene.tracks():
-        motion = motion_of(tracks)
-        assert motion.status is not PoseStatus.FAILED
-        points.append(builder.add(CAMERA, tracks, motion, 0.1))
-    return points
+        drive.add(tracks)
+    return drive.finish()
 
 
 def lengths(poses: np.ndarray) -> np.ndarray:
@@ -44,13 +36,26 @@ def log_errors(points: list[PathPoint], poses: np.ndarray) -> tuple[np.ndarray, 
 
 def test_without_noise_the_path_is_exact():
     poses = poses_of(forward(40), np.tile([0.0, 0.01, 0.0], (40, 1)))
-    points = build(cloud(poses, noise_px=0.0))
+    drive = build(cloud(poses, noise_px=0.0))
     unit = lengths(poses)[0]
-    found = np.array([point.world_from_cam for point in points])
-    np.testing.assert_allclose(found[:, :3, 3], poses[:, :3, 3] / unit, rtol=0.0, atol=2e-3)
-    assert points[1].scale == 1.0
-    assert points[1].scale_sigma == 0.0
-    assert {point.segment for point in points} == {0}
+    for told in (drive.points, drive.settled):
+        found = np.array([point.world_from_cam for point in told])
+        np.testing.assert_allclose(found[:, :3, 3], poses[:, :3, 3] / unit, rtol=0.0, atol=4e-3)
+    assert drive.points[1].scale == pytest.approx(1.0, rel=1e-6)
+    assert drive.points[1].scale_sigma == 0.0
+    assert {point.segment for point in drive.points} == {0}
+
+
+def test_every_frame_gets_its_pose_once_in_order():
+    poses = poses_of(forward(40), np.zeros((40, 3)))
+    drive = build(cloud(poses, count=4000))
+    assert [pose.frame for pose in drive.settled] == list(range(41))
+    np.testing.assert_allclose([pose.timestamp for pose in drive.settled], 0.1 * np.arange(41))
+    # Nothing waits for the end: poses are told when their keyframe leaves.
+    again = Drive()
+    for tracks in cloud(poses, count=4000).tracks():
+        again.add(tracks)
+    assert 10 < len(again.settled) < 40
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +64,7 @@ def many_drives() -> list[tuple[list[PathPoint], np.ndarray]]:
     for seed in range(40):
         turns = np.random.default_rng(seed).normal(0.0, 0.01, (25, 3))
         poses = poses_of(forward(25, seed=seed), turns)
-        drives.append((build(cloud(poses, seed=seed, noise_px=0.15)), poses))
+        drives.append((build(cloud(poses, seed=seed, noise_px=0.15)).points, poses))
     return drives
 
 
@@ -90,14 +95,14 @@ def test_things_that_move_by_themselves_do_not_bend_the_scale():
     moving = np.random.default_rng(4).random(len(velocity)) < 0.2
     velocity[moving] = [0.0, 0.0, -0.25]  # towards the camera: along its flow
     scene.velocity = velocity
-    errors, _ = log_errors(build(scene), poses)
+    errors, _ = log_errors(build(scene).points, poses)
     assert np.abs(errors).max() < 0.04
 
 
 def test_slow_motion_is_measured_from_a_keyframe():
     steps = np.tile([0.004, 0.0, 0.0], (120, 1))
     poses = poses_of(steps, np.zeros((120, 3)))
-    points = build(cloud(poses, count=6000, noise_px=0.1))
+    points = build(cloud(poses, count=6000, noise_px=0.1)).points
     found = np.array([point.world_from_cam[:3, 3] for point in points])
     assert {point.segment for point in points} == {0}
     # A step moves the points by a fifth of a pixel; over a hundred of them the way is known.
@@ -106,34 +111,14 @@ def test_slow_motion_is_measured_from_a_keyframe():
     assert math.degrees(math.acos(abs(way[0]) / np.linalg.norm(way))) < 1.5
 
 
-def test_what_follows_from_known_distances_makes_no_keyframe():
-    scene = cloud(poses_of(forward(8), np.zeros((8, 3))), noise_px=0.1)
-    builder, steps = PathBuilder(estimate, INDEPENDENT), []
-    for k, tracks in enumerate(scene.tracks()):
-        motion = motion_of(tracks)
-        if k == 5:
-            motion = dataclasses.replace(
-                motion,
-                status=PoseStatus.ROTATION_ONLY,
-                direction_cam1_from_cam0=None,
-                direction_basis=None,
-                covariance=None,
-            )
-        builder.add(CAMERA, tracks, motion, 0.1)
-        assert builder._last.moved.is_resected == (k == 5)
-        steps.append(builder._last.steps)
-    # The motion after it is measured from where the distances were.
-    assert steps == [1, 1, 1, 1, 1, 1, 2, 1]
-
-
 def test_turning_on_the_spot_carries_the_scale_across():
     steps = np.concatenate([forward(15), np.zeros((10, 3)), forward(15, seed=1)])
     turns = np.zeros((40, 3))
     turns[15:25, 1] = math.radians(2.0)
     poses = poses_of(steps, turns)
-    points = build(cloud(poses, count=3000, noise_px=0.1))
+    points = build(cloud(poses, count=3000, noise_px=0.1)).points
     still = np.array([point.world_from_cam[:3, 3] for point in points[15:26]])
-    np.testing.assert_array_equal(still, np.tile(still[0], (11, 1)))
+    assert np.abs(still - still[0]).max() < 0.01  # of the first step
     assert {point.segment for point in points} == {0}
     scale = np.array([point.scale or np.nan for point in points[1:]])
     ratio = scale / lengths(poses).clip(1e-9) * lengths(poses)[0]
@@ -146,7 +131,7 @@ def turned_out_of_view(faster: float, seed: int = 0) -> tuple[list[PathPoint], n
     turns = np.zeros((55, 3))
     turns[15:45, 1] = math.radians(4.0)
     poses = poses_of(np.concatenate(steps), turns)
-    return build(cloud(poses, count=3000, noise_px=0.1, seed=seed)), poses
+    return build(cloud(poses, count=3000, noise_px=0.1, seed=seed)).points, poses
 
 
 def test_turning_until_nothing_known_is_in_view_the_last_speed_carries_the_scale():
@@ -180,7 +165,7 @@ def test_a_speed_that_was_guessed_wrong_is_within_what_was_said(faster):
 def test_standing_still_nothing_wanders():
     steps = np.concatenate([forward(15), np.zeros((60, 3)), forward(10, seed=1)])
     poses = poses_of(steps, np.zeros((85, 3)))
-    points = build(cloud(poses, count=3000, noise_px=0.1))
+    points = build(cloud(poses, count=3000, noise_px=0.1)).points
     still = np.array([point.world_from_cam[:3, 3] for point in points[15:76]])
     assert np.linalg.norm(still - still[0], axis=1).max() < 0.01  # of the first step
     assert {point.segment for point in points} == {0}
@@ -192,31 +177,29 @@ def test_standing_still_nothing_wanders():
 
 def test_a_break_begins_a_segment_where_the_last_one_ended():
     poses = poses_of(forward(6), np.zeros((6, 3)))
-    builder = PathBuilder(estimate, PathOptions())
+    drive = Drive()
     pairs = list(cloud(poses).tracks())
     for tracks in pairs[:3]:
-        end = builder.add(CAMERA, tracks, motion_of(tracks), 0.1)
-    broken = builder.break_off()
+        end = drive.add(tracks)
+    broken = drive.builder.break_off()
     assert broken.segment == 1
     np.testing.assert_array_equal(broken.world_from_cam, end.world_from_cam)
     np.testing.assert_array_equal(broken.covariance, np.zeros((7, 7)))
-    after = builder.add(CAMERA, pairs[4], motion_of(pairs[4]), 0.1)
+    after = drive.add(pairs[4])
     assert after.segment == 1
-    assert after.scale == pytest.approx(end.scale)  # the speed goes on
+    assert after.scale == pytest.approx(1.0, rel=1e-6)  # a unit of its own
     assert after.scale_sigma == 0.0
+    settled = drive.finish().settled
+    assert [pose.segment for pose in settled] == [0, 0, 0, 0, 1]
 
 
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("keyframe_direction_deg", 0.0),
-        ("keyframe_direction_deg", math.nan),
+        ("keyframes", 2),
+        ("keyframe_flow_px", 0.0),
         ("keyframe_share", 1.5),
-        ("persistent_motion_share", -0.1),
-        ("persistent_length_share", 1.1),
-        ("fading_motion_share", -0.1),
-        ("fading_motion_share", 0.9),
-        ("fading_motions", 0.0),
+        ("max_tracks", 5),
         ("speed_ratio_sigma", math.inf),
     ],
 )
@@ -225,13 +208,28 @@ def test_options_out_of_their_range_are_refused(name, value):
         PathOptions(**{name: value})
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("focal_sigma", 0.0),
+        ("center_sigma_px", -1.0),
+        ("distortion_sigma_px", math.nan),
+        ("readout_ms", -1.0),
+        ("readout_ms", 1e9),
+    ],
+)
+def test_options_of_the_lens_out_of_their_range_are_refused(name, value):
+    with pytest.raises(InputError, match=name):
+        LensRefinementOptions(**{name: value})
+
+
 def test_a_translation_that_known_points_deny_moves_the_camera_as_far_as_these_say():
     steps = np.concatenate([forward(8), np.zeros((1, 3)), forward(4, seed=1)])
     poses = poses_of(steps, np.zeros((13, 3)))
     pairs = list(cloud(poses, count=3000, noise_px=0.1).tracks())
-    builder = PathBuilder(estimate, INDEPENDENT)
+    drive = Drive()
     for tracks in pairs[:8]:
-        before = builder.add(CAMERA, tracks, motion_of(tracks), 0.1)
+        before = drive.add(tracks)
     # A false alarm: ahead, by a camera that all but stands. Points shrink as they do half a
     # hundredth of a step back.
     lie = dataclasses.replace(
@@ -240,11 +238,47 @@ def test_a_translation_that_known_points_deny_moves_the_camera_as_far_as_these_s
         labels=np.full(len(pairs[8]), 2, np.uint8),
     )
     still = dataclasses.replace(pairs[8], points1=pairs[8].points0 * 0.9995 + 0.15)
-    point = builder.add(CAMERA, still, lie, 0.1)
+    point = drive.add(still, lie)
     assert point.segment == 0
     way = point.world_from_cam[:3, 3] - before.world_from_cam[:3, 3]
-    assert np.linalg.norm(way) < 0.01
+    assert np.linalg.norm(way) < 0.02
     assert way[2] < 0.0
     for tracks in pairs[9:]:
-        after = builder.add(CAMERA, tracks, motion_of(tracks), 0.1)
+        after = drive.add(tracks)
     assert after.segment == 0
+
+
+def test_known_points_tell_that_the_camera_stands_before_something_that_moves():
+    steps = np.concatenate([forward(12), np.zeros((6, 3))])
+    scene = cloud(poses_of(steps, np.zeros((18, 3))), count=3000, noise_px=0.05)
+    drive = Drive()
+    for k, tracks in enumerate(scene.tracks()):
+        if k < 12:
+            drive.add(tracks)
+            continue
+        # A thing that nobody has seen before covers a part of the image, and moves across it.
+        rng = np.random.default_rng(k)
+        x = rng.uniform([100.0, 150.0], [300.0, 350.0], (120, 2))
+        joined = dataclasses.replace(
+            tracks,
+            ids=np.concatenate([tracks.ids, 10**6 * (k + 1) + np.arange(120)]),
+            points0=np.concatenate([tracks.points0, x]),
+            points1=np.concatenate(
+                [tracks.points1, x + [6.0, 0.5] + rng.normal(0, 0.05, (120, 2))]
+            ),
+            covariance_px2=np.tile(0.05**2 * np.eye(2), (len(tracks) + 120, 1, 1)),
+        )
+        moving = motion_of(joined)
+        lie = dataclasses.replace(
+            motion_of(list(scene.tracks())[5]),
+            rotation_cam1_from_cam0=np.eye(3),
+            labels=np.where(np.arange(len(joined)) < len(tracks), 1, 2).astype(np.uint8),
+        )
+        told = moving if moving.status is PoseStatus.OK else lie
+        point = drive.add(joined, told)
+        assert point.rest is not None
+        assert point.scale is None
+        assert set(tracks.ids) & set(point.fitting)
+        assert not (set(point.fitting) & set(joined.ids[len(tracks) :]))
+    at = np.array([p.world_from_cam[:3, 3] for p in drive.points[12:]])
+    assert np.linalg.norm(at - at[0], axis=1).max() < 0.02

@@ -11,10 +11,10 @@ from tracks_textures import Waves, photo, refine
 from farpoint.camera import Camera
 from farpoint.camera.equirectangular import Equirectangular
 from farpoint.camera.kannala_brandt import KannalaBrandt
+from farpoint.path.perspective import without_perspective
 from farpoint.tracks import CornerOptions, RefinementOptions, Tracks
 from farpoint.tracks.corners import find_corners
 from farpoint.tracks.tracks import Windows
-from farpoint.path.perspective import without_perspective
 
 SIZE = 280, 200
 PINHOLE = Camera.pinhole(*SIZE, 220.0, 220.0, 140.0, 100.0)

@@ -8,7 +8,7 @@ from farpoint.path.lens import LensEstimate
 
 __all__ = ["Landmarks", "packed"]
 
-_OF_POINTS = ("ids", "anchor", "s", "s_variance", "has_depth")
+_OF_POINTS = ("ids", "anchor", "s", "s_variance", "has_depth", "is_placed")
 _OF_OBSERVATIONS = (
     "point", "serial", "pixels", "last", "travelled", "rays", "ray_by_lens", "residuals", "by_s",
 )  # fmt: skip
@@ -30,8 +30,9 @@ class Landmarks:
         Observation whose ray the point lies along.
     s, s_variance : ndarray, shape (M,)
         Inverse distance from there, and its variance where all else is known.
-    has_depth : ndarray of bool, shape (M,)
-        Whether it has been seen from two places.
+    has_depth, is_placed : ndarray of bool, shape (M,)
+        Whether it has been seen twice; and whether its distance, or that it is far, is more than
+        the noise of its pixels and of the keyframes' poses.
     point, serial : ndarray of int64, shape (N,)
         Of each observation its point's row and its keyframe; keyframes are in their order.
     pixels : ndarray, shape (N, 2)
@@ -48,7 +49,7 @@ class Landmarks:
         self._lens = lens
         self.ids, self.anchor = np.empty(0, np.int64), np.empty(0, np.int64)
         self.s, self.s_variance = np.empty(0), np.empty(0)
-        self.has_depth = np.empty(0, bool)
+        self.has_depth, self.is_placed = np.empty(0, bool), np.empty(0, bool)
         self.point, self.serial = np.empty(0, np.int64), np.empty(0, np.int64)
         self.pixels, self.residuals, self.by_s = (np.empty((0, 2)) for _ in range(3))
         self.last, self.travelled, self.rays = (np.empty((0, 3)) for _ in range(3))
@@ -101,7 +102,7 @@ class Landmarks:
         count = len(self.ids)
         values = (
             ids[fresh], len(self.point) + fresh, np.zeros(len(fresh)), np.full(len(fresh), np.inf),
-            np.zeros(len(fresh), bool),
+            np.zeros(len(fresh), bool), np.zeros(len(fresh), bool),
         )  # fmt: skip
         all_ids = np.concatenate([self.ids, ids[fresh]])
         order = np.argsort(all_ids, kind="stable")

@@ -240,7 +240,7 @@ class PathBuilder:
         if since_key.status is PoseStatus.OK:
             assert since_key.rotation_cam1_from_cam0 is not None
             R = key.R @ since_key.rotation_cam1_from_cam0.T
-            p = key.p + key.R @ since_key.heading_cam0
+            p = key.p + self._unit(pair.time1 - key.timestamp) * (key.R @ since_key.heading_cam0)
             self._has_scale = True
         self._move_to(R, p, pair.seconds)
         rotation = motion.rotation_covariance
@@ -258,6 +258,10 @@ class PathBuilder:
             while len(window) > self._options.keyframes:
                 self._settle(window.remove(0, good.ids))
         return self._point(pair, motion, None, last_p, guessed=False)
+
+    def _unit(self, seconds: float) -> float:
+        """Length of a segment's first way: the unit, or what the last segment's speed suggests."""
+        return 1.0 if self._speed is None or seconds <= 0.0 else self._speed * seconds
 
     def _since_keyframe(self, seen: Sighting) -> RelativePose:
         assert self._key_sighting is not None
@@ -287,7 +291,7 @@ class PathBuilder:
         guess = None
         if located is None or not self._carries_scale(window, located, pair.seconds):
             guess, located = self._guessed_way(motion, pair.seconds), None
-        is_key = located is None or self._is_keyframe_due(now, self._options.keyframe_flow_px)
+        is_key = guess is not None or self._is_keyframe_due(now, self._options.keyframe_flow_px)
         if located is not None:
             R, p = located.R, located.p
         else:
@@ -307,6 +311,8 @@ class PathBuilder:
             self._solve(window)
         elif located is not None:
             self._own = located.covariance
+        else:
+            self._own = self._lost(motion, pair.seconds)
         point = self._point(pair, motion, located, last[1], guessed=guess is not None)
         return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
 
@@ -322,6 +328,14 @@ class PathBuilder:
             return None
         heading = motion.heading_cam0
         return None if heading is None else self._R @ heading * self._speed * seconds
+
+    def _lost(self, motion: RelativePose, seconds: float) -> np.ndarray:
+        """Covariance (6, 6) of the pose since the keyframe, where the last step is not known."""
+        own, way = self._own.copy(), (self._speed or 0.0) * seconds
+        if motion.rotation_covariance is not None:
+            own[:3, :3] += self._R @ motion.rotation_covariance @ self._R.T
+        own[3:, 3:] += way**2 * np.eye(3)
+        return own
 
     def _expect(self, window: Window, guess: np.ndarray | None, seconds: float) -> None:
         """What is taken of the way from the last keyframe to the newest, without known points."""
@@ -402,10 +416,11 @@ class PathBuilder:
             alive = self._history.now.ids
             self._settle(window.remove(least_useful(window, alive), alive))
         window.forget_lonely(self._history.now.ids)
-        newest, before = window.frames[-1], window.frames[-2]
-        way = float(np.linalg.norm(newest.p - before.p))
-        if way > 0.0 and newest.timestamp > before.timestamp:
-            self._speed = way / (newest.timestamp - before.timestamp)
+        newest = window.frames[-1]
+        seconds = newest.timestamp - window.frames[-2].timestamp
+        way, is_seen = window.last_way()
+        if is_seen and seconds > 0.0:
+            self._speed = way / seconds
         self._R, self._p, self._own = newest.R, newest.p, np.zeros((6, 6))
         self._key_p = newest.p
 

@@ -18,7 +18,7 @@ FEWEST_POINTS = 8
 # Variances of the residuals are multiplied by these, step by step: from ten sigma off to none.
 # Between the two parts the lens is taken where points are expected by then.
 _INFLATIONS = np.array([100.0, 100.0, 25.0, 9.0]), np.array([4.0, 1.0, 1.0, 1.0])
-_RELATIVE_SIGMA = 2.0  # of an inverse distance, at the most: it is positive
+_LARGEST_VARIANCE = 1e12  # of an inverse distance that is not known at all
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,7 +80,7 @@ def locate_frame(
     marks = window.landmarks
     rows = marks.rows_of(seen.ids)
     known = rows >= 0
-    known[known] = marks.has_depth[rows[known]]
+    known[known] = marks.is_placed[rows[known]]
     if known.sum() < FEWEST_POINTS:
         return None
     points = _Points.of(window, rows[known], seen.select(known))
@@ -114,7 +114,7 @@ class _Points:
             places=places,
             base=base,
             s=s,
-            s_variance=np.minimum(marks.s_variance[rows], (_RELATIVE_SIGMA * s) ** 2),
+            s_variance=np.minimum(marks.s_variance[rows], _LARGEST_VARIANCE),
             pixels=seen.pixels,
             row_phase=window.row_phase(seen.pixels),
             before=marks.residuals[since],

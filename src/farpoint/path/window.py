@@ -39,7 +39,7 @@ _FARTHEST_GROWTH = 10.0  # of an inverse distance in one step
 _FACTOR_RANGE = (0.1, 100.0)  # of the variance
 _EFFECT_RANGE = (1.0, 50.0)  # of the design effect
 _FIRST_EFFECT = 4.0  # before any was seen: of handheld and driving recordings 3 to 6
-# Information that noise makes: derivatives are taken where noisy estimates are, once. Of tracks with
+# Information that noise makes: derivatives are taken where noisy estimates are. Of tracks with
 # independent errors, squared errors of lens and shutter are so many times their variances.
 _LINEARISATION_EFFECT = 3.0
 _PATCHES = 4  # across the longer side of an image
@@ -50,6 +50,9 @@ _DEPTH_DAMPING = 1e-3  # of a point's information, over that of the median dista
 # New points whose parallax does not tell: about as far as others, 1-sigma in units of that.
 _DEPTH_SIGMA = 2.0
 _FIRM_PARALLAX = 5.0  # sigma
+_SEEN_SIGMAS = 3.0  # a way that is not longer may be none
+_PLACED_SIGMA = 0.5  # relative, of the distance of a point that others are measured by
+_FAR_SIGMA = 0.1  # of the inverse distance of a far one, in units of the median
 
 
 class WindowNoise(NamedTuple):
@@ -140,7 +143,7 @@ class Window:
         self._prior = Prior(lens.common, lens.covariance)
         # Keyframes between which the unit lies, until the prior holds the scale.
         self._unit: tuple[int, int] | None = None
-        self._unit_variance = 0.0
+        self._unit_variance = self._scale_variance = 0.0
         self._has_forgotten = False
         self._next_serial = 0
         self.covariance = lens.covariance
@@ -172,9 +175,13 @@ class Window:
         return keyframe
 
     def expect_length(self, length: float, sigma: float) -> None:
-        """The last two keyframes are so far apart, to a 1-sigma in the unit of the path."""
+        """The last two keyframes are so far apart, to a 1-sigma in the unit of the path.
+
+        It is a guess, by which all later lengths are measured.
+        """
         way = self.frames[-1].p - self.frames[-2].p
         found = float(np.linalg.norm(way))
+        self._scale_variance += (sigma / length) ** 2
         self._measure(way / found, found - length, sigma)
 
     def expect_rest(self, sigma: float) -> None:
@@ -306,7 +313,8 @@ class Window:
     def pose_covariance(self) -> np.ndarray:
         """Covariance (7, 7) of ``[dtheta, dp, dlog_scale]`` of the newest keyframe, in the world.
 
-        ``p_true = p + dp``; the scale is that of the baseline to it which is known best.
+        ``p_true = p + dp``; the scale is that of the baseline to it which is known best, or, where
+        none stands out of its errors, as after a turn on the spot, of the last one that did.
         """
         count, newest = len(self.covariance), len(self.frames) - 1
         frame, at = self.frames[newest], 6 * newest
@@ -323,8 +331,25 @@ class Window:
                 variance = float(row @ self.covariance @ row)
                 if variance < least:
                     least, rows[6] = variance, row
+        is_measured = least < 1.0 / _SEEN_SIGMAS**2
+        if is_measured:
+            self._scale_variance = least
+        else:
+            rows[6] = 0.0
         by_unit = np.array([0.0, 0.0, 0.0, *frame.p, 1.0])
-        return rows @ self.covariance @ rows.T + unit * np.outer(by_unit, by_unit)
+        covariance = rows @ self.covariance @ rows.T + unit * np.outer(by_unit, by_unit)
+        if not is_measured:
+            covariance[6, 6] += self._scale_variance
+        return covariance
+
+    def last_way(self) -> tuple[float, bool]:
+        """Length between the last two keyframes, and whether it stands out of its errors."""
+        way = self.frames[-1].p - self.frames[-2].p
+        length, last = float(np.linalg.norm(way)), len(self.frames) - 1
+        if length == 0.0:
+            return 0.0, False
+        row = by_position_change(self.frames, last - 1, last, way / length, len(self.covariance))
+        return length, length**2 > _SEEN_SIGMAS**2 * float(row @ self.covariance @ row)
 
     def _variance_of_unit(self) -> float:
         """Variance of the logarithm of the way that is the unit, another one held fixed."""
@@ -365,6 +390,7 @@ class Window:
         self.lens.covariance = self.covariance[-common:, -common:]
         with np.errstate(divide="ignore"):
             marks.s_variance = np.where(marks.has_depth, 1.0 / normal.point_h, np.inf)
+        marks.is_placed = self._placed(system, normal)
         free = 2 * normal.residuals - len(normal.g) - int(marks.has_depth.sum())
         if normal.residuals > _FEWEST_RESIDUALS:
             ratio = normal.squares / max(free, _FEWEST_RESIDUALS)
@@ -373,6 +399,25 @@ class Window:
             seen = _LINEARISATION_EFFECT * normal.likeness
             effect = _MEMORY * self.design_effect + (1.0 - _MEMORY) * seen
             self.design_effect = float(np.clip(effect, *_EFFECT_RANGE))
+
+    def _placed(self, system: System, normal: _Normal) -> np.ndarray:
+        """Points (M,) whose distances stand out of their errors, or that are far for certain.
+
+        With the errors of the poses, but for that of the scale: it may be a guess, by which
+        distances are measured alike.
+        """
+        marks, newest = self.landmarks, len(self.frames) - 1
+        ways = [float(np.linalg.norm(f.p - self.frames[-1].p)) for f in self.frames]
+        held = (int(np.argmax(ways)), newest) if max(ways) > 0.0 else None
+        spread = _inverse(system.H + self._gauge(held))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rows = normal.coupling / normal.point_h[:, None]
+            by_poses = np.sum((rows @ spread) * rows, axis=1)
+            variance = (1.0 / normal.point_h + by_poses) / self.design_effect
+        known = marks.s[marks.has_depth]
+        typical = float(np.median(known)) if len(known) else 0.0
+        largest = np.maximum(_PLACED_SIGMA * marks.s, _FAR_SIGMA * typical)
+        return marks.has_depth & (variance < largest**2)
 
     def _offsets(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The lens where points are expected: rays, pixels less the found ones, derivatives."""

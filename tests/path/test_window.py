@@ -1,0 +1,153 @@
+"""The window: derivatives, marginalisation, noise that adds up, and the tables behind it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from drive_kit import CAMERA, EXACT, Drive, cloud, forward, poses_of
+from hand_kit import FPS, tracks_of
+
+from farpoint.camera import Camera, KannalaBrandt
+from farpoint.geometry import so3
+from farpoint.path.options import LensRefinementOptions, PathOptions
+from farpoint.path.window import Window
+
+FISHEYE = Camera(
+    model=KannalaBrandt(fx=300.0, fy=300.0, cx=319.5, cy=239.5, k1=0.01, k2=-0.005), size=(640, 480)
+)
+
+
+def window_of(camera: Camera = CAMERA, frames: int = 12, readout_s: float = 0.02) -> Window:
+    """A window in the midst of a handheld recording, lens and shutter among its unknowns."""
+    drive = Drive(PathOptions(keyframe_flow_px=8.0), LensRefinementOptions(), camera, fps=FPS)
+    for tracks in tracks_of(camera, frames, seed=3, readout_s=readout_s):
+        drive.add(tracks)
+    window = drive.builder._window
+    assert window is not None
+    assert len(window) > 4
+    return window
+
+
+def cost_of(window: Window) -> float:
+    """Of the data alone."""
+    linear = window._linearised(window._offsets())
+    return float(window._cost(linear) - window._prior.cost(window._deviation()))
+
+
+@pytest.mark.parametrize("camera", [CAMERA, FISHEYE], ids=["pinhole", "fisheye"])
+def test_the_gradient_is_the_derivative_of_the_cost(camera):
+    window = window_of(camera)
+    linear = window._linearised(window._offsets())
+    normal = window._normal(linear, window.landmarks.has_depth)
+    still = normal._replace(point_h=np.ones_like(normal.point_h), point_g=0.0 * normal.point_g)
+    still = still._replace(coupling=0.0 * normal.coupling)
+    common = 6 * len(window)
+    steps = [(k, 1e-6) for k in range(6, common, 5)]
+    steps += [(k, 1e-3) for k in range(common, common + window.lens.size)]
+    steps += [(common + window.lens.size, 1e-5)]
+    for index, size in steps:
+        costs = []
+        for sign in (1.0, -1.0):
+            before = window._state()
+            step = np.zeros(len(normal.g))
+            step[index] = sign * size
+            window._move(step, still)
+            costs.append(cost_of(window))
+            window._restore(before)
+        slope = (costs[0] - costs[1]) / (2.0 * size)
+        scale = np.sqrt(normal.H[index, index])
+        assert slope == pytest.approx(normal.g[index], rel=5e-3, abs=1e-2 * scale)
+
+
+def test_the_gradient_of_distances_is_the_derivative_of_the_cost():
+    window = window_of()
+    marks = window.landmarks
+    normal = window._normal(window._linearised(window._offsets()), marks.has_depth)
+    for row in np.flatnonzero(marks.has_depth)[::17]:
+        size, costs, kept = 1e-5 * marks.s[row], [], marks.s
+        for sign in (1.0, -1.0):
+            marks.s = kept.copy()
+            marks.s[row] += sign * size
+            costs.append(cost_of(window))
+        marks.s = kept
+        slope = (costs[0] - costs[1]) / (2.0 * size)
+        assert slope == pytest.approx(
+            normal.point_g[row], rel=5e-3, abs=1e-2 * np.sqrt(normal.point_h[row])
+        )
+
+
+def test_moving_the_world_costs_nothing():
+    # The first six directions of the gauge: information along them is zero, wherever the poses are.
+    window = window_of()
+    normal = window._normal(window._linearised(window._offsets()), window.landmarks.has_depth)
+    whole = np.zeros((len(normal.g), 6))
+    for slot in range(len(window)):
+        whole[6 * slot : 6 * slot + 6] = np.eye(6)
+    size = np.sqrt(np.diag(normal.H)[:-1].max())
+    assert np.abs(normal.H @ whole).max() < 1e-9 * size**2
+
+
+def test_a_keyframe_that_leaves_leaves_what_it_told():
+    """The covariance of those that stay is the one of before, where all its points have ended."""
+    window = window_of()
+    marks = window.landmarks
+    first = window.frames[0].serial
+    # Points of the first keyframe alone: then nothing is left out when it goes.
+    marks.keep(marks.serial[marks.anchor] == first)
+    window.solve(1)
+    linear = window._linearised(window._offsets())
+    whole = window._whole(window._normal(linear, marks.has_depth).reduced(0.0), window._baseline())
+    window._linear = linear
+    window.remove(0, np.empty(0, np.int64))
+    kept = np.linalg.inv(window._prior.at(window._deviation()).H)
+    np.testing.assert_allclose(kept, np.linalg.inv(whole.H)[6:, 6:], rtol=1e-3, atol=1e-12)
+
+
+def test_the_relative_pose_of_two_keyframes_is_surer_than_either():
+    drive = Drive(PathOptions(keyframe_flow_px=8.0))
+    for tracks in cloud(poses_of(forward(30), np.zeros((30, 3))), noise_px=0.2).tracks():
+        drive.add(tracks)
+    window = drive.builder._window
+    frames = [frame.frame for frame in window.frames]
+    found = drive.builder.relative_pose(frames[-2], frames[-1])
+    assert found is not None
+    motion, covariance = found
+    first, second = window.frames[-2], window.frames[-1]
+    np.testing.assert_allclose(motion[:3, :3], second.R.T @ first.R, atol=1e-12)
+    np.testing.assert_allclose(second.R @ motion[:3, 3] + second.p, first.p, atol=1e-9)
+    assert np.linalg.eigvalsh(covariance).min() > 0.0
+    alone = window.pose_covariance()
+    assert np.trace(covariance[:3, :3]) < np.trace(alone[:3, :3])
+    assert drive.builder.relative_pose(frames[0] - 1000, frames[-1]) is None
+
+
+def test_memory_and_time_do_not_grow_with_the_drive():
+    sizes = []
+    drive = Drive()
+    scene = cloud(poses_of(forward(90), np.zeros((90, 3))), count=6000)
+    for tracks in scene.tracks():
+        drive.add(tracks)
+        marks = drive.builder._window.landmarks
+        sizes.append((len(marks.ids), len(marks.point)))
+    early, late = np.max(sizes[25:45], axis=0), np.max(sizes[70:], axis=0)
+    assert (late < 1.3 * early).all()
+
+
+def test_a_lens_that_is_believed_has_no_unknowns():
+    drive = Drive(lens=EXACT)
+    for tracks in cloud(poses_of(forward(6), np.zeros((6, 3)))).tracks():
+        drive.add(tracks)
+    report = drive.builder.report()
+    assert report is not None
+    assert not report.refined
+    assert report.camera.model == CAMERA.model
+    assert set(report.sigma.values()) == {0.0}
+    assert report.readout_s == pytest.approx(0.0, abs=1e-9)
+
+
+def test_rotation_vectors_of_the_prior_are_those_of_so3():
+    from farpoint.path.prior import _rotation_vectors
+
+    vectors = np.random.default_rng(0).normal(0.0, 0.8, (40, 3))
+    vectors[0] = 0.0
+    np.testing.assert_allclose(_rotation_vectors(so3.exp(vectors)), vectors, atol=1e-12)
