@@ -13,6 +13,7 @@ import tyro
 from farpoint.camera import Camera, CameraGuess, HorizontalField, load_camera
 from farpoint.errors import InputError
 from farpoint.frames import find_focal_length
+from farpoint.frames.bags import BagImages
 
 __all__ = ["LensOptions"]
 
@@ -45,8 +46,8 @@ class LensOptions:
             return None
         return load_camera(self.camera, self.name)
 
-    def told_by(self, frames: object, source: str) -> CameraGuess:
-        """What the source's own files tell of it, if that was asked for.
+    def told_by(self, frames: object, source: str) -> Camera | CameraGuess:
+        """What the source's own files tell of it: a bag always, others if that was asked for.
 
         Parameters
         ----------
@@ -55,6 +56,8 @@ class LensOptions:
         source : str
             What the user called it.
         """
+        if isinstance(frames, BagImages):
+            return frames.camera()
         if self._is_auto:
             return find_focal_length(frames, source)
         problem = "missing; expected a calibration file, or auto, or --fov DEG for a rough guess"

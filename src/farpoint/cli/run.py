@@ -19,12 +19,14 @@ from farpoint.cli.lens import LensOptions
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError, printable
 from farpoint.frames import Frame, FrameSource, open_frames
+from farpoint.frames.bags import BagImages
 from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.mask import read_mask
 from farpoint.hints import Hint, MetricOptions
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
 from farpoint.sinks import (
+    BagSink,
     FolderLock,
     MetricSink,
     OutputFolder,
@@ -44,7 +46,7 @@ class Run:
     Attributes
     ----------
     source : str
-        Video file, image folder or pattern, KITTI / EuRoC / TUM folder, camera index, stream URL.
+        Video file, image folder or pattern, KITTI / EuRoC / TUM folder, bag, camera index, URL.
     lens : LensOptions
         Which camera it is.
     out : Path or None
@@ -55,6 +57,10 @@ class Run:
         Larger images are refused before they are decoded.
     follow_playlists : bool
         Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
+    topic : str or None
+        Of the images in a bag that has several such topics.
+    bag : Path or None
+        MCAP file for the motions as messages of ROS 2.
     mask : Path or None
         8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
     odometry : OdometryOptions
@@ -73,6 +79,8 @@ class Run:
     fps: float | None = None
     max_megapixels: float = MAX_MEGAPIXELS
     follow_playlists: bool = False
+    topic: str | None = None
+    bag: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
         default_factory=OdometryOptions
@@ -90,6 +98,7 @@ class Run:
             fps=self.fps,
             max_megapixels=self.max_megapixels,
             follow_playlists=self.follow_playlists,
+            topic=self.topic,
         )
         camera = known or self.lens.told_by(frames, self.source)
         out = self.out or Path("farpoint-out") / frames.name
@@ -102,8 +111,9 @@ class Run:
                 self.odometry,
                 self.output,
                 self.viewer,
-                self.metric.hints(),
+                self.metric.hints(frames.bag if isinstance(frames, BagImages) else None),
                 mask_file=self.mask,
+                bag_file=self.bag,
             )
 
 
@@ -118,6 +128,7 @@ def process_frames(
     hints: Sequence[Hint] = (),
     lock: FolderLock | None = None,
     mask_file: Path | None = None,
+    bag_file: Path | None = None,
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
 
@@ -153,6 +164,7 @@ def process_frames(
         notes=notes,
         mask=mask,
     )
+    odometry = Odometry(camera, options, mask=mask)
     with ExitStack() as opened:
         # Whoever holds the folder may record into it, too.
         lock = lock or opened.enter_context(FolderLock(out))
@@ -161,6 +173,13 @@ def process_frames(
         if viewer is not None and viewer.wanted:
             display = open_viewer(viewer, frames.name, camera, output.palette)
             opened.callback(display.close)
+        metric: MetricSink | None = None
+        bag = None
+        if bag_file is not None:
+            _refuse_source(bag_file, source)
+            metres = (lambda: metric.now if metric else None) if hints else None
+            bag = BagSink(bag_file, lambda: odometry.lens.camera, metres)
+            opened.callback(bag.close)
         folder = opened.enter_context(OutputFolder(out, description, output, lock=lock))
         for note in folder.notes:
             warn(note)
@@ -170,11 +189,21 @@ def process_frames(
             metric = MetricSink(list(hints), camera, warn, folder.put)
             folder.add("metric", metric)
             folder.at_end(metric.finish)
-        odometry = Odometry(camera, options, mask=mask)
+        if bag is not None:
+            folder.add("bag", bag)
         counts = _run_into(folder, chain(first, timed), odometry, frames.count)
     print(f"{sum(counts.values())} pairs of frames: {in_words(counts)}")
     print(f"time stamps: {frames.timestamp_source}")
     print(f"results in {printable(str(out))}")
+
+
+def _refuse_source(bag_file: Path, source: str) -> None:
+    """Keep a recording from being replaced by what is found in it."""
+    images = Path(source)
+    if bag_file.exists() and images.exists() and bag_file.samefile(images):
+        raise InputError("is the source itself", file=bag_file, field="--bag")
+    if images.is_dir() and bag_file.resolve().parent == images.resolve():
+        raise InputError("expected a place outside of the source", file=bag_file, field="--bag")
 
 
 def _run_into(

@@ -17,6 +17,8 @@ from farpoint.regular_files import read_regular_file
 __all__ = [
     "MAX_MEGAPIXELS",
     "UnreadableImageError",
+    "check_megapixels",
+    "decode_samples",
     "read_grey",
     "read_samples",
     "silent_opencv",
@@ -63,21 +65,21 @@ def read_grey(
 
 def read_samples(path: Path, max_megapixels: float = MAX_MEGAPIXELS) -> np.ndarray:
     """As `read_grey`, with 16 bits as they are, uint16."""
-    cv2 = optional_import("cv2", extra="video", purpose="reading images")
     try:
         # Read by Python: OpenCV opens no path outside the code page on Windows.
         data = read_regular_file(path, limit_bytes=_LARGEST_BYTES, what="an image")
     except InputError as error:
         raise UnreadableImageError(error.problem) from error
+    return decode_samples(data, max_megapixels)
+
+
+def decode_samples(data: bytes, max_megapixels: float = MAX_MEGAPIXELS) -> np.ndarray:
+    """The same of the bytes of an image file."""
+    cv2 = optional_import("cv2", extra="video", purpose="reading images")
     if damage := find_damage(data):
         raise UnreadableImageError(damage)
-    size = image_size(data)
-    if size is not None and size[0] * size[1] > max_megapixels * 1e6:
-        megapixels = size[0] * size[1] / 1e6
-        raise UnreadableImageError(
-            f"has {megapixels:.0f} megapixels; expected {max_megapixels:g} at most "
-            "(--max-megapixels)"
-        )
+    if (size := image_size(data)) is not None:
+        check_megapixels(*size, max_megapixels)
     with silent_opencv():
         samples = np.frombuffer(data, np.uint8)
         try:
@@ -89,6 +91,15 @@ def read_samples(path: Path, max_megapixels: float = MAX_MEGAPIXELS) -> np.ndarr
     if image is None:
         raise UnreadableImageError("cannot be decoded as an image")
     return image
+
+
+def check_megapixels(width: int, height: int, limit: float) -> None:
+    """Raise UnreadableImageError for an image of more pixels than the limit, in millions."""
+    if width * height > limit * 1e6:
+        raise UnreadableImageError(
+            f"has {width * height / 1e6:.0f} megapixels; expected {limit:g} at most "
+            "(--max-megapixels)"
+        )
 
 
 @contextmanager

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["GreyTable"]
+__all__ = ["EXAMPLES", "GreyTable"]
+
+EXAMPLES = 8
+"""Images, spread over all of a source, by which the table is made."""
 
 _DEPTHS = (8, 10, 12, 14, 16)
 """Bits that sensors give."""
@@ -62,6 +65,16 @@ class GreyTable:
             "shown as grey values from 0 to 255, the same in all images."
         )
         return cls(np.clip(np.rint(scaled), 0, 255).astype(np.uint8), words)
+
+    @classmethod
+    def for_source(cls, examples: Iterable[np.ndarray]) -> GreyTable:
+        """The table by examples from all over a source, as far as the first that is not deep."""
+        deep = []
+        for image in examples:
+            if image.dtype != np.uint16:
+                break
+            deep.append(image)
+        return cls.for_images(deep) if deep else cls.upper_bits(16)
 
     @classmethod
     def upper_bits(cls, bits: int) -> GreyTable:

@@ -9,10 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from farpoint.errors import InputError
+from farpoint.frames.bags import BagImages, holds_bag, is_bag, open_bag_images
 from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.device import open_device
 from farpoint.frames.euroc import open_euroc
-from farpoint.frames.files import is_image
+from farpoint.frames.files import is_image, list_images
 from farpoint.frames.folder import open_folder, open_glob, open_pages
 from farpoint.frames.frame import FrameSource
 from farpoint.frames.kitti import open_kitti
@@ -30,6 +31,7 @@ def open_frames(
     fps: float | None = None,
     max_megapixels: float = MAX_MEGAPIXELS,
     follow_playlists: bool = False,
+    topic: str | None = None,
 ) -> FrameSource:
     """Open whatever holds images: the kind is recognised by what is there.
 
@@ -44,6 +46,8 @@ def open_frames(
         - a TIFF of several pages, each of them a frame, alone or in a folder;
         - a KITTI (odometry or raw), EuRoC, TUM-VI or TUM RGB-D folder, of which the left, grey
           or only colour camera is read; name the folder of another camera to read that one;
+        - a bag: a ROS 1 ``.bag``, the folder or a file of a ROS 2 bag (sqlite3 or MCAP), or any
+          MCAP file with ROS's or Foxglove's images;
         - the index of an attached camera, such as ``0`` or ``"0"``;
         - the URL of a stream, such as ``"rtsp://..."``.
     fps : float, optional
@@ -54,6 +58,8 @@ def open_frames(
         Larger image files are frames with a fault, before they are decoded.
     follow_playlists : bool
         Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names, wherever they lie.
+    topic : str, optional
+        Of the images in a bag; needed where it has several such topics.
 
     Returns
     -------
@@ -87,30 +93,37 @@ def open_frames(
     if "://" in str(source):
         return open_url(str(source))
     try:
-        opened = _open_path(Path(source).expanduser(), fps, follow_playlists)
+        opened = _open_path(Path(source).expanduser(), fps, follow_playlists, topic)
     except OSError as error:
         raise InputError(
             f"cannot be read: {error.strerror}", file=error.filename or source
         ) from error
-    if isinstance(opened, ImageSequence):
+    if topic is not None and not isinstance(opened, BagImages):
+        raise InputError(f"{topic}: only a bag has topics", file=source, field="topic")
+    if isinstance(opened, ImageSequence | BagImages):
         return replace(opened, max_megapixels=max_megapixels)
     return opened
 
 
-def _open_path(path: Path, fps: float | None, follow_playlists: bool) -> FrameSource:
+def _open_path(
+    path: Path, fps: float | None, follow_playlists: bool, topic: str | None
+) -> FrameSource:
     try:
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
         return _open_name(str(path), fps)
     if stat.S_ISDIR(mode):
-        return (
-            open_euroc(path)
-            or open_tum(path)
-            or open_kitti(path, fps=fps)
-            or open_folder(path, fps=fps)
-        )
+        if is_bag(path):
+            return open_bag_images(path, topic)
+        if known := open_euroc(path) or open_tum(path) or open_kitti(path, fps=fps):
+            return known
+        if holds_bag(path) and not list_images(path):
+            return open_bag_images(path, topic)
+        return open_folder(path, fps=fps)
     if not stat.S_ISREG(mode):
         raise InputError("is neither a file nor a folder", file=path)
+    if is_bag(path):
+        return open_bag_images(path, topic)
     if is_image(path):
         return open_pages(path, fps=fps)
     return open_video(path, fps=fps, follow_playlists=follow_playlists)

@@ -12,15 +12,12 @@ import numpy as np
 
 from farpoint.errors import optional_import
 from farpoint.frames.decode import MAX_MEGAPIXELS, UnreadableImageError, read_samples
-from farpoint.frames.depth import GreyTable
+from farpoint.frames.depth import EXAMPLES, GreyTable
 from farpoint.frames.frame import Frame
 from farpoint.frames.pages import read_page
 from farpoint.frames.stamps import Stamps
 
 __all__ = ["ImageSequence"]
-
-_EXAMPLES = 8
-"""Images, spread over all, by which the table for deep samples is made."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,15 +83,12 @@ class ImageSequence:
     @cached_property
     def _deep(self) -> GreyTable | None:
         """The table for deep samples; None where the first image that can be read is not deep."""
-        samples: list[np.ndarray] = []
-        step = max(len(self.images) // _EXAMPLES, 1)
-        for index in range(0, len(self.images), step):
+        return GreyTable.for_source(self._examples())
+
+    def _examples(self) -> Iterator[np.ndarray]:
+        for index in range(0, len(self.images), max(len(self.images) // EXAMPLES, 1)):
             with suppress(UnreadableImageError):
-                samples.append(self._samples(index))
-                if samples[-1].dtype != np.uint16:
-                    break
-        deep = [image for image in samples if image.dtype == np.uint16]
-        return GreyTable.for_images(deep) if deep else GreyTable.upper_bits(16)
+                yield self._samples(index)
 
     def _samples(self, index: int) -> np.ndarray:
         page = self.pages[index] if self.pages else 0

@@ -1,7 +1,7 @@
 """Seen motions in a Kalman filter with an IMU."""
 
 from farpoint.fusion.filter import InertialFilter, Innovation, StartSigmas
-from farpoint.fusion.imu import ImuNoise, ImuSamples, ImuSteps, read_euroc_imu
+from farpoint.fusion.imu import ImuNoise, ImuSamples, ImuSteps, read_bag_imu, read_euroc_imu
 from farpoint.fusion.state import InertialState
 
 __all__ = [
@@ -12,5 +12,6 @@ __all__ = [
     "InertialState",
     "Innovation",
     "StartSigmas",
+    "read_bag_imu",
     "read_euroc_imu",
 ]

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from farpoint.errors import InputError
+from farpoint.frames.bags import messages_of, open_bag
 from farpoint.options import settle_positive
 
-__all__ = ["ImuNoise", "ImuSamples", "ImuSteps", "read_euroc_imu"]
+__all__ = ["ImuNoise", "ImuSamples", "ImuSteps", "read_bag_imu", "read_euroc_imu"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,5 +159,30 @@ def read_euroc_imu(path: str | Path) -> ImuSamples:
     table = np.array(rows).reshape(-1, 6)
     try:
         return ImuSamples(timestamps=np.array(stamps), gyro=table[:, :3], accel=table[:, 3:])
+    except InputError as error:
+        raise InputError(error.problem, file=path, field=error.field) from error
+
+
+def read_bag_imu(path: str | Path, topic: str) -> ImuSamples:
+    """Read the ``sensor_msgs/Imu`` of a topic of a bag; damaged messages are left out.
+
+    Raises
+    ------
+    InputError
+        Where the bag cannot be read, has no such topic, or too few samples.
+    """
+    rows = [
+        (
+            time_s,
+            *(getattr(message.angular_velocity, axis) for axis in "xyz"),
+            *(getattr(message.linear_acceleration, axis) for axis in "xyz"),
+        )
+        for time_s, message in messages_of(
+            open_bag(Path(path)), topic, frozenset({"Imu"}), "an IMU", field="topic"
+        )
+    ]
+    table = np.array(rows).reshape(-1, 7)
+    try:
+        return ImuSamples(timestamps=table[:, 0], gyro=table[:, 1:4], accel=table[:, 4:])
     except InputError as error:
         raise InputError(error.problem, file=path, field=error.field) from error

@@ -52,6 +52,7 @@ class _Window:
     start_s: float = 0.0
     seconds: float = 0.0
     metres: float = 0.0
+    metres_variance: float = 0.0
     units: float = 0.0
     variance: float = 0.0
 
@@ -66,7 +67,8 @@ class _Speeds:
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
         """A reading whenever a second of one segment has gone by at a known speed."""
         del camera
-        speed = self._speed(0.5 * (result.timestamp0 + result.timestamp))
+        middle_s = 0.5 * (result.timestamp0 + result.timestamp)
+        speed = self._at(middle_s, self._hint.speeds)
         if result.scale is None or speed is None or speed < _LEAST_SPEED:
             return []
         window = self._window
@@ -75,6 +77,9 @@ class _Speeds:
         seconds = result.timestamp - result.timestamp0
         window.seconds += seconds
         window.metres += speed * seconds
+        if self._hint.sigmas_mps is not None:
+            sigma = self._at(middle_s, self._hint.sigmas_mps) or 0.0
+            window.metres_variance += (sigma * seconds) ** 2
         window.units += result.scale
         window.variance += _own_variance(result)
         self._window = window
@@ -84,23 +89,26 @@ class _Speeds:
         if window.units <= 0.0:
             return []
         visual = window.variance / window.units**2
+        own = self._hint.sigma**2
+        if self._hint.sigmas_mps is not None:
+            own = window.metres_variance / window.metres**2
         reading = Reading(
             kind="speed",
             start_s=window.start_s,
             end_s=result.timestamp,
             segment=result.segment,
             log_ratio=math.log(window.metres / window.units),
-            sigma=math.sqrt(self._hint.sigma**2 + visual + _LEAST_SIGMA**2),
+            sigma=math.sqrt(own + visual + _LEAST_SIGMA**2),
             shared_sigma=self._hint.sigma,
             drift=_drift(result),
         )
         return [reading]
 
-    def _speed(self, time_s: float) -> float | None:
+    def _at(self, time_s: float, values: np.ndarray) -> float | None:
         times = self._hint.timestamps_s
         if not times[0] <= time_s <= times[-1]:
             return None
-        return float(np.interp(time_s, times, self._hint.speeds))
+        return float(np.interp(time_s, times, values))
 
 
 class _Heights:
@@ -175,7 +183,7 @@ class _Gnss:
         self._next = 0
         self._last: OdometryResult | None = None
         self._begin: tuple[int, float, np.ndarray] | None = None  # segment, time, position
-        self._begin_m = np.zeros(3)
+        self._begin_m, self._begin_sigma_m = np.zeros(3), 0.0
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
         """A reading for each position that is far enough from the one before."""
@@ -184,6 +192,8 @@ class _Gnss:
         times, readings = self._hint.timestamps_s, []
         while self._next < len(times) and times[self._next] <= result.timestamp:
             time_s, fix = float(times[self._next]), self._hint.positions_m[self._next]
+            sigmas = self._hint.sigmas_m
+            sigma_m = self._hint.sigma_m if sigmas is None else float(sigmas[self._next])
             self._next += 1
             if last is None or last.segment != result.segment or time_s < last.timestamp:
                 if last is not None or time_s < result.timestamp:
@@ -193,29 +203,37 @@ class _Gnss:
                 share = (time_s - last.timestamp) / (result.timestamp - last.timestamp)
                 before, after = last.world_from_cam[:3, 3], result.world_from_cam[:3, 3]
                 place = before + share * (after - before)
-            reading = self._compare(result, time_s, place, fix)
+            reading = self._compare(result, time_s, place, fix, sigma_m)
             readings += [] if reading is None else [reading]
         return readings
 
     def _compare(
-        self, result: OdometryResult, time_s: float, place: np.ndarray, fix: np.ndarray
+        self,
+        result: OdometryResult,
+        time_s: float,
+        place: np.ndarray,
+        fix: np.ndarray,
+        sigma_m: float,
     ) -> Reading | None:
         if self._begin is None or self._begin[0] != result.segment:
             self._begin, self._begin_m = (result.segment, time_s, place), fix
+            self._begin_sigma_m = sigma_m
             return None
         metres = float(np.linalg.norm(fix - self._begin_m))
         units = float(np.linalg.norm(place - self._begin[2]))
-        if metres < _GNSS_SIGMAS * self._hint.sigma_m or units <= 0.0:
+        both_m = math.hypot(self._begin_sigma_m, sigma_m)
+        if metres < _GNSS_SIGMAS * max(self._begin_sigma_m, sigma_m) or units <= 0.0:
             return None
         start_s = self._begin[1]
         self._begin, self._begin_m = (result.segment, time_s, place), fix
+        self._begin_sigma_m = sigma_m
         return Reading(
             kind="gnss",
             start_s=start_s,
             end_s=time_s,
             segment=result.segment,
             log_ratio=math.log(metres / units),
-            sigma=math.hypot(math.sqrt(2.0) * self._hint.sigma_m / metres, _LEAST_SIGMA),
+            sigma=math.hypot(both_m / metres, _LEAST_SIGMA),
             shared_sigma=0.0,
             drift=_drift(result),
         )

@@ -25,16 +25,21 @@ class KnownSpeed:
     sigma : float
         1-sigma of them, relative: that of each second, and as much again that all have in common
         (a wheel of another size).
+    sigmas_mps : ndarray, shape (N,), or None
+        1-sigma of each speed, m/s, independent of the others: in place of that of each second.
     """
 
     timestamps_s: np.ndarray
     speeds: np.ndarray
     sigma: float = 0.02
+    sigmas_mps: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         _check_table(self.timestamps_s, self.speeds, "speeds", ())
         if (np.asarray(self.speeds) < 0.0).any():
             raise InputError("expected 0 or more", field="speeds")
+        if self.sigmas_mps is not None:
+            _check_table(self.timestamps_s, self.sigmas_mps, "sigmas_mps", ())
         settle_positive(self, "sigma")
 
 
@@ -97,14 +102,19 @@ class GnssPositions:
         Of the antenna; where it is not near the camera, turns make an error.
     sigma_m : float
         1-sigma of a coordinate, the errors of positions apart by ten times this independent.
+    sigmas_m : ndarray, shape (N,), or None
+        That of each position, in its place.
     """
 
     timestamps_s: np.ndarray
     positions_m: np.ndarray
     sigma_m: float = 2.0
+    sigmas_m: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         _check_table(self.timestamps_s, self.positions_m, "positions_m", (3,))
+        if self.sigmas_m is not None:
+            _check_table(self.timestamps_s, self.sigmas_m, "sigmas_m", ())
         settle_positive(self, "sigma_m")
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from farpoint.errors import InputError
+from farpoint.frames.bags import Bag
+from farpoint.hints.bag_topics import positions_of_topic, speeds_of_topic
 from farpoint.hints.kinds import CameraHeight, GnssPositions, Hint, KnownDistance, KnownSpeed
 from farpoint.hints.tables import read_gnss, read_speeds
 from farpoint.options import settle_positive
@@ -56,6 +59,9 @@ class MetricOptions(HeightOptions):
         Its name.
     speed_sigma : float
         1-sigma of the speeds, relative.
+    speed_topic : str or None
+        Topic of the bag that the images come from, with speeds: ``nav_msgs/Odometry``,
+        ``geometry_msgs/TwistStamped`` or ``TwistWithCovarianceStamped``.
     distance : tuple of int, int, float or None
         Two frames and the distance in m between where the camera was at them.
     distance_sigma : float
@@ -64,18 +70,23 @@ class MetricOptions(HeightOptions):
         CSV file of positions: ``timestamp,latitude,longitude,altitude`` or ``timestamp,x,y,z``.
     gnss_sigma : float
         1-sigma of a coordinate, m.
+    gnss_topic : str or None
+        Topic of the bag that the images come from, with ``sensor_msgs/NavSatFix``; covariances
+        that they carry come before ``gnss_sigma``.
     """
 
     speed: Path | None = None
     speed_column: str = "speed"
     speed_sigma: float = 0.02
+    speed_topic: str | None = None
     distance: tuple[int, int, float] | None = None
     distance_sigma: float = 0.02
     gnss: Path | None = None
     gnss_sigma: float = 2.0
+    gnss_topic: str | None = None
 
-    def hints(self) -> list[Hint]:
-        """The hints, their files read.
+    def hints(self, bag: Bag | None = None) -> list[Hint]:
+        """The hints, their files read, and the topics of the bag that the images come from.
 
         Raises
         ------
@@ -98,4 +109,18 @@ class MetricOptions(HeightOptions):
             found.append(
                 GnssPositions(timestamps_s=times, positions_m=positions, sigma_m=self.gnss_sigma)
             )
+        return found + self._of_topics(bag)
+
+    def _of_topics(self, bag: Bag | None) -> list[Hint]:
+        found: list[Hint] = []
+        for option in ("speed_topic", "gnss_topic"):
+            if bag is None and getattr(self, option) is not None:
+                raise InputError(
+                    "expected a bag as the source of the images",
+                    field=f"--metric.{option.replace('_', '-')}",
+                )
+        if bag is not None and self.speed_topic is not None:
+            found.append(speeds_of_topic(bag, self.speed_topic, self.speed_sigma))
+        if bag is not None and self.gnss_topic is not None:
+            found.append(positions_of_topic(bag, self.gnss_topic, self.gnss_sigma))
         return found

@@ -10,7 +10,7 @@ import numpy as np
 
 from farpoint.errors import InputError
 
-__all__ = ["read_gnss", "read_speeds"]
+__all__ = ["earth_centred", "read_gnss", "read_speeds"]
 
 _EQUATOR_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS 84
 
@@ -49,14 +49,15 @@ def read_gnss(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
                     file=path,
                     field=f"row {line}",
                 )
-        return table[:, 0], _earth_centred(
+        return table[:, 0], earth_centred(
             np.radians(table[:, 1]), np.radians(table[:, 2]), table[:, 3]
         )
     table = _read(path, ("timestamp", "x", "y", "z"))
     return table[:, 0], table[:, 1:]
 
 
-def _earth_centred(latitude: np.ndarray, longitude: np.ndarray, up_m: np.ndarray) -> np.ndarray:
+def earth_centred(latitude: np.ndarray, longitude: np.ndarray, up_m: np.ndarray) -> np.ndarray:
+    """Positions (N, 3), m, of latitudes and longitudes (N,), rad, and heights, m (WGS 84)."""
     squeeze = _FLATTENING * (2.0 - _FLATTENING)
     radius = _EQUATOR_M / np.sqrt(1.0 - squeeze * np.sin(latitude) ** 2)
     out = (radius + up_m) * np.cos(latitude)

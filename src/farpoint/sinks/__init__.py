@@ -1,5 +1,6 @@
 """Where results go: files and pictures, each written as the run goes."""
 
+from farpoint.sinks.bag import BagSink
 from farpoint.sinks.lock import FolderLock
 from farpoint.sinks.metric import MetricSink
 from farpoint.sinks.motions import Motions, read_motions
@@ -11,6 +12,7 @@ from farpoint.sinks.run_record import RunDescription, RunState, read_run
 from farpoint.sinks.viewer import LiveViewer, Viewer, ViewerOptions, open_viewer, start_live_viewer
 
 __all__ = [
+    "BagSink",
     "FolderLock",
     "LiveViewer",
     "MetricSink",

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from farpoint.camera import Camera
-from farpoint.hints import Hint, MetricFit, MetricScale
+from farpoint.hints import Hint, MetricEstimate, MetricFit, MetricScale
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.metric_files import put_in_metres
 
@@ -30,6 +30,11 @@ class MetricSink:
         Takes each contradiction, in words.
     put : callable
         Takes what goes into ``run.json``, with its key.
+
+    Attributes
+    ----------
+    now : MetricEstimate or None
+        Metres for a unit as of the last result.
     """
 
     def __init__(
@@ -42,11 +47,12 @@ class MetricSink:
         self._scale = MetricScale(hints)
         self._camera = camera
         self._say, self._put = say, put
+        self.now: MetricEstimate | None = None
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
         """Take in one result; the image is not looked at."""
         del image
-        self._scale.add(self._camera, result)
+        self.now = self._scale.add(self._camera, result)
 
     def close(self) -> None:
         """Nothing to be closed."""

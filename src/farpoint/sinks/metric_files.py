@@ -16,7 +16,7 @@ from farpoint.sinks.motions import COLUMNS as MOTIONS_COLUMNS
 from farpoint.sinks.positions import COLUMNS, PositionRow, iter_position_rows, position_line
 from farpoint.trajectory.files import kitti_line, tum_line
 
-__all__ = ["put_in_metres"]
+__all__ = ["metric_covariance", "put_in_metres"]
 
 _SCALE = MOTIONS_COLUMNS.index("scale")
 
@@ -62,11 +62,11 @@ def _in_metres(rows: Iterator[PositionRow], fit: MetricFit) -> Iterator[Position
         pose[:3, 3] = metric
         yield row._replace(
             world_from_cam=pose,
-            covariance=_metric_covariance(row.covariance, metric, factor, sigma),
+            covariance=metric_covariance(row.covariance, metric, factor, sigma),
         )
 
 
-def _metric_covariance(
+def metric_covariance(
     covariance: np.ndarray, position: np.ndarray, factor: float, sigma: float
 ) -> np.ndarray:
     """The covariance in metres, with the error of the metric scale, along the whole way."""

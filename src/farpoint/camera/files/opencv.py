@@ -83,7 +83,11 @@ def names(file: CalibrationFile) -> list[str]:
 
 def read(file: CalibrationFile, name: str) -> Camera:
     """One camera."""
-    fields = file.fields
+    return read_fields(file.fields, name)
+
+
+def read_fields(fields: Fields, name: str) -> Camera:
+    """One camera of fields that may come from elsewhere than a file."""
     cameras = _cameras(fields)
     keys = next((keys for keys in cameras if keys.matrix == name), cameras[0])
     camera = Camera(model=_lens(fields, keys), size=_size(fields), name=name)

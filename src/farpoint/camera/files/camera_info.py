@@ -1,0 +1,105 @@
+"""ROS's ``CameraInfo``, as a message: the lens behind binning and a region of interest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from farpoint.camera.camera import Camera
+from farpoint.camera.files.fields import Fields
+from farpoint.camera.files.opencv import read_fields
+from farpoint.camera.pinhole import Pinhole
+from farpoint.errors import InputError
+
+__all__ = ["CameraInfo", "camera_of_info"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraInfo:
+    """The fields of ``sensor_msgs/CameraInfo``.
+
+    Attributes
+    ----------
+    width, height : int
+        Of the full image, px.
+    distortion_model : str
+        ``plumb_bob``, ``rational_polynomial``, ``equidistant``, or another name of one of these.
+    d : sequence of float
+        Its coefficients, OpenCV's.
+    k : sequence of float
+        Camera matrix of raw images, 3x3 by rows, px of the full image.
+    p : sequence of float
+        Projection matrix of rectified images, 3x4 by rows.
+    binning : tuple of int
+        Pixels of the full image that make one, along x and y; 0 means 1.
+    roi : tuple of int
+        Part of the full image that is read out: x, y, width and height, px; of no size: all of it.
+    """
+
+    width: int
+    height: int
+    distortion_model: str
+    d: Sequence[float]
+    k: Sequence[float]
+    p: Sequence[float]
+    binning: tuple[int, int] = (1, 1)
+    roi: tuple[int, int, int, int] = (0, 0, 0, 0)
+
+
+def camera_of_info(info: CameraInfo, *, rectified: bool, file: Path, topic: str) -> Camera:
+    """The camera of raw images, or of rectified ones.
+
+    A pixel (u, v) of the full image is ``((u - x) / bx, (v - y) / by)`` of a region of interest
+    that begins at (x, y), binned by (bx, by), as ``image_geometry`` has it.
+
+    Parameters
+    ----------
+    info : CameraInfo
+        The message.
+    rectified : bool
+        Whether the images are rectified: then P counts, and there is no distortion.
+    file, topic : Path, str
+        Named in errors.
+
+    Raises
+    ------
+    InputError
+        Where the camera is not calibrated, or the lens is unknown.
+    """
+    key, matrix = ("P", _left_of(info.p)) if rectified else ("K", list(info.k))
+    if len(matrix) != 9 or matrix[0] == 0.0:
+        raise InputError(
+            f"its {key} is not calibrated: give a calibration by --camera", file=file, field=topic
+        )
+    values: dict[str, Any] = {"k": matrix}
+    if info.width and info.height:
+        values |= {"width": info.width, "height": info.height}
+    # A model without coefficients distorts nothing, whatever it is called.
+    if not rectified and any(info.d):
+        values |= {"d": list(info.d), "distortion_model": info.distortion_model or "plumb_bob"}
+    camera = read_fields(Fields(values, file, f"{topic} "), topic)
+    camera = replace(camera, name=topic, source=f"CameraInfo, {file}")
+    return _as_read_out(camera, info)
+
+
+def _left_of(p: Sequence[float]) -> list[float]:
+    """The left 3x3 of a 3x4 matrix; nothing of another one."""
+    return [*p[0:3], *p[4:7], *p[8:11]] if len(p) == 12 else []
+
+
+def _as_read_out(camera: Camera, info: CameraInfo) -> Camera:
+    """The same camera for the pixels that are in the images."""
+    bx, by = (max(binning, 1) for binning in info.binning)
+    x, y, width, height = info.roi
+    if not (width and height):
+        x, y, width, height = 0, 0, info.width, info.height
+    if (bx, by, x, y) == (1, 1, 0, 0) and (width, height) == (info.width, info.height):
+        return camera
+    model: Any = camera.model  # of those that CameraInfo may hold, each has these four
+    assert isinstance(model, Pinhole) or hasattr(model, "fx")
+    model = replace(
+        model, fx=model.fx / bx, fy=model.fy / by, cx=(model.cx - x) / bx, cy=(model.cy - y) / by
+    )
+    return replace(camera, model=model, size=(width // bx, height // by))

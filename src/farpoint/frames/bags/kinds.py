@@ -1,0 +1,70 @@
+"""Which kind of bag is it? By its first bytes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from farpoint.errors import InputError, require
+from farpoint.frames.bags import mcap, rosbag1, sqlite
+from farpoint.frames.bags.folder import METADATA, BagFolder, bag_files
+from farpoint.frames.bags.records import Bag
+
+__all__ = ["holds_bag", "is_bag", "open_bag"]
+
+_MARKS = (rosbag1.MAGIC[:8], mcap.MAGIC)  # "#ROSBAG " of any version
+_SUFFIXES = (".bag", ".mcap", ".db3")
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a file is a bag's, or a folder is one as ROS 2 records it."""
+    if path.is_dir():
+        return (path / METADATA).is_file() and _names_a_bag(path)
+    return path.suffix in _SUFFIXES or _begin(path).startswith(_MARKS)
+
+
+def holds_bag(folder: Path) -> bool:
+    """Whether files of bags are in a folder."""
+    return bool(bag_files(folder))
+
+
+def open_bag(path: Path) -> Bag:
+    """Open a bag far enough to know its topics.
+
+    Raises
+    ------
+    InputError
+        Where it is no bag, or nothing of it can be read.
+    MissingExtraError
+        Where the library that reads messages is not installed.
+    """
+    require("rosbags", extra="ros", purpose="reading a bag")
+    try:
+        bag = BagFolder(path, _open_file) if path.is_dir() else _open_file(path)
+        bag.topics()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", file=path) from error
+    return bag
+
+
+def _names_a_bag(folder: Path) -> bool:
+    with (folder / METADATA).open("rb") as file:
+        return b"rosbag2_bagfile_information" in file.read(1 << 12)
+
+
+def _open_file(path: Path) -> Bag:
+    begin = _begin(path)
+    if begin.startswith(mcap.MAGIC):
+        return mcap.McapFile(path)
+    if begin.startswith(sqlite.MAGIC):
+        return sqlite.SqliteBag(path)
+    if begin.startswith(rosbag1.MAGIC):
+        return rosbag1.Ros1Bag(path)
+    if begin.startswith(b"#ROSBAG"):
+        version = begin.split(b"\n")[0].decode("latin-1").removeprefix("#ROSBAG V")
+        raise InputError(f"is a ROS 1 bag of version {version}; expected 2.0", file=path)
+    raise InputError("expected a bag (ROS 1, ROS 2 or MCAP)", file=path)
+
+
+def _begin(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(16)

@@ -1,0 +1,192 @@
+"""The images of one topic of a bag, one after the other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError, optional_import
+from farpoint.frames.bags.calibration import camera_of
+from farpoint.frames.bags.clock import HeaderClock
+from farpoint.frames.bags.decoding import decoder_of, kind_of, stamp_ns
+from farpoint.frames.bags.images import VIDEO, samples_of
+from farpoint.frames.bags.kinds import open_bag
+from farpoint.frames.bags.records import Bag, BrokenBagError, Message, Topic
+from farpoint.frames.bags.topics import image_topic
+from farpoint.frames.bags.video import Picture, VideoTopic
+from farpoint.frames.decode import MAX_MEGAPIXELS, UnreadableImageError
+from farpoint.frames.depth import EXAMPLES, GreyTable
+from farpoint.frames.frame import Frame
+
+__all__ = ["BagImages", "open_bag_images"]
+
+_FIRST = 15
+"""Messages that tell of a topic: some of them may be damaged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BagImages:
+    """Images of a topic; reads one at a time, and can be iterated again.
+
+    Attributes
+    ----------
+    bag : Bag
+        The recording.
+    topic : Topic
+        Of the images.
+    name : str
+        That of the bag, without suffix.
+    clock : HeaderClock
+        By the first images; each iteration begins with it.
+    frame_id : str
+        Of the first image: the camera's optical frame.
+    max_megapixels : float
+        Larger images are frames with a fault.
+    """
+
+    bag: Bag
+    topic: Topic
+    name: str
+    clock: HeaderClock
+    frame_id: str
+    max_megapixels: float = MAX_MEGAPIXELS
+    calibration_path: Path | None = None
+
+    @property
+    def count(self) -> int | None:
+        """Number of messages, as the bag tells it."""
+        return self.topic.count
+
+    @property
+    def timestamp_source(self) -> str:
+        """The headers, or the recording where these have no times."""
+        what = "recording" if self.clock.offset_s is None else "headers"
+        return f"{what} of {self.topic.name}"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How deep samples become grey values."""
+        if kind_of(self.topic) in VIDEO:
+            return ()
+        return (self._deep.words,) if self._deep.words else ()
+
+    def camera(self) -> Camera:
+        """The camera by the bag's own CameraInfo; InputError where it has none for the images."""
+        return camera_of(self.bag, self.topic, self.frame_id)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Frames in the order of the bag; what cannot be had is a frame with a fault."""
+        pictures = self._video() if kind_of(self.topic) in VIDEO else self._images()
+        for index, picture in enumerate(pictures):
+            yield Frame(
+                index=index,
+                timestamp=picture.label,
+                image=picture.image,
+                name=str(index),
+                fault=picture.fault,
+            )
+
+    def _images(self) -> Iterator[Picture[float]]:
+        for time_s, message, fault in self._messages():
+            image = None
+            if fault is None:
+                try:
+                    image = samples_of(message, kind_of(self.topic), self.max_megapixels)
+                    if image.dtype == np.uint16:
+                        image = self._deep(image)
+                except UnreadableImageError as error:
+                    fault = str(error)
+            yield Picture(time_s, image, fault)
+
+    def _video(self) -> Iterator[Picture[float]]:
+        video = VideoTopic[float]()
+        for time_s, message, fault in self._messages():
+            if fault is None:
+                yield from video.add(bytes(message.data), str(message.format), time_s)
+            else:
+                yield from video.pass_over(time_s, fault)
+        yield from video.close()
+
+    def _messages(self) -> Iterator[tuple[float, Any, str | None]]:
+        """Time of each message, s, and the message, or what is wrong with it."""
+        decode, clock = decoder_of(self.topic), replace(self.clock)
+        for message in self.bag.messages((self.topic.name,)):
+            found, fault = None, message.fault
+            time_s: float | None = None
+            if fault is None:
+                try:
+                    found = decode(message.data)
+                    time_s = clock.take(stamp_ns(found), message.time_s)
+                    if time_s is None:
+                        fault = "the time stamp of the message is damaged"
+                except BrokenBagError as error:
+                    fault = str(error)
+            yield clock.guess(message.time_s) if time_s is None else time_s, found, fault
+
+    @cached_property
+    def _deep(self) -> GreyTable:
+        """The table for deep samples, by images from all over the bag."""
+        return GreyTable.for_source(self._examples())
+
+    def _examples(self) -> Iterator[np.ndarray]:
+        decode, step = decoder_of(self.topic), max((self.count or 0) // EXAMPLES, 1)
+        messages: Iterator[Message] = self.bag.messages((self.topic.name,))
+        for index, message in enumerate(messages):
+            if index == EXAMPLES and self.count is None:
+                return
+            if index % step or message.fault is not None:
+                continue
+            with suppress(UnreadableImageError, BrokenBagError):
+                yield samples_of(decode(message.data), kind_of(self.topic), self.max_megapixels)
+
+
+def open_bag_images(path: Path, topic: str | None) -> BagImages:
+    """The images of a bag, opened far enough to know that it has one.
+
+    Parameters
+    ----------
+    path : Path
+        File or folder.
+    topic : str or None
+        Of the images; None where the bag has one such topic only.
+
+    Raises
+    ------
+    InputError
+        Where it is no bag, or has no such images, or several and none is named.
+    """
+    optional_import("cv2", extra="video", purpose="reading images")  # now, not in mid-run
+    bag = open_bag(path)
+    images = image_topic(bag, topic)
+    first, frame_ids = _first(bag, images)
+    if not first:
+        raise InputError(f"{images.name} holds no message that can be read", file=path)
+    return BagImages(
+        bag=bag,
+        topic=images,
+        name=path.resolve().name if path.is_dir() else path.stem,
+        clock=HeaderClock.of_first(first),
+        frame_id=Counter(frame_ids).most_common(1)[0][0],
+    )
+
+
+def _first(bag: Bag, topic: Topic) -> tuple[list[tuple[int, float | None]], list[str]]:
+    """Headers, ns, and times of recording, s, of the first messages; and their frames."""
+    decode, stamps, frames = decoder_of(topic), [], []
+    for message in bag.messages((topic.name,)):
+        if message.fault is None:
+            with suppress(BrokenBagError):
+                found = decode(message.data)
+                stamps.append((stamp_ns(found), message.time_s))
+                frames.append(str(getattr(getattr(found, "header", found), "frame_id", "")))
+        if len(stamps) == _FIRST:
+            break
+    return stamps, frames

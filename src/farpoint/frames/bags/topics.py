@@ -1,0 +1,101 @@
+"""Which topic of a bag is meant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from typing import Any
+
+from farpoint.errors import InputError
+from farpoint.frames.bags.decoding import decoder_of, kind_of, stamp_ns
+from farpoint.frames.bags.images import COMPRESSED, RAW, VIDEO
+from farpoint.frames.bags.records import Bag, BrokenBagError, Topic
+
+__all__ = ["image_topic", "messages_of", "topic_of_kind"]
+
+_IMAGES = RAW | COMPRESSED | VIDEO
+_DEPTH = "/compressedDepth"  # a transport whose images are distances
+
+
+def image_topic(bag: Bag, name: str | None) -> Topic:
+    """The topic of the images: the one that is named, or the only one.
+
+    Raises
+    ------
+    InputError
+        Where there is none, or there are several; then it lists them with their counts.
+    """
+    if name is not None:
+        return topic_of_kind(bag, name, _IMAGES, "images", field="topic")
+    images = [
+        topic
+        for topic in bag.topics()
+        if kind_of(topic) in _IMAGES and topic.count != 0 and not topic.name.endswith(_DEPTH)
+    ]
+    if not images:
+        raise InputError(f"holds no images; its topics are {_listed(bag.topics())}", file=bag.path)
+    if len(images) > 1:
+        raise InputError(
+            f"several topics hold images: expected one of {_listed(images)} (--topic)",
+            file=bag.path,
+            field="topic",
+        )
+    return images[0]
+
+
+def topic_of_kind(bag: Bag, name: str, kinds: Collection[str], what: str, *, field: str) -> Topic:
+    """The topic of this name, with a type of one of these kinds.
+
+    Raises
+    ------
+    InputError
+        Where there is none; it lists those that there are.
+    """
+    plain = name.strip("/")
+    of_kind = [topic for topic in bag.topics() if kind_of(topic) in kinds]
+    for topic in bag.topics():
+        if topic.name.strip("/") == plain:
+            if topic not in of_kind:
+                raise InputError(
+                    f"{name} holds {topic.type_name}; expected {what}: {_listed(of_kind)}",
+                    file=bag.path,
+                    field=field,
+                )
+            return topic
+    raise InputError(
+        f"no topic {name}; expected one of {_listed(of_kind)}", file=bag.path, field=field
+    )
+
+
+def messages_of(
+    bag: Bag, name: str, kinds: Collection[str], what: str, *, field: str
+) -> Iterator[tuple[float, Any]]:
+    """Times, s, ascending, and messages of a topic; damaged ones are left out.
+
+    Raises
+    ------
+    InputError
+        Where the bag has no topic of this name and kind; it lists those that it has.
+    """
+    topic = topic_of_kind(bag, name, kinds, what, field=field)
+    decode, last_s = decoder_of(topic), -math.inf
+    for message in bag.messages((topic.name,)):
+        if message.fault is not None:
+            continue
+        with suppress(BrokenBagError):
+            found = decode(message.data)
+            stamp = stamp_ns(found)
+            time_s = stamp / 10**9 if stamp else message.time_s
+            if time_s is not None and time_s > last_s:
+                last_s = time_s
+                yield time_s, found
+
+
+def _listed(topics: Collection[Topic]) -> str:
+    """Names with counts."""
+    return ", ".join(f"{topic.name} ({_count(topic)})" for topic in topics) or "none"
+
+
+def _count(topic: Topic) -> str:
+    return "?" if topic.count is None else str(topic.count)

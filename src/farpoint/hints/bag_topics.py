@@ -1,0 +1,128 @@
+"""Speeds and positions out of the bag of the images, with the covariances that they carry."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.frames.bags import Bag, messages_of
+from farpoint.hints.kinds import GnssPositions, KnownSpeed
+from farpoint.hints.tables import earth_centred
+
+__all__ = ["positions_of_topic", "speeds_of_topic"]
+
+_SPEEDS = frozenset({"Odometry", "TwistStamped", "TwistWithCovarianceStamped"})
+_FIXES = frozenset({"NavSatFix"})
+_NO_FIX, _UNKNOWN = -1, 0  # NavSatStatus.STATUS_NO_FIX, NavSatFix.COVARIANCE_TYPE_UNKNOWN
+
+
+def speeds_of_topic(bag: Bag, topic: str, sigma: float) -> KnownSpeed:
+    """The lengths of the linear velocities of a topic.
+
+    Parameters
+    ----------
+    bag : Bag
+        That of the images.
+    topic : str
+        With ``nav_msgs/Odometry``, ``geometry_msgs/TwistStamped`` or
+        ``TwistWithCovarianceStamped``.
+    sigma : float
+        Relative 1-sigma that all speeds have in common; and of each second, too, where a message
+        carries no covariance.
+
+    Raises
+    ------
+    InputError
+        Where there is no such topic, or fewer than 2 of its messages can be used.
+    """
+    rows = []
+    what = "speeds (Odometry, TwistStamped, TwistWithCovarianceStamped)"
+    for time_s, message in messages_of(bag, topic, _SPEEDS, what, field="--metric.speed-topic"):
+        velocity, covariance = _velocity(message)
+        speed = float(np.linalg.norm(velocity))
+        if math.isfinite(speed):
+            rows.append((time_s, speed, _sigma_along(velocity, covariance)))
+    table = _table(rows, bag, topic)
+    return KnownSpeed(
+        timestamps_s=table[:, 0],
+        speeds=table[:, 1],
+        sigma=sigma,
+        sigmas_mps=_unless_unknown(table[:, 2]),
+    )
+
+
+def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
+    """The positions of a topic with ``sensor_msgs/NavSatFix``; those without a fix are left out.
+
+    Parameters
+    ----------
+    bag : Bag
+        That of the images.
+    topic : str
+        Its name.
+    sigma_m : float
+        1-sigma of a coordinate, m, where a message carries no covariance.
+
+    Raises
+    ------
+    InputError
+        Where there is no such topic, or fewer than 2 of its messages can be used.
+    """
+    rows = []
+    for time_s, fix in messages_of(bag, topic, _FIXES, "NavSatFix", field="--metric.gnss-topic"):
+        degrees = (fix.latitude, fix.longitude, fix.altitude)
+        usable = all(map(math.isfinite, degrees)) and abs(fix.latitude) <= 90.0
+        if usable and fix.status.status > _NO_FIX:
+            rows.append((time_s, *degrees, _sigma_of_fix(fix)))
+    table = _table(rows, bag, topic)
+    latitude, longitude = np.radians(table[:, 1:3]).T
+    return GnssPositions(
+        timestamps_s=table[:, 0],
+        positions_m=earth_centred(latitude, longitude, table[:, 3]),
+        sigma_m=sigma_m,
+        sigmas_m=_unless_unknown(table[:, 4]),
+    )
+
+
+def _velocity(message: Any) -> tuple[np.ndarray, np.ndarray | None]:
+    """Linear velocity (3,), m/s, and its covariance (3, 3), if the message has one."""
+    twist, covariance = message.twist, getattr(message.twist, "covariance", None)
+    linear = twist.linear if covariance is None else twist.twist.linear
+    velocity = np.array([linear.x, linear.y, linear.z])
+    if covariance is None:
+        return velocity, None
+    return velocity, np.asarray(covariance).reshape(6, 6)[:3, :3]
+
+
+def _sigma_along(velocity: np.ndarray, covariance: np.ndarray | None) -> float:
+    """1-sigma of the speed, m/s; NaN where it is not known (REP 103's zero or -1)."""
+    speed = np.linalg.norm(velocity)
+    along = velocity / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
+    variance = math.nan if covariance is None else float(along @ covariance @ along)
+    return math.sqrt(variance) if 0.0 < variance < math.inf else math.nan
+
+
+def _sigma_of_fix(fix: Any) -> float:
+    """1-sigma of its least sure coordinate, m; NaN where it is not known."""
+    variance = float(np.max(np.asarray(fix.position_covariance).reshape(3, 3).diagonal()))
+    if fix.position_covariance_type == _UNKNOWN or not 0.0 < variance < math.inf:
+        return math.nan
+    return math.sqrt(variance)
+
+
+def _table(rows: list[tuple[float, ...]], bag: Bag, topic: str) -> np.ndarray:
+    if len(rows) < 2:
+        raise InputError(
+            f"expected at least 2 messages that can be used, got {len(rows)}",
+            file=bag.path,
+            field=topic,
+        )
+    return np.array(rows)
+
+
+def _unless_unknown(sigmas: np.ndarray) -> np.ndarray | None:
+    """The sigmas, if every message carries one."""
+    return None if np.isnan(sigmas).any() else sigmas

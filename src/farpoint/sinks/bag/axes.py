@@ -1,0 +1,129 @@
+"""Poses, motions and their covariances in the axes and the order of ROS.
+
+farpoint's camera axes are those of ROS's optical frames: x right, y down, z forward. A body frame
+(REP 103) has x forward, y left, z up. The world of a path, the axes of its first camera, becomes
+the frame ``odom`` (REP 105): the axes of the first body. The body is the camera itself, turned: it
+stands where the camera stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import scipy
+
+from farpoint.geometry import so3
+
+__all__ = ["BODY_FROM_OPTICAL", "Twist", "motion_twist", "odom_from_body", "pose_covariance"]
+
+BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Maps optical coordinates to those of the body."""
+
+_TURNED = np.kron(np.eye(2), BODY_FROM_OPTICAL)
+_TERMS = 24  # of the series of a Jacobian: at a turn of 180 degrees the last one is 1e-7
+_NEGLIGIBLE = 1e-17
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Twist:
+    """Velocity of a body, in its own axes.
+
+    Attributes
+    ----------
+    linear : ndarray, shape (3,)
+        Per second, in the unit of the length that was given.
+    angular : ndarray, shape (3,)
+        rad/s.
+    covariance : ndarray, shape (6, 6)
+        Of ``[linear, angular]``, ROS's order.
+    """
+
+    linear: np.ndarray
+    angular: np.ndarray
+    covariance: np.ndarray
+
+
+def odom_from_body(world_from_cam: np.ndarray) -> np.ndarray:
+    """Pose (4, 4) of the body in ``odom`` by the camera's pose in the world."""
+    pose = np.eye(4)
+    pose[:3, :3] = BODY_FROM_OPTICAL @ world_from_cam[:3, :3] @ BODY_FROM_OPTICAL.T
+    pose[:3, 3] = BODY_FROM_OPTICAL @ world_from_cam[:3, 3]
+    return pose
+
+
+def pose_covariance(world_covariance: np.ndarray) -> np.ndarray:
+    """Covariance (6, 6) of ``[x, y, z, rotation about X, Y, Z]``, fixed axes of ``odom``.
+
+    Parameters
+    ----------
+    world_covariance : ndarray, shape (6, 6) or (7, 7)
+        Of ``[dtheta, dposition]`` in world axes, ``R_true = Exp(dtheta) @ R``; a seventh row is
+        left out.
+    """
+    order = [3, 4, 5, 0, 1, 2]
+    return _TURNED @ world_covariance[np.ix_(order, order)] @ _TURNED.T
+
+
+def motion_twist(
+    rotation_cam1_from_cam0: np.ndarray,
+    translation: np.ndarray,
+    covariance: np.ndarray,
+    seconds: float,
+    *,
+    lever: np.ndarray | None = None,
+) -> Twist:
+    """The constant velocity of the body that takes camera 0 to camera 1.
+
+    ``X_cam1 = R X_cam0 + t``, and ``T_cam0_from_cam1 = exp(twist * seconds)``.
+
+    Parameters
+    ----------
+    rotation_cam1_from_cam0 : ndarray, shape (3, 3)
+    translation : ndarray, shape (3,)
+        ``t``, in camera 1.
+    covariance : ndarray, shape (6, 6)
+        Of ``[dtheta, dt]``: ``R_true = Exp(dtheta) R`` and ``t_true = t + dt``, in camera 1.
+    seconds : float
+        Between the two, positive.
+    lever : ndarray, shape (3,), optional
+        The translation by which an error of the rotation counts; ``t`` by default.
+    """
+    phi = so3.log(rotation_cam1_from_cam0)
+    inverse = _left_jacobian_inverse(so3.skew(phi))
+    rho = inverse @ translation
+    # A perturbation exp([u, dtheta]) on the left of (R, t) moves t by u + dtheta x t.
+    to_left = np.zeros((6, 6))
+    to_left[:3, :3] = so3.skew(translation if lever is None else lever)
+    to_left[:3, 3:] = np.eye(3)
+    to_left[3:, :3] = np.eye(3)
+    adjoint = np.kron(np.eye(2), so3.skew(phi))
+    adjoint[:3, 3:] = so3.skew(rho if lever is None else inverse @ lever)
+    J = _left_jacobian_inverse(adjoint) @ to_left
+    turn = -_TURNED / seconds  # the way back, from camera 1 to camera 0, in the body's axes
+    velocity = turn @ np.concatenate([rho, phi])
+    return Twist(
+        linear=velocity[:3],
+        angular=velocity[3:],
+        covariance=turn @ (J @ covariance @ J.T) @ turn.T,
+    )
+
+
+def _left_jacobian_inverse(adjoint: np.ndarray) -> np.ndarray:
+    """Sum of ``B_n / n! adjoint^n`` with Bernoulli's numbers: of SO(3) by 3x3, of SE(3) by 6x6.
+
+    T. Barfoot, State Estimation for Robotics, 7.1.5.
+    """
+    total, power = np.zeros_like(adjoint), np.eye(len(adjoint))
+    for n, number in enumerate(_bernoulli()):
+        total = total + number * power
+        power = power @ adjoint / (n + 1)
+        if np.abs(power).max() < _NEGLIGIBLE:
+            break
+    return total
+
+
+@cache
+def _bernoulli() -> tuple[float, ...]:
+    return tuple(scipy.special.bernoulli(_TERMS).tolist())
