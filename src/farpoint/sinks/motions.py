@@ -23,7 +23,9 @@ _UPPER_TRIANGLE = np.triu_indices(5)
 _COVARIANCE = tuple(f"cov_{row}{column}" for row, column in zip(*_UPPER_TRIANGLE, strict=True))
 _ROTATION_COVARIANCE = ("cov_00", "cov_01", "cov_02", "cov_11", "cov_12", "cov_22")
 _COUNTS = ("tracks", "far", "near", "outliers")
-_ALWAYS = ("timestamp0", "timestamp1", "frame0", "frame1", *_COUNTS)
+_WHOLE = ("frame0", "frame1", *_COUNTS)
+_MOST = 2**53  # up to which a float holds whole numbers
+_ALWAYS = ("timestamp0", "timestamp1", *_WHOLE)
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _DIRECTION = ("dx", "dy", "dz")
 
@@ -254,6 +256,8 @@ def _parsed(cells: list[str], path: Path, line: int) -> tuple[PoseStatus, list[f
                 raise fault(f"expected a number, got {cell!r}", COLUMNS[index]) from None
             if not math.isfinite(numbers[index]):
                 raise fault(f"expected a finite number, got {cell!r}", COLUMNS[index])
+            if COLUMNS[index] in _WHOLE and not 0 <= numbers[index] < _MOST:
+                raise fault(f"expected 0 or more, below 2^53, got {cell!r}", COLUMNS[index])
     for first, last in (("qx", "qw"), ("dx", "dz")):
         norm = math.hypot(*numbers[_INDEX[first] : _INDEX[last] + 1])
         if abs(norm - 1.0) > _UNIT_TOLERANCE:  # a NaN norm, which is no number at all, passes
