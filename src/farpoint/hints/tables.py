@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from array import array
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import closing
 from itertools import islice
 from pathlib import Path
@@ -77,7 +77,7 @@ def _header(path: Path) -> list[str]:
         return [name.strip() for name in next(lines, (1, []))[1]]
 
 
-def _cells(path: Path) -> Iterator[tuple[int, list[str]]]:
+def _cells(path: Path) -> Generator[tuple[int, list[str]]]:
     """Number and cells of each line."""
     text = regular_lines(path, limit_bytes=_LARGEST_BYTES, what="a table", newline="")
     lines = csv.reader(text)
