@@ -55,6 +55,46 @@ def test_spellings_of_a_distortion(load, content: dict):
     assert load(content).model == PINHOLE
 
 
+CAMERA_INFO = """\
+header: {{stamp: {{sec: 1, nanosec: 5}}, frame_id: left}}
+height: 720
+width: 1280
+distortion_model: plumb_bob
+d: [-0.3, 0.1, 0.001, 0.002, 0.05]
+k: [800.0, 0.0, 640.0, 0.0, 801.0, 360.0, 0.0, 0.0, 1.0]
+r: [0.999, 0.04, 0.0, -0.04, 0.999, 0.0, 0.0, 0.0, 1.0]
+p: [700.0, 0.0, 655.0, -84.0, 0.0, 700.0, 365.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+binning_x: {binning}
+binning_y: {binning}
+roi: {{x_offset: {x}, y_offset: 0, height: {height}, width: {width}, do_rectify: {rectify}}}
+---
+"""
+WHOLE = {"binning": 0, "x": 0, "height": 0, "width": 0, "rectify": "false"}
+
+
+@pytest.mark.parametrize("changes", [{}, {"binning": 1}, {"height": 720, "width": 1280}])
+def test_the_lens_of_a_camera_info_is_that_of_the_raw_images(load, changes: dict):
+    """Its K and D, whatever the rectified ones' rotation R and matrix P are."""
+    camera = load(CAMERA_INFO.format(**{**WHOLE, **changes}))
+    assert camera.model == PINHOLE
+    assert camera.size == (1280, 720)
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"binning": 2}, "binning_x"),
+        ({"x": 100}, "roi"),
+        ({"height": 360, "width": 640}, "roi"),
+        ({"x": 100, "height": 720, "width": 1280}, "roi"),
+        ({"height": 720, "width": 1280, "rectify": "true"}, "roi"),
+    ],
+)
+def test_a_camera_info_of_a_part_of_the_sensor_is_refused(load, changes: dict, field: str):
+    with pytest.raises(InputError, match=rf"{field}: looks like a property of the lens"):
+        load(CAMERA_INFO.format(**{**WHOLE, **changes}))
+
+
 @pytest.mark.parametrize(
     ("key", "value"),
     [
