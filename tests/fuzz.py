@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import re
+from collections.abc import Sequence
 
 __all__ = ["fuzz_count", "mutant"]
 
@@ -17,13 +18,13 @@ def fuzz_count(few: int) -> int:
     return few * int(os.environ.get("FARPOINT_FUZZ", "1"))
 
 
-def mutant(text: str, rng: random.Random) -> bytes:
-    """A table with odd numbers, cuts, lines out of place or a byte of noise."""
+def mutant(text: str, rng: random.Random, odd: Sequence[str] = ODD) -> bytes:
+    """A text with odd numbers, cuts, lines out of place or a byte of noise."""
     for _ in range(rng.choice((1, 1, 4))):
         where = rng.randrange(5)
         if where < 3 and (found := list(NUMBER.finditer(text))):
             hit = rng.choice(found)
-            text = text[: hit.start()] + rng.choice(ODD) + text[hit.end() :]
+            text = text[: hit.start()] + rng.choice(odd) + text[hit.end() :]
         elif where == 3:
             text = text[: rng.randrange(len(text) + 1)]
         else:
