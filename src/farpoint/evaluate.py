@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import csv
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -148,10 +149,10 @@ def evaluate_folder(
         raise InputError(error.problem, file=where, field=error.field) from error
     trajectory, fault, path = None, None, None
     if reference is not None:
-        path = _evaluated_path(folder / "positions.csv", motions, reference, options)
-        trajectory, fault = _evaluated_trajectory(
-            folder / "trajectory.tum", motions, reference, options
-        )
+        with _naming(folder / "positions.csv") as file:
+            path = _evaluated_path(file, motions, reference, options)
+        with _naming(folder / "trajectory.tum") as file:
+            trajectory, fault = _evaluated_trajectory(file, motions, reference, options)
     evaluation = Evaluation(
         motions=evaluate_motions(errors),
         trajectory=trajectory,
@@ -240,15 +241,24 @@ def _true_poses(
     return poses_at_times(truth.timestamps, truth.world_from_body, timestamps, options.association)
 
 
+@contextmanager
+def _naming(file: Path) -> Iterator[Path]:
+    """Say in an InputError that names no file that it lies in this one."""
+    try:
+        yield file
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise InputError(error.problem, file=file, field=error.field) from error
+
+
 def _evaluated_halves(path: Path) -> HalvesEvaluation | None:
     """Figures of the split-half tests; None where the run made none."""
     if not path.exists():
         return None
-    halves = read_halves(path)
-    try:
+    with _naming(path):
+        halves = read_halves(path)
         return evaluate_halves(halves) if halves else None
-    except InputError as error:
-        raise InputError(error.problem, file=path, field=error.field) from error
 
 
 def _motion_errors(
@@ -300,10 +310,9 @@ def _evaluated_trajectory(
 def _evaluated_path(
     file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
 ) -> PathConsistency | None:
-    """Figures of the path's covariance; None where the run wrote none."""
-    if not file.exists():
+    """Figures of the path's covariance; None where the run wrote none, or was killed early."""
+    if not file.exists() or not len(positions := read_positions(file)):
         return None
-    positions = read_positions(file)
     row_of = {int(frame): row for row, frame in enumerate(positions.frames)}
     pairs = [k for k, frame in enumerate(motions.frame1) if int(frame) in row_of]
     ends = [row_of[int(motions.frame1[k])] for k in pairs]

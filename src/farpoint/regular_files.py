@@ -1,4 +1,4 @@
-"""Files that are read whole: regular ones, up to a size, however they are named.
+"""Files that are read up to a size and only where they are regular, however they are named.
 
 A FIFO or a device never ends, and a link may lead to one; what the system says of a file's size
 need not hold for what is read from it.
@@ -6,59 +6,121 @@ need not hold for what is read from it.
 
 from __future__ import annotations
 
+import codecs
+import io
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from farpoint.errors import InputError
 
-__all__ = ["check_regular_file", "read_regular_file"]
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
+
+__all__ = ["check_regular_file", "open_regular_file", "read_regular_file", "regular_lines"]
 
 # Opening a FIFO waits for a writer without it; Windows has neither.
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-_CHUNK_BYTES = 1 << 20
+_LONGEST_LINE = 1 << 16
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
-def read_regular_file(path: Path, *, limit_bytes: int, what: str) -> bytes:
-    """All bytes of a regular file.
+@contextmanager
+def open_regular_file(
+    path: Path, *, limit_bytes: int, what: str
+) -> Iterator[io.BufferedReader[_UpTo]]:
+    """Open a regular file for reading bytes, as many of them as the limit allows.
 
     Parameters
     ----------
     path : Path
         Links are followed.
     limit_bytes : int
-        More than that is an error.
+        Reading more than that is an error, whatever the system says of the file's size.
     what : str
         What is expected there, such as ``"a calibration"``, for the message.
 
     Raises
     ------
     InputError
-        If there is no such file, it is a folder, a device or a FIFO, too large, or cannot be read.
+        If there is no such file, it is a folder, a device or a FIFO, too large, or cannot be read;
+        also while it is being read, within the block.
     """
     try:
         descriptor = os.open(path, _FLAGS)
     except OSError as error:
         raise _unreadable(path, error, what) from None
+    except ValueError:  # a NUL in the name
+        raise InputError(f"no such file; expected {what}", file=path) from None
     try:
         _check_kind(path, os.fstat(descriptor).st_mode, what)
-        file = os.fdopen(descriptor, "rb")
-    except BaseException:
+        with io.BufferedReader(_UpTo(descriptor, path, limit_bytes, what)) as file:
+            yield file
+    finally:
         os.close(descriptor)
-        raise
-    with file:
-        chunks, left = [], limit_bytes
+
+
+def read_regular_file(path: Path, *, limit_bytes: int, what: str) -> bytes:
+    """All bytes of a regular file; parameters and errors as of `open_regular_file`."""
+    with open_regular_file(path, limit_bytes=limit_bytes, what=what) as file:
+        return file.read()
+
+
+def regular_lines(
+    path: Path, *, limit_bytes: int, what: str, newline: str | None = None
+) -> Iterator[str]:
+    """Lines of a regular text file, with their ends; one after the other.
+
+    The text is UTF-8, or UTF-16 where a byte order mark says so. Parameters and errors are as of
+    `open_regular_file`; ``newline`` is that of `open`. A file that is no text, or with a line of
+    more than 65,536 characters, is an InputError too.
+    """
+    with open_regular_file(path, limit_bytes=limit_bytes, what=what) as file:
+        encoding = "utf-16" if file.peek(2)[:2] in _UTF_16 else "utf-8-sig"
+        text = io.TextIOWrapper(file, encoding=encoding, newline=newline)
+        number = 0
         try:
-            while chunk := file.read(min(_CHUNK_BYTES, left + 1)):
-                left -= len(chunk)
-                if left < 0:
+            while line := text.readline(_LONGEST_LINE + 1):
+                number += 1
+                if len(line) > _LONGEST_LINE:
                     raise InputError(
-                        f"is too large for {what}: more than {_size(limit_bytes)}", file=path
+                        f"expected {what}, got a line of more than {_LONGEST_LINE} characters",
+                        file=path,
+                        field=f"line {number}",
                     )
-                chunks.append(chunk)
+                yield line
+        except UnicodeError:
+            raise InputError(f"expected {what}, a text file", file=path) from None
+
+
+class _UpTo(io.RawIOBase):
+    """The bytes of a file; more than the limit is an error, and so is what cannot be read."""
+
+    def __init__(self, descriptor: int, path: Path, limit_bytes: int, what: str) -> None:
+        self._descriptor, self._path, self._what = descriptor, path, what
+        self._limit_bytes = self._left = limit_bytes
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: WriteableBuffer, /) -> int:
+        # One byte beyond the limit tells whether the file ends there.
+        view = memoryview(buffer)[: self._left + 1]
+        try:
+            data = os.read(self._descriptor, len(view))
         except OSError as error:
-            raise _unreadable(path, error, what) from None
-    return b"".join(chunks)
+            raise _unreadable(self._path, error, self._what) from None
+        view[: len(data)] = data
+        self._left -= len(data)
+        if self._left < 0:
+            raise InputError(
+                f"is too large for {self._what}: more than {_size(self._limit_bytes)}",
+                file=self._path,
+            )
+        return len(data)
 
 
 def check_regular_file(path: Path, *, what: str) -> None:

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tool_files_kit import DEPTHAI, OPEN3D_TRAJECTORY, SAMPLES
 
 from farpoint.camera import KannalaBrandt, Pinhole, describe, load_camera
 from farpoint.errors import InputError
-from fuzz import fuzz_count
+from fuzz import fuzz_count, mutant
 
 MATRIX = [[800.0, 0.0, 640.0], [0.0, 801.0, 360.0], [0.0, 0.0, 1.0]]
 DIST = [-0.3, 0.1, 0.001, 0.002, 0.05]
@@ -53,6 +54,46 @@ def load(tmp_path: Path):
 )
 def test_spellings_of_a_distortion(load, content: dict):
     assert load(content).model == PINHOLE
+
+
+CAMERA_INFO = """\
+header: {{stamp: {{sec: 1, nanosec: 5}}, frame_id: left}}
+height: 720
+width: 1280
+distortion_model: plumb_bob
+d: [-0.3, 0.1, 0.001, 0.002, 0.05]
+k: [800.0, 0.0, 640.0, 0.0, 801.0, 360.0, 0.0, 0.0, 1.0]
+r: [0.999, 0.04, 0.0, -0.04, 0.999, 0.0, 0.0, 0.0, 1.0]
+p: [700.0, 0.0, 655.0, -84.0, 0.0, 700.0, 365.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+binning_x: {binning}
+binning_y: {binning}
+roi: {{x_offset: {x}, y_offset: 0, height: {height}, width: {width}, do_rectify: {rectify}}}
+---
+"""
+WHOLE = {"binning": 0, "x": 0, "height": 0, "width": 0, "rectify": "false"}
+
+
+@pytest.mark.parametrize("changes", [{}, {"binning": 1}, {"height": 720, "width": 1280}])
+def test_the_lens_of_a_camera_info_is_that_of_the_raw_images(load, changes: dict):
+    """Its K and D, whatever the rectified ones' rotation R and matrix P are."""
+    camera = load(CAMERA_INFO.format(**{**WHOLE, **changes}))
+    assert camera.model == PINHOLE
+    assert camera.size == (1280, 720)
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"binning": 2}, "binning_x"),
+        ({"x": 100}, "roi"),
+        ({"height": 360, "width": 640}, "roi"),
+        ({"x": 100, "height": 720, "width": 1280}, "roi"),
+        ({"height": 720, "width": 1280, "rectify": "true"}, "roi"),
+    ],
+)
+def test_a_camera_info_of_a_part_of_the_sensor_is_refused(load, changes: dict, field: str):
+    with pytest.raises(InputError, match=rf"{field}: looks like a property of the lens"):
+        load(CAMERA_INFO.format(**{**WHOLE, **changes}))
 
 
 @pytest.mark.parametrize(
@@ -183,10 +224,10 @@ def test_numbers_that_no_lens_has(tmp_path: Path, value: str, key: int):
 def test_a_large_file_of_keys_is_refused_at_once(tmp_path: Path):
     path = tmp_path / "keys.yaml"
     path.write_text("".join(f"key{k}: 1\n" for k in range(1_000_000)))
-    start = time.monotonic()
+    start = time.process_time()
     with pytest.raises(InputError, match="too large for a calibration"):
         load_camera(path)
-    assert time.monotonic() - start < 5.0
+    assert time.process_time() - start < 5.0
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs FIFOs and devices")
@@ -203,7 +244,6 @@ def test_only_regular_files_are_opened(tmp_path: Path, kind: str):
         load_camera(path)
 
 
-NUMBER = re.compile(r"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
 ODD = (
     "1e300",
     "-1e308",
@@ -221,43 +261,53 @@ ODD = (
 )
 
 
-def test_mutants_are_read_or_refused_in_one_line(tmp_path: Path):
-    """Files of the usual kinds with odd numbers, cuts, lines out of place and bytes of noise."""
+USUAL = (
+    json.dumps({"camera_matrix": MATRIX, "dist_coeffs": DIST, "image_size": [1280, 720]}),
+    "cam0:\n  camera_model: omni\n  intrinsics: [1.2, 800, 801, 640, 360]\n"
+    "  distortion_model: radtan\n  distortion_coeffs: [-0.1, 0.1, 0, 0]\n"
+    "  resolution: [1280, 720]\n",
+    "Camera.type: KannalaBrandt8\nCamera.fx: 190\nCamera.fy: 190\nCamera.cx: 254\n"
+    "Camera.cy: 256\nCamera.k1: 3e-3\nCamera.k2: 7e-4\nCamera.k3: -2e-3\nCamera.k4: 2e-4\n",
+    "Pinhole 500 501 320 240 0\n640 480\nnone\n640 480\n",
+    "500 501 320 240 -0.2 0.1 0 0\n",
+)
+OF_TOOLS = tuple(SAMPLES.values())
+
+
+@pytest.mark.parametrize("kind", ["usual", "tools"])
+def test_mutants_are_read_or_refused_in_one_line(tmp_path: Path, kind: str):
+    """Files of every kind with odd numbers, cuts, lines out of place and bytes of noise."""
     rng = random.Random(0)
-    samples = [
-        json.dumps({"camera_matrix": MATRIX, "dist_coeffs": DIST, "image_size": [1280, 720]}),
-        "cam0:\n  camera_model: omni\n  intrinsics: [1.2, 800, 801, 640, 360]\n"
-        "  distortion_model: radtan\n  distortion_coeffs: [-0.1, 0.1, 0, 0]\n"
-        "  resolution: [1280, 720]\n",
-        "Camera.type: KannalaBrandt8\nCamera.fx: 190\nCamera.fy: 190\nCamera.cx: 254\n"
-        "Camera.cy: 256\nCamera.k1: 3e-3\nCamera.k2: 7e-4\nCamera.k3: -2e-3\nCamera.k4: 2e-4\n",
-        "Pinhole 500 501 320 240 0\n640 480\nnone\n640 480\n",
-        "500 501 320 240 -0.2 0.1 0 0\n",
-    ]
     path = tmp_path / "mutant"
     for _ in range(fuzz_count(300)):
-        text = rng.choice(samples)
-        for _ in range(rng.choice((1, 1, 3))):
-            where = rng.randrange(4)
-            if where < 2 and (found := list(NUMBER.finditer(text))):
-                hit = rng.choice(found)
-                text = text[: hit.start()] + rng.choice(ODD) + text[hit.end() :]
-            elif where == 2:
-                text = text[: rng.randrange(len(text) + 1)]
-            else:
-                lines = text.splitlines(keepends=True)
-                rng.shuffle(lines)
-                text = "".join(lines)
-        data = bytearray(text.encode() or b" ")
-        if rng.random() < 0.2:
-            data[rng.randrange(len(data))] = rng.randrange(256)
-        path.write_bytes(data)
-        assert _outcome(path).isprintable(), data
+        if kind == "usual":
+            content, name = rng.choice(USUAL), None
+        else:
+            content, name = rng.choice(OF_TOOLS)[:2]
+        if isinstance(content, bytes):
+            noise = bytearray(content)
+            noise[rng.randrange(len(noise))] = rng.randrange(256)
+            data = bytes(noise)
+        else:
+            data = mutant(content, rng, ODD)
+        path.write_bytes(data or b" ")
+        said = _outcome(path, name)
+        assert said.isprintable(), data
+        assert said == "read" or "mutant" in said, data
 
 
-def _outcome(path: Path) -> str:
+@pytest.mark.parametrize("content", [OPEN3D_TRAJECTORY, DEPTHAI])
+def test_a_huge_whole_number_is_no_traceback(tmp_path: Path, content: dict):
+    path = tmp_path / "mutant"
+    text = json.dumps(content)
+    for number in set(re.findall(r"[ \[](\d+\.?\d*)", text)):
+        path.write_text(re.sub(rf"(?<=[ \[]){re.escape(number)}(?=[,\]])", "9" * 400, text))
+        assert _outcome(path, None).isprintable()
+
+
+def _outcome(path: Path, name: str | None) -> str:
     try:
-        camera = load_camera(path)
+        camera = load_camera(path, name)
         describe(camera)
     except InputError as error:
         return str(error)

@@ -11,6 +11,7 @@ from cli_kit import (
     PATIENCE_S,
     CommandLine,
     assert_refused,
+    encoded,
     record_of,
     rows_of,
     start,
@@ -135,6 +136,58 @@ def test_a_known_height_puts_the_files_in_metres(
     true = np.linalg.norm([places[frame] - places[0] for frame in frames], axis=1)
     found = np.linalg.norm(read_tum(out / "trajectory.tum").world_from_body[1:, :3, 3], axis=1)
     np.testing.assert_allclose(found, true, rtol=0.1, atol=0.3)
+
+
+def test_what_is_black_in_the_mask_is_not_tracked(
+    farpoint: CommandLine, tmp_path: Path, film: Path, calibration: Path, images: Pictures
+):
+    white = np.full_like(images[0], 255)
+    upper = white.copy()
+    upper[72:] = 0
+    counts = []
+    for mask, name in ((white, "white"), (upper, "upper")):
+        (tmp_path / f"{name}.png").write_bytes(encoded(mask))
+        quick = ("--camera", calibration, "--no-show", "--no-report", "--out", tmp_path / name)
+        assert farpoint("live", film, *quick, "--mask", tmp_path / f"{name}.png").code == 0
+        assert record_of(tmp_path / name)["options"]["mask"] == str(tmp_path / f"{name}.png")
+        counts.append(np.median([int(row["tracks"]) for row in rows_of(tmp_path / name)]))
+    assert counts[1] < 0.7 * counts[0]
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (("--mask", "mask.png"), ("mask.png", "240x144", "got 240x100")),
+        (("--max-megapixels", "0.03"), ("delivers no picture",)),
+        (("--max-megapixels", "-1"), ("max_megapixels", "-1")),
+    ],
+)
+def test_what_does_not_fit_is_refused_before_the_folder_is_made(
+    farpoint: CommandLine,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    images: Pictures,
+    calibration: Path,
+    option: tuple[str, str],
+    words: tuple[str, ...],
+):
+    monkeypatch.chdir(tmp_path)
+    shots, out = write_folder(tmp_path / "shots", images[:4]), tmp_path / "out"
+    Path("mask.png").write_bytes(encoded(images[0][:100]))
+    quick = ("--camera", calibration, "--no-show", "--out", out)
+    assert_refused(farpoint("live", shots, *quick, *option), *words)
+    assert not out.exists()
+
+
+def test_playlists_are_followed_if_asked_for(
+    farpoint: CommandLine, tmp_path: Path, film: Path, calibration: Path
+):
+    playlist, out = tmp_path / "list.ffconcat", tmp_path / "out"
+    playlist.write_text(f"ffconcat version 1.0\nfile {film.name}\n")
+    quick = ("--camera", calibration, "--no-show", "--no-report", "--out", out)
+    assert_refused(farpoint("live", playlist, *quick), "is a playlist", "--follow-playlists")
+    assert farpoint("live", playlist, *quick, "--follow-playlists").code == 0
+    assert record_of(out)["live"]["captured"] == 22
 
 
 @pytest.mark.parametrize(

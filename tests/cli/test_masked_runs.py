@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -56,15 +59,28 @@ def write(data: bytes) -> Callable[[Path], object]:
     return lambda path: path.write_bytes(data)
 
 
+def huge_png() -> bytes:
+    """Of a gigapixel by its header; there is next to nothing behind it."""
+    chunks = [(b"IHDR", struct.pack(">IIBBBBB", 32000, 32000, 8, 0, 0, 0, 0))]
+    chunks += [(b"IDAT", zlib.compress(bytes(9))), (b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in chunks
+    )
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda path: path.unlink(missing_ok=True), ["cannot be read", "mask"]),
-        (lambda path: path.mkdir(), ["cannot be read", "mask"]),
+        (lambda path: path.unlink(missing_ok=True), ["no such file", "mask"]),
+        (lambda path: path.mkdir(), ["is a folder", "mask"]),
+        (os.mkfifo, ["no regular file", "mask"]),
+        (lambda path: path.symlink_to("/dev/zero"), ["no regular file", "mask"]),
         (write(b""), ["mask", "8-bit image"]),
         (write(NOT_AN_IMAGE), ["mask", "8-bit image"]),
         (write(encoded(MASK)[:200]), ["mask", "8-bit image"]),
         (write(encoded(MASK[:-1])), [f"{WIDTH}x{HEIGHT}", f"got {WIDTH}x{HEIGHT - 1}"]),
+        (write(huge_png()), [f"{WIDTH}x{HEIGHT}", "got 1024 megapixels"]),
         (write(encoded(MASK.T)), [f"{WIDTH}x{HEIGHT}", f"got {HEIGHT}x{WIDTH}"]),
         (write(encoded(MASK.astype(np.uint16) * 257)), ["8-bit image, got uint16"]),
         (write(encoded(MASK // 255)), ["white", "brightest is 1"]),

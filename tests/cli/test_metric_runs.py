@@ -86,7 +86,7 @@ def test_a_hint_that_never_speaks_leaves_the_unit(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--metric.speed", "no-such.csv"], ["no-such.csv", "cannot be read"]),
+        (["--metric.speed", "no-such.csv"], ["no-such.csv", "no such file"]),
         (["--metric.height", "-1.5"], ["height", "-1.5"]),
         (["--metric.speed-sigma", "0"], ["--metric.speed-sigma", "0"]),
         (["--metric.distance", "5", "3", "1.0"], ["frame0", "5 and 3"]),

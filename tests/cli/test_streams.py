@@ -56,6 +56,62 @@ def test_a_closed_stream_changes_neither_the_code_nor_the_outcome(
     assert code_of(closed=closed, cwd=tmp_path) == 2
 
 
+TALKATIVE = """
+import os, sys
+from farpoint.cli import main
+from farpoint.odometry import Odometry
+
+quiet = Odometry.process
+
+def talkative(*arguments, **options):
+    for descriptor in (1, 2):  # as libraries in C do, past Python's streams
+        os.write(descriptor, b"CHATTER\\n")
+    return quiet(*arguments, **options)
+
+Odometry.process = talkative
+sys.exit(main())
+"""
+
+
+def test_what_is_printed_past_python_gets_into_no_output(
+    tmp_path: Path, calibration: Path, images: tuple[np.ndarray, ...]
+):
+    shots, out = write_folder(tmp_path / "shots", images[:4]), tmp_path / "out"
+    run = ("run", shots, "--camera", calibration, "--out", out, "--no-overlay", "--no-report")
+    done = subprocess.run(
+        [sys.executable, "-c", TALKATIVE, *map(str, run)],
+        preexec_fn=CLOSED["all"],
+        cwd=tmp_path,
+        timeout=120,
+    )
+    assert done.returncode == 0
+    assert len(rows_of(out)) == 3
+    assert all(b"CHATTER" not in path.read_bytes() for path in out.iterdir() if path.is_file())
+
+
+KEEPER = """
+import os, sys
+from farpoint.cli.streams import lasting_streams
+
+with lasting_streams(), open(sys.argv[1], "w") as file:
+    for descriptor in (1, 2):
+        os.write(descriptor, b"chatter")
+    print("said")
+    print("said", file=sys.stderr)
+    file.write("kept")
+"""
+
+
+@pytest.mark.parametrize("closed", CLOSED)
+def test_a_file_opened_later_never_takes_the_place_of_a_closed_stream(closed: str, tmp_path: Path):
+    path = tmp_path / "output"
+    done = subprocess.run(
+        [sys.executable, "-c", KEEPER, path], preexec_fn=CLOSED[closed], capture_output=True
+    )
+    assert done.returncode == 0
+    assert path.read_text() == "kept"
+
+
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 @pytest.mark.parametrize("arguments", [("--help",), ("camera", "none.yaml"), ()])
 def test_a_reader_that_has_gone_changes_no_code(

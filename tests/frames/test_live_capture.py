@@ -55,6 +55,8 @@ class Connection:
     count: int | None = None
     timestamp_source: str = "wall clock"
     calibration_path: Path | None = None
+    notes: tuple[str, ...] = ()
+    pixel_aspect: float = 1.0
 
     def __iter__(self) -> Iterator[Frame]:
         yield from self.frames
@@ -250,9 +252,11 @@ def test_a_camera_is_unplugged_and_plugged_in_again(
 
 
 def test_a_recording_behind_a_url_has_its_pace_and_its_end(monkeypatch: pytest.MonkeyPatch):
-    recording = Connection([picture(0), picture(0)], timestamp_source="video")
+    recording = Connection(
+        [picture(0), picture(0)], timestamp_source="video", notes=("deep",), pixel_aspect=2.0
+    )
     recording.go_on.set()
-    monkeypatch.setattr("farpoint.frames.live.source.open_frames", lambda _: recording)
+    monkeypatch.setattr("farpoint.frames.live.source.open_frames", lambda _, **__: recording)
     source = open_live("http://127.0.0.1/a.mp4")
     with Capture(source) as live:
         wait_until(lambda: live.account.captured == 2)
@@ -260,6 +264,7 @@ def test_a_recording_behind_a_url_has_its_pace_and_its_end(monkeypatch: pytest.M
         wait_until(lambda: live.ended)
     assert live.account.disconnects == 0
     assert live.timestamp_source == "wall clock"
+    assert (live.notes, live.pixel_aspect) == (("deep",), 2.0)
 
 
 def test_only_recordings_are_played(tmp_path: Path, write_video: WriteVideo):

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from farpoint.errors import InputError
-from farpoint.frames import open_frames
+from farpoint.frames import files, open_frames
 from farpoint.frames.clock import parse_seconds
 
 WriteImages = Callable[..., Path]
@@ -112,8 +112,8 @@ def test_impossible_times_are_named_by_file_and_line(
 
 def test_binary_times_are_refused(write_images: WriteImages):
     folder = write_images("drive", NAMES)
-    (folder / "times.txt").write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(InputError, match=r"times\.txt: is not a text file"):
+    (folder / "times.txt").write_bytes(b"0.1\n\x89\xff\x00\x80")
+    with pytest.raises(InputError, match=r"times\.txt: expected a list, a text file"):
         open_frames(folder)
 
 
@@ -151,3 +151,17 @@ def test_nanoseconds_are_rounded_once(nanoseconds: int):
 @given(st.floats(-1e10, 1e10))
 def test_seconds_stay_as_they_are(seconds: float):
     assert parse_seconds(repr(seconds)) == seconds
+
+
+@pytest.mark.parametrize("limit", ["_LARGEST_LIST_BYTES", "_MOST_LINES"])
+def test_limits_of_a_list_of_times_hold_for_what_is_read(
+    limit: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A KITTI sequence's times.txt, beside its images and its poses."""
+    path = tmp_path / "times.txt"
+    path.write_text("# times\n" + "1\n" * 50)
+    monkeypatch.setattr(files, limit, path.stat().st_size if "BYTES" in limit else 50)
+    assert len(files.read_lines(path)) == 50
+    monkeypatch.setattr(files, limit, 49)
+    with pytest.raises(InputError, match=r"times\.txt: (is too large for|.*most 49 lines)"):
+        files.read_lines(path)

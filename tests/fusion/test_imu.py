@@ -93,5 +93,5 @@ def test_damage_is_named(tmp_path: Path, text: str, message: str):
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path):
-    with pytest.raises(InputError, match=r"gone\.csv: cannot be read"):
+    with pytest.raises(InputError, match=r"gone\.csv: no such file"):
         read_euroc_imu(tmp_path / "gone.csv")

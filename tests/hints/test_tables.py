@@ -67,7 +67,7 @@ def test_a_damaged_table_is_named(tmp_path, text, words):
 
 
 def test_a_missing_table_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"none\.csv: cannot be read"):
+    with pytest.raises(InputError, match=r"none\.csv: no such file"):
         read_gnss(tmp_path / "none.csv")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -150,11 +150,34 @@ def test_what_is_written_last_replaces_all_or_nothing(
         pytest.importorskip("pyarrow")
     folder = finished(tmp_path / "out", run, results)
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    with files_up_to(900), pytest.raises(InputError, match=rf"{name}: cannot be written"):
+    full = "positions.csv" if name == "motions.csv" else name  # the first that has no room
+    with files_up_to(900), pytest.raises(InputError, match=rf"{full}: cannot be written"):
         LAST[name](folder)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     LAST[name](folder)
     assert (folder / name).read_bytes() != before.get(name) or name == "report.html"
+
+
+@pytest.mark.parametrize("name", ["positions.csv", "trajectory.tum", "motions.csv"])
+@pytest.mark.parametrize("why", ["Is a directory", "No space left on device"])
+def test_what_cannot_be_put_in_metres_is_named_by_its_final_name(
+    name: str, why: str, tmp_path: Path, run: RunDescription, results: list[OdometryResult]
+):
+    folder = finished(tmp_path / "out", run, results)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    part = folder / f"{name}.part"
+    if why.startswith("Is"):
+        part.mkdir()
+    elif Path("/dev/full").exists():
+        part.symlink_to("/dev/full")
+    else:
+        pytest.skip("needs /dev/full")
+    with pytest.raises(InputError) as told:
+        put_in_metres(folder, METRES)
+    assert str(told.value) == f"{folder / name}: cannot be written: {why}"
+    with suppress(OSError):
+        part.rmdir()
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
 @pytest.mark.parametrize("size", [1500, 2500, 60_000])

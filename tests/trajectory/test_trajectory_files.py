@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +101,15 @@ DAMAGED = {
     "huge position": (GOOD_TUM + "1.0 0 1e300 0 0 0 0 1\n", "line 2: expected positions of at"),
     "huge kitti position": (GOOD_KITTI + "1 0 0 1e300 0 1 0 0 0 0 1 0\n", "line 2: expected posi"),
     "huge matrix": (GOOD_KITTI + "1e300 0 0 0 0 1 0 0 0 0 1 0\n", "line 2: expected a rotation"),
+    "scaled bottom row": (
+        GOOD_KITTI.replace("\n", " 0 0 0 2\n"),
+        "line 1: expected 0 0 0 1 as the last row of a 4x4 matrix, got 0 0 0 2",
+    ),
+    "column by column": (
+        "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n1 0 0 0 0 1 0 0 0 0 1 0 4 5 6 1\n",
+        "line 2: expected 0 0 0 1 as the last row of a 4x4 matrix, got 4 5 6 1",
+    ),
+    "an endless line": (GOOD_TUM + " " * 70_000, "line 2: expected a trajectory, got a line of"),
     "empty cell": (GOOD_TUM + "1.0,0,,0,0,0,0,1\n", "line 2: expected a number, got ''"),
     "words below numbers": (GOOD_TUM + "t x y z qx qy qz qw\n", "line 2: expected a number"),
 }
@@ -135,10 +145,10 @@ def test_damage_names_file_and_line(tmp_path: Path, damage: str) -> None:
 
 
 def test_missing_and_binary_files_are_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere\.txt: cannot be read: No such file"):
+    with pytest.raises(InputError, match=r"nowhere\.txt: no such file; expected a traj"):
         files.read_trajectory(tmp_path / "nowhere.txt")
     (tmp_path / "image.png").write_bytes(b"\x89PNG\r\n\xff\xfe\x00")
-    with pytest.raises(InputError, match="expected a text file"):
+    with pytest.raises(InputError, match="expected a trajectory, a text file"):
         files.read_trajectory(tmp_path / "image.png")
 
 
@@ -146,3 +156,36 @@ def test_a_trajectory_without_times_cannot_be_written_as_tum(tmp_path: Path) -> 
     timeless = files.Trajectory(timestamps=None, world_from_body=some_trajectory().world_from_body)
     with pytest.raises(InputError, match="expected time stamps"):
         files.write_tum(tmp_path / "a.tum", timeless)
+
+
+@pytest.mark.parametrize("row", [GOOD_TUM, GOOD_KITTI])
+def test_limits_hold_for_what_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, row: str
+) -> None:
+    path = tmp_path / "truth.txt"
+    path.write_text(row * 100)
+    monkeypatch.setattr(files, "_LARGEST_BYTES", len(row) * 100)
+    monkeypatch.setattr(files, "_MOST_POSES", 100)
+    monkeypatch.setattr(files, "_BLOCK", 7)
+    assert len(files.read_trajectory(path)) == 100
+    monkeypatch.setattr(files, "_MOST_POSES", 99)
+    with pytest.raises(InputError, match=r"truth\.txt: expected a trajectory of at most 99 poses"):
+        files.read_trajectory(path)
+    monkeypatch.setattr(files, "_LARGEST_BYTES", len(row) * 100 - 1)
+    with pytest.raises(InputError, match=r"truth\.txt: is too large for a trajectory: more than"):
+        files.read_trajectory(path)
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="no /proc here")
+def test_limits_hold_where_the_size_on_record_is_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "_LARGEST_BYTES", 10)
+    with pytest.raises(InputError, match="too large for a trajectory"):
+        files.read_trajectory("/proc/self/maps")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "truth.tum")
+    for read in (files.read_trajectory, files.read_tum, files.read_kitti, files.named_order):
+        with pytest.raises(InputError, match="no regular file; expected a trajectory"):
+            read(tmp_path / "truth.tum")

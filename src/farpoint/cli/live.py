@@ -13,6 +13,7 @@ from farpoint.cli.lens import LensOptions
 from farpoint.cli.progress import Progress
 from farpoint.cli.run import in_words, warn
 from farpoint.errors import InputError, printable
+from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.live import Playback, open_live
 from farpoint.hints import HeightOptions
 from farpoint.live import LiveSession, LiveState
@@ -46,6 +47,12 @@ class Live:
         End after so many seconds.
     loop : bool
         Play a video or images over and over.
+    max_megapixels : float
+        Larger images are refused before they are decoded.
+    follow_playlists : bool
+        Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
+    mask : Path or None
+        8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
     odometry : OdometryOptions
         Options of tracking and estimation.
     output : OutputOptions
@@ -61,6 +68,9 @@ class Live:
     out: Path | None = None
     duration_s: float | None = None
     loop: bool = False
+    max_megapixels: float = MAX_MEGAPIXELS
+    follow_playlists: bool = False
+    mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
         default_factory=OdometryOptions
     )
@@ -73,7 +83,12 @@ class Live:
         if self.duration_s is not None and not self.duration_s > 0.0:
             raise InputError(f"expected more than 0, got {self.duration_s}", field="--duration-s")
         known = self.lens.known()
-        live = open_live(self.source, loop=self.loop)
+        live = open_live(
+            self.source,
+            loop=self.loop,
+            max_megapixels=self.max_megapixels,
+            follow_playlists=self.follow_playlists,
+        )
         recording = live.frames if isinstance(live, Playback) else None
         with self.lens.naming_file():
             session = LiveSession(
@@ -85,6 +100,7 @@ class Live:
                 output=self.output,
                 viewer=self.viewer,
                 hints=self.metric.hints(),
+                mask_file=self.mask,
                 warn=warn,
             )
         try:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from farpoint.errors import InputError
 from farpoint.frames.clock import seconds_in_name
-from farpoint.regular_files import read_regular_file
+from farpoint.regular_files import regular_lines
 
 __all__ = ["in_order", "is_image", "list_images", "natural_key", "read_lines", "source_name"]
 
@@ -18,6 +18,7 @@ _IMAGE_SUFFIXES = frozenset(
 )
 
 _LARGEST_LIST_BYTES = 1 << 28
+_MOST_LINES = 2_000_000  # 18 hours at 30 a second
 """Of a file that lists images or times: some millions of lines (convention)."""
 
 _NO_NAMES = frozenset(
@@ -65,13 +66,15 @@ def list_images(folder: Path) -> list[Path]:
 
 def read_lines(path: Path) -> list[tuple[int, str]]:
     """Number (from 1) and text of every line that is neither blank nor a ``#`` comment."""
-    try:
-        data = read_regular_file(path, limit_bytes=_LARGEST_LIST_BYTES, what="a list")
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError("is not a text file in UTF-8", file=path) from error
-    lines = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))
-    return [(number, line) for number, line in lines if line and not line.startswith("#")]
+    lines = []
+    for number, text in enumerate(
+        regular_lines(path, limit_bytes=_LARGEST_LIST_BYTES, what="a list"), start=1
+    ):
+        if (line := text.strip()) and not line.startswith("#"):
+            lines.append((number, line))
+            if len(lines) > _MOST_LINES:
+                raise InputError(f"expected a list of at most {_MOST_LINES} lines", file=path)
+    return lines
 
 
 def source_name(folder: Path) -> str:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 
 from farpoint.errors import InputError, optional_import
-from farpoint.frames.decode import silent_opencv
+from farpoint.frames.decode import MAX_MEGAPIXELS, silent_opencv
 from farpoint.frames.integrity import find_damage
+from farpoint.frames.pages import image_size
+from farpoint.regular_files import read_regular_file
 
 __all__ = ["WHITE", "read_mask"]
 
 WHITE = 128
 """From here on a pixel of a mask counts as white."""
+
+_LARGEST_BYTES = 1 << 28
 
 
 def read_mask(path: Path, size: tuple[int, int]) -> np.ndarray:
@@ -36,13 +41,10 @@ def read_mask(path: Path, size: tuple[int, int]) -> np.ndarray:
     InputError
         Where the file cannot be read, is no image of 8 bits and of that size, or has no white.
     """
-    mask = _grey(path)
+    mask = _grey(path, size)
     height, width = mask.shape
     if (width, height) != size:
-        raise InputError(
-            f"expected a mask of {size[0]}x{size[1]} pixels like the frames, got {width}x{height}",
-            file=path,
-        )
+        raise _other_size(path, f"{width}x{height}", size)
     used = mask >= WHITE
     if not used.any():
         raise InputError(
@@ -53,18 +55,25 @@ def read_mask(path: Path, size: tuple[int, int]) -> np.ndarray:
     return used
 
 
-def _grey(path: Path) -> np.ndarray:
-    """Grey values of an image of 8 bits, in the orientation that it is stored in."""
+def _other_size(path: Path, got: str, size: tuple[int, int]) -> InputError:
+    return InputError(
+        f"expected a mask of {size[0]}x{size[1]} pixels like the frames, got {got}", file=path
+    )
+
+
+def _grey(path: Path, size: tuple[int, int]) -> np.ndarray:
+    """Grey values of an image of 8 bits, in the orientation that it is stored in.
+
+    One that is far larger by its header is refused before it is decoded, which takes gigabytes.
+    """
     cv2 = optional_import("cv2", extra="video", purpose="reading images")
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"cannot be read as a mask, an 8-bit image: {error.strerror}", file=path
-        ) from error
+    data = read_regular_file(path, limit_bytes=_LARGEST_BYTES, what="a mask, an 8-bit image")
     damage = find_damage(data)
     image = None
     if data and not damage:
+        pixels = math.prod(image_size(data) or (0,))
+        if pixels > MAX_MEGAPIXELS * 1e6 and pixels > math.prod(size):
+            raise _other_size(path, f"{pixels / 1e6:.0f} megapixels", size)
         with silent_opencv():
             try:
                 image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)

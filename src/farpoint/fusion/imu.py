@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -11,6 +12,11 @@ import numpy as np
 from farpoint.errors import InputError
 from farpoint.frames.bags import messages_of, open_bag
 from farpoint.options import settle_positive
+from farpoint.regular_files import regular_lines
+
+_LARGEST_BYTES = 1 << 30
+_MOST_ROWS = 8_000_000  # 11 hours at 200 a second
+_LARGEST = 1e12  # of a time in s, a rate or a force; squares of it keep their meaning
 
 __all__ = ["ImuNoise", "ImuSamples", "ImuSteps", "read_bag_imu", "read_euroc_imu"]
 
@@ -137,25 +143,27 @@ def read_euroc_imu(path: str | Path) -> ImuSamples:
         With the file and the line.
     """
     path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError("cannot be read as text", file=path) from error
-    stamps, rows = [], []
+    stamps, rows = array("d"), array("d")
+    lines = regular_lines(path, limit_bytes=_LARGEST_BYTES, what="measurements of an IMU")
     for number, line in enumerate(lines, start=1):
         if not line.strip() or line.startswith("#"):
             continue
         cells = line.split(",")
         try:
             nanoseconds, *values = int(cells[0]), *map(float, cells[1:])
-            if len(values) != 6:
+            sizes = map(abs, (nanoseconds / 1e9, *values))
+            if len(values) != 6 or not all(size <= _LARGEST for size in sizes):
                 raise ValueError
-        except ValueError:
+        except (ValueError, OverflowError):
             raise InputError(
-                "expected t[ns] and 6 numbers, with commas", file=path, field=f"line {number}"
+                f"expected t[ns] and 6 numbers of at most {_LARGEST:g}, with commas",
+                file=path,
+                field=f"line {number}",
             ) from None
         stamps.append(nanoseconds / 1e9)
-        rows.append(values)
+        rows.extend(values)
+        if len(stamps) > _MOST_ROWS:
+            raise InputError(f"expected at most {_MOST_ROWS} measurements", file=path)
     table = np.array(rows).reshape(-1, 6)
     try:
         return ImuSamples(timestamps=np.array(stamps), gyro=table[:, :3], accel=table[:, 3:])

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import csv
 import math
+from array import array
+from collections.abc import Generator
+from contextlib import closing
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from farpoint.errors import InputError
+from farpoint.regular_files import regular_lines
 
 __all__ = ["earth_centred", "read_gnss", "read_speeds"]
 
+_LARGEST_BYTES = 1 << 28
+_MOST_ROWS = 4_000_000  # 11 hours at 100 a second
+_LARGEST = 1e12  # of a time in s, a speed or a coordinate in m; squares of it keep their meaning
 _EQUATOR_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS 84
 
 
@@ -66,13 +74,24 @@ def earth_centred(latitude: np.ndarray, longitude: np.ndarray, up_m: np.ndarray)
 
 
 def _header(path: Path) -> list[str]:
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            return [name.strip() for name in next(csv.reader(file), [])]
-    except UnicodeDecodeError as error:
-        raise InputError("expected a text file", file=path) from error
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+    with closing(_cells(path)) as lines:
+        return [name.strip() for name in next(lines, (1, []))[1]]
+
+
+def _cells(path: Path) -> Generator[tuple[int, list[str]]]:
+    """Number and cells of each line."""
+    text = regular_lines(path, limit_bytes=_LARGEST_BYTES, what="a table", newline="")
+    lines = csv.reader(text)
+    while True:
+        try:
+            cells = next(lines)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            raise InputError(
+                f"expected a table: {error}", file=path, field=f"line {lines.line_num}"
+            ) from error
+        yield lines.line_num, cells
 
 
 def _read(path: Path, columns: tuple[str, ...]) -> np.ndarray:
@@ -85,29 +104,32 @@ def _read(path: Path, columns: tuple[str, ...]) -> np.ndarray:
             field="line 1",
         )
     where = [header.index(name) for name in columns]
-    rows = []
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        for line, cells in enumerate(csv.reader(file), start=1):
-            if line == 1 or not cells:
-                continue
-            rows.append(_numbers(cells, where, path, line))
-            if len(rows) > 1 and rows[-1][0] <= rows[-2][0]:
-                raise InputError(
-                    f"expected a time after {rows[-2][0]} s, got {rows[-1][0]}",
-                    file=path,
-                    field=f"line {line}",
-                )
-    if len(rows) < 2:
-        raise InputError(f"expected at least 2 rows of numbers, got {len(rows)}", file=path)
-    return np.array(rows)
+    numbers, count, last_s = array("d"), 0, -math.inf
+    for line, cells in islice(_cells(path), 1, None):
+        if not cells:
+            continue
+        row = _numbers(cells, where, path, line)
+        if row[0] <= last_s:
+            raise InputError(
+                f"expected a time after {last_s} s, got {row[0]}",
+                file=path,
+                field=f"line {line}",
+            )
+        numbers.extend(row)
+        count, last_s = count + 1, row[0]
+        if count > _MOST_ROWS:
+            raise InputError(f"expected a table of at most {_MOST_ROWS} rows", file=path)
+    if count < 2:
+        raise InputError(f"expected at least 2 rows of numbers, got {count}", file=path)
+    return np.array(numbers).reshape(count, -1)
 
 
 def _numbers(cells: list[str], where: list[int], path: Path, line: int) -> list[float]:
     try:
         row = [float(cells[index]) for index in where]
-        if all(map(math.isfinite, row)):
+        if all(abs(number) <= _LARGEST for number in row):
             return row
-        problem = "expected finite numbers"
+        problem = f"expected finite numbers of at most {_LARGEST:g}"
     except IndexError:
         problem = f"expected at least {max(where) + 1} cells, got {len(cells)}"
     except ValueError as error:

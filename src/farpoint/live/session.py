@@ -15,6 +15,7 @@ from typing import Self
 from farpoint.camera import Camera, CameraGuess, camera_for
 from farpoint.errors import InputError
 from farpoint.frames.live import Capture, LiveAccount, LiveFrame, LiveSource
+from farpoint.frames.mask import read_mask
 from farpoint.hints import Hint
 from farpoint.live.rehearsal import rehearse
 from farpoint.odometry import Odometry, OdometryOptions, OdometryResult, SettledPose
@@ -85,6 +86,8 @@ class LiveSession:
         Options. By default there is no display.
     hints : sequence of Hint
         What is known of lengths: with any, the files are put in metres at the end.
+    mask_file : Path, optional
+        8-bit image of the frames' size: what is black in it is not tracked.
     warn : callable, optional
         Takes what must be known of the results, in words: that the camera is a guess, which hints
         contradict each other. It stands in ``run.json`` too.
@@ -93,8 +96,9 @@ class LiveSession:
     ------
     InputError
         Where the source cannot be opened or delivers no picture, its frames are not of the
-        camera's size (field ``camera``), outputs cannot be written, or another run is writing
-        into the folder. Earlier outputs in it are replaced only after the first picture came.
+        camera's size (field ``camera``), the mask does not fit them, outputs cannot be written, or
+        another run is writing into the folder. Earlier outputs in it are replaced only after
+        the first picture came.
 
     Attributes
     ----------
@@ -115,6 +119,7 @@ class LiveSession:
         output: OutputOptions | None = None,
         viewer: ViewerOptions | None = None,
         hints: Sequence[Hint] = (),
+        mask_file: Path | None = None,
         warn: Callable[[str], object] = _unheard,
     ) -> None:
         self.counts: Counter[PoseStatus] = Counter()
@@ -131,10 +136,13 @@ class LiveSession:
                 if process is not None:
                     wait_until_loaded(process)
             self._capture = opened.enter_context(Capture(live))
-            camera, notes = camera_for(camera, *self._first_size())
+            size = self._first_size()
+            camera, notes = camera_for(camera, *size, self._capture.pixel_aspect)
+            notes = (*notes, *self._capture.notes)
             for note in notes:
                 warn(note)
-            self._odometry = Odometry(camera, odometry)
+            mask = None if mask_file is None else read_mask(mask_file, size)
+            self._odometry = Odometry(camera, odometry, mask=mask)
             self.path = out or Path("farpoint-out") / self._capture.name
             lock = opened.enter_context(FolderLock(self.path))
             self._display: LiveViewer | None = None
@@ -147,9 +155,14 @@ class LiveSession:
                 source=source,
                 source_name=self._capture.name,
                 camera=camera,
-                options={"odometry": self._odometry.options, "output": output},
+                options={
+                    "odometry": self._odometry.options,
+                    "output": output,
+                    "mask": mask_file,
+                },
                 timestamp_source=self._capture.timestamp_source,
                 notes=notes,
+                mask=mask,
             )
             folder = OutputFolder(self.path, description, output, film, lock)
             self._folder = opened.enter_context(folder)

@@ -19,6 +19,7 @@ from farpoint.metrics.statistics import Consistency, chi2_quantile, consistency
 __all__ = ["PathConsistency", "PathFigure", "PathSamples", "evaluate_path"]
 
 _SINGULAR = 1e-9  # least eigenvalue of the correlations: the gauge itself has no error
+_LEAST_RELATIVE_SIGMA = 1e-50
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -214,19 +215,22 @@ def _length_errors(
     samples: PathSamples, rows: np.ndarray, unit: float
 ) -> tuple[np.ndarray, np.ndarray]:
     s = samples
-    rows = rows[(s.lengths[rows] > 0.0) & (s.length_sigmas[rows] > 0.0)]
+    rows = rows[s.lengths[rows] > 0.0]
+    rows = rows[s.length_sigmas[rows] > _LEAST_RELATIVE_SIGMA * s.lengths[rows]]
     steps = s.truth[rows, :3, 3] - s.truth[s.length_from[rows], :3, 3]
     true = np.linalg.norm(steps, axis=1) / unit
-    with np.errstate(divide="ignore"):  # no true length: an infinite error, outside every region
+    # No true length, or none of the estimate: an infinite error, outside every region.
+    with np.errstate(divide="ignore", over="ignore"):
         errors = np.log(true / s.lengths[rows])
     return errors, (s.length_sigmas[rows] / s.lengths[rows]) ** 2
 
 
 def _is_regular(covariance: np.ndarray) -> bool:
-    sigma = np.sqrt(np.diag(covariance))
-    if not (sigma > 0.0).all():
+    variances = np.diag(covariance)
+    if not (variances > 0.0).all():
         return False
-    return bool(np.linalg.eigvalsh(covariance / np.outer(sigma, sigma))[0] > _SINGULAR)
+    sigma = np.sqrt(variances)
+    return bool(np.linalg.eigvalsh(covariance / sigma / sigma[:, None])[0] > _SINGULAR)
 
 
 def _nees(errors: np.ndarray, covariances: np.ndarray, part: slice) -> np.ndarray:
@@ -239,8 +243,10 @@ def _nees_any_scale(ways: np.ndarray, true_ways: np.ndarray, covariances: np.nda
     C = covariances[:, 3:, 3:]
     by_way = np.linalg.solve(C, ways[..., None])[..., 0]
     by_true = np.linalg.solve(C, true_ways[..., None])[..., 0]
-    cross = np.sum(true_ways * by_way, axis=1)
-    return np.sum(ways * by_way, axis=1) - cross**2 / np.sum(true_ways * by_true, axis=1)
+    cross, square = np.sum(true_ways * by_way, axis=1), np.sum(true_ways * by_true, axis=1)
+    moved = square > 0.0  # else no scale brings a true way nearer
+    fitted = np.divide(cross**2, square, out=np.zeros_like(cross), where=moved)
+    return np.sum(ways * by_way, axis=1) - fitted
 
 
 def _figure(dof: int, nees: list[np.ndarray]) -> PathFigure:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Self
+from typing import Self
 
 from farpoint.errors import InputError
 
@@ -16,9 +16,9 @@ __all__ = [
     "AppendFile",
     "check_writable",
     "new_of",
-    "open_output",
     "part_of",
     "replacing",
+    "text_output",
     "unwritable",
 ]
 
@@ -126,11 +126,20 @@ def new_of(path: Path) -> Path:
     return path.with_name(path.name + ".new")
 
 
-def open_output(path: Path) -> IO[str]:
-    """Open a text file for writing, or raise an InputError that names it."""
+@contextmanager
+def text_output(path: Path, part: Path) -> Iterator[Callable[[str], None]]:
+    """Write text into ``part``, which will take the name ``path``; what fails names the latter."""
+
+    def write(text: str) -> None:
+        try:
+            file.write(text)
+        except OSError as error:
+            raise unwritable(path, error) from error
+
     try:
-        return path.open("w", encoding="utf-8", newline="\n")
-    except OSError as error:
+        with part.open("w", encoding="utf-8", newline="\n") as file:
+            yield write
+    except OSError as error:  # a full disk may be met only when the file is closed
         raise unwritable(path, error) from error
 
 

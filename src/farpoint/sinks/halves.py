@@ -11,6 +11,7 @@ from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus
+from farpoint.sinks.claims import check_covariance, check_size
 from farpoint.sinks.sink import TextFile
 
 __all__ = ["COLUMNS", "HalvesFile", "read_halves"]
@@ -87,9 +88,11 @@ def _parsed(cells: list[str]) -> SplitHalf:
     covariance = np.empty((5, 5))
     covariance[_UPPER_TRIANGLE] = [float(cell or "nan") for cell in cells[_COVARIANCE]]
     covariance.T[_UPPER_TRIANGLE] = covariance[_UPPER_TRIANGLE]
+    check_size(difference[np.isfinite(difference)])  # opposite directions differ infinitely
     dof = int(cells[COLUMNS.index("dof")])
     if dof not in (0, 3, 5) or np.isnan(difference[:dof]).any():
         raise ValueError(f"expected dof 0, 3 or 5 and as many differences, got dof {dof}")
+    check_covariance(covariance[:dof, :dof])
     if np.isnan(covariance[:dof, :dof]).any():
         raise ValueError(f"expected the covariance of {dof} differences")
     return SplitHalf(

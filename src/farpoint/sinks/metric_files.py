@@ -11,7 +11,7 @@ import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.hints import MetricFit
-from farpoint.sinks.files import open_output, replacing
+from farpoint.sinks.files import replacing, text_output
 from farpoint.sinks.motions import COLUMNS as MOTIONS_COLUMNS
 from farpoint.sinks.positions import COLUMNS, PositionRow, iter_position_rows, position_line
 from farpoint.trajectory.files import kitti_line, tum_line
@@ -34,11 +34,13 @@ def put_in_metres(folder: Path, fit: MetricFit) -> None:
     """
     segments: dict[int, int] = {}  # of the frames: motions.csv does not name them
     names = ("positions.csv", "trajectory.tum", "trajectory.kitti", "motions.csv")
+    paths = [folder / name for name in names]
     with ExitStack() as parts:  # all of them are complete before the first takes its place
-        new = [parts.enter_context(replacing(folder / name)) for name in names]
+        new = [parts.enter_context(replacing(path)) for path in paths]
         with ExitStack() as opened:
             positions, tum, kitti, motions = (
-                opened.enter_context(open_output(part)).write for part in new
+                opened.enter_context(text_output(path, part))
+                for path, part in zip(paths, new, strict=True)
             )
             positions(",".join(COLUMNS) + "\n")
             for row in _in_metres(iter_position_rows(folder / "positions.csv"), fit):

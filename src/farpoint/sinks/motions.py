@@ -15,6 +15,7 @@ from farpoint.geometry import so3
 from farpoint.geometry.sphere import tangent_basis
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus, RelativePose
+from farpoint.sinks.claims import check_size, is_index
 from farpoint.sinks.sink import TextSink
 
 __all__ = ["COLUMNS", "Motions", "MotionsFile", "iter_motions", "read_motions"]
@@ -23,7 +24,8 @@ _UPPER_TRIANGLE = np.triu_indices(5)
 _COVARIANCE = tuple(f"cov_{row}{column}" for row, column in zip(*_UPPER_TRIANGLE, strict=True))
 _ROTATION_COVARIANCE = ("cov_00", "cov_01", "cov_02", "cov_11", "cov_12", "cov_22")
 _COUNTS = ("tracks", "far", "near", "outliers")
-_ALWAYS = ("timestamp0", "timestamp1", "frame0", "frame1", *_COUNTS)
+_WHOLE = ("frame0", "frame1", *_COUNTS)
+_ALWAYS = ("timestamp0", "timestamp1", *_WHOLE)
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _DIRECTION = ("dx", "dy", "dz")
 
@@ -254,6 +256,12 @@ def _parsed(cells: list[str], path: Path, line: int) -> tuple[PoseStatus, list[f
                 raise fault(f"expected a number, got {cell!r}", COLUMNS[index]) from None
             if not math.isfinite(numbers[index]):
                 raise fault(f"expected a finite number, got {cell!r}", COLUMNS[index])
+            if COLUMNS[index] in _WHOLE and not is_index(numbers[index]):
+                raise fault(f"expected a whole number, 0 or more, got {cell!r}", COLUMNS[index])
+    try:
+        check_size(value for value in numbers if not math.isnan(value))
+    except ValueError as error:
+        raise fault(str(error)) from error
     for first, last in (("qx", "qw"), ("dx", "dz")):
         norm = math.hypot(*numbers[_INDEX[first] : _INDEX[last] + 1])
         if abs(norm - 1.0) > _UNIT_TOLERANCE:  # a NaN norm, which is no number at all, passes

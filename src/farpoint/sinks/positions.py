@@ -13,6 +13,7 @@ import numpy as np
 
 from farpoint.errors import InputError, optional_import
 from farpoint.geometry import so3
+from farpoint.sinks.claims import check_covariance, check_size, is_index
 from farpoint.sinks.files import replacing
 from farpoint.sinks.sink import PathFile, Posed
 
@@ -38,6 +39,7 @@ COLUMNS = (
 """The header of the file."""
 
 _ROWS_AT_ONCE = 2000
+_UNIT_TOLERANCE = 1e-6
 
 
 class PositionRow(NamedTuple):
@@ -126,20 +128,27 @@ def read_positions(path: str | Path) -> Positions:
     InputError
         With the file, the line and what was expected there.
     """
-    return _columns(np.array(list(_rows(Path(path)))))
+    path = Path(path)
+    return _columns(np.array(list(_rows(path))), path)
 
 
 def iter_positions(path: str | Path) -> Iterator[Positions]:
     """The same in parts of some thousand rows, so that a long file takes no more memory."""
-    return map(_columns, _parts(_rows(Path(path))))
+    path = Path(path)
+    return (_columns(part, path) for part in _parts(_rows(path)))
 
 
-def _columns(table: np.ndarray) -> Positions:
+def _columns(table: np.ndarray, path: Path) -> Positions:
     table = table.reshape(-1, len(COLUMNS))
     covariances = np.empty((len(table), 7, 7))
     rows, columns = _UPPER_TRIANGLE
     covariances[:, rows, columns] = table[:, 10:]
     covariances[:, columns, rows] = table[:, 10:]
+    for frame, covariance in zip(table[:, 1], covariances, strict=True):
+        try:
+            check_covariance(covariance)
+        except ValueError as error:
+            raise InputError(str(error), file=path, field=f"frame {int(frame)}") from error
     return Positions(
         timestamps=table[:, 0],
         frames=table[:, 1].astype(np.int64),
@@ -204,10 +213,24 @@ def _rows(path: Path) -> Iterator[list[float]]:
                 try:
                     if len(cells) != len(COLUMNS):
                         raise ValueError(f"expected {len(COLUMNS)} columns, got {len(cells)}")
-                    yield [float(cell or "nan") for cell in cells]
+                    yield _checked([float(cell or "nan") for cell in cells])
                 except ValueError as error:
                     raise InputError(str(error), file=path, field=f"line {line}") from error
     except UnicodeDecodeError as error:
         raise InputError("expected a text file of positions", file=path) from error
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+
+
+def _checked(row: list[float]) -> list[float]:
+    for name, number in zip(COLUMNS[1:3], row[1:3], strict=True):
+        if not is_index(number):
+            raise ValueError(f"expected a whole number, 0 or more, as {name}, got {number!r}")
+    if not all(map(math.isfinite, row[:10])):
+        raise ValueError("expected finite numbers up to qw")
+    check_size(row)
+    if abs(math.hypot(*row[6:10]) - 1.0) > _UNIT_TOLERANCE:
+        raise ValueError(
+            f"expected a unit quaternion, got one of norm {math.hypot(*row[6:10]):.4g}"
+        )
+    return row

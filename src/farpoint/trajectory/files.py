@@ -6,7 +6,6 @@ IMU in EuRoC's. Positions keep the unit of the file.
 
 from __future__ import annotations
 
-import codecs
 import itertools
 import math
 import re
@@ -19,7 +18,7 @@ import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.geometry import so3
-from farpoint.regular_files import check_regular_file
+from farpoint.regular_files import regular_lines
 
 __all__ = [
     "QuaternionOrder",
@@ -42,6 +41,10 @@ _HEADER_LINES = 20  # in which the names of the columns stand, if anywhere
 _UNIT_TOLERANCE = 1e-2  # files round rotations to as few as four digits
 _MAX_POSITION = 1e12  # in the unit of the file; sums of squares of larger ones lose their meaning
 _NANOSECOND_DIGITS = 15  # times of this many digits are nanoseconds whatever separates the columns
+_LARGEST_BYTES = 1 << 30
+_MOST_POSES = 4_000_000  # held at once: a gigabyte; 5 hours at 200 a second
+_BLOCK = 4096
+_BOTTOM_ROW = (0.0, 0.0, 0.0, 1.0)
 _SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")
 
 
@@ -141,17 +144,14 @@ def _euroc(path: Path, order: QuaternionOrder) -> Iterator[tuple[float, np.ndarr
 
 def named_order(path: Path) -> QuaternionOrder | None:
     """Order of the quaternions by the names of the columns; None where the file names none."""
-    with path.open(encoding=_encoding(path)) as file:
-        for text in itertools.islice(file, _HEADER_LINES):
-            names = [re.sub(r"[^a-z]", "", cell.lower()) for cell in _cells(text.lstrip("# "))]
-            at = {
-                axis: [
-                    k for k, name in enumerate(names) if re.fullmatch(f"q.*{axis}|q{axis}.*", name)
-                ]
-                for axis in "wx"
-            }
-            if len(at["w"]) == len(at["x"]) == 1:
-                return "wxyz" if at["w"] < at["x"] else "xyzw"
+    for text in itertools.islice(_lines(path), _HEADER_LINES):
+        names = [re.sub(r"[^a-z]", "", cell.lower()) for cell in _cells(text.lstrip("# "))]
+        at = {
+            axis: [k for k, name in enumerate(names) if re.fullmatch(f"q.*{axis}|q{axis}.*", name)]
+            for axis in "wx"
+        }
+        if len(at["w"]) == len(at["x"]) == 1:
+            return "wxyz" if at["w"] < at["x"] else "xyzw"
     return None
 
 
@@ -162,19 +162,24 @@ def _xyzw(quaternion: list[float], order: QuaternionOrder) -> np.ndarray:
 def read_kitti(path: str | Path) -> Trajectory:
     """Read rows of a 3x4 (or 4x4) matrix, one pose a line, row by row."""
     path = Path(path)
-    poses = []
+    return Trajectory(timestamps=None, world_from_body=_stack(_kitti(path), path))
+
+
+def _kitti(path: Path) -> Iterator[np.ndarray]:
     for line, text in _rows(path):
         try:
             cells = _cells(text)
             row = _numbers(cells, 16 if len(cells) == 16 else 12, "the rows of a 3x4 matrix")
             matrix = np.array(row[:12]).reshape(3, 4)
             _check_rotation(matrix[:, :3])
-            poses.append(_pose(matrix[:, :3], matrix[:, 3]))
+            if tuple(row[12:]) not in ((), _BOTTOM_ROW):
+                raise ValueError(
+                    "expected 0 0 0 1 as the last row of a 4x4 matrix, "
+                    f"got {' '.join(map('{:g}'.format, row[12:]))}"
+                )
+            yield _pose(matrix[:, :3], matrix[:, 3])
         except ValueError as error:
             raise InputError(str(error), file=path, field=f"line {line}") from error
-    if not poses:
-        raise InputError("expected a trajectory, found no row of numbers", file=path)
-    return Trajectory(timestamps=None, world_from_body=np.stack(poses))
 
 
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:
@@ -218,41 +223,45 @@ def _stamped(
 
 
 def _stacked(rows: Iterator[tuple[float, np.ndarray]], path: str | Path) -> Trajectory:
-    stamps, poses = [], []
-    for stamp, pose in rows:
-        stamps.append(stamp)
-        poses.append(pose)
-    if not poses:
+    stamps: list[float] = []
+
+    def poses() -> Iterator[np.ndarray]:
+        for stamp, pose in rows:
+            stamps.append(stamp)
+            yield pose
+
+    stack = _stack(poses(), path)
+    return Trajectory(timestamps=np.array(stamps), world_from_body=stack)
+
+
+def _stack(poses: Iterator[np.ndarray], path: str | Path) -> np.ndarray:
+    """Poses (N, 4, 4), block by block: an array of its own for each would take twice the memory."""
+    blocks, count = [], 0
+    while block := list(itertools.islice(poses, _BLOCK)):
+        blocks.append(np.stack(block))
+        count += len(block)
+        if count > _MOST_POSES:
+            raise InputError(f"expected a trajectory of at most {_MOST_POSES} poses", file=path)
+    if not blocks:
         raise InputError("expected a trajectory, found no row of numbers", file=path)
-    return Trajectory(timestamps=np.array(stamps), world_from_body=np.stack(poses))
+    return np.concatenate(blocks)
 
 
 def _rows(path: Path, whole_lines: bool = False) -> Iterator[tuple[int, str]]:
     """Numbered lines of a file that are neither empty nor comments."""
-    try:
-        if path.exists():
-            check_regular_file(path, what="a trajectory")
-        first = True
-        with path.open(encoding=_encoding(path)) as file:
-            for line, text in enumerate(file, start=1):
-                if whole_lines and not text.endswith("\n"):
-                    return
-                if not text.strip() or text.lstrip().startswith("#"):
-                    continue
-                if not (first and _is_header(text)):
-                    yield line, text.strip()
-                first = False
-    except UnicodeError as error:
-        raise InputError("expected a text file of poses", file=path) from error
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+    first = True
+    for line, text in enumerate(_lines(path), start=1):
+        if whole_lines and not text.endswith("\n"):
+            return
+        if not text.strip() or text.lstrip().startswith("#"):
+            continue
+        if not (first and _is_header(text)):
+            yield line, text.strip()
+        first = False
 
 
-def _encoding(path: Path) -> str:
-    """UTF-8, or UTF-16 where a byte order mark says so."""
-    with path.open("rb") as file:
-        mark = file.read(2)
-    return "utf-16" if mark in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
+def _lines(path: Path) -> Iterator[str]:
+    return regular_lines(path, limit_bytes=_LARGEST_BYTES, what="a trajectory")
 
 
 def _cells(text: str) -> list[str]:

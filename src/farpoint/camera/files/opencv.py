@@ -90,11 +90,22 @@ def read_fields(fields: Fields, name: str) -> Camera:
     """One camera of fields that may come from elsewhere than a file."""
     cameras = _cameras(fields)
     keys = next((keys for keys in cameras if keys.matrix == name), cameras[0])
-    camera = Camera(model=_lens(fields, keys), size=_size(fields), name=name)
+    size = _size(fields)
+    camera = Camera(model=_lens(fields, keys), size=size, name=name)
     camera = with_deviations(camera, fields, keys.matrix, keys.distortion)
     others = {key for other in cameras for key in (other.matrix, other.distortion) if key}
-    refuse_unread(fields, others)
+    refuse_unread(fields, others | {key for key in ("roi",) if _is_whole(fields, key, size)})
     return camera
+
+
+def _is_whole(fields: Fields, key: str, size: tuple[int, int] | None) -> bool:
+    """Whether a region of interest, as ROS's ``camera_info`` has it, is the whole raw image."""
+    region = fields.values.get(key)
+    if size is None or not isinstance(region, Mapping):
+        return False
+    told = tuple(str(region.get(name)) for name in ("width", "height"))
+    rest = {name: value for name, value in region.items() if name not in ("width", "height")}
+    return told == tuple(map(str, size)) and is_nothing(rest)
 
 
 def _lens(fields: Fields, keys: _Keys) -> CameraModel:

@@ -17,6 +17,7 @@ from farpoint.regular_files import read_regular_file
 
 __all__ = ["CalibrationFile"]
 
+_MOST_DIGITS = 18
 LARGEST_BYTES = 1 << 24
 """Calibrations are a few kilobytes; anything of this size is a video or an image (convention)."""
 
@@ -108,9 +109,14 @@ class _MalformedError(Exception):
         super().__init__(problem)
 
 
+def _whole(digits: str) -> int | float:
+    """A whole number of JSON; one that no float holds exactly is as good as rounded, or infinite."""
+    return int(digits) if len(digits) <= _MOST_DIGITS else float(digits)
+
+
 def _parse_json(text: str) -> Any:
     try:
-        return json.loads(text)
+        return json.loads(text, parse_int=_whole)
     except json.JSONDecodeError as error:
         raise _MalformedError(f"malformed JSON: {error.msg}", error.lineno) from None
     except ValueError:

@@ -65,6 +65,10 @@ class Capture:
         """Short name of the source."""
         self.timestamp_source = self._first.timestamp_source
         """Where the time stamps come from, for a person."""
+        self.notes = self._first.notes
+        """What must be known of the images, for a person."""
+        self.pixel_aspect: float = getattr(self._first, "pixel_aspect", 1.0)
+        """Width of a pixel over its height."""
         self._changed = threading.Condition()
         self._account = LiveAccount()
         self._slot: LiveFrame | None = None

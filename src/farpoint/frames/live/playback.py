@@ -82,9 +82,11 @@ class Playback:
     timestamp_source: str = field(default="wall clock", init=False)
     calibration_path: Path | None = field(default=None, init=False)
     notes: tuple[str, ...] = field(default=(), init=False)
+    pixel_aspect: float = field(default=1.0, init=False)
 
     def __post_init__(self) -> None:
-        self.name = getattr(self.frames, "name", self.name)
+        for name in ("name", "notes", "pixel_aspect"):
+            setattr(self, name, getattr(self.frames, name, getattr(self, name)))
 
     def open(self) -> Playback:
         """Start the clock, the first time; later go on where the recording was left."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
+from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.frame import FrameSource
 from farpoint.frames.live.playback import Playback
 from farpoint.frames.opening import open_frames
@@ -40,6 +41,8 @@ class Device:
     ----------
     source : str
         As `open_frames` takes it.
+    max_megapixels, follow_playlists
+        As `open_frames` takes them.
 
     Attributes
     ----------
@@ -48,18 +51,30 @@ class Device:
     """
 
     source: str
+    max_megapixels: float = MAX_MEGAPIXELS
+    follow_playlists: bool = False
     endless: bool = field(default=True, init=False)
 
     def open(self) -> FrameSource:
         """Connect to it; a recording is played at its own pace, as a camera would deliver it."""
-        frames = open_frames(self.source)
+        frames = open_frames(
+            self.source,
+            max_megapixels=self.max_megapixels,
+            follow_playlists=self.follow_playlists,
+        )
         if frames.timestamp_source == "wall clock":
             return frames
         self.endless = False
         return Playback(frames=frames).open()
 
 
-def open_live(source: str, *, loop: bool = False) -> LiveSource:
+def open_live(
+    source: str,
+    *,
+    loop: bool = False,
+    max_megapixels: float = MAX_MEGAPIXELS,
+    follow_playlists: bool = False,
+) -> LiveSource:
     """A camera index or URL as it is; a file, folder or pattern at its own pace.
 
     Parameters
@@ -68,8 +83,13 @@ def open_live(source: str, *, loop: bool = False) -> LiveSource:
         As `open_frames` takes it.
     loop : bool
         Play a file or folder over and over.
+    max_megapixels, follow_playlists
+        As `open_frames` takes them.
     """
     is_camera = source.isascii() and source.isdecimal() and not Path(source).exists()
     if is_camera or "://" in source:
-        return Device(source=source)
-    return Playback(frames=open_frames(source), loop=loop)
+        return Device(
+            source=source, max_megapixels=max_megapixels, follow_playlists=follow_playlists
+        )
+    frames = open_frames(source, max_megapixels=max_megapixels, follow_playlists=follow_playlists)
+    return Playback(frames=frames, loop=loop)
