@@ -37,6 +37,7 @@ from farpoint.sinks.report.digest import (
 )
 from farpoint.sinks.report.histogram import halves_section
 from farpoint.sinks.report.lengths import FIRST_STEP
+from farpoint.sinks.report.lens import lens_section
 from farpoint.sinks.report.maps import path_map
 from farpoint.sinks.report.moments import MomentSeeker
 from farpoint.sinks.report.paths import Paths, paths_from_above
@@ -242,6 +243,23 @@ def test_the_curves_are_those_of_the_poses(page: str, make_result: MakeResult) -
         angles, sigma = heading_angles_deg(pose.heading_cam0, pose.heading_covariance)
         assert right["values"][index] == pytest.approx(angles[0], rel=1e-3)
         assert right["sigma"][index] == pytest.approx(sigma[0], rel=1e-3)
+
+
+def test_the_lens_is_told_as_given_and_as_found() -> None:
+    lens = {
+        "refined": True,
+        "given": {"fx": 500.0, "k1<": 0.0},
+        "found": {"fx": 510.25, "k1<": 0.0125},
+        "sigma": {"fx": 2.5, "k1<": 0.001},
+        "moved_px": 6.5,
+        "readout_s": 0.0215,
+        "readout_sigma_s": 0.0005,
+    }
+    section = lens_section({"lens": lens})
+    for words in ("510.25", "2.5", "k1&lt;", "0.0125", "21.5", "0.5", "6.5 px"):
+        assert words in section
+    assert lens_section({"lens": lens | {"refined": False}}) == ""
+    assert lens_section({}) == ""
 
 
 def test_an_interrupted_folder_gives_a_page(

@@ -18,6 +18,7 @@ from farpoint.sinks.report.digest import Digest
 from farpoint.sinks.report.headline import headline
 from farpoint.sinks.report.histogram import halves_section
 from farpoint.sinks.report.lengths import LengthUnit, length_unit
+from farpoint.sinks.report.lens import lens_section
 from farpoint.sinks.report.maps import path_map
 from farpoint.sinks.report.measures import charts_of
 from farpoint.sinks.report.moments import Moment
@@ -77,6 +78,7 @@ def render_page(page: PageContents) -> str:
         moments_section(page.moments, page.stills, page.thumbs),
         _charts_section(charts, page.digest),
         _path_section(page.paths, unit),
+        lens_section(page.run),
         halves_section(page.halves),
         _reasons_section(page.run),
         _options_section(page.run),
