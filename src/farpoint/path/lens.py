@@ -9,6 +9,7 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.path.options import LensRefinementOptions
+from farpoint.path.vectors import products
 
 __all__ = ["LensEstimate", "LensReport", "given_lens", "with_prior"]
 
@@ -162,18 +163,22 @@ class LensEstimate:
         rays = self._model.unproject(pixels)
         if not self.size:
             return rays, np.zeros((len(pixels), 3, 0))
-        by_lens = self._model.project_parameter_jacobian(rays) @ self.factor
-        return rays, -self._model.unproject_jacobian(rays) @ by_lens
+        by_lens = self._by_lens(rays)
+        return rays, -products(self._model.unproject_jacobian(rays), by_lens)
 
     def pixels_of(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Pixels (N, 2) of rays, derivatives by the rays (N, 2, 3) and by the lens (N, 2, r)."""
         pixels, by_ray = self._model.project(rays), self._model.project_jacobian(rays)
         if not self.size:
             return pixels, by_ray, np.zeros((len(rays), 2, 0))
+        return pixels, by_ray, self._by_lens(rays)
+
+    def _by_lens(self, rays: np.ndarray) -> np.ndarray:
+        """Derivatives (N, 2, r) of the pixels of rays."""
         by_parameters = self._model.project_parameter_jacobian(rays)
-        count = by_parameters.shape[2]
-        by_lens = (by_parameters.reshape(-1, count) @ self.factor).reshape(len(rays), 2, self.size)
-        return pixels, by_ray, by_lens
+        # As one product: NumPy takes a stack of small ones one by one.
+        flat = by_parameters.reshape(-1, by_parameters.shape[2]) @ self.factor
+        return flat.reshape(len(rays), 2, self.size)
 
     def found(self) -> Camera:
         """The camera as found, without uncertainty."""

@@ -289,11 +289,11 @@ class PathBuilder:
     ) -> PathPoint:
         assert motion.rotation_cam1_from_cam0 is not None
         R = self._R @ motion.rotation_cam1_from_cam0.T
-        starts = [self._p]
-        if motion.status is PoseStatus.OK:
-            starts.append(self._p + self._twist[3:] * pair.seconds)
+        # From where the last motion leads: ten sigma of doubt reach back to where it began.
+        goes_on = motion.status is PoseStatus.OK
+        start = self._p + self._twist[3:] * pair.seconds if goes_on else self._p
         last = self._R, self._p
-        located = locate_frame(window, now, last, R, starts, pair.seconds)
+        located = locate_frame(window, now, last, R, start, pair.seconds)
         if located is None or not self._carries_scale(window, located, pair.seconds):
             if motion.status is PoseStatus.OK and self._speed is not None and pair.seconds > 0.0:
                 return self._guess(window, before, now, is_good, motion, pair)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from farpoint.geometry import so3
 from farpoint.path.keyframe import Keyframe
 
 __all__ = ["Prior", "System", "by_position_change"]
@@ -111,6 +112,6 @@ def by_position_change(
     """Derivatives (count,) of ``axis . (p1 - p0)`` by all unknowns."""
     row = np.zeros(count)
     for slot, sign in ((slot1, 1.0), (slot0, -1.0)):
-        row[6 * slot : 6 * slot + 3] = sign * np.cross(frames[slot].p, axis)
+        row[6 * slot : 6 * slot + 3] = sign * (so3.skew(frames[slot].p) @ axis)
         row[6 * slot + 3 : 6 * slot + 6] = sign * axis
     return row

@@ -53,10 +53,10 @@ def locate_frame(
     seen: Sighting,
     last: tuple[np.ndarray, np.ndarray],
     R: np.ndarray,
-    starts: list[np.ndarray],
+    start: np.ndarray,
     seconds: float,
 ) -> Located | None:
-    """Most likely pose by Student's t, from a rotation and the likeliest of some positions.
+    """Most likely pose by Student's t.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def locate_frame(
         Rotation ``world_from_cam``, about right.
     last : (ndarray, ndarray)
         Rotation and position of the frame before.
-    starts : list of ndarray, each (3,)
-        Positions to start from.
+    start : ndarray, shape (3,)
+        Position, about right.
     seconds : float
         Time since the frame before.
 
@@ -84,9 +84,7 @@ def locate_frame(
     if known.sum() < FEWEST_POINTS:
         return None
     points = _Points.of(window, rows[known], seen.select(known))
-    found = [points.pose_from(window, last, R, start, seconds) for start in starts]
-    likely = [pose for pose in found if pose is not None]
-    return min(likely, key=lambda pose: pose[0])[1] if likely else None
+    return points.pose_from(window, last, R, start, seconds)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,13 +127,13 @@ class _Points:
         R: np.ndarray,
         start: np.ndarray,
         seconds: float,
-    ) -> tuple[float, Located] | None:
-        """Cost and pose from one start; None where the points are not seen from there."""
+    ) -> Located | None:
+        """Pose from a start; None where the points are not seen from there."""
         R, p, (R0, p0) = R.copy(), start.copy(), last
-        H, squares, cost = np.empty((6, 6)), np.empty(len(self.s)), np.inf
+        H, squares = np.empty((6, 6)), np.empty(len(self.s))
         for inflations in _INFLATIONS:
             rays, offsets, by_ray = self._faced(window, R, p)
-            cost, count = locate(
+            _, count = locate(
                 R, p, R0, p0, seconds, window.lens.readout_s, offsets, self.row_phase, rays, by_ray,
                 self.covariances, inflations, self.places, self.s, self.s_variance, self.base,
                 self.before_by_s, H, squares,
@@ -143,7 +141,7 @@ class _Points:
             if count < FEWEST_POINTS:
                 return None
         covariance = np.linalg.pinv(H / window.design_effect, hermitian=True)
-        return cost, Located(R=R, p=p, covariance=covariance, ids=self.ids, squares=squares)
+        return Located(R=R, p=p, covariance=covariance, ids=self.ids, squares=squares)
 
     def _faced(
         self, window: Window, R: np.ndarray, p: np.ndarray

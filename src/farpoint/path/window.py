@@ -45,6 +45,7 @@ _LINEARISATION_EFFECT = 3.0
 _PATCHES = 4  # across the longer side of an image
 _MEMORY = 0.8  # share of either that stays from keyframe to keyframe
 _FEWEST_RESIDUALS = 50  # which tell it
+_RIDGE = 1e-12  # relative, of a diagonal: what rounding makes of zero
 _FIRST_DAMPING, _DAMPING_STEP, _TRIES = 1e-6, 100.0, 3
 _DEPTH_DAMPING = 1e-3  # of a point's information, over that of the median distance squared
 # New points whose parallax does not tell: about as far as others, 1-sigma in units of that.
@@ -620,5 +621,10 @@ def _solution(system: System, damping: float) -> np.ndarray:
 def _inverse(H: np.ndarray) -> np.ndarray:
     """Of an information matrix whose diagonal spans many orders."""
     unit = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
-    scaled = H * np.outer(unit, unit) + 1e-13 * np.eye(len(unit))
-    return np.linalg.pinv(scaled, hermitian=True) * np.outer(unit, unit)
+    scaled = H * np.outer(unit, unit)
+    scaled[np.diag_indices(len(unit))] += _RIDGE
+    try:
+        factor = scipy.linalg.cho_factor(scaled)
+    except (np.linalg.LinAlgError, ValueError):  # not positive, or not finite
+        return np.linalg.pinv(np.nan_to_num(scaled), hermitian=True) * np.outer(unit, unit)
+    return scipy.linalg.cho_solve(factor, np.eye(len(unit))) * np.outer(unit, unit)
