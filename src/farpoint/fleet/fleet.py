@@ -80,6 +80,7 @@ def run_fleet(
                 with open_cluster(cluster) as client, telling(len(waiting)) as teller:
                     _run(client, waiting, errors, teller)
         finally:
+            clear_unfinished(out / DRIVES)  # of workers that were killed
             rows = [_row(work, errors) for work in every]
             write_tables(out, rows, parquet)
             write_page(out, rows)

@@ -107,8 +107,15 @@ def _copied(
 ) -> FrameSource:
     place = tempfile.TemporaryDirectory(prefix="farpoint-")
     folder = Path(place.name) / (name or "images")
+    folder.mkdir()
     try:
-        system.get(path.rstrip("/") + "/", f"{folder}/", recursive=True)
+        for file in system.find(path):
+            within = PurePosixPath(file.removeprefix(path.rstrip("/")).lstrip("/"))
+            if file.endswith("/") or ".." in within.parts:  # a server may name what it likes
+                continue
+            copy = folder / within
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            system.get_file(file, str(copy))
         opened = open_local(folder)
     except BaseException:
         place.cleanup()
