@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import sys
 from pathlib import Path
 
 import pytest
@@ -25,7 +24,7 @@ def farpoint(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     return CommandLine(monkeypatch, capsys)
 
 
-def fleet(tmp_path: Path, **options: object) -> Fleet:
+def fleet(**options: object) -> Fleet:
     return Fleet(sources=("x",), lens=LensOptions(fov=70.0), **options)  # type: ignore[arg-type]
 
 
@@ -70,18 +69,18 @@ def test_a_list_that_cannot_be_used_is_named(tmp_path: Path, name: str, text: st
         list_drives([str(tmp_path / name)])
 
 
-def test_options_of_a_table_are_those_of_a_run(tmp_path: Path):
+def test_options_of_a_table_are_those_of_a_run():
     listed = ListedDrive(
         source="x", options={"seed": "4", "overlay": "false", "pose.refine": "false"}, place="t: 2"
     )
-    options = fleet(tmp_path)._drive(listed).options
+    options = fleet()._drive(listed).options
     assert options.odometry.seed == 4
     assert not options.output.overlay
     assert not options.odometry.pose.refine
     assert options.lens.fov == 70.0
     for wrong in ({"sede": "4"}, {"seed": "four"}, {"out": "x"}):
         with pytest.raises(InputError, match="t: 2"):
-            fleet(tmp_path)._drive(dataclasses.replace(listed, options=wrong))
+            fleet()._drive(dataclasses.replace(listed, options=wrong))
 
 
 def test_a_drive_is_recognised_by_inputs_options_and_version(
@@ -94,7 +93,7 @@ def test_a_drive_is_recognised_by_inputs_options_and_version(
     listed = ListedDrive(source=str(source))
 
     def key(**options: object) -> str:
-        return fleet(tmp_path, mask=tmp_path / "m.png", **options)._drive(listed).key()
+        return fleet(mask=tmp_path / "m.png", **options)._drive(listed).key()
 
     keys = [key()]
     assert key() == keys[0]
@@ -111,9 +110,9 @@ def test_a_drive_is_recognised_by_inputs_options_and_version(
     assert len(set(keys)) == 6
 
 
-def test_the_name_of_a_folder_depends_on_its_drive_alone(tmp_path: Path):
+def test_the_name_of_a_folder_depends_on_its_drive_alone():
     names = {
-        fleet(tmp_path)._drive(listed).name
+        fleet()._drive(listed).name
         for listed in (
             ListedDrive(source="a/shots"),
             ListedDrive(source="b/shots"),
@@ -151,7 +150,7 @@ def test_a_folder_is_complete_or_not_there(tmp_path: Path):
 
 
 def test_a_worker_does_not_run_what_is_finished(tmp_path: Path):
-    drive = fleet(tmp_path)._drive(ListedDrive(source=str(tmp_path / "missing")))
+    drive = fleet()._drive(ListedDrive(source=str(tmp_path / "missing")))
     work = Work(drive=drive, folder=tmp_path / "drives" / "a", key="k")
     assert do_drive(work) == f"{tmp_path}/missing: no such file or folder"
     finish_folder(work.folder, "k", Path.mkdir)
@@ -193,9 +192,8 @@ def test_without_dask_the_extra_is_named(
     assert_refused(farpoint("fleet", "x", "--fov", "70"), library, "farpoint[dask]")
 
 
-def test_a_scheduler_that_does_not_answer_is_named(farpoint: CommandLine, tmp_path: Path):
+def test_workers_or_a_scheduler(farpoint: CommandLine, tmp_path: Path):
     outcome = farpoint("fleet", tmp_path, "--workers", "0")
     assert_refused(outcome, "workers", "expected 1 or more")
     outcome = farpoint("fleet", tmp_path, "--workers", "1", "--scheduler", "tcp://127.0.0.1:1")
     assert_refused(outcome, "--workers or --scheduler")
-    assert "dask" not in sys.argv

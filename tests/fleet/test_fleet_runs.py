@@ -11,7 +11,7 @@ import pytest
 from cli_kit import PATIENCE_S, write_folder
 from fleet_kit import finished, rows_of_fleet, start_fleet, write_drives
 
-DRIVES = 8
+DRIVES = 6
 
 
 def wait_for_finished(out: Path, count: int, process) -> None:
@@ -43,7 +43,7 @@ def test_every_drive_once_whatever_happens(tmp_path: Path, shots: Path):
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
     said, told = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130, told
-    assert "Traceback" not in told
+    assert "Traceback" not in told, told
     assert said == ""
     before = finished(out)
     states = [row["state"] for row in rows_of_fleet(out).values()]

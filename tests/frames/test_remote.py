@@ -93,7 +93,7 @@ def test_what_is_no_source_is_one_line_with_its_url(remote: str, name: str):
 
 
 def test_an_unknown_scheme_is_named():
-    with pytest.raises(InputError, match="nowhere://a.mp4: .*nowhere"):
+    with pytest.raises(InputError, match=r"nowhere://a\.mp4: .*nowhere"):
         open_frames("nowhere://a.mp4")
 
 

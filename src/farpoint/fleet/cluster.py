@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from typing import Any
 
 from farpoint.errors import InputError, optional_import
@@ -19,7 +21,6 @@ _WORKERS_DIED = 10
 
 _CONFIG = {
     "distributed.scheduler.allowed-failures": _WORKERS_DIED,
-    "distributed.worker.preload": ["farpoint.fleet.worker_setup"],
     "distributed.nanny.pre-spawn-environ": {
         "MALLOC_TRIM_THRESHOLD_": 65536,
         **dict.fromkeys(
@@ -70,7 +71,8 @@ def open_cluster(options: ClusterOptions) -> Iterator[Any]:
     with ExitStack() as opened:
         opened.enter_context(dask.config.set(_CONFIG))
         distributed = optional_import("distributed", extra="dask", purpose="running a fleet")
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for talker in ("distributed", "tornado", "asyncio"):  # of what ends while it is used
+            logging.getLogger(talker).setLevel(logging.CRITICAL)
         if options.scheduler is not None:
             try:
                 client = distributed.Client(options.scheduler, timeout=10)
@@ -82,13 +84,14 @@ def open_cluster(options: ClusterOptions) -> Iterator[Any]:
             _compile_on_machines(client)
         else:
             compile_kernels()
-            cluster = opened.enter_context(_local(distributed, options))
+            with _deaf_to_ctrl_c():
+                cluster = opened.enter_context(_local(distributed, options))
             client = opened.enter_context(distributed.Client(cluster))
         yield client
 
 
 def _local(distributed: Any, options: ClusterOptions) -> Any:
-    count = options.workers or len(os.sched_getaffinity(0))
+    count = options.workers or _cores()
     try:
         return distributed.LocalCluster(
             n_workers=count,
@@ -99,6 +102,28 @@ def _local(distributed: Any, options: ClusterOptions) -> Any:
         )
     except ValueError as error:
         raise InputError(f"expected a size such as 2GB: {error}", field="--memory") from error
+
+
+def _cores() -> int:
+    """Those that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Keep Ctrl-C from threads and processes that begin here, and from all that those begin.
+
+    A terminal sends it to every process; it is for the one that leads, which ends the workers.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # whose start would open the ears of its thread again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _compile_on_machines(client: Any) -> None:
