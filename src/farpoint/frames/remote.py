@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 import weakref
 from collections.abc import Callable
@@ -42,9 +43,9 @@ def remote_place(url: str) -> tuple[Any, str]:
     try:
         return fsspec.core.url_to_fs(url)
     except ValueError as error:
-        raise InputError(str(error), file=url) from error
+        raise InputError(f"unknown kind of stream or store ({error})", file=_public(url)) from None
     except ImportError as error:
-        raise InputError(f"cannot be read: {error}", file=url) from error
+        raise _unreadable(url, error) from None
 
 
 def open_remote_file(url: str) -> IO[bytes]:
@@ -59,7 +60,7 @@ def open_remote_file(url: str) -> IO[bytes]:
     try:
         return system.open(path, "rb")
     except Exception as error:  # each file system has errors of its own
-        raise _unreadable(url, error) from error
+        raise _unreadable(url, error) from None
 
 
 def open_remote(
@@ -97,9 +98,9 @@ def open_remote(
         opener = partial(open_remote_file, url)
         return open_video(Path(name), fps=fps, follow_playlists=follow_playlists, opener=opener)
     except InputError as error:
-        raise InputError(error.problem, file=url) from None
+        raise InputError(error.problem, file=_public(url)) from None
     except Exception as error:  # each file system has errors of its own
-        raise _unreadable(url, error) from error
+        raise _unreadable(url, error) from None
 
 
 def _copied(
@@ -125,5 +126,10 @@ def _copied(
 
 
 def _unreadable(url: str, error: Exception) -> InputError:
-    words = " ".join(str(error).split()) or type(error).__name__
-    return InputError(f"cannot be read: {words}", file=url)
+    words = " ".join(str(error).replace(url, _public(url)).split()) or type(error).__name__
+    return InputError(f"cannot be read: {words}", file=_public(url))
+
+
+def _public(url: str) -> str:
+    """The URL without what may be a password or a token."""
+    return re.sub(r"//[^/]*@", "//", url.partition("?")[0])
