@@ -19,6 +19,9 @@ __all__ = ["ClusterOptions", "open_cluster"]
 _WORKERS_DIED = 10
 """So many workers may die at a drive before it counts as the cause (convention)."""
 
+_STARTS = 3
+"""So often it is tried to start the workers of this machine (convention)."""
+
 _CONFIG = {
     "distributed.scheduler.allowed-failures": _WORKERS_DIED,
     "distributed.nanny.pre-spawn-environ": {
@@ -92,16 +95,20 @@ def open_cluster(options: ClusterOptions) -> Iterator[Any]:
 
 def _local(distributed: Any, options: ClusterOptions) -> Any:
     count = options.workers or _cores()
-    try:
-        return distributed.LocalCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            memory_limit=options.memory,
-            dashboard_address=None,
-        )
-    except ValueError as error:
-        raise InputError(f"expected a size such as 2GB: {error}", field="--memory") from error
+    for _ in range(_STARTS):
+        try:
+            return distributed.LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                processes=True,
+                memory_limit=options.memory,
+                dashboard_address=None,
+            )
+        except ValueError as error:
+            raise InputError(f"expected a size such as 2GB: {error}", field="--memory") from error
+        except RuntimeError:  # a worker was killed while it started
+            continue
+    raise InputError(f"{count} workers could not be started", field="--workers")
 
 
 def _cores() -> int:
