@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import re
 import signal
 import sys
 import threading
@@ -20,9 +19,11 @@ from farpoint.cli.bench import Bench
 from farpoint.cli.camera import ShowCamera
 from farpoint.cli.demo import Demo
 from farpoint.cli.evaluate import Evaluate
+from farpoint.cli.fleet import Fleet
 from farpoint.cli.live import Live
 from farpoint.cli.run import Run
 from farpoint.cli.streams import lasting_streams
+from farpoint.cli.wrong_usage import in_one_line
 from farpoint.errors import InputError, MissingExtraError, printable
 
 __all__ = ["COMMANDS", "main", "parse"]
@@ -30,6 +31,7 @@ __all__ = ["COMMANDS", "main", "parse"]
 COMMANDS: dict[str, Callable[..., Any]] = {
     "demo": Demo,
     "run": Run,
+    "fleet": Fleet,
     "live": Live,
     "evaluate": Evaluate,
     "bench": Bench,
@@ -39,12 +41,6 @@ COMMANDS: dict[str, Callable[..., Any]] = {
 
 _WRONG_USAGE = 2
 _INTERRUPTED = 130
-
-# tyro's words for a value that a record of options refused: the records it lies in, by the names
-# of their fields, and the problem, which begins with the field's own name.
-_REFUSED = re.compile(
-    r"Error parsing __tyro-dummy-inner__(?:\.(?!metric\b)\w+)?(?P<records>[.\w]*): (?P<field>\w+): "
-)
 
 
 def main() -> int:
@@ -72,12 +68,12 @@ def _run(arguments: list[str]) -> int:
         print(f"farpoint {__version__}")
         return 0
     try:
-        parse(arguments)()
+        code = parse(arguments)()
     except SystemExit:  # the help was shown
         sys.stdout.flush()
         raise
     sys.stdout.flush()  # a full disk behind it shows here, and not when Python exits
-    return 0
+    return code or 0
 
 
 def _refuse(problem: str) -> int:
@@ -121,36 +117,15 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def parse(arguments: list[str]) -> Callable[[], None]:
+def parse(arguments: list[str]) -> Callable[[], int | None]:
     """The command, or an InputError in one line where tyro would print a box."""
-    box = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(box):
-            return tyro.extras.subcommand_cli_from_dict(
-                COMMANDS,
-                args=arguments,
-                prog="farpoint",
-                description="Camera motion from any two images, with an honest covariance.",
-            )
-    except SystemExit as end:
-        if end.code in (None, 0):
-            raise
-        command = f"{arguments[0]} " if arguments[0] in COMMANDS else ""
-        problem = _REFUSED.sub(_option_of, _first_lines(box.getvalue()))
-        raise InputError(f"{problem} (see farpoint {command}--help)") from None
-
-
-def _first_lines(box: str) -> str:
-    """What a box of tyro's says above its first rule, in one line."""
-    words = []
-    for line in box.splitlines()[1:]:
-        if "───" in line:
-            break
-        words.append(line.strip("│ \t"))
-    return " ".join(word for word in words if word)
-
-
-def _option_of(refused: re.Match[str]) -> str:
-    """The option as users type it; the outermost record, `metric` apart, gives it no prefix."""
-    path = f"{refused['records']}.{refused['field']}".removeprefix(".")
-    return f"--{path.replace('_', '-')}: "
+    command = f"{arguments[0]} " if arguments[0] in COMMANDS else ""
+    return in_one_line(
+        lambda: tyro.extras.subcommand_cli_from_dict(
+            COMMANDS,
+            args=arguments,
+            prog="farpoint",
+            description="Camera motion from any two images, with an honest covariance.",
+        ),
+        see=f"farpoint {command}--help",
+    )

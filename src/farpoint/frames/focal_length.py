@@ -8,7 +8,7 @@ from pathlib import Path
 from farpoint.camera import EquivalentFocalLength
 from farpoint.errors import InputError, optional_import
 from farpoint.frames.sequence import ImageSequence
-from farpoint.frames.video import VideoFile, open_container
+from farpoint.frames.video import VideoFile
 
 __all__ = ["find_focal_length"]
 
@@ -37,21 +37,21 @@ def find_focal_length(source: object, name: str) -> EquivalentFocalLength:
         Where the source carries none, or images of several focal lengths.
     """
     if isinstance(source, VideoFile):
-        return _of_video(source.path)
+        return _of_video(source)
     if isinstance(source, ImageSequence):
         return _of_images(source.images, name)
     raise InputError(f"a live source tells no focal length: {HELP}", file=name, field="--camera")
 
 
-def _of_video(path: Path) -> EquivalentFocalLength:
-    with open_container(f"file:{path}") as container:
+def _of_video(video: VideoFile) -> EquivalentFocalLength:
+    with video.container() as container:
         found = {**container.streams.video[0].metadata, **container.metadata}.get(_VIDEO_KEY)
     try:
         millimetres = float(found) if found is not None else 0.0
     except ValueError:
         millimetres = 0.0
     if not 0.0 < millimetres < float("inf"):
-        raise InputError(f"carries no focal length: {HELP}", file=path, field="--camera")
+        raise InputError(f"carries no focal length: {HELP}", file=video.path, field="--camera")
     return EquivalentFocalLength(millimetres=millimetres, source="the video's metadata")
 
 

@@ -18,6 +18,7 @@ from farpoint.frames.folder import open_folder, open_glob, open_pages
 from farpoint.frames.frame import FrameSource
 from farpoint.frames.kitti import open_kitti
 from farpoint.frames.network import open_url
+from farpoint.frames.remote import is_remote, open_remote
 from farpoint.frames.sequence import ImageSequence
 from farpoint.frames.tum import open_tum
 from farpoint.frames.video import open_video
@@ -49,7 +50,8 @@ def open_frames(
         - a bag: a ROS 1 ``.bag``, the folder or a file of a ROS 2 bag (sqlite3 or MCAP), or any
           MCAP file with ROS's or Foxglove's images;
         - the index of an attached camera, such as ``0`` or ``"0"``;
-        - the URL of a stream, such as ``"rtsp://..."``.
+        - the URL of a stream, such as ``"rtsp://..."``;
+        - the URL of a video or folder elsewhere, such as ``"s3://bucket/drive.mp4"``.
     fps : float, optional
         Frames a second, used only where the source carries no time stamps: a video's own, a
         list, a file ``times.txt`` or names made of times come first, and
@@ -90,9 +92,18 @@ def open_frames(
         )
     if isinstance(source, int):
         return open_device(source)
-    if "://" in str(source):
-        return open_url(str(source))
     try:
+        if is_remote(str(source)):
+            return open_remote(
+                str(source),
+                lambda folder: _limited(
+                    _open_path(folder, fps, follow_playlists, topic), max_megapixels
+                ),
+                fps=fps,
+                follow_playlists=follow_playlists,
+            )
+        if "://" in str(source):
+            return open_url(str(source))
         opened = _open_path(Path(source).expanduser(), fps, follow_playlists, topic)
     except OSError as error:
         raise InputError(
@@ -100,6 +111,10 @@ def open_frames(
         ) from error
     if topic is not None and not isinstance(opened, BagImages):
         raise InputError(f"{topic}: only a bag has topics", file=source, field="topic")
+    return _limited(opened, max_megapixels)
+
+
+def _limited(opened: FrameSource, max_megapixels: float) -> FrameSource:
     if isinstance(opened, ImageSequence | BagImages):
         return replace(opened, max_megapixels=max_megapixels)
     return opened

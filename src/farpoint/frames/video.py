@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
@@ -50,6 +52,8 @@ class VideoFile:
         Width of a pixel over its height; 1 for square ones.
     deep : GreyTable or None
         What samples of 16 bits become, by the first picture; None of other videos.
+    opener : callable or None
+        Opens the file where it is not on this machine.
     """
 
     path: Path
@@ -60,6 +64,7 @@ class VideoFile:
     calibration_path: Path | None = None
     pixel_aspect: float = 1.0
     deep: GreyTable | None = None
+    opener: Callable[[], IO[bytes]] | None = None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -68,12 +73,22 @@ class VideoFile:
 
     def __iter__(self) -> Iterator[Frame]:
         """Frames in order of time; what cannot be decoded is a frame with a fault."""
-        with _open(self.path) as container:
+        with self.container() as container:
             stream = video_stream(container, self.path)
             yield from frames_of(decode(container, stream, self.deep), self.nominal_fps)
 
+    def container(self) -> AbstractContextManager[Any]:
+        """The file, opened by PyAV."""
+        return _open(self.path, self.opener)
 
-def open_video(path: Path, *, fps: float | None, follow_playlists: bool = False) -> VideoFile:
+
+def open_video(
+    path: Path,
+    *,
+    fps: float | None,
+    follow_playlists: bool = False,
+    opener: Callable[[], IO[bytes]] | None = None,
+) -> VideoFile:
     """Open a video far enough to know that it has a picture.
 
     Parameters
@@ -85,19 +100,21 @@ def open_video(path: Path, *, fps: float | None, follow_playlists: bool = False)
         its header tells.
     follow_playlists : bool
         Play the files that a playlist names, wherever they lie.
+    opener : callable, optional
+        Opens the file where it is not on this machine; ``path`` is then its name.
 
     Raises
     ------
     InputError
         Where the file is no video, or not one picture can be decoded.
     """
-    if not follow_playlists and _is_playlist(path):
+    if not follow_playlists and _is_playlist(opener or partial(path.open, "rb")):
         raise InputError(
             "is a playlist, which names other files; they are played if asked for "
             "(--follow-playlists)",
             file=path,
         )
-    with _open(path) as container:
+    with _open(path, opener) as container:
         stream = video_stream(container, path)
         rate = fps or frame_rate(stream) or DEFAULT_FPS
         first = next((moment for moment in decode(container, stream) if not moment.fault), None)
@@ -113,6 +130,7 @@ def open_video(path: Path, *, fps: float | None, follow_playlists: bool = False)
             calibration_path=find_calibration(folder, stem=path.stem),
             pixel_aspect=_pixel_aspect(stream, first),
             deep=first.deep,
+            opener=opener,
         )
 
 
@@ -169,28 +187,30 @@ def _pixel_aspect(stream: Any, first: Moment) -> float:
     return ratio if ratio > 0.0 else 1.0
 
 
-def _is_playlist(path: Path) -> bool:
+def _is_playlist(opener: Callable[[], IO[bytes]]) -> bool:
     """Whether a file names others for FFmpeg to open, by what it begins with."""
-    with path.open("rb") as file:
+    with opener() as file:
         begin = file.read(_BEGINNING_BYTES)
     # A playlist is text; FFmpeg looks for its marks behind white space and byte order marks, too.
     text = begin.replace(b"\0", b"").lower().decode("latin-1")
     return bool(_PLAYLIST.search(text))
 
 
-def _open(path: Path) -> Any:
+@contextmanager
+def _open(path: Path, opener: Callable[[], IO[bytes]] | None = None) -> Iterator[Any]:
     av = optional_import("av", extra="video", purpose="reading video")
-    try:
-        # "file:" keeps FFmpeg from taking the part of a name before a colon for a protocol.
-        container = open_container(f"file:{path}")
-    except av.FFmpegError as error:
-        raise InputError(
-            f"cannot be opened as a video, it may be truncated or of another kind "
-            f"({error.strerror})",
-            file=path,
-        ) from error
-    # FFmpeg makes a film even of a text (a terminal that prints it) and of a single image.
-    if container.format.name == "tty" or container.format.name.endswith("_pipe"):
-        container.close()
-        raise InputError("is a text or one image: expected a video", file=path)
-    return container
+    with nullcontext() if opener is None else opener() as file:
+        try:
+            # "file:" keeps FFmpeg from taking the part of a name before a colon for a protocol.
+            container = open_container(file or f"file:{path}")
+        except av.FFmpegError as error:
+            raise InputError(
+                f"cannot be opened as a video, it may be truncated or of another kind "
+                f"({error.strerror})",
+                file=path,
+            ) from error
+        with container:
+            # FFmpeg makes a film even of a text (a terminal that prints it) and of a single image.
+            if container.format.name == "tty" or container.format.name.endswith("_pipe"):
+                raise InputError("is a text or one image: expected a video", file=path)
+            yield container

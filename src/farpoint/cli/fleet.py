@@ -1,0 +1,147 @@
+"""``farpoint fleet``: many drives, each once, and one table of them all."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from farpoint.cli.lens import LensOptions
+from farpoint.cli.progress import Progress
+from farpoint.cli.run import Run
+from farpoint.cli.wrong_usage import in_one_line
+from farpoint.errors import InputError, optional_import, require
+from farpoint.fleet import ClusterOptions, Drive, ListedDrive, list_drives, run_fleet
+from farpoint.frames.decode import MAX_MEGAPIXELS
+from farpoint.hints import MetricOptions
+from farpoint.odometry import OdometryOptions
+from farpoint.sinks import OutputOptions
+
+__all__ = ["Fleet"]
+
+_FAILED = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fleet:
+    """Run many drives on Dask, each of them once, and write one table of them all.
+
+    Attributes
+    ----------
+    sources : tuple of str
+        Sources of farpoint run, patterns of them, or lists: a CSV file with the column source and
+        options as further columns, or a text file with a source and a calibration a line.
+    cluster : ClusterOptions
+        Who does the work.
+    out : Path
+        Folder for the tables, and for the outputs of every drive.
+    lens : LensOptions
+        Which camera it is.
+    fps : float or None
+        Frames a second of images without time stamps; 10 by default.
+    max_megapixels : float
+        Larger images are refused before they are decoded.
+    follow_playlists : bool
+        Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
+    mask : Path or None
+        8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
+    odometry : OdometryOptions
+        Options of tracking and estimation.
+    output : OutputOptions
+        Which outputs are made.
+    metric : MetricOptions
+        What is known of lengths.
+    """
+
+    sources: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SOURCES")]
+    cluster: Annotated[ClusterOptions, tyro.conf.arg(name="")] = field(
+        default_factory=ClusterOptions
+    )
+    out: Path = Path("farpoint-out/fleet")
+    lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
+    fps: float | None = None
+    max_megapixels: float = MAX_MEGAPIXELS
+    follow_playlists: bool = False
+    mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
+        default_factory=OdometryOptions
+    )
+    output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=OutputOptions)
+    metric: MetricOptions = field(default_factory=MetricOptions)
+
+    def __call__(self) -> int:
+        """Do it; the exit code."""
+        for library in ("dask", "distributed"):
+            require(library, extra="dask", purpose="running a fleet")
+        if self.output.parquet:
+            optional_import("pyarrow", extra="parquet", purpose="writing Parquet")
+        drives = [self._drive(listed) for listed in list_drives(self.sources)]
+        repeated = [name for name, count in Counter(d.name for d in drives).items() if count > 1]
+        if repeated:
+            raise InputError("is listed twice with the same options", file=repeated[0])
+        outcome = run_fleet(
+            drives,
+            self.out,
+            self.cluster,
+            lambda count: Progress("drives", count),
+            parquet=self.output.parquet,
+        )
+        before = f" ({outcome.before} of them before)" if outcome.before else ""
+        print(f"{len(drives)} drives: {outcome.done} done{before}, {outcome.failed} failed")
+        print(f"results in {self.out}")
+        if outcome.failed:
+            print(f"farpoint: {outcome.failed} drives failed: {self.out}/fleet.csv tells why",
+                  file=sys.stderr)  # fmt: skip
+        return _FAILED if outcome.failed else 0
+
+    def _drive(self, listed: ListedDrive) -> Drive:
+        run = Run(
+            source=listed.source,
+            lens=self.lens,
+            fps=self.fps,
+            max_megapixels=self.max_megapixels,
+            follow_playlists=self.follow_playlists,
+            mask=self.mask,
+            odometry=self.odometry,
+            output=self.output,
+            metric=self.metric,
+        )
+        words = [word for name, value in listed.options.items() for word in _typed(name, value)]
+        if words:
+            run = in_one_line(
+                lambda: tyro.cli(Run, args=words, default=run, prog="farpoint run"),
+                see=f"{listed.place} and farpoint run --help",
+            )
+        if run.viewer.wanted or run.out is not None or run.source != listed.source:
+            raise InputError("of a drive: no column out, show or rrd expected", file=listed.place)
+        return Drive(
+            source=listed.source,
+            camera=str(run.lens.camera or ""),
+            options=run,
+            run=_RunInto(run),
+            own_options=" ".join(words),
+        )
+
+
+def _typed(name: str, value: str) -> list[str]:
+    """An option of a table as one would type it; of a switch, true and false."""
+    if value.lower() == "true":
+        return [f"--{name}"]
+    if value.lower() == "false":
+        group, dot, switch = name.rpartition(".")
+        return [f"--{group}{dot}no-{switch}"]
+    return [f"--{name}", value]
+
+
+@dataclass(frozen=True)
+class _RunInto:
+    """The run of a drive, for a worker, which says into which folder."""
+
+    run: Run
+
+    def __call__(self, folder: Path) -> None:
+        replace(self.run, out=folder)()

@@ -1,0 +1,50 @@
+"""What tyro says of wrong usage, in one line where it would print a box."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from collections.abc import Callable
+from typing import TypeVar
+
+from farpoint.errors import InputError
+
+__all__ = ["in_one_line"]
+
+T = TypeVar("T")
+
+# tyro's words for a value that a record of options refused: the records it lies in, by the names
+# of their fields, and the problem, which begins with the field's own name.
+_REFUSED = re.compile(
+    r"Error parsing __tyro-dummy-inner__(?:\.(?!metric\b)\w+)?(?P<records>[.\w]*): (?P<field>\w+): "
+)
+
+
+def in_one_line(parse: Callable[[], T], see: str) -> T:
+    """What ``parse`` returns, or an InputError that ends with where to ``see`` more."""
+    box = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(box):
+            return parse()
+    except SystemExit as end:
+        if end.code in (None, 0):
+            raise
+        problem = _REFUSED.sub(_option_of, _first_lines(box.getvalue()))
+        raise InputError(f"{problem} (see {see})") from None
+
+
+def _first_lines(box: str) -> str:
+    """What a box of tyro's says above its first rule, in one line."""
+    words = []
+    for line in box.splitlines()[1:]:
+        if "───" in line:
+            break
+        words.append(line.strip("│ \t"))
+    return " ".join(word for word in words if word)
+
+
+def _option_of(refused: re.Match[str]) -> str:
+    """The option as users type it; the outermost record, `metric` apart, gives it no prefix."""
+    path = f"{refused['records']}.{refused['field']}".removeprefix(".")
+    return f"--{path.replace('_', '-')}: "

@@ -1,0 +1,71 @@
+"""A drive of a fleet: what is run, and by what it is recognised when it was run before."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import urlsplit
+
+import farpoint
+from farpoint.fleet.inputs import state_of_input
+
+__all__ = ["Drive"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """One source with its options.
+
+    Attributes
+    ----------
+    source : str
+        What the user called it.
+    camera : str
+        Its calibration, as the user called it; may be empty.
+    options : dataclass
+        Everything that the outputs depend on beside the source's contents and the version.
+    run : callable
+        Runs the drive into the folder that it is given; goes to a worker by pickle.
+    own_options : str
+        Those that are not the whole fleet's; they tell two drives of one source apart.
+    """
+
+    source: str
+    camera: str
+    options: Any
+    run: Callable[[Path], None]
+    own_options: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of its folder: the same whatever other drives there are."""
+        whole = self.source if "://" in self.source else str(Path(self.source).absolute())
+        told_apart = json.dumps([whole, self.own_options])
+        stem = PurePosixPath(urlsplit(whole).path.rstrip("/")).stem if "://" in whole else ""
+        stem = stem or Path(whole).stem or "drive"
+        plain = re.sub(r"[^\w.-]+", "-", stem)[:80]
+        return f"{plain}-{_digest(told_apart)[:8]}"
+
+    def key(self) -> str:
+        """Digest of inputs, options and version: a folder that has it need not be made again."""
+        inputs = [state_of_input(name) for name in (self.source, *_files_in(self.options))]
+        return _digest(json.dumps([inputs, repr(self.options), farpoint.__version__]))
+
+
+def _files_in(options: Any) -> Iterator[str]:
+    """Every path in a record of options and the records in it."""
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if isinstance(value, Path):
+            yield str(value)
+        elif is_dataclass(value):
+            yield from _files_in(value)
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,113 @@
+"""A fleet: drives that are not finished go to workers, and a table is made of all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from farpoint.fleet.cluster import ClusterOptions, open_cluster
+from farpoint.fleet.drive import Drive
+from farpoint.fleet.folder import DRIVES, clear_unfinished, is_finished
+from farpoint.fleet.page import write_page
+from farpoint.fleet.table import Row, row_of, write_tables
+from farpoint.fleet.work import Work, do_drive, one_line
+from farpoint.sinks import FolderLock
+
+__all__ = ["FleetOutcome", "Teller", "run_fleet"]
+
+
+class Teller(Protocol):
+    """What shows how far it is."""
+
+    def reach(self, done: int, note: str = "") -> None:
+        """So many are done."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetOutcome:
+    """How a fleet ended.
+
+    Attributes
+    ----------
+    done, failed : int
+        Drives with results, and drives that cannot be run.
+    before : int
+        Those of `done` that were finished before.
+    """
+
+    done: int
+    failed: int
+    before: int
+
+
+def run_fleet(
+    drives: Sequence[Drive],
+    out: Path,
+    cluster: ClusterOptions,
+    telling: Callable[[int], Any],
+    parquet: bool = False,
+) -> FleetOutcome:
+    """Run all drives that are not finished, and write the tables; after Ctrl-C, too.
+
+    Parameters
+    ----------
+    drives : sequence of Drive
+        Of different names.
+    out : Path
+        Folder of the fleet; workers must see it under the same path.
+    cluster : ClusterOptions
+        Who does the work.
+    telling : callable
+        Given the number of drives to run, a context manager that gives a `Teller`.
+    parquet : bool
+        Write ``fleet.parquet``, too.
+
+    Raises
+    ------
+    InputError
+        Where another run writes into ``out``, it cannot be written, or no scheduler answers.
+    """
+    out = out.absolute()
+    with FolderLock(out):
+        clear_unfinished(out / DRIVES)
+        every = [Work(drive=d, folder=out / DRIVES / d.name, key=d.key()) for d in drives]
+        waiting = [work for work in every if not is_finished(work.folder, work.key)]
+        errors: dict[str, str] = {}
+        try:
+            if waiting:
+                with open_cluster(cluster) as client, telling(len(waiting)) as teller:
+                    _run(client, waiting, errors, teller)
+        finally:
+            clear_unfinished(out / DRIVES)  # of workers that were killed
+            rows = [_row(work, errors) for work in every]
+            write_tables(out, rows, parquet)
+            write_page(out, rows)
+    done = sum(row.state == "done" for row in rows)
+    return FleetOutcome(done=done, failed=len(rows) - done, before=len(every) - len(waiting))
+
+
+def _run(client: Any, waiting: Sequence[Work], errors: dict[str, str], teller: Teller) -> None:
+    from distributed import as_completed
+
+    by_key = {f"drive-{work.drive.name}-{work.key[:12]}": work for work in waiting}
+    futures = [
+        client.submit(do_drive, work, key=key, pure=False, priority=-index)
+        for index, (key, work) in enumerate(by_key.items())
+    ]
+    for count, future in enumerate(as_completed(futures), start=1):
+        name = by_key[future.key].drive.name
+        try:
+            error = future.result()
+        except Exception as fault:  # such as a drive at which worker after worker dies
+            error = one_line(fault)
+        if error is not None:
+            errors[name] = error
+        teller.reach(count, f"{len(errors)} failed" if errors else "")
+
+
+def _row(work: Work, errors: dict[str, str]) -> Row:
+    drive, error = work.drive, errors.get(work.drive.name)
+    finished = error is None and is_finished(work.folder, work.key)
+    return row_of(drive, work.folder if finished else None, error)

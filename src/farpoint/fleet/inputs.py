@@ -1,0 +1,81 @@
+"""What tells whether an input is still the one it was: names, sizes and times of change."""
+
+from __future__ import annotations
+
+import glob
+import os
+import stat
+import urllib.request
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from farpoint.frames.remote import is_remote, remote_place
+
+__all__ = ["size_of_input", "state_of_input"]
+
+_PATIENCE_S = 10.0
+_TELLING = ("size", "mtime", "ETag", "etag", "md5Hash", "LastModified", "updated", "created")
+"""What file systems of fsspec tell of a file, where its contents decide it."""
+
+State = list[list[Any]]
+
+
+def state_of_input(name: str) -> State:
+    """Rows of name, size and time of change of every file that an input consists of.
+
+    What cannot be looked at has its name alone: the run will say why.
+    """
+    if is_remote(name):
+        return _remote_state(name)
+    if "://" in name:
+        return _web_state(name)
+    path = Path(name).expanduser()
+    try:
+        if stat.S_ISDIR(path.stat().st_mode):
+            return _states(Path(top, file) for top, _, files in os.walk(path) for file in files)
+        return _states([path])
+    except OSError:
+        return _states(map(Path, glob.glob(name, recursive=True))) or [[name]]  # noqa: PTH207
+
+
+def size_of_input(state: State) -> int:
+    """Bytes in all."""
+    return sum(row[1] for row in state if len(row) > 1 and isinstance(row[1], int))
+
+
+def _states(paths: Iterable[Path]) -> State:
+    found: State = []
+    for path in sorted(paths):
+        try:
+            of_file = path.stat()
+        except OSError:
+            found.append([str(path.absolute())])
+            continue
+        found.append([str(path.absolute()), of_file.st_size, of_file.st_mtime_ns])
+    return found
+
+
+def _remote_state(url: str) -> State:
+    system, path = remote_place(url)
+    try:
+        files = system.find(path, detail=True)
+    except Exception:  # each file system has errors of its own
+        return [[url]]
+    return [
+        [name, *(str(info[key]) if key != "size" else info[key] for key in _TELLING if key in info)]
+        for name, info in sorted(files.items())
+    ] or [[url]]
+
+
+def _web_state(url: str) -> State:
+    if not url.lower().startswith("http"):
+        return [[url]]
+    try:
+        request = urllib.request.Request(url, method="HEAD")
+        with urllib.request.urlopen(request, timeout=_PATIENCE_S) as answer:
+            told = answer.headers
+            size = int(told.get("Content-Length") or 0)
+            return [[url, size, told.get("ETag", ""), told.get("Last-Modified", "")]]
+    except (OSError, ValueError):
+        return [[url]]

@@ -1,0 +1,189 @@
+"""A row for each drive: ``fleet.csv`` and ``fleet.parquet``."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from farpoint.errors import InputError
+from farpoint.fleet.drive import Drive
+from farpoint.metrics.halves import evaluate_halves
+from farpoint.sinks import read_run
+from farpoint.sinks.files import replacing, text_output
+from farpoint.sinks.halves import read_halves
+from farpoint.sinks.positions import load_pyarrow
+from farpoint.sinks.report.digest import digest_motions
+from farpoint.trajectory.files import read_tum
+
+__all__ = ["Row", "row_of", "write_tables"]
+
+_MOMENTS = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """What a person wants to see of a drive.
+
+    Attributes
+    ----------
+    drive, source, camera : str
+        Name of its folder, and what was given.
+    state : str
+        ``done``, ``failed``, or ``waiting`` where the fleet was interrupted before it.
+    frames : int or None
+        Pictures seen.
+    duration_s, elapsed_s : float or None
+        Length of the drive, and of the computation, s.
+    length : float or None
+        Of the path, in ``unit``.
+    unit : str
+        ``m`` with hints, else that of the trajectory.
+    ok, rotation_only, static, failed : int or None
+        Pairs of each status.
+    halves, halves_low, halves_high : float or None
+        Split-half ratio, 1 where covariances are honest, and where it may lie by chance in 95 %.
+    noise_px : float or None
+        Median noise of a match, px.
+    lens, lens_sigma : str
+        Parameters of the lens as found, and their 1-sigma.
+    scale, scale_sigma : float or None
+        Metres per unit of the trajectory by the hints, and its 1-sigma, relative.
+    worst : str
+        Worst moments: time in s and what happened.
+    error : str
+        Why it failed, in one line.
+    """
+
+    drive: str
+    source: str
+    camera: str
+    state: str
+    frames: int | None = None
+    duration_s: float | None = None
+    elapsed_s: float | None = None
+    length: float | None = None
+    unit: str = ""
+    ok: int | None = None
+    rotation_only: int | None = None
+    static: int | None = None
+    failed: int | None = None
+    halves: float | None = None
+    halves_low: float | None = None
+    halves_high: float | None = None
+    noise_px: float | None = None
+    lens: str = ""
+    lens_sigma: str = ""
+    scale: float | None = None
+    scale_sigma: float | None = None
+    worst: str = ""
+    error: str = ""
+
+
+def row_of(drive: Drive, folder: Path | None, error: str | None) -> Row:
+    """The row of a drive with its finished folder, with an error, or with neither: waiting."""
+    what: dict[str, Any] = {"drive": drive.name, "source": drive.source, "camera": drive.camera}
+    if folder is not None:
+        try:
+            return Row(**what, state="done", **_told_by(folder))
+        except (InputError, OSError, KeyError, TypeError, ValueError) as fault:
+            error = f"its results cannot be read: {fault}"
+    return Row(**what, state="waiting" if error is None else "failed", error=error or "")
+
+
+def write_tables(out: Path, rows: Sequence[Row], parquet: bool) -> None:
+    """Write ``fleet.csv``, and ``fleet.parquet`` where wanted."""
+    names = [field.name for field in fields(Row)]
+    lines = io.StringIO()
+    writer = csv.DictWriter(lines, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(asdict(row) for row in rows)
+    path = out / "fleet.csv"
+    with replacing(path) as part, text_output(path, part) as write:
+        write(lines.getvalue())
+    if parquet:
+        arrow, writing = load_pyarrow()
+        kinds = {
+            "str": arrow.string(),
+            "int | None": arrow.int64(),
+            "float | None": arrow.float64(),
+        }
+        schema = arrow.schema([(field.name, kinds[str(field.type)]) for field in fields(Row)])
+        with replacing(out / "fleet.parquet") as part:
+            table = arrow.Table.from_pylist([asdict(row) for row in rows], schema=schema)
+            writing.write_table(table, str(part))
+
+
+def _told_by(folder: Path) -> dict[str, Any]:
+    run = read_run(folder / "run.json")
+    digest = digest_motions(folder / "motions.csv")
+    moments = digest.moments.found({item["frame1"]: item["reason"] for item in run["reasons"]})
+    metric = run.get("metric") or {}
+    found, sigma = _lens(run)
+    return {
+        "frames": run["frames"],
+        "duration_s": _number(digest.span_s),
+        "elapsed_s": _number(run["wall_clock"]["elapsed_s"]),
+        "length": _path_length(folder),
+        "unit": "m" if metric.get("unit") == "m" else "trajectory",
+        **{status.value.lower(): count for status, count in digest.counts.items()},
+        **_honesty(folder),
+        "noise_px": _median(digest, "noise_px"),
+        "lens": found,
+        "lens_sigma": sigma,
+        "scale": _number(metric.get("metres_per_unit", {}).get("first")),
+        "scale_sigma": _number(metric.get("relative_sigma")),
+        "worst": "; ".join(f"{m.time_s:.1f} s: {m.title}" for m in moments[:_MOMENTS]),
+    }
+
+
+def _path_length(folder: Path) -> float | None:
+    poses = read_tum(folder / "trajectory.tum")
+    positions = poses.world_from_body[:, :3, 3]
+    steps = positions[1:] - positions[:-1]
+    return _number(float(((steps**2).sum(axis=1) ** 0.5).sum()))
+
+
+def _honesty(folder: Path) -> dict[str, float | None]:
+    file = folder / "halves.csv"
+    if not file.is_file():
+        return {}
+    halves = read_halves(file)
+    if not any(half.dof for half in halves):
+        return {}
+    ratio = evaluate_halves(halves).ratio
+    return {
+        "halves": _number(ratio.ratio),
+        "halves_low": _number(ratio.low),
+        "halves_high": _number(ratio.high),
+    }
+
+
+def _lens(run: dict[str, Any]) -> tuple[str, str]:
+    """The lens as found and its sigma, from the key ``lens`` or that of the camera."""
+    told = run.get("lens") or {}
+    found = told.get("found") or run["camera"].get("parameters")
+    return _words(found), _words(told.get("sigma") or run["camera"].get("sigma"))
+
+
+def _words(parameters: Any) -> str:
+    if isinstance(parameters, dict):
+        return " ".join(f"{name}={value:.6g}" for name, value in parameters.items())
+    if isinstance(parameters, list):
+        return " ".join(f"{value:.6g}" for value in parameters)
+    return ""
+
+
+def _median(digest: Any, name: str) -> float | None:
+    if name not in digest.series:
+        return None
+    values = sorted(v for v in digest.series[name].first.tolist() if math.isfinite(v))
+    return values[len(values) // 2] if values else None
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None

@@ -1,0 +1,44 @@
+"""What a worker does: one drive, from the look whether it is done to its folder."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+from farpoint.errors import InputError, MissingExtraError, optional_import, printable
+from farpoint.fleet.drive import Drive
+from farpoint.fleet.folder import finish_folder, is_finished
+
+__all__ = ["Work", "do_drive", "one_line"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """A drive, its folder, and the key by which it is recognised when finished."""
+
+    drive: Drive
+    folder: Path
+    key: str
+
+
+def do_drive(work: Work) -> str | None:
+    """Run a drive that is not finished; None, or in one line why it cannot be run."""
+    if is_finished(work.folder, work.key):  # by a worker that died before it could say so
+        return None
+    try:
+        optional_import("cv2", extra="video", purpose="reading images").setNumThreads(1)
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            finish_folder(work.folder, work.key, work.drive.run)
+    except Exception as error:  # whatever it is, the other drives go on
+        return one_line(error)
+    return None
+
+
+def one_line(error: BaseException) -> str:
+    """An error as a person reads it in a table."""
+    if isinstance(error, InputError | MissingExtraError):
+        return printable(str(error))
+    return printable(f"{type(error).__name__}: {error}"[:500])

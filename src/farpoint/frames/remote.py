@@ -1,0 +1,135 @@
+"""Sources in object stores and on other file systems, by fsspec."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import weakref
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import IO, Any
+
+from farpoint.errors import InputError, optional_import
+from farpoint.frames.frame import FrameSource
+from farpoint.frames.video import open_video
+
+__all__ = ["is_remote", "open_remote", "open_remote_file", "remote_place"]
+
+_STREAMS = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt")
+
+
+def is_remote(source: str) -> bool:
+    """Whether fsspec reads it: a URL that FFmpeg does not, or a folder (``/``) of a web server."""
+    scheme, mark, rest = source.partition("://")
+    if not mark:
+        return False
+    if scheme.lower() in ("http", "https"):
+        return rest.endswith("/")
+    return scheme.lower() not in _STREAMS
+
+
+def remote_place(url: str) -> tuple[Any, str]:
+    """The file system of a URL and the path in it.
+
+    Raises
+    ------
+    InputError
+        Where the scheme is unknown to fsspec.
+    MissingExtraError
+        Where fsspec, or the library that it needs for this scheme, is not installed.
+    """
+    fsspec = optional_import("fsspec", extra="remote", purpose="reading from other file systems")
+    try:
+        return fsspec.core.url_to_fs(url)
+    except ValueError as error:
+        raise InputError(f"unknown kind of stream or store ({error})", file=_public(url)) from None
+    except ImportError as error:
+        raise _unreadable(url, error) from None
+
+
+def open_remote_file(url: str) -> IO[bytes]:
+    """A file behind a URL, opened for reading; seeks read only what is asked for.
+
+    Raises
+    ------
+    InputError
+        Where it is not there or cannot be read.
+    """
+    system, path = remote_place(url)
+    try:
+        return system.open(path, "rb")
+    except Exception as error:  # each file system has errors of its own
+        raise _unreadable(url, error) from None
+
+
+def open_remote(
+    url: str,
+    open_local: Callable[[Path], FrameSource],
+    *,
+    fps: float | None,
+    follow_playlists: bool = False,
+) -> FrameSource:
+    """Open a video, which is read as it is decoded, or a folder, which is copied first.
+
+    Parameters
+    ----------
+    url : str
+        Such as ``"s3://bucket/drive.mp4"``.
+    open_local : callable
+        Opens a folder on this machine. The copy lives as long as what it returns.
+    fps : float or None
+        Frames a second of a video without time stamps.
+    follow_playlists : bool
+        Play the files that a playlist names.
+
+    Raises
+    ------
+    InputError
+        Where it is missing, unreadable, or holds no pictures.
+    """
+    system, path = remote_place(url)
+    name = PurePosixPath(path.rstrip("/")).name
+    try:
+        if system.isdir(path):
+            return _copied(system, path, name, open_local)
+        if not system.exists(path):
+            raise InputError("no such file or folder")
+        opener = partial(open_remote_file, url)
+        return open_video(Path(name), fps=fps, follow_playlists=follow_playlists, opener=opener)
+    except InputError as error:
+        raise InputError(error.problem, file=_public(url)) from None
+    except Exception as error:  # each file system has errors of its own
+        raise _unreadable(url, error) from None
+
+
+def _copied(
+    system: Any, path: str, name: str, open_local: Callable[[Path], FrameSource]
+) -> FrameSource:
+    place = tempfile.TemporaryDirectory(prefix="farpoint-")
+    folder = Path(place.name) / (name or "images")
+    folder.mkdir()
+    try:
+        for file in system.find(path):
+            within = PurePosixPath(file.removeprefix(path.rstrip("/")).lstrip("/"))
+            if file.endswith("/") or ".." in within.parts:  # a server may name what it likes
+                continue
+            copy = folder / within
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            system.get_file(file, str(copy))
+        opened = open_local(folder)
+    except BaseException:
+        place.cleanup()
+        raise
+    weakref.finalize(opened, place.cleanup)
+    return opened
+
+
+def _unreadable(url: str, error: Exception) -> InputError:
+    words = " ".join(str(error).replace(url, _public(url)).split()) or type(error).__name__
+    return InputError(f"cannot be read: {words}", file=_public(url))
+
+
+def _public(url: str) -> str:
+    """The URL without what may be a password or a token."""
+    return re.sub(r"//[^/]*@", "//", url.partition("?")[0])
