@@ -105,7 +105,8 @@ def test_a_keyframe_that_leaves_leaves_what_it_told():
 
 def test_the_relative_pose_of_two_keyframes_is_surer_than_either():
     drive = Drive(PathOptions(keyframe_flow_px=8.0))
-    for tracks in cloud(poses_of(forward(30), np.zeros((30, 3))), noise_px=0.2).tracks():
+    poses = poses_of(forward(30), np.zeros((30, 3)))
+    for tracks in cloud(poses, noise_px=0.2).tracks():
         drive.add(tracks)
     window = drive.builder._window
     frames = [frame.frame for frame in window.frames]
@@ -116,6 +117,13 @@ def test_the_relative_pose_of_two_keyframes_is_surer_than_either():
     np.testing.assert_allclose(motion[:3, :3], second.R.T @ first.R, atol=1e-12)
     np.testing.assert_allclose(second.R @ motion[:3, 3] + second.p, first.p, atol=1e-9)
     assert np.linalg.eigvalsh(covariance).min() > 0.0
+    # Keyframes have left since the last solution: the rows are those of the ones that stayed.
+    assert window.has_forgotten
+    assert len(window.covariance) == 6 * len(window) + 1
+    error = np.linalg.inv(poses[frames[-1]]) @ poses[frames[-2]]
+    scale = np.linalg.norm(motion[:3, 3]) / np.linalg.norm(error[:3, 3])
+    off = motion[:3, 3] / scale - error[:3, 3]
+    assert np.linalg.norm(off) * scale < 5.0 * np.sqrt(np.trace(covariance[3:, 3:]))
     alone = window.pose_covariance()
     assert np.trace(covariance[:3, :3]) < np.trace(alone[:3, :3])
     assert drive.builder.relative_pose(frames[0] - 1000, frames[-1]) is None

@@ -391,7 +391,7 @@ class PathBuilder:
         assert key is not None
         rows = key.rows_of(now.ids)
         both = rows >= 0
-        if both.sum() < self._options.keyframe_share * len(key.ids):
+        if not both.any() or both.sum() < self._options.keyframe_share * len(key.ids):
             return True
         flow = np.linalg.norm(now.pixels[both] - key.pixels[rows[both]], axis=1)
         return bool(np.median(flow) > flow_px)

@@ -568,6 +568,8 @@ class Window:
         gone[self._change_anchors(np.flatnonzero(is_anchored & ~ended), frame.serial)] = True
         marks.keep(~gone, marks.serial != frame.serial)
         del self.frames[slot]
+        out = slice(6 * slot, 6 * slot + 6)
+        self.covariance = np.delete(np.delete(self.covariance, out, axis=0), out, axis=1)
         self._prior.replace(system, slot, self.frames, self.lens.common)
         self._has_forgotten, self._unit, self._linear = True, None, None
         return frame
