@@ -105,8 +105,8 @@ def test_memory_does_not_grow_with_the_length(tmp_path: Path):
 
     peak(500)  # most of what is loaded on use; what few frames need comes later, and once
     short = min(peak(50) for _ in range(2))
-    long = min(peak(500) for _ in range(3))
-    assert long - short < 0.05 * 450 * 160 * 96
+    # What grows with the length does so each time.
+    assert any(peak(500) - short < 0.05 * 450 * 160 * 96 for _ in range(3))
 
 
 def test_the_end_of_a_film_ends_the_session(tmp_path: Path):

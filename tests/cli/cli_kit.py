@@ -24,6 +24,9 @@ from PIL import Image
 
 from farpoint.camera import Camera
 from farpoint.cli import main
+from farpoint.cli.lens import LensOptions
+from farpoint.cli.run import Run
+from farpoint.sinks import OutputOptions
 
 WIDTH, HEIGHT, FOCAL = 240, 144, 180.0
 CAMERA = Camera.pinhole(WIDTH, HEIGHT, FOCAL, FOCAL, 119.5, 71.5)
@@ -139,6 +142,19 @@ def statuses_of(folder: Path) -> list[str]:
 def record_of(folder: Path) -> dict[str, Any]:
     """``run.json``."""
     return json.loads((folder / "run.json").read_text())
+
+
+def quick_run(place: Path, images: Images) -> Path:
+    """The outputs of a run without pictures, for fixtures of a module: nothing is captured."""
+    calibration = place / "sensor.yaml"
+    calibration.write_text(CALIBRATION)
+    Run(
+        source=str(write_folder(place / "shots", images)),
+        lens=LensOptions(camera=calibration),
+        out=place / "out",
+        output=OutputOptions(overlay=False, report=False),
+    )()
+    return place / "out"
 
 
 RunOver = Callable[[Images], tuple[Outcome, Path]]

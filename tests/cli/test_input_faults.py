@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from cli_kit import (
     CommandLine,
     assert_refused,
     encoded,
+    quick_run,
     write_folder,
     write_video,
 )
@@ -256,18 +258,20 @@ def test_a_frame_rate_that_is_none(farpoint: CommandLine, shots: Path, calibrati
     assert_refused(farpoint("run", shots, "--camera", calibration, "--fps", fps), "fps", fps)
 
 
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory, images: Pictures) -> Path:
+    return quick_run(tmp_path_factory.mktemp("run"), images[:2])
+
+
 @pytest.fixture
-def finished(farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path) -> Path:
-    out = tmp_path / "finished"
-    arguments = ("--camera", calibration, "--out", out, "--no-overlay", "--no-report")
-    assert farpoint("run", shots, *arguments).code == 0
-    return out
+def finished(tmp_path: Path, result: Path) -> Path:
+    return shutil.copytree(result, tmp_path / "finished")
 
 
 @pytest.mark.parametrize(
     ("truth", "problem"),
     [
-        (None, "No such file"),
+        (None, "no such file"),
         ("", "expected"),
         ("0 0 0 0 0 0 0\n", "8"),
         ("900 0 0 0 0 0 0 1\n901 0 0 0 0 0 0 1\n", "900"),

@@ -23,6 +23,7 @@ from cli_kit import (
 )
 
 from farpoint import __version__
+from farpoint.cli import streams
 
 CLOSED = {
     "stdin": partial(os.close, 0),
@@ -48,12 +49,13 @@ def test_a_closed_stream_changes_neither_the_code_nor_the_outcome(
     assert len(rows_of(out)) == 3
     # Nothing printed has gone into a file that was given the closed stream's number.
     assert all("pairs of frames" not in path.read_text() for path in out.glob("*.*"))
-    assert code_of("evaluate", out, closed=closed, cwd=tmp_path) == 0
-    assert code_of("camera", calibration, closed=closed, cwd=tmp_path) == 0
-    assert code_of("camera", tmp_path / "none", closed=closed, cwd=tmp_path) == 2
-    assert code_of("--version", closed=closed, cwd=tmp_path) == 0
-    assert code_of("--help", closed=closed, cwd=tmp_path) == 0
-    assert code_of(closed=closed, cwd=tmp_path) == 2
+    # What prints most, where it is printed: tables and help on stdout, errors and usage on stderr.
+    if closed in ("stdout", "all"):
+        assert code_of("evaluate", out, closed=closed, cwd=tmp_path) == 0
+        assert code_of("--help", closed=closed, cwd=tmp_path) == 0
+    if closed in ("stderr", "all"):
+        assert code_of("camera", tmp_path / "none", closed=closed, cwd=tmp_path) == 2
+        assert code_of(closed=closed, cwd=tmp_path) == 2
 
 
 TALKATIVE = """
@@ -90,9 +92,9 @@ def test_what_is_printed_past_python_gets_into_no_output(
 
 
 KEEPER = """
-import os, sys
-from farpoint.cli.streams import lasting_streams
+import os, runpy, sys
 
+lasting_streams = runpy.run_path(sys.argv[2])["lasting_streams"]
 with lasting_streams(), open(sys.argv[1], "w") as file:
     for descriptor in (1, 2):
         os.write(descriptor, b"chatter")
@@ -106,24 +108,26 @@ with lasting_streams(), open(sys.argv[1], "w") as file:
 def test_a_file_opened_later_never_takes_the_place_of_a_closed_stream(closed: str, tmp_path: Path):
     path = tmp_path / "output"
     done = subprocess.run(
-        [sys.executable, "-c", KEEPER, path], preexec_fn=CLOSED[closed], capture_output=True
+        [sys.executable, "-c", KEEPER, path, streams.__file__],
+        preexec_fn=CLOSED[closed],
+        capture_output=True,
     )
     assert done.returncode == 0
     assert path.read_text() == "kept"
 
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
-@pytest.mark.parametrize("arguments", [("--help",), ("camera", "none.yaml"), ()])
+@pytest.mark.parametrize(
+    ("arguments", "code"), [(("--help",), 0), (("camera", "none.yaml"), 2), ((), 2)]
+)
 def test_a_reader_that_has_gone_changes_no_code(
-    stream: str, arguments: tuple[str, ...], tmp_path: Path
+    stream: str, arguments: tuple[str, ...], code: int, tmp_path: Path
 ):
-    def code(**streams: int) -> int:
-        return subprocess.run([*FARPOINT, *arguments], cwd=tmp_path, **streams).returncode
-
     read, write = os.pipe()
     os.close(read)
     try:
-        assert code(**{stream: write}) == code(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        done = subprocess.run([*FARPOINT, *arguments], cwd=tmp_path, **{stream: write})
+        assert done.returncode == code
     finally:
         os.close(write)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_kit import CAMERA, CommandLine, assert_refused, write_folder
+from cli_kit import CAMERA, CommandLine, assert_refused, quick_run
 from scipy.spatial.transform import Rotation
 
 from farpoint.camera.files.extrinsics import read_body_from_cam
@@ -26,17 +26,10 @@ def long_drive() -> RenderedSequence:
     return render_drive(CAMERA, frames=24, seed=8)
 
 
-@pytest.fixture
-def run(
-    tmp_path: Path, long_drive: RenderedSequence, calibration: Path, farpoint: CommandLine
-) -> Path:
-    shots = write_folder(tmp_path / "shots", [frame.image for frame in long_drive])
-    out = tmp_path / "out"
-    said = farpoint(
-        "run", shots, "--camera", calibration, "--out", out, "--no-overlay", "--no-report"
-    )
-    assert said.code == 0
-    return out
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, long_drive: RenderedSequence) -> Path:
+    place = tmp_path_factory.mktemp("run")
+    return quick_run(place, [frame.image for frame in long_drive])
 
 
 def write(path: Path, world_from_body: np.ndarray, order: str = "xyzw") -> Path:
