@@ -61,7 +61,9 @@ class _Lasting(io.TextIOBase):
                 stream.flush()
 
     def isatty(self) -> bool:
-        return self._stream is not None and self._stream.isatty()
+        if self._stream is None or self._stream.closed:
+            return False
+        return self._stream.isatty()
 
     def fileno(self) -> int:
         if self._stream is None:
