@@ -61,7 +61,8 @@ class _Lasting(io.TextIOBase):
                 stream.flush()
 
     def isatty(self) -> bool:
-        return self._stream is not None and self._stream.isatty()
+        stream = self._stream
+        return stream is not None and not stream.closed and stream.isatty()
 
     def fileno(self) -> int:
         if self._stream is None:
