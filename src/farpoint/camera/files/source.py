@@ -110,7 +110,7 @@ class _MalformedError(Exception):
 
 
 def _whole(digits: str) -> int | float:
-    """A whole number of JSON; one that no float holds exactly is as good as rounded, or infinite."""
+    """A whole number of JSON; one that no float holds exactly is rounded, or infinite."""
     return int(digits) if len(digits) <= _MOST_DIGITS else float(digits)
 
 
