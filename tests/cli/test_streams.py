@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import signal
 import subprocess
@@ -223,3 +225,11 @@ def test_a_full_disk_behind_standard_output_is_told():
         done = subprocess.run([*FARPOINT, "--version"], stdout=full, stderr=subprocess.PIPE)
     assert done.returncode == 2
     assert done.stderr == b"farpoint: No space left on device\n"
+
+
+def test_a_stream_that_was_closed_is_no_terminal():
+    """Libraries ask at the end of Python, when tests have closed what they captured."""
+    with contextlib.redirect_stdout(io.StringIO()) as captured, streams.lasting_streams():
+        lasting = sys.stdout
+        captured.close()
+        assert not lasting.isatty()

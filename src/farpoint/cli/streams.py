@@ -61,9 +61,8 @@ class _Lasting(io.TextIOBase):
                 stream.flush()
 
     def isatty(self) -> bool:
-        if self._stream is None or self._stream.closed:
-            return False
-        return self._stream.isatty()
+        stream = self._stream
+        return stream is not None and not stream.closed and stream.isatty()
 
     def fileno(self) -> int:
         if self._stream is None:
