@@ -30,17 +30,10 @@ def test_memory_does_not_grow_with_the_length(
         command = ("run", write_folder(tmp_path / name, times * repeated), *arguments)
         return peak_bytes(lambda: farpoint(*command, tmp_path / f"{name}-out"))
 
-<<<<<<< HEAD
     first = write_folder(tmp_path / "first", images[:4])  # what is loaded and compiled on use
     farpoint("run", first, *arguments, tmp_path / "first-out")
     # Long enough for the window over keyframes to be full.
     short, long = peak("short", 4), peak("long", 9)
     assert len(statuses_of(tmp_path / "long-out")) == 9 * len(repeated) - 1
     images_more = 5 * len(repeated) * images[0].nbytes
-=======
-    peak("first", 1)  # what is loaded and compiled on use
-    short, long = peak("short", 1), peak("long", 7)
-    assert len(statuses_of(tmp_path / "long-out")) == 7 * len(repeated) - 1
-    images_more = 6 * len(repeated) * images[0].nbytes
->>>>>>> door
     assert long - short < 0.05 * images_more
