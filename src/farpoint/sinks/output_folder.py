@@ -132,7 +132,7 @@ class OutputFolder:
         self._options = options or OutputOptions()
         self._closed = False
         self._last_steps: list[Callable[[Path], object]] = []
-        self._pairs = 0
+        self._pairs, self._last_frame = 0, -1
         # What is missing is found before hours of work and before earlier outputs are removed.
         if self._options.parquet:
             load_pyarrow()
@@ -190,11 +190,17 @@ class OutputFolder:
             start = time.perf_counter()
             sink.write(result, image)
             self._record.add_time(name, time.perf_counter() - start)
+        self._last_frame = result.frame1
         self._record.write(result, image)
 
     def settle(self, poses: Iterable[Posed]) -> None:
-        """Add poses of the path that change no more: `Odometry.settled`, at the end `remaining`."""
+        """Add poses of the path that change no more: `Odometry.settled`, at the end `remaining`.
+
+        Those of frames whose result was not written, since Ctrl-C came between, are left out.
+        """
         for pose in poses:
+            if pose.frame1 > self._last_frame:
+                break
             for name, file in self._path_files.items():
                 start = time.perf_counter()
                 file.write(pose)
