@@ -9,7 +9,9 @@ from hand_kit import FPS, tracks_of
 
 from farpoint.camera import Camera, KannalaBrandt
 from farpoint.geometry import so3
+from farpoint.path.keyframe import Keyframe
 from farpoint.path.options import LensRefinementOptions, PathOptions
+from farpoint.path.prior import Prior, System
 from farpoint.path.window import Window
 
 FISHEYE = Camera(
@@ -159,3 +161,21 @@ def test_rotation_vectors_of_the_prior_are_those_of_so3():
     vectors = np.random.default_rng(0).normal(0.0, 0.8, (40, 3))
     vectors[0] = 0.0
     np.testing.assert_allclose(_rotation_vectors(so3.exp(vectors)), vectors, atol=1e-12)
+
+
+def test_eliminating_a_pose_keeps_the_covariance_and_the_solution_of_the_rest():
+    rng = np.random.default_rng(4)
+    frames = [
+        Keyframe(serial=k, frame=k, timestamp=0.1 * k, R=np.eye(3), p=np.zeros(3)) for k in range(3)
+    ]
+    common = np.zeros(2)
+    prior = Prior(common, np.eye(2))
+    for frame in frames:
+        prior.add_pose(frame)
+    J = rng.normal(size=(60, 20))
+    H, g = J.T @ J, rng.normal(size=20)
+    rest = np.delete(np.arange(20), np.arange(6, 12))
+    prior.replace(System(H, g), 1, [frames[0], frames[2]], common)
+    found = prior.at(np.zeros(14))
+    np.testing.assert_allclose(np.linalg.inv(found.H), np.linalg.inv(H)[np.ix_(rest, rest)])
+    np.testing.assert_allclose(np.linalg.solve(found.H, found.g), np.linalg.solve(H, g)[rest])
