@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from farpoint._kernels.positive import eliminate_points, point_variances
 from farpoint._kernels.window import (
     UNSEEN_PX,
     gather_information,
@@ -145,3 +146,29 @@ def test_a_pose_is_found_by_known_points():
     np.testing.assert_allclose(R, R_true, atol=1e-7)
     np.testing.assert_allclose(p, p_true, atol=1e-6)
     assert squares.max() < 1e-6
+
+
+def test_elimination_is_the_complement_of_schur():
+    rng = np.random.default_rng(6)
+    coupling = rng.normal(size=(9, 14)) * (rng.uniform(size=(9, 14)) < 0.4)
+    point_h, point_g = rng.uniform(1.0, 2.0, 9), rng.normal(size=9)
+    point_h[4], coupling[4] = 0.0, 0.0  # of a point that nobody sees
+    J = rng.normal(size=(30, 14))
+    H, g = J.T @ J, rng.normal(size=14)
+    expected_h = H - coupling.T @ (coupling / (point_h + 0.1)[:, None])
+    expected_g = g - coupling.T @ (point_g / (point_h + 0.1))
+    eliminate_points(coupling, point_h, point_g, 0.1, H, g)
+    np.testing.assert_allclose(H, expected_h, atol=1e-12)
+    np.testing.assert_allclose(g, expected_g, atol=1e-12)
+
+
+def test_variances_of_points_are_those_of_the_whole_inverse():
+    rng = np.random.default_rng(7)
+    coupling = 0.3 * rng.normal(size=(5, 6)) * (rng.uniform(size=(5, 6)) < 0.7)
+    point_h, J = rng.uniform(2.0, 3.0, 5), rng.normal(size=(30, 6))
+    whole = np.block([[J.T @ J, coupling.T], [coupling, np.diag(point_h)]])
+    H, g = J.T @ J, np.zeros(6)
+    eliminate_points(coupling, point_h, np.zeros(5), 0.0, H, g)
+    rows, found = np.array([0, 2, 3]), np.empty(3)
+    point_variances(rows, coupling, point_h, np.linalg.inv(H), found)
+    np.testing.assert_allclose(found, np.diag(np.linalg.inv(whole))[6 + rows], rtol=1e-9)

@@ -40,7 +40,8 @@ def test_without_noise_the_path_is_exact():
     unit = lengths(poses)[0]
     for told in (drive.points, drive.settled):
         found = np.array([point.world_from_cam for point in told])
-        np.testing.assert_allclose(found[:, :3, 3], poses[:, :3, 3] / unit, rtol=0.0, atol=8e-3)
+        # A keyframe moves by one step of Gauss and Newton only.
+        np.testing.assert_allclose(found[:, :3, 3], poses[:, :3, 3] / unit, rtol=3e-4, atol=2e-3)
     assert drive.points[1].scale == pytest.approx(1.0, rel=1e-6)
     assert drive.points[1].scale_sigma == 0.0
     assert {point.segment for point in drive.points} == {0}

@@ -9,9 +9,11 @@ from hand_kit import FPS, tracks_of
 
 from farpoint.camera import Camera, KannalaBrandt
 from farpoint.geometry import so3
+from farpoint.path.information import System, inverse, solution
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.options import LensRefinementOptions, PathOptions
-from farpoint.path.prior import Prior, System
+from farpoint.path.prior import Prior
+from farpoint.path.residuals import Normal, Poses
 from farpoint.path.window import Window
 
 FISHEYE = Camera(
@@ -32,15 +34,24 @@ def window_of(camera: Camera = CAMERA, frames: int = 12, readout_s: float = 0.02
 
 def cost_of(window: Window) -> float:
     """Of the data alone."""
-    linear = window._linearised(window._offsets())
-    return float(window._cost(linear) - window._prior.cost(window._deviation()))
+    poses = Poses.of(window.frames)
+    residuals = window._residuals(poses)
+    return residuals.cost(residuals.linear(poses))
+
+
+def normal_of(window: Window) -> Normal:
+    """Normal equations of the data where the window is now."""
+    poses = Poses.of(window.frames)
+    residuals = window._residuals(poses)
+    return residuals.normal(residuals.linear(poses), window.landmarks.has_depth)
 
 
 @pytest.mark.parametrize("camera", [CAMERA, FISHEYE], ids=["pinhole", "fisheye"])
 def test_the_gradient_is_the_derivative_of_the_cost(camera):
     window = window_of(camera)
-    linear = window._linearised(window._offsets())
-    normal = window._normal(linear, window.landmarks.has_depth)
+    window.lens.relinearise()  # what its derivatives leave out is of second order in its change
+    window.landmarks.take_rays()
+    normal = normal_of(window)
     still = normal._replace(point_h=np.ones_like(normal.point_h), point_g=0.0 * normal.point_g)
     still = still._replace(coupling=0.0 * normal.coupling)
     common = 6 * len(window)
@@ -64,7 +75,7 @@ def test_the_gradient_is_the_derivative_of_the_cost(camera):
 def test_the_gradient_of_distances_is_the_derivative_of_the_cost():
     window = window_of()
     marks = window.landmarks
-    normal = window._normal(window._linearised(window._offsets()), marks.has_depth)
+    normal = normal_of(window)
     for row in np.flatnonzero(marks.has_depth)[::17]:
         size, costs, kept = 1e-5 * marks.s[row], [], marks.s
         for sign in (1.0, -1.0):
@@ -81,7 +92,7 @@ def test_the_gradient_of_distances_is_the_derivative_of_the_cost():
 def test_moving_the_world_costs_nothing():
     # The first six directions of the gauge: information along them is zero, wherever the poses are.
     window = window_of()
-    normal = window._normal(window._linearised(window._offsets()), window.landmarks.has_depth)
+    normal = normal_of(window)
     whole = np.zeros((len(normal.g), 6))
     for slot in range(len(window)):
         whole[6 * slot : 6 * slot + 6] = np.eye(6)
@@ -93,13 +104,12 @@ def test_a_keyframe_that_leaves_leaves_what_it_told():
     """The covariance of those that stay is the one of before, where all its points have ended."""
     window = window_of()
     marks = window.landmarks
-    first = window.frames[0].serial
     # Points of the first keyframe alone: then nothing is left out when it goes.
-    marks.keep(marks.serial[marks.anchor] == first)
+    marks.keep(marks.slot[marks.anchor] == 0)
     window.solve(1)
-    linear = window._linearised(window._offsets())
-    whole = window._whole(window._normal(linear, marks.has_depth).reduced(0.0), window._baseline())
-    window._linear = linear
+    window._linear = None  # taken anew, at the lens as it is
+    reduced = normal_of(window).reduced(0.0)
+    whole = window._whole(reduced, window._deviation(), window._baseline())
     window.remove(0, np.empty(0, np.int64))
     kept = np.linalg.inv(window._prior.at(window._deviation()).H)
     np.testing.assert_allclose(kept, np.linalg.inv(whole.H)[6:, 6:], rtol=1e-3, atol=1e-12)
@@ -133,7 +143,7 @@ def test_the_relative_pose_of_two_keyframes_is_surer_than_either():
 
 def test_memory_and_time_do_not_grow_with_the_drive():
     sizes = []
-    drive = Drive()
+    drive = Drive(PathOptions(keyframe_flow_px=8.0))
     scene = cloud(poses_of(forward(90), np.zeros((90, 3))), count=6000)
     for tracks in scene.tracks():
         drive.add(tracks)
@@ -165,9 +175,7 @@ def test_rotation_vectors_of_the_prior_are_those_of_so3():
 
 def test_eliminating_a_pose_keeps_the_covariance_and_the_solution_of_the_rest():
     rng = np.random.default_rng(4)
-    frames = [
-        Keyframe(serial=k, frame=k, timestamp=0.1 * k, R=np.eye(3), p=np.zeros(3)) for k in range(3)
-    ]
+    frames = [Keyframe(frame=k, timestamp=0.1 * k, R=np.eye(3), p=np.zeros(3)) for k in range(3)]
     common = np.zeros(2)
     prior = Prior(common, np.eye(2))
     for frame in frames:
@@ -175,7 +183,21 @@ def test_eliminating_a_pose_keeps_the_covariance_and_the_solution_of_the_rest():
     J = rng.normal(size=(60, 20))
     H, g = J.T @ J, rng.normal(size=20)
     rest = np.delete(np.arange(20), np.arange(6, 12))
-    prior.replace(System(H, g), 1, [frames[0], frames[2]], common)
+    prior.replace(System(H, g), 1, Poses.of([frames[0], frames[2]]), common)
     found = prior.at(np.zeros(14))
     np.testing.assert_allclose(np.linalg.inv(found.H), np.linalg.inv(H)[np.ix_(rest, rest)])
     np.testing.assert_allclose(np.linalg.solve(found.H, found.g), np.linalg.solve(H, g)[rest])
+
+
+def test_solutions_and_inverses_of_systems_whose_units_span_many_orders():
+    rng = np.random.default_rng(5)
+    J, units = rng.normal(size=(60, 20)), 10.0 ** rng.uniform(-6, 6, 20)
+    H, g = (J.T @ J) * np.outer(units, units), rng.normal(size=20) * units
+    np.testing.assert_allclose(
+        inverse(H) * np.outer(units, units), np.linalg.inv(J.T @ J), rtol=1e-6
+    )
+    step = solution(System(H, g), 0.0)
+    np.testing.assert_allclose(step * units, -np.linalg.solve(J.T @ J, g / units), rtol=1e-9)
+    H[3, 3] = -1.0  # not positive: there is no step, and no error
+    assert not solution(System(H, g), 0.0).any()
+    assert np.isfinite(inverse(H)).all()

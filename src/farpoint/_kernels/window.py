@@ -21,6 +21,7 @@ from numba import njit
 
 __all__ = [
     "UNSEEN_PX",
+    "by_sigmas",
     "expected_rays",
     "gather_information",
     "locate",
@@ -88,6 +89,18 @@ def _whitened(noise, last, travelled, before, u, v):
 
 
 @_loop
+def by_sigmas(by_parameters, factor, out):
+    """``by_parameters @ factor`` (N, 2, r) of (N, 2, P) and (P, r), without BLAS's threads."""
+    for n in range(len(out)):
+        for q in range(2):
+            for i in range(factor.shape[1]):
+                total = 0.0
+                for k in range(factor.shape[0]):
+                    total += by_parameters[n, q, k] * factor[k, i]
+                out[n, q, i] = total
+
+
+@_loop
 def expected_rays(
     R, p, twist, readout, lens, frame, point, row_phase, rays, ray_by_lens, anchor, s, out
 ):
@@ -96,11 +109,11 @@ def expected_rays(
         j = point[o]
         a = anchor[j]
         k, ka, sj = frame[o], frame[a], s[j]
-        bx, by, bz = rays[a, 0], rays[a, 1], rays[a, 2]
+        bx, by, bz = rays[j, 0], rays[j, 1], rays[j, 2]
         for i in range(len(lens)):
-            bx += ray_by_lens[a, 0, i] * lens[i]
-            by += ray_by_lens[a, 1, i] * lens[i]
-            bz += ray_by_lens[a, 2, i] * lens[i]
+            bx += ray_by_lens[j, 0, i] * lens[i]
+            by += ray_by_lens[j, 1, i] * lens[i]
+            bz += ray_by_lens[j, 2, i] * lens[i]
         wx, wy, wz = _turned(R[ka], bx, by, bz)
         ux, uy, uz = _lag(twist[ka], wx, wy, wz, sj)
         late = readout * row_phase[a]
@@ -136,8 +149,8 @@ def pixel_residuals(
         Of each observation, keyframes ascending.
     row_phase : (N,)
         When its row is read: from -1/2 to 1/2 of the read-out time.
-    rays, ray_by_lens : (N, 3), (N, 3, r)
-        Observed ray, and its derivative by the lens.
+    rays, ray_by_lens : (M, 3), (M, 3, r)
+        Ray of each point in its anchor, and its derivative by the lens.
     expected, offsets, by_ray, by_lens : (N, 3), (N, 2), (N, 2, 3), (N, 2, r)
         Ray near the expected one, its pixel less the observed one, and the pixel's derivatives.
     anchor : (M,)
@@ -158,11 +171,11 @@ def pixel_residuals(
         if o == a or not used[j]:
             continue
         k, ka, sj = frame[o], frame[a], s[j]
-        bx, by, bz = rays[a, 0], rays[a, 1], rays[a, 2]
+        bx, by, bz = rays[j, 0], rays[j, 1], rays[j, 2]
         for i in range(r):
-            bx += ray_by_lens[a, 0, i] * lens[i]
-            by += ray_by_lens[a, 1, i] * lens[i]
-            bz += ray_by_lens[a, 2, i] * lens[i]
+            bx += ray_by_lens[j, 0, i] * lens[i]
+            by += ray_by_lens[j, 1, i] * lens[i]
+            bz += ray_by_lens[j, 2, i] * lens[i]
         wx, wy, wz = _turned(R[ka], bx, by, bz)
         ux, uy, uz = _lag(twist[ka], wx, wy, wz, sj)
         phase_a, phase = row_phase[a], row_phase[o]
@@ -197,9 +210,9 @@ def pixel_residuals(
                 pixel += by_lens[o, q, i] * lens[i]
                 by_common[o, q, i] = (
                     by_lens[o, q, i]
-                    + nx * ray_by_lens[a, 0, i]
-                    + ny * ray_by_lens[a, 1, i]
-                    + nz * ray_by_lens[a, 2, i]
+                    + nx * ray_by_lens[j, 0, i]
+                    + ny * ray_by_lens[j, 1, i]
+                    + nz * ray_by_lens[j, 2, i]
                 )
             by_common[o, q, r] = mx * (ux - vx) + my * (uy - vy) + mz * (uz - vz)
             tx, ty, tz = _cross(mx, my, mz, X, Y, Z)

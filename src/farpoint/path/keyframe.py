@@ -15,8 +15,6 @@ class Keyframe:
 
     Attributes
     ----------
-    serial : int
-        Counts the keyframes of a segment.
     frame : int
         Index of the frame.
     timestamp : float
@@ -29,7 +27,6 @@ class Keyframe:
         Velocities in the world when it was taken: of rotation, rad/s, and of the position.
     """
 
-    serial: int
     frame: int
     timestamp: float
     R: np.ndarray

@@ -8,10 +8,8 @@ from farpoint.path.lens import LensEstimate
 
 __all__ = ["Landmarks", "packed"]
 
-_OF_POINTS = ("ids", "anchor", "s", "s_variance", "has_depth", "is_placed")
-_OF_OBSERVATIONS = (
-    "point", "serial", "pixels", "last", "travelled", "rays", "ray_by_lens", "residuals", "by_s",
-)  # fmt: skip
+_OF_POINTS = ("ids", "anchor", "rays", "ray_by_lens", "s", "s_variance", "has_depth", "is_placed")
+_OF_OBSERVATIONS = ("point", "slot", "pixels", "last", "travelled", "residuals", "by_s")
 
 
 def packed(covariances: np.ndarray) -> np.ndarray:
@@ -28,19 +26,19 @@ class Landmarks:
         Tracks, ascending.
     anchor : ndarray of int64, shape (M,)
         Observation whose ray the point lies along.
+    rays, ray_by_lens : ndarray, shapes (M, 3), (M, 3, r)
+        That ray, and its derivatives by the lens.
     s, s_variance : ndarray, shape (M,)
         Inverse distance from there, and its variance where all else is known.
     has_depth, is_placed : ndarray of bool, shape (M,)
         Whether it has been seen twice; and whether its distance, or that it is far, is more than
         the noise of its pixels and of the keyframes' poses.
-    point, serial : ndarray of int64, shape (N,)
-        Of each observation its point's row and its keyframe; keyframes are in their order.
+    point, slot : ndarray of int64, shape (N,)
+        Of each observation its point's row and its keyframe's place; keyframes ascend.
     pixels : ndarray, shape (N, 2)
         Where it was found.
     last, travelled : ndarray, shape (N, 3)
         Covariances (uu, uv, vv), px^2: of the match that ends there, and of all of its track.
-    rays, ray_by_lens : ndarray, shapes (N, 3), (N, 3, r)
-        Of the pixels, and their derivatives by the lens.
     residuals, by_s : ndarray, shape (N, 2)
         Expected less found pixel, px, and its derivative by the inverse distance, as last computed.
     """
@@ -50,7 +48,7 @@ class Landmarks:
         self.ids, self.anchor = np.empty(0, np.int64), np.empty(0, np.int64)
         self.s, self.s_variance = np.empty(0), np.empty(0)
         self.has_depth, self.is_placed = np.empty(0, bool), np.empty(0, bool)
-        self.point, self.serial = np.empty(0, np.int64), np.empty(0, np.int64)
+        self.point, self.slot = np.empty(0, np.int64), np.empty(0, np.int64)
         self.pixels, self.residuals, self.by_s = (np.empty((0, 2)) for _ in range(3))
         self.last, self.travelled, self.rays = (np.empty((0, 3)) for _ in range(3))
         self.ray_by_lens = np.empty((0, 3, lens.size))
@@ -62,9 +60,9 @@ class Landmarks:
         at = np.searchsorted(self.ids, ids).clip(0, len(self.ids) - 1)
         return np.where(self.ids[at] == ids, at, -1)
 
-    def seen_from(self, serial: int) -> np.ndarray:
+    def seen_from(self, slot: int) -> np.ndarray:
         """Observations of a keyframe."""
-        return np.flatnonzero(self.serial == serial)
+        return np.flatnonzero(self.slot == slot)
 
     def latest(self) -> np.ndarray:
         """The last observation (M,) of each point."""
@@ -74,45 +72,53 @@ class Landmarks:
 
     def observe(
         self,
-        serial: int,
+        slot: int,
         ids: np.ndarray,
         pixels: np.ndarray,
         last: np.ndarray,
         travelled: np.ndarray,
     ) -> None:
         """Add what the newest keyframe sees; a track without a point begins one there."""
-        rays, by_lens = self._lens.rays_of(pixels)
-        seen = np.isfinite(rays).all(axis=1) & np.isfinite(by_lens).all(axis=(1, 2))
-        ids, rays, by_lens = ids[seen], rays[seen], by_lens[seen]
-        rows = self._begin(ids)
-        nothing = np.zeros((len(ids), 2))
-        added = (
-            rows, np.full(len(ids), serial), pixels[seen], last[seen], travelled[seen], rays,
-            by_lens, nothing, nothing,
-        )  # fmt: skip
-        for name, values in zip(_OF_OBSERVATIONS, added, strict=True):
-            setattr(self, name, np.concatenate([getattr(self, name), values]))
-
-    def _begin(self, ids: np.ndarray) -> np.ndarray:
-        """Rows of tracks that are observed next, new ones included."""
         rows = self.rows_of(ids)
         fresh = np.flatnonzero(rows < 0)
-        if not len(fresh):
-            return rows
-        count = len(self.ids)
-        values = (
-            ids[fresh], len(self.point) + fresh, np.zeros(len(fresh)), np.full(len(fresh), np.inf),
-            np.zeros(len(fresh), bool), np.zeros(len(fresh), bool),
+        rays, by_lens, seen = self.seen_along(pixels[fresh])
+        count = len(self.ids) + int(seen.sum())
+        rows[fresh[seen]] = np.arange(len(self.ids), count)
+        taken = rows >= 0
+        place = len(self.point) + np.cumsum(taken) - 1
+        begun, new = np.zeros(count - len(self.ids)), fresh[seen]
+        of_points = (
+            ids[new], place[new], rays[seen], by_lens[seen], begun, begun + np.inf,
+            np.zeros(len(new), bool), np.zeros(len(new), bool),
         )  # fmt: skip
-        all_ids = np.concatenate([self.ids, ids[fresh]])
-        order = np.argsort(all_ids, kind="stable")
-        for name, more in zip(_OF_POINTS, values, strict=True):
-            setattr(self, name, np.concatenate([getattr(self, name), more])[order])
+        self._extend(_OF_POINTS, of_points)
+        rows, nothing = rows[taken], np.zeros((int(taken.sum()), 2))
+        of_observations = (
+            rows, np.full(len(rows), slot), pixels[taken], last[taken], travelled[taken], nothing,
+            nothing,
+        )  # fmt: skip
+        self._extend(_OF_OBSERVATIONS, of_observations)
+        if len(new):
+            self._sort()
+
+    def _extend(self, names: tuple[str, ...], values: tuple[np.ndarray, ...]) -> None:
+        for name, more in zip(names, values, strict=True):
+            setattr(self, name, np.concatenate([getattr(self, name), more]))
+
+    def _sort(self) -> None:
+        """Put points into the order of their tracks."""
+        order = np.argsort(self.ids, kind="stable")
+        for name in _OF_POINTS:
+            setattr(self, name, getattr(self, name)[order])
         row_of = np.empty(len(order), np.int64)
         row_of[order] = np.arange(len(order))
         self.point = row_of[self.point]
-        rows[fresh] = count + np.arange(len(fresh))
-        return row_of[rows]
+
+    def seen_along(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rays of pixels (N, 2), their derivatives by the lens, and whether it sees them."""
+        rays, by_lens = self._lens.rays_of(pixels)
+        seen = np.isfinite(rays).all(axis=1) & np.isfinite(by_lens).all(axis=(1, 2))
+        return rays, by_lens, np.asarray(seen)
 
     def keep(self, points: np.ndarray, observations: np.ndarray | None = None) -> None:
         """Keep points (M,) and, of their observations, those (N,) that masks mark."""
@@ -122,22 +128,25 @@ class Landmarks:
         row_of, place_of = np.cumsum(points) - 1, np.cumsum(kept) - 1
         self.anchor = place_of[self.anchor]
         self.point = row_of[self.point]
-        for name in _OF_POINTS:
-            setattr(self, name, getattr(self, name)[points])
-        for name in _OF_OBSERVATIONS:
-            setattr(self, name, getattr(self, name)[kept])
+        for names, which in ((_OF_POINTS, points), (_OF_OBSERVATIONS, kept)):
+            places = np.flatnonzero(which)
+            for name in names:
+                setattr(self, name, getattr(self, name)[places])
 
-    def next_anchors(self, rows: np.ndarray, serial: int) -> np.ndarray:
-        """For points (N,) the first observation by another keyframe than ``serial``; -1: none."""
+    def next_anchors(self, rows: np.ndarray, slot: int) -> np.ndarray:
+        """For points (N,) the first observation by another keyframe than ``slot``; -1: none."""
         first = np.full(len(self.ids), -1)
-        others = np.flatnonzero(self.serial != serial)[::-1]
+        others = np.flatnonzero(self.slot != slot)[::-1]
         first[self.point[others]] = others  # the first one is written last
         return first[rows]
 
+    def leave_out(self, points: np.ndarray, slot: int) -> None:
+        """Drop points (M,) that a mask marks, and a keyframe's place with its observations."""
+        self.keep(~points, self.slot != slot)
+        self.slot -= self.slot > slot
+
     def take_rays(self) -> None:
-        """Take all rays anew, of the lens as it is; what it sees no more is dropped."""
-        self.rays, self.ray_by_lens = self._lens.rays_of(self.pixels)
-        by_lens = self.ray_by_lens.reshape(len(self.rays), -1)
-        seen = np.asarray(np.isfinite(np.column_stack([self.rays, by_lens])).all(axis=1))
+        """Take all rays anew, of the lens as it is; points that it sees no more are dropped."""
+        self.rays, self.ray_by_lens, seen = self.seen_along(self.pixels[self.anchor])
         if not seen.all():
-            self.keep(seen[self.anchor], seen)
+            self.keep(seen)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from farpoint._kernels.window import by_sigmas
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.path.options import LensRefinementOptions
@@ -102,7 +103,7 @@ class LensEstimate:
         self.given = camera
         prior = with_prior(camera, options)
         self._refinable = prior.refinable
-        self.factor = prior.parameter_factor
+        self.factor = np.ascontiguousarray(prior.parameter_factor)
         self.z = np.zeros(self.factor.shape[1])
         self._linear_z = self.z
         self._model = self._refinable
@@ -176,9 +177,9 @@ class LensEstimate:
     def _by_lens(self, rays: np.ndarray) -> np.ndarray:
         """Derivatives (N, 2, r) of the pixels of rays."""
         by_parameters = self._model.project_parameter_jacobian(rays)
-        # As one product: NumPy takes a stack of small ones one by one.
-        flat = by_parameters.reshape(-1, by_parameters.shape[2]) @ self.factor
-        return flat.reshape(len(rays), 2, self.size)
+        found = np.empty((len(rays), 2, self.size))
+        by_sigmas(np.ascontiguousarray(by_parameters), self.factor, found)
+        return found
 
     def found(self) -> Camera:
         """The camera as found, without uncertainty."""

@@ -31,9 +31,9 @@ class PathOptions:
     """
 
     keyframes: int = 12
-    keyframe_flow_px: float = 20.0
+    keyframe_flow_px: float = 30.0
     keyframe_share: float = 0.7
-    max_tracks: int = 400
+    max_tracks: int = 200
     speed_ratio_sigma: float = 0.5
 
     def __post_init__(self) -> None:
@@ -65,7 +65,7 @@ class LensRefinementOptions:
     refine: bool = True
     focal_sigma: float = 0.03
     center_sigma_px: float = 1.0
-    distortion_sigma_px: float = 1.0
+    distortion_sigma_px: float = 4.0
     readout_ms: float | None = None
 
     def __post_init__(self) -> None:

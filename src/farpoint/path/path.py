@@ -398,8 +398,7 @@ class PathBuilder:
 
     def _add_keyframe(self, window: Window, seen: Sighting, pair: Pair) -> None:
         keyframe = window.add(pair.frame1, pair.time1, self._R, self._p, self._twist)
-        taken = some_of(seen, window.landmarks, self._options.max_tracks)
-        window.landmarks.observe(keyframe.serial, *taken)
+        window.see(some_of(seen, window.landmarks, self._options.max_tracks))
         self._key_sighting, self._new_keyframe, self._is_key = seen, keyframe, True
 
     def _complete_keyframe(self, window: Window, before: Sighting) -> None:
@@ -411,8 +410,7 @@ class PathBuilder:
         fresh = before if key is None else before.select(key.rows_of(before.ids) < 0)
         if not len(fresh.ids):
             return
-        taken = some_of(fresh, window.landmarks, self._options.max_tracks)
-        window.landmarks.observe(window.frames[-1].serial, *taken)
+        window.see(some_of(fresh, window.landmarks, self._options.max_tracks))
         if key is not None:
             joined = Sighting(*(np.concatenate(parts) for parts in zip(key, fresh, strict=True)))
             fresh = joined.select(np.argsort(joined.ids))
@@ -424,7 +422,6 @@ class PathBuilder:
         while len(window) > self._options.keyframes:
             alive = self._history.now.ids
             self._settle(window.remove(least_useful(window, alive), alive))
-        window.forget_lonely(self._history.now.ids)
         newest = window.frames[-1]
         seconds = newest.timestamp - window.frames[-2].timestamp
         way, is_seen = window.last_way()

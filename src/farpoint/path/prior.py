@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from farpoint.geometry import so3
+from farpoint.path.information import System
 from farpoint.path.keyframe import Keyframe
+from farpoint.path.residuals import Poses
 
-__all__ = ["Prior", "System", "by_position_change"]
+__all__ = ["Prior", "by_position_change"]
 
 _RANK = 1e-12  # relative, of eigenvalues: the rest is what rounding makes of zero
-
-
-class System(NamedTuple):
-    """Information (D, D) and gradient (D,) of poses, 6 each, and the common unknowns."""
-
-    H: np.ndarray
-    g: np.ndarray
 
 
 class Prior:
@@ -37,15 +31,16 @@ class Prior:
 
     def __init__(self, common: np.ndarray, covariance: np.ndarray) -> None:
         self._common = common
-        self._poses: list[tuple[np.ndarray, np.ndarray]] = []
+        self._R, self._p = np.empty((0, 3, 3)), np.empty((0, 3))
         self._H, self._g = np.linalg.inv(covariance), np.zeros(len(common))
 
     def add_pose(self, frame: Keyframe) -> None:
         """Another pose, of which nothing is known."""
-        at = [6 * len(self._poses)] * 6
+        at = [6 * len(self._R)] * 6
         self._H = np.insert(np.insert(self._H, at, 0.0, axis=0), at, 0.0, axis=1)
         self._g = np.insert(self._g, at, 0.0)
-        self._poses.append((frame.R, frame.p))
+        self._R = np.concatenate([self._R, frame.R[None]])
+        self._p = np.concatenate([self._p, frame.p[None]])
 
     def fix_first(self, sigma: float) -> None:
         """The first pose is known to this 1-sigma, rad and units."""
@@ -56,17 +51,12 @@ class Prior:
         self._H += np.outer(row, row) / sigma**2
         self._g += row * (residual - row @ deviation) / sigma**2
 
-    def deviation(self, frames: Sequence[Keyframe], common: np.ndarray) -> np.ndarray:
+    def deviation(self, poses: Poses, common: np.ndarray) -> np.ndarray:
         """Of poses and common unknowns (D,) from the point at which the prior is known."""
-        found = np.empty(6 * len(frames) + len(common))
-        if frames:
-            turns = np.array([f.R @ R.T for f, (R, _) in zip(frames, self._poses, strict=True)])
-            angles = _rotation_vectors(turns)
-            for k, (frame, (_, p)) in enumerate(zip(frames, self._poses, strict=True)):
-                found[6 * k : 6 * k + 3] = angles[k]
-                found[6 * k + 3 : 6 * k + 6] = frame.p - turns[k] @ p
-        found[6 * len(frames) :] = common - self._common
-        return found
+        turns = poses.R @ self._R.transpose(0, 2, 1)
+        shifts = poses.p - np.einsum("kij,kj->ki", turns, self._p)
+        moved = np.concatenate([_rotation_vectors(turns), shifts], axis=1)
+        return np.concatenate([moved.ravel(), common - self._common])
 
     def cost(self, deviation: np.ndarray) -> float:
         """Half of the squared deviation, but for a constant."""
@@ -76,12 +66,10 @@ class Prior:
         """Information and gradient at a deviation."""
         return System(self._H, self._g + self._H @ deviation)
 
-    def replace(
-        self, system: System, slot: int, frames: Sequence[Keyframe], common: np.ndarray
-    ) -> None:
+    def replace(self, system: System, slot: int, poses: Poses, common: np.ndarray) -> None:
         """Take all that is known, but of the pose in a slot, which is eliminated.
 
-        ``frames`` are those that remain, where the system was made.
+        ``poses`` are those that remain, where the system was made.
         """
         H, g = system
         out = np.arange(6 * slot, 6 * slot + 6)
@@ -92,7 +80,7 @@ class Prior:
         gain = H[np.ix_(rest, out)] @ (inverse * np.outer(unit, unit))
         reduced = H[np.ix_(rest, rest)] - gain @ H[np.ix_(out, rest)]
         self._H, self._g = 0.5 * (reduced + reduced.T), g[rest] - gain @ g[out]
-        self._poses = [(frame.R, frame.p) for frame in frames]
+        self._R, self._p = poses.R, poses.p
         self._common = common
 
 
@@ -102,7 +90,7 @@ def _rotation_vectors(R: np.ndarray) -> np.ndarray:
         [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
     )
     sine = np.sqrt(np.sum(sines**2, axis=1))
-    angle = np.arctan2(sine, 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0))
+    angle = np.arctan2(sine, 0.5 * (R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2] - 1.0))
     return sines * (angle / np.where(sine > 0.0, sine, 1.0) + (sine == 0.0))[:, None]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from farpoint._kernels.window import locate
 from farpoint.path.history import Sighting
+from farpoint.path.information import inverse
 from farpoint.path.window import Window
 
 __all__ = ["Located", "locate_frame"]
@@ -140,7 +141,7 @@ class _Points:
             )  # fmt: skip
             if count < FEWEST_POINTS:
                 return None
-        covariance = np.linalg.pinv(H / window.design_effect, hermitian=True)
+        covariance = inverse(H / window.design_effect)
         return Located(R=R, p=p, covariance=covariance, ids=self.ids, squares=squares)
 
     def _faced(

@@ -45,8 +45,8 @@ def least_useful(window: Window, alive: np.ndarray) -> int:
     """
     marks, count = window.landmarks, len(window.frames) - _NEWEST
     in_view = np.isin(marks.ids, alive)[marks.point]
-    for slot, frame in enumerate(window.frames[:count]):
-        mine = marks.serial == frame.serial
+    for slot in range(count):
+        mine = marks.slot == slot
         if not mine.any() or in_view[mine].mean() < _LEAST_SHARE:
             return slot
     p = np.array([frame.p for frame in window.frames])

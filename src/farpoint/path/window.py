@@ -1,34 +1,25 @@
 """A window over keyframes: their poses, the distances of points, lens and shutter, all together.
 
-Residuals are in pixels. Errors of a track add up from match to match, so that what is compared is
-the change of its residual from keyframe to keyframe, by Student's t with the covariances of its
-matches. Distances are eliminated; keyframes that leave become a prior for those that stay.
+Distances are eliminated; keyframes that leave become a prior for those that stay.
 """
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
 import numpy as np
-import scipy  # its parts load on first use
 
-from farpoint._kernels.window import (
-    UNSEEN_PX,
-    expected_rays,
-    gather_information,
-    pixel_residuals,
-    point_steps,
-    robust_cost,
-)
+from farpoint._kernels.positive import point_variances
+from farpoint._kernels.window import UNSEEN_PX, point_steps
 from farpoint.geometry import so3
+from farpoint.path.history import Sighting
+from farpoint.path.information import System, inverse, solution
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate
-from farpoint.path.prior import Prior, System, by_position_change
+from farpoint.path.prior import Prior, by_position_change
+from farpoint.path.residuals import NOISE, Linear, Normal, Poses, Residuals, row_phase
 from farpoint.path.vectors import cross
 
-__all__ = ["LEAST_INVERSE_DEPTH", "NOISE", "Window", "WindowNoise"]
+__all__ = ["Window"]
 
 LEAST_INVERSE_DEPTH = 1e-6
 """Of points that are as good as infinitely far, in units of the path."""
@@ -42,10 +33,8 @@ _FIRST_EFFECT = 4.0  # before any was seen: of handheld and driving recordings 3
 # Information that noise makes: derivatives are taken where noisy estimates are. Of tracks with
 # independent errors, squared errors of lens and shutter are so many times their variances.
 _LINEARISATION_EFFECT = 3.0
-_PATCHES = 4  # across the longer side of an image
 _MEMORY = 0.8  # share of either that stays from keyframe to keyframe
 _FEWEST_RESIDUALS = 50  # which tell it
-_RIDGE = 1e-12  # relative, of a diagonal: what rounding makes of zero
 _FIRST_DAMPING, _DAMPING_STEP, _TRIES = 1e-6, 100.0, 3
 _DEPTH_DAMPING = 1e-3  # of a point's information, over that of the median distance squared
 # New points whose parallax does not tell: about as far as others, 1-sigma in units of that.
@@ -54,60 +43,6 @@ _FIRM_PARALLAX = 5.0  # sigma
 _SEEN_SIGMAS = 3.0  # a way that is not longer may be none
 _PLACED_SIGMA = 0.25  # relative, of the distance of a point that others are measured by: 4 sigma
 _FAR_SIGMA = 0.1  # of the inverse distance of a far one, in units of the median
-
-
-class WindowNoise(NamedTuple):
-    """What residuals are made of.
-
-    Attributes
-    ----------
-    last, travelled : float
-        Shares of the covariance of the last match, and of those since the last keyframe, summed.
-    floor_px2 : float
-        Added to both variances: repeated frames match without an error.
-    """
-
-    last: float = 0.5
-    travelled: float = 0.5
-    floor_px2: float = 0.03**2
-
-
-NOISE = WindowNoise()
-
-
-class _Linear(NamedTuple):
-    """Residuals of all observations with their derivatives."""
-
-    residuals: np.ndarray
-    by_pose: np.ndarray
-    by_common: np.ndarray
-    by_s: np.ndarray
-
-
-class _Normal(NamedTuple):
-    """Normal equations of the observations: of poses and common unknowns, and of the points.
-
-    ``squares`` is the sum of the weighted ones of so many ``residuals``, and ``likeness`` how many
-    times larger sums of residuals over patches of images, and over tracks, vary than independent
-    ones would.
-    """
-
-    H: np.ndarray
-    g: np.ndarray
-    coupling: np.ndarray
-    point_h: np.ndarray
-    point_g: np.ndarray
-    squares: float
-    residuals: int
-    likeness: float
-
-    def reduced(self, damping: float) -> System:
-        """Of poses and common unknowns alone, the points eliminated."""
-        total = self.point_h + damping
-        seen = total > 0.0
-        scaled = self.coupling[seen] / np.sqrt(total[seen])[:, None]
-        shift = self.coupling[seen].T @ (self.point_g[seen] / total[seen])
-        return System(self.H - scaled.T @ scaled, self.g - shift)
 
 
 class Window:
@@ -148,10 +83,9 @@ class Window:
         self._unit: tuple[int, int] | None = None
         self._unit_variance = self._scale_variance = 0.0
         self._has_forgotten = False
-        self._next_serial = 0
         self.origin = np.zeros(3)
         self.covariance = lens.covariance
-        self._linear: _Linear | None = None
+        self._linear: Linear | None = None
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -167,17 +101,18 @@ class Window:
         self, frame: int, timestamp: float, R: np.ndarray, p: np.ndarray, twist: np.ndarray
     ) -> Keyframe:
         """A new keyframe at a pose that is about right."""
-        keyframe = Keyframe(
-            serial=self._next_serial, frame=frame, timestamp=timestamp, R=R, p=p, twist=twist
-        )
-        self._next_serial += 1
-        self.frames.append(keyframe)
+        keyframe = Keyframe(frame=frame, timestamp=timestamp, R=R, p=p, twist=twist)
         self._prior.add_pose(keyframe)
-        if self._next_serial == 1:
+        if not self.frames:  # the first one: a window always keeps its newest
             self._prior.fix_first(_POSE_SIGMA)
             self.origin = p
+        self.frames.append(keyframe)
         self._linear = None
         return keyframe
+
+    def see(self, sighting: Sighting) -> None:
+        """What the newest keyframe sees."""
+        self.landmarks.observe(len(self.frames) - 1, *sighting)
 
     def expect_rest(self, sigma: float) -> None:
         """The last two keyframes are at one place, to a 1-sigma in the unit of the path."""
@@ -192,7 +127,7 @@ class Window:
         self._prior.add(row, residual, sigma, deviation)
 
     def _deviation(self) -> np.ndarray:
-        return self._prior.deviation(self.frames, self.lens.common)
+        return self._prior.deviation(Poses.of(self.frames), self.lens.common)
 
     def set_unit(self) -> None:
         """The way between the last two keyframes is the unit of the path."""
@@ -212,31 +147,35 @@ class Window:
 
     def places(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Homogeneous points ``X = R b + s p`` (N, 3), and their derivatives by s (N, 3)."""
-        marks, R, p, twist = self.landmarks, *self._arrays()
+        marks, poses = self.landmarks, Poses.of(self.frames)
         at = marks.anchor[rows]
-        slot = self._slots()[at]
-        rays = marks.rays[at] + marks.ray_by_lens[at] @ self.lens.change
-        world = np.einsum("nij,nj->ni", R[slot], rays)
-        late = (self.row_phase(marks.pixels[at]) * self.lens.readout_s)[:, None]
-        base = p[slot] + late * twist[slot, 3:]
-        world = world + late * cross(twist[slot, :3], world)
+        slot = marks.slot[at]
+        rays = marks.rays[rows] + marks.ray_by_lens[rows] @ self.lens.change
+        world = np.einsum("nij,nj->ni", poses.R[slot], rays)
+        late, twist = self._late(at)[:, None], poses.twist[slot]
+        base = poses.p[slot] + late * twist[:, 3:]
+        world = world + late * cross(twist[:, :3], world)
         return world + marks.s[rows, None] * base, base
 
     def row_phase(self, pixels: np.ndarray) -> np.ndarray:
         """When the rows of pixels (N, 2) are read: from -1/2 to 1/2 of the read-out time."""
-        return pixels[:, 1] / max(self._size[1] - 1, 1) - 0.5
+        return row_phase(pixels, self._size)
+
+    def _late(self, observations: np.ndarray) -> np.ndarray:
+        """When the rows of observations (N,) were read, s from the middle one."""
+        return self.row_phase(self.landmarks.pixels[observations]) * self.lens.readout_s
 
     def triangulate(self) -> None:
         """Distances of points that the newest keyframe sees a second time."""
         marks, frame = self.landmarks, self.frames[-1]
-        seen = marks.seen_from(frame.serial)
+        seen = marks.seen_from(len(self.frames) - 1)
         rows = marks.point[seen]
         new = ~marks.has_depth[rows] & (marks.anchor[rows] != seen)
         if not new.any():
             return
         seen, rows = seen[new], rows[new]
         far, base = self.places(rows)  # without a distance they are rays
-        late = (self.row_phase(marks.pixels[seen]) * self.lens.readout_s)[:, None]
+        late = self._late(seen)[:, None]
         rays = (far - late * cross(np.broadcast_to(frame.twist[:3], far.shape), far)) @ frame.R
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
         by_s = (base - frame.p - late * frame.twist[3:]) @ frame.R
@@ -270,8 +209,7 @@ class Window:
 
     def _variances(self, last: np.ndarray, travelled: np.ndarray) -> np.ndarray:
         """Covariances (N, 3) of residuals."""
-        floor = NOISE.floor_px2 * np.array([1.0, 0.0, 1.0])
-        return self.variance_factor * (NOISE.last * last + NOISE.travelled * travelled + floor)
+        return self.variance_factor * NOISE.covariances(last, travelled)
 
     def variances_since(
         self, observations: np.ndarray, last: np.ndarray, travelled: np.ndarray
@@ -286,24 +224,41 @@ class Window:
         if self.lens.is_stale():
             self.lens.relinearise()
             self.landmarks.take_rays()
-        offsets = self._offsets()
-        linear = self._linearised(offsets)
+        poses = Poses.of(self.frames)
+        residuals = self._residuals(poses)
+        linear, deviation = residuals.linear(poses), self._prior.deviation(poses, self.lens.common)
+        cost = residuals.cost(linear) + self._prior.cost(deviation)
+        normal, system = self._equations(residuals, linear, deviation)
         damping = _FIRST_DAMPING
-        normal = system = None
-        for _ in range(iterations):
-            normal, cost = self._normal(linear, self.landmarks.has_depth), self._cost(linear)
-            system = self._whole(normal.reduced(self._depth_damping()), self._baseline())
+        for iteration in range(iterations):
+            if iteration:
+                normal, system = self._equations(residuals, linear, deviation)
             for _ in range(_TRIES):
-                step = _solution(system, damping)
                 before = self._state()
-                self._move(step, normal)
-                moved = self._linearised(offsets)
-                if self._cost(moved) <= cost:
-                    linear, damping = moved, 0.1 * damping
+                self._move(solution(system, damping), normal)
+                poses = Poses.of(self.frames)
+                moved = residuals.linear(poses)
+                moved_by = self._prior.deviation(poses, self.lens.common)
+                moved_cost = residuals.cost(moved) + self._prior.cost(moved_by)
+                if moved_cost <= cost:
+                    linear, deviation, cost, damping = moved, moved_by, moved_cost, 0.1 * damping
                     break
                 self._restore(before)
                 damping *= _DAMPING_STEP
         self._remember(linear, normal, system)
+
+    def _equations(
+        self, residuals: Residuals, linear: Linear, deviation: np.ndarray
+    ) -> tuple[Normal, System]:
+        """Of the observations, and of all that is known with the points eliminated."""
+        normal = residuals.normal(linear, self.landmarks.has_depth)
+        reduced = normal.reduced(self._depth_damping())
+        return normal, self._whole(reduced, deviation, self._baseline())
+
+    def _residuals(self, poses: Poses) -> Residuals:
+        return Residuals(
+            self.landmarks, self.lens, self._size, poses, self.variance_factor, self.design_effect
+        )
 
     def pose_covariance(self) -> np.ndarray:
         """Covariance (7, 7) of ``[dtheta, dp, dlog_scale]`` of the newest keyframe, in the world.
@@ -350,9 +305,7 @@ class Window:
         """Variance of the logarithm of the way that is the unit, another one held fixed."""
         if self._unit is None:
             return 0.0
-        way = self.frames[self._unit[1]].p - self.frames[self._unit[0]].p
-        square = float(way @ way)
-        row = by_position_change(self.frames, *self._unit, way / square, len(self.covariance))
+        row = self._by_way(self._unit)
         return float(row @ self.covariance @ row)
 
     def relative_pose(self, slot0: int, slot1: int) -> tuple[np.ndarray, np.ndarray]:
@@ -371,21 +324,18 @@ class Window:
         turned = np.kron(np.eye(2), second.R.T) @ rows
         return motion, turned @ self.covariance @ turned.T
 
-    def _remember(self, linear: _Linear, normal: _Normal | None, system: System | None) -> None:
-        """Covariances and residuals as they are after a solution."""
-        marks = self.landmarks
-        self._linear = linear
+    def _remember(self, linear: Linear, normal: Normal, system: System) -> None:
+        """Residuals as they are after a solution, and covariances as in its last step."""
+        marks, self._linear = self.landmarks, linear
         unseen = linear.residuals[:, :1] == UNSEEN_PX
         marks.residuals = np.where(unseen, 0.0, linear.residuals)
         marks.by_s = linear.by_s
-        if normal is None or system is None:
-            return
-        self.covariance = _inverse(system.H)
+        self.covariance = inverse(system.H)
         common = 1 + self.lens.size
         self.lens.covariance = self.covariance[-common:, -common:]
         with np.errstate(divide="ignore"):
             marks.s_variance = np.where(marks.has_depth, 1.0 / normal.point_h, np.inf)
-        marks.is_placed = self._placed(system, normal)
+        self._place_points(normal)
         free = 2 * normal.residuals - len(normal.g) - int(marks.has_depth.sum())
         if normal.residuals > _FEWEST_RESIDUALS:
             ratio = normal.squares / max(free, _FEWEST_RESIDUALS)
@@ -395,120 +345,50 @@ class Window:
             effect = _MEMORY * self.design_effect + (1.0 - _MEMORY) * seen
             self.design_effect = float(np.clip(effect, *_EFFECT_RANGE))
 
-    def _placed(self, system: System, normal: _Normal) -> np.ndarray:
-        """Points (M,) whose distances stand out of their errors, or that are far for certain.
+    def _place_points(self, normal: Normal) -> None:
+        """Tell of the points in view whether their distances stand out of their errors, or are far.
 
         With the errors of the poses, but for that of the scale: it may be a guess, by which
         distances are measured alike.
         """
         marks, newest = self.landmarks, len(self.frames) - 1
+        spread = self.covariance
         ways = [float(np.linalg.norm(f.p - self.frames[-1].p)) for f in self.frames]
-        held = (int(np.argmax(ways)), newest) if max(ways) > 0.0 else None
-        spread = _inverse(system.H + self._gauge(held))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rows = normal.coupling / normal.point_h[:, None]
-            by_poses = np.sum((rows @ spread) * rows, axis=1)
-            variance = (1.0 / normal.point_h + by_poses) / self.design_effect
+        if max(ways) > 0.0:
+            # As if the longest way to the newest keyframe were known.
+            row = self._by_way((int(np.argmax(ways)), newest))
+            by_way = spread @ row
+            spread = spread - np.outer(by_way, by_way) / (_GAUGE_SIGMA**2 + row @ by_way)
+        rows = marks.point[marks.seen_from(newest)]
+        rows = rows[normal.point_h[rows] > 0.0]
+        variances = np.empty(len(rows))
+        point_variances(rows, normal.coupling, normal.point_h, spread, variances)
         known = marks.s[marks.has_depth]
         typical = float(np.median(known)) if len(known) else 0.0
-        largest = np.maximum(_PLACED_SIGMA * marks.s, _FAR_SIGMA * typical)
-        return marks.has_depth & (variance < largest**2)
+        largest = np.maximum(_PLACED_SIGMA * marks.s[rows], _FAR_SIGMA * typical)
+        marks.is_placed[:] = False
+        marks.is_placed[rows] = variances / self.design_effect < largest**2
 
-    def _offsets(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """The lens where points are expected: rays, pixels less the found ones, derivatives."""
-        marks = self.landmarks
-        rays = np.empty((len(marks.point), 3))
-        R, p, twist = self._arrays()
-        expected_rays(
-            R, p, twist, self.lens.readout_s, self.lens.change, self._slots(), marks.point,
-            self.row_phase(marks.pixels), marks.rays, marks.ray_by_lens, marks.anchor, marks.s,
-            rays,
-        )  # fmt: skip
-        pixels, by_ray, by_lens = self.lens.pixels_of(rays)
-        offsets = pixels - marks.pixels
-        unseen = ~(
-            np.isfinite(offsets).all(axis=1)
-            & np.isfinite(by_ray).all(axis=(1, 2))
-            & np.isfinite(by_lens).all(axis=(1, 2))
-        )
-        rays[unseen], offsets[unseen], by_ray[unseen], by_lens[unseen] = 0.0, 0.0, 0.0, 0.0
-        return rays, offsets, by_ray, by_lens
+    def _whole(self, system: System, deviation: np.ndarray, held: tuple[int, int] | None) -> System:
+        """With the prior, and a way between two keyframes held: the scale is free else."""
+        known = self._prior.at(deviation)
+        H = system.H + known.H
+        if held is not None:
+            row = self._by_way(held) / _GAUGE_SIGMA
+            H += np.outer(row, row)
+        return System(H, system.g + known.g)
 
-    def _linearised(self, at: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]) -> _Linear:
-        marks, count, common = self.landmarks, len(self.landmarks.point), self.lens.size + 1
-        linear = _Linear(
-            np.empty((count, 2)), np.empty((count, 2, 6)), np.empty((count, 2, common)),
-            np.zeros((count, 2)),
-        )  # fmt: skip
-        R, p, twist = self._arrays()
-        pixel_residuals(
-            R, p, twist, self.lens.readout_s, self.lens.change, self._slots(), marks.point,
-            self.row_phase(marks.pixels), marks.rays, marks.ray_by_lens, *at, marks.anchor, marks.s,
-            marks.has_depth, *linear,
-        )  # fmt: skip
-        return linear
-
-    def _noise(self) -> np.ndarray:
-        return np.array([NOISE.last, NOISE.travelled, NOISE.floor_px2, self.variance_factor])
-
-    def _normal(self, linear: _Linear, used: np.ndarray) -> _Normal:
-        """Normal equations of the observations of the points that a mask (M,) marks."""
-        marks = self.landmarks
-        count, points = 6 * len(self.frames) + self.lens.size + 1, len(marks.ids)
-        H, g, coupling = np.zeros((count, count)), np.zeros(count), np.zeros((points, count))
-        point_h, point_g = np.zeros(points), np.zeros(points)
-        patches, patch = self._patches()
-        patch_sums, point_sums = np.zeros((patches, 2)), np.zeros((points, 2))
-        squares, influence, taken = gather_information(
-            self._slots(), marks.point, marks.last, marks.travelled, marks.anchor, used,
-            self._noise(), *linear, patch, np.empty(points, np.int64), H, g, coupling, point_h,
-            point_g, patch_sums, point_sums,
-        )  # fmt: skip
-        for array in (H, g, coupling, point_h, point_g):
-            array /= self.design_effect
-        likeness = 1.0
-        if influence > 0.0:
-            along = max(float(np.sum(point_sums**2)) / influence, 1.0)
-            likeness = along * max(float(np.sum(patch_sums**2)) / influence, 1.0)
-        return _Normal(H, g, coupling, point_h, point_g, squares, taken, likeness)
-
-    def _patches(self) -> tuple[int, np.ndarray]:
-        """How many patches all images have, and in which the observations (N,) are."""
-        width, height = self._size
-        side = max(width, height) / _PATCHES
-        across, down = math.ceil(width / side), math.ceil(height / side)
-        column, row = (self.landmarks.pixels // side).astype(np.int64).T
-        place = row.clip(0, down - 1) * across + column.clip(0, across - 1)
-        return len(self.frames) * across * down, self._slots() * (across * down) + place
-
-    def _whole(self, system: System, held: tuple[int, int] | None) -> System:
-        """With the prior, and a way between two keyframes held."""
-        known = self._prior.at(self._deviation())
-        return System(system.H + known.H + self._gauge(held), system.g + known.g)
-
-    def _gauge(self, held: tuple[int, int] | None) -> np.ndarray:
-        """Information (D, D) that holds the way between two keyframes: the scale is free else."""
+    def _by_way(self, slots: tuple[int, int]) -> np.ndarray:
+        """Derivatives (D,) of the logarithm of the way between two keyframes."""
+        way = self.frames[slots[1]].p - self.frames[slots[0]].p
         count = 6 * len(self.frames) + self.lens.size + 1
-        if held is None:
-            return np.zeros((count, count))
-        way = self.frames[held[1]].p - self.frames[held[0]].p
-        length = float(np.linalg.norm(way))
-        row = by_position_change(self.frames, *held, way / length, count)
-        return np.outer(row, row) / (_GAUGE_SIGMA * length) ** 2
-
-    def _cost(self, linear: _Linear) -> float:
-        marks = self.landmarks
-        cost = robust_cost(
-            marks.point, marks.last, marks.travelled, marks.anchor, marks.has_depth, self._noise(),
-            linear.residuals, np.empty(len(marks.ids), np.int64),
-        )  # fmt: skip
-        return cost / self.design_effect + self._prior.cost(self._deviation())
+        return by_position_change(self.frames, *slots, way / float(way @ way), count)
 
     def _depth_damping(self) -> float:
         known = self.landmarks.s[self.landmarks.has_depth]
         return _DEPTH_DAMPING / float(np.median(known)) ** 2 if len(known) else 1.0
 
-    def _move(self, step: np.ndarray, normal: _Normal) -> None:
+    def _move(self, step: np.ndarray, normal: Normal) -> None:
         marks, poses = self.landmarks, step[: 6 * len(self.frames)].reshape(-1, 6)
         for frame, turn, shift in zip(
             self.frames, so3.exp(poses[:, :3]), poses[:, 3:], strict=True
@@ -537,64 +417,55 @@ class Window:
             frame.R, frame.p = R, p
         self.landmarks.s, self.lens.z, self.lens.readout_s = state[1:]
 
-    def _arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return (
-            np.array([frame.R for frame in self.frames]),
-            np.array([frame.p for frame in self.frames]),
-            np.array([frame.twist for frame in self.frames]),
-        )
-
-    def _slots(self) -> np.ndarray:
-        serials = np.array([frame.serial for frame in self.frames])
-        return np.searchsorted(serials, self.landmarks.serial)
-
     # What leaves
 
     def remove(self, slot: int, alive: np.ndarray) -> Keyframe:
         """Take a keyframe out; what it tells of the others stays as a prior.
 
         With it go the points that have their rays there and are not ``alive`` (ids, ascending);
-        those that are get their rays from the next keyframe that sees them.
+        those that are get their rays from the next keyframe that sees them. So do those that were
+        seen once and are not alive: they tell nothing.
         """
         marks, frame = self.landmarks, self.frames[slot]
         if self._unit is not None:
             self._unit_variance = self._variance_of_unit()
-        linear = self._linear or self._linearised(self._offsets())
-        is_anchored = marks.serial[marks.anchor] == frame.serial
-        ended = is_anchored & ~np.isin(marks.ids, alive)
-        used = ended & marks.has_depth
-        system = self._whole(self._normal(linear, used).reduced(0.0), self._baseline())
-        gone = ended.copy()
-        gone[self._change_anchors(np.flatnonzero(is_anchored & ~ended), frame.serial)] = True
-        marks.keep(~gone, marks.serial != frame.serial)
+        poses = Poses.of(self.frames)
+        residuals = self._residuals(poses)
+        linear = self._linear or residuals.linear(poses)
+        is_anchored = marks.slot[marks.anchor] == slot
+        is_alive = np.isin(marks.ids, alive)
+        ended = is_anchored & ~is_alive
+        reduced = residuals.normal(linear, ended & marks.has_depth).reduced(0.0)
+        system = self._whole(reduced, self._deviation(), self._baseline())
+        gone = ended | ~is_alive & (np.bincount(marks.point, minlength=len(marks.ids)) < 2)
+        gone[self._change_anchors(np.flatnonzero(is_anchored & ~ended), slot)] = True
+        marks.leave_out(gone, slot)
         del self.frames[slot]
         out = slice(6 * slot, 6 * slot + 6)
         self.covariance = np.delete(np.delete(self.covariance, out, axis=0), out, axis=1)
-        self._prior.replace(system, slot, self.frames, self.lens.common)
+        self._prior.replace(system, slot, Poses.of(self.frames), self.lens.common)
         self._has_forgotten, self._unit, self._linear = True, None, None
         return frame
 
-    def forget_lonely(self, alive: np.ndarray) -> None:
-        """Drop points that were seen once and are not ``alive``."""
+    def _change_anchors(self, rows: np.ndarray, slot: int) -> np.ndarray:
+        """Give points their rays from another keyframe; those (rows) that get none."""
         marks = self.landmarks
-        lonely = np.bincount(marks.point, minlength=len(marks.ids)) < 2
-        marks.keep(~lonely | np.isin(marks.ids, alive))
-        self._linear = None
-
-    def _change_anchors(self, rows: np.ndarray, serial: int) -> np.ndarray:
-        """Give points their rays from another keyframe; those (rows) that no other one sees."""
-        marks = self.landmarks
-        new = marks.next_anchors(rows, serial)
-        rest, rows, new = rows[new < 0], rows[new >= 0], new[new >= 0]
+        new = marks.next_anchors(rows, slot)
+        rays, by_lens, seen = marks.seen_along(marks.pixels[new])
+        seen &= new >= 0
+        rest, rows, new = rows[~seen], rows[seen], new[seen]
         X, _ = self.places(rows)
-        _, p, twist = self._arrays()
-        slot = self._slots()[new]
-        late = (self.row_phase(marks.pixels[new]) * self.lens.readout_s)[:, None]
-        away = X - marks.s[rows, None] * (p[slot] + late * twist[slot, 3:])
+        poses, at = Poses.of(self.frames), marks.slot[new]
+        base = poses.p[at] + self._late(new)[:, None] * poses.twist[at, 3:]
+        away = X - marks.s[rows, None] * base
         length = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
         marks.s[rows] = np.maximum(marks.s[rows] / length, LEAST_INVERSE_DEPTH)
         marks.s_variance[rows] /= length**2
-        marks.anchor[rows] = new
+        marks.anchor[rows], marks.rays[rows], marks.ray_by_lens[rows] = (
+            new,
+            rays[seen],
+            by_lens[seen],
+        )
         # Residuals are counted from the new ray on.
         moved = np.full(len(marks.ids), -1)
         moved[rows] = np.arange(len(rows))
@@ -606,27 +477,3 @@ class Window:
             which[of_moved], None
         ]
         return rest
-
-
-def _solution(system: System, damping: float) -> np.ndarray:
-    """Step (D,) of a damped system; zero where there is none."""
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(system.H), 1e-300))
-    scaled = system.H * np.outer(unit, unit)
-    scaled[np.diag_indices(len(unit))] += damping
-    try:
-        factor = scipy.linalg.cho_factor(scaled)
-    except (np.linalg.LinAlgError, ValueError):  # not positive, or not finite
-        return np.zeros(len(unit))
-    return -unit * scipy.linalg.cho_solve(factor, unit * system.g)
-
-
-def _inverse(H: np.ndarray) -> np.ndarray:
-    """Of an information matrix whose diagonal spans many orders."""
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
-    scaled = H * np.outer(unit, unit)
-    scaled[np.diag_indices(len(unit))] += _RIDGE
-    try:
-        factor = scipy.linalg.cho_factor(scaled)
-    except (np.linalg.LinAlgError, ValueError):  # not positive, or not finite
-        return np.linalg.pinv(np.nan_to_num(scaled), hermitian=True) * np.outer(unit, unit)
-    return scipy.linalg.cho_solve(factor, np.eye(len(unit))) * np.outer(unit, unit)

@@ -1,0 +1,130 @@
+"""Positive matrices of some tens of rows: Cholesky's factor, solutions, inverses, elimination.
+
+Without BLAS, whose threads wait for each other longer than such a product takes.
+
+These loops are plain `numba.njit`: arrays in, the caller's arrays out.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+__all__ = ["eliminate_points", "factorise", "invert", "point_variances", "solve"]
+
+_loop: Any = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
+
+
+@_loop
+def factorise(H, damping, unit, L):
+    """Factor L (D, D), lower, of ``H`` in units (D,) that make its diagonal ``1 + damping``.
+
+    Returns
+    -------
+    bool
+        Whether it is positive.
+    """
+    n = len(H)
+    for i in range(n):
+        unit[i] = 1.0 / math.sqrt(max(H[i, i], 1e-300))
+    for i in range(n):
+        for j in range(i + 1):
+            total = H[i, j] * unit[i] * unit[j]
+            if i == j:
+                total += damping
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i > j:
+                L[i, j] = total / L[j, j]
+            elif total > 0.0 and total < math.inf:
+                L[i, i] = math.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@_loop
+def solve(L, unit, g, x):
+    """``H x = g`` by the factor of H."""
+    n = len(g)
+    for i in range(n):
+        total = g[i] * unit[i]
+        for k in range(i):
+            total -= L[i, k] * x[k]
+        x[i] = total / L[i, i]
+    for i in range(n - 1, -1, -1):
+        x[i] /= L[i, i]
+        for k in range(i):
+            x[k] -= L[i, k] * x[i]
+    for i in range(n):
+        x[i] *= unit[i]
+
+
+@_loop
+def invert(L, unit, columns, out):
+    """Inverse of H (D, D) by its factor; ``columns`` (D, D) is scratch."""
+    n = len(L)
+    # Columns of the factor's inverse, each in a row.
+    for j in range(n):
+        columns[j, j] = 1.0 / L[j, j]
+        for i in range(j + 1, n):
+            total = 0.0
+            for k in range(j, i):
+                total += L[i, k] * columns[j, k]
+            columns[j, i] = -total / L[i, i]
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(i, n):
+                total += columns[i, k] * columns[j, k]
+            out[i, j] = out[j, i] = total * unit[i] * unit[j]
+
+
+@_loop
+def eliminate_points(coupling, point_h, point_g, damping, H, g):
+    """Take from H (D, D) and g (D,) what points know that are told by these: Schur's complement.
+
+    ``coupling`` (M, D) has few columns in each row that are not zero.
+    """
+    D = len(g)
+    where, values = np.empty(D, np.int64), np.empty(D)
+    for j in range(len(point_h)):
+        total = point_h[j] + damping
+        if not total > 0.0:
+            continue
+        n = 0
+        for i in range(D):
+            if coupling[j, i] != 0.0:
+                where[n], values[n] = i, coupling[j, i]
+                n += 1
+        inverse = 1.0 / total
+        for i in range(n):
+            scaled, row = values[i] * inverse, where[i]
+            g[row] -= scaled * point_g[j]
+            for k in range(i + 1):
+                H[row, where[k]] -= scaled * values[k]
+    for i in range(D):
+        for k in range(i):
+            H[k, i] = H[i, k]
+
+
+@_loop
+def point_variances(rows, coupling, point_h, spread, variances):
+    """Variances (R,) of the inverse distances of some points, with those (D, D) of all else."""
+    D = len(spread)
+    where, values = np.empty(D, np.int64), np.empty(D)
+    for r in range(len(rows)):
+        j = rows[r]
+        n = 0
+        for i in range(D):
+            if coupling[j, i] != 0.0:
+                where[n], values[n] = i, coupling[j, i]
+                n += 1
+        total = 0.0
+        for i in range(n):
+            for k in range(n):
+                total += values[i] * values[k] * spread[where[i], where[k]]
+        variances[r] = (1.0 + total / point_h[j]) / point_h[j]

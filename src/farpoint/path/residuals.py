@@ -1,0 +1,212 @@
+"""Residuals of a window's observations, in pixels: their derivatives, likelihood and information.
+
+Errors of a track add up from match to match, so that what is compared is the change of its residual
+from keyframe to keyframe, by Student's t with the covariances of its matches.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint._kernels.positive import eliminate_points
+from farpoint._kernels.window import (
+    expected_rays,
+    gather_information,
+    pixel_residuals,
+    robust_cost,
+)
+from farpoint.path.information import System
+from farpoint.path.keyframe import Keyframe
+from farpoint.path.landmarks import Landmarks
+from farpoint.path.lens import LensEstimate
+
+__all__ = ["NOISE", "Linear", "Normal", "Poses", "Residuals", "WindowNoise", "row_phase"]
+
+_PATCHES = 4  # across the longer side of an image
+
+
+class WindowNoise(NamedTuple):
+    """What residuals are made of.
+
+    Attributes
+    ----------
+    last, travelled : float
+        Shares of the covariance of the last match, and of those since the last keyframe, summed.
+    floor_px2 : float
+        Added to both variances: repeated frames match without an error.
+    """
+
+    last: float = 0.5
+    travelled: float = 0.5
+    floor_px2: float = 0.03**2
+
+    def covariances(self, last: np.ndarray, travelled: np.ndarray) -> np.ndarray:
+        """Of residuals (N, 3), from those of the last match and of the ones since a keyframe."""
+        floor = self.floor_px2 * np.array([1.0, 0.0, 1.0])
+        return self.last * last + self.travelled * travelled + floor
+
+
+NOISE = WindowNoise()
+
+
+class Poses(NamedTuple):
+    """Keyframes as arrays: rotations (K, 3, 3), positions (K, 3) and velocities (K, 6)."""
+
+    R: np.ndarray
+    p: np.ndarray
+    twist: np.ndarray
+
+    @classmethod
+    def of(cls, frames: Sequence[Keyframe]) -> Poses:
+        """Of keyframes, as they are."""
+        return cls(
+            np.array([frame.R for frame in frames]).reshape(-1, 3, 3),
+            np.array([frame.p for frame in frames]).reshape(-1, 3),
+            np.array([frame.twist for frame in frames]).reshape(-1, 6),
+        )
+
+
+class Linear(NamedTuple):
+    """Residuals of all observations with their derivatives."""
+
+    residuals: np.ndarray
+    by_pose: np.ndarray
+    by_common: np.ndarray
+    by_s: np.ndarray
+
+
+class Normal(NamedTuple):
+    """Normal equations of the observations: of poses and common unknowns, and of the points.
+
+    ``squares`` is the sum of the weighted ones of so many ``residuals``, and ``likeness`` how many
+    times larger sums of residuals over patches of images, and over tracks, vary than independent
+    ones would.
+    """
+
+    H: np.ndarray
+    g: np.ndarray
+    coupling: np.ndarray
+    point_h: np.ndarray
+    point_g: np.ndarray
+    squares: float
+    residuals: int
+    likeness: float
+
+    def reduced(self, damping: float) -> System:
+        """Of poses and common unknowns alone, the points eliminated."""
+        H, g = self.H.copy(), self.g.copy()
+        eliminate_points(self.coupling, self.point_h, self.point_g, damping, H, g)
+        return System(H, g)
+
+
+def row_phase(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """When the rows of pixels (N, 2) are read: from -1/2 to 1/2 of the read-out time."""
+    return pixels[:, 1] / max(size[1] - 1, 1) - 0.5
+
+
+class Residuals:
+    """Of all observations of a window; the lens is taken once, where points are expected.
+
+    Parameters
+    ----------
+    landmarks : Landmarks
+    lens : LensEstimate
+    size : (int, int)
+        Width and height of the images, px.
+    poses : Poses
+        About where they will be asked for.
+    variance_factor, design_effect : float
+        Of the residuals' variances, and how many observations count as one.
+    """
+
+    def __init__(
+        self,
+        landmarks: Landmarks,
+        lens: LensEstimate,
+        size: tuple[int, int],
+        poses: Poses,
+        variance_factor: float,
+        design_effect: float,
+    ) -> None:
+        self._marks, self._lens, self._size = landmarks, lens, size
+        self._noise, self._design_effect = np.array([*NOISE, variance_factor]), design_effect
+        self._keyframes = len(poses.R)
+        self._row_phase = row_phase(landmarks.pixels, size)
+        self._scratch = np.empty(len(landmarks.ids), np.int64)
+        self._first = poses
+
+    @cached_property
+    def _lens_there(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Rays along which points are expected, pixels less the found ones, and derivatives."""
+        marks, lens = self._marks, self._lens
+        rays = np.empty((len(marks.point), 3))
+        expected_rays(
+            *self._first, lens.readout_s, lens.change, marks.slot, marks.point, self._row_phase,
+            marks.rays, marks.ray_by_lens, marks.anchor, marks.s, rays,
+        )  # fmt: skip
+        pixels, by_ray, by_lens = lens.pixels_of(rays)
+        offsets = pixels - marks.pixels
+        found = np.concatenate(
+            [offsets, by_ray.reshape(-1, 6), by_lens.reshape(len(rays), -1)], axis=1
+        )
+        unseen = ~np.isfinite(found).all(axis=1)
+        if unseen.any():
+            rays[unseen], offsets[unseen], by_ray[unseen], by_lens[unseen] = 0.0, 0.0, 0.0, 0.0
+        return rays, offsets, by_ray, by_lens
+
+    def linear(self, poses: Poses) -> Linear:
+        """At poses, and at lens and points as they are now."""
+        marks, lens, count = self._marks, self._lens, len(self._marks.point)
+        linear = Linear(
+            np.empty((count, 2)), np.empty((count, 2, 6)), np.empty((count, 2, lens.size + 1)),
+            np.zeros((count, 2)),
+        )  # fmt: skip
+        pixel_residuals(
+            *poses, lens.readout_s, lens.change, marks.slot, marks.point, self._row_phase,
+            marks.rays, marks.ray_by_lens, *self._lens_there, marks.anchor, marks.s,
+            marks.has_depth, *linear,
+        )  # fmt: skip
+        return linear
+
+    def cost(self, linear: Linear) -> float:
+        """Negative log likelihood, but for a constant."""
+        marks = self._marks
+        cost = robust_cost(
+            marks.point, marks.last, marks.travelled, marks.anchor, marks.has_depth, self._noise,
+            linear.residuals, self._scratch,
+        )  # fmt: skip
+        return cost / self._design_effect
+
+    def normal(self, linear: Linear, used: np.ndarray) -> Normal:
+        """Normal equations of the observations of the points that a mask (M,) marks."""
+        marks, points = self._marks, len(self._marks.ids)
+        count = 6 * self._keyframes + self._lens.size + 1
+        H, g, coupling = np.zeros((count, count)), np.zeros(count), np.zeros((points, count))
+        point_h, point_g = np.zeros(points), np.zeros(points)
+        patches, patch = self._patches()
+        patch_sums, point_sums = np.zeros((patches, 2)), np.zeros((points, 2))
+        squares, influence, taken = gather_information(
+            marks.slot, marks.point, marks.last, marks.travelled, marks.anchor, used, self._noise,
+            *linear, patch, self._scratch, H, g, coupling, point_h, point_g, patch_sums, point_sums,
+        )  # fmt: skip
+        for array in (H, g, coupling, point_h, point_g):
+            array *= 1.0 / self._design_effect
+        likeness = 1.0
+        if influence > 0.0:
+            along = max(float(np.vdot(point_sums, point_sums)) / influence, 1.0)
+            likeness = along * max(float(np.vdot(patch_sums, patch_sums)) / influence, 1.0)
+        return Normal(H, g, coupling, point_h, point_g, squares, taken, likeness)
+
+    def _patches(self) -> tuple[int, np.ndarray]:
+        """How many patches all images have, and in which the observations (N,) are."""
+        width, height = self._size
+        side = max(width, height) / _PATCHES
+        across, down = math.ceil(width / side), math.ceil(height / side)
+        column, row = (self._marks.pixels / side).astype(np.int64).T
+        place = np.clip(row, 0, down - 1) * across + np.clip(column, 0, across - 1)
+        return self._keyframes * across * down, self._marks.slot * (across * down) + place
