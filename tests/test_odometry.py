@@ -103,7 +103,7 @@ def test_tracks_that_lie_together_go_to_the_same_half(monkeypatch: pytest.Monkey
     result = list(odometry.run(frames(list(IMAGES))))[3]
     dealt: list[np.ndarray] = []
 
-    def estimate(_camera, _options, points0: np.ndarray, *_others) -> RelativePose:
+    def estimate(_camera, _options, _seconds, points0: np.ndarray, *_others) -> RelativePose:
         dealt.append(points0)
         return failed_pose("Not asked.")
 

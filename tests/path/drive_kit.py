@@ -21,6 +21,7 @@ def estimate(
     points0: np.ndarray,
     points1: np.ndarray,
     covariance_px2: np.ndarray,
+    seconds: float = 0.1,  # noqa: ARG001 - a global shutter
     camera: Camera = CAMERA,
 ) -> RelativePose:
     half_px2 = 0.5 * covariance_px2
@@ -30,7 +31,7 @@ def estimate(
 
 
 def motion_of(tracks: Tracks, camera: Camera = CAMERA) -> RelativePose:
-    return estimate(tracks.points0, tracks.points1, tracks.covariance_px2, camera)
+    return estimate(tracks.points0, tracks.points1, tracks.covariance_px2, camera=camera)
 
 
 def poses_of(steps: np.ndarray, turns: np.ndarray) -> np.ndarray:

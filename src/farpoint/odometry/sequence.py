@@ -20,6 +20,7 @@ from farpoint.odometry.options import OdometryOptions
 from farpoint.odometry.result import OdometryResult
 from farpoint.odometry.rising_time import RisingTime
 from farpoint.path.lens import LensReport, given_lens
+from farpoint.path.options import LensRefinementOptions
 from farpoint.path.path import Pair, PathBuilder
 from farpoint.path.perspective import without_perspective
 from farpoint.path.point import PathPoint, SettledPose
@@ -56,20 +57,33 @@ class _LensInUse:
     """The camera that motions are estimated with: as given, unless the path has shown it wrong.
 
     It changes where the lens found is more than three of its own sigmas from it: below that it
-    would follow noise, and each change costs tables of the lens.
+    would follow noise, and each change costs tables of the lens. A shutter that is not known is
+    global until its read-out time stands out as much.
     """
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: Camera, options: LensRefinementOptions) -> None:
         self.camera = camera
+        if options.readout_ms is not None:
+            self.camera = camera.with_readout(1e-3 * options.readout_ms)
+        self._is_shutter_known = self.camera.readout_s is not None
         self._z: np.ndarray | None = None
 
     def follow(self, path: PathBuilder) -> None:
         lens = path.lens
-        if lens is None or not lens.size:
+        if lens is None:
             return
         moved = lens.z if self._z is None else lens.z - self._z
-        if lens.moved_px(moved) > _SHOWN_SIGMAS * lens.sigma_px():
-            self._z, self.camera = lens.z, lens.found()
+        if lens.size and lens.moved_px(moved) > _SHOWN_SIGMAS * lens.sigma_px():
+            self._z, self.camera = lens.z, replace(self.camera, model=lens.found().model)
+        sigma_s = lens.readout_sigma_s
+        if not self._is_shutter_known and lens.readout_s > _SHOWN_SIGMAS * sigma_s:
+            self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
+
+    def interval_s(self, seconds: float) -> float | None:
+        """Time between two views, in which the first one was read out; None where it is unknown."""
+        if seconds <= 0.0 or self.camera.readout_s is None:
+            return None
+        return max(seconds, self.camera.readout_s)
 
 
 class Odometry:
@@ -123,7 +137,7 @@ class Odometry:
         self._reference: _Reference | None = None
         self._half_ratios = HalfRatios(self.options.pose.expected_half_ratio)
         self._path = PathBuilder(self._estimate, self.options.path, self.options.lens)
-        self._lens = _LensInUse(camera)
+        self._lens = _LensInUse(camera, self.options.lens)
         self._time, self._fields = RisingTime(), Deinterlacer()
         self._next_index = 0
         self._has_seen = False  # an image, which fixed the size
@@ -212,7 +226,7 @@ class Odometry:
         image = self._fields(image)
         if not self._has_seen:
             self.camera = self.camera.with_size(width, height)
-            self._lens = _LensInUse(self.camera)
+            self._lens = _LensInUse(self.camera, self.options.lens)
             region = tracked_region(self.camera, self._mask, self.options.tracker)
             self._tracker = Tracker(self.options.tracker, mask=region)
             self._has_seen = True
@@ -253,7 +267,12 @@ class Odometry:
             groups = image_cells(tracks.points0, cell_px)
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
-            partial(self._estimate_by, self._lens.camera.with_uncertainty(), options),
+            partial(
+                self._estimate_by,
+                self._lens.camera.with_uncertainty(),
+                options,
+                result.timestamp - result.timestamp0,
+            ),
             seed=result.frame1 + _FRAMES * self.options.seed,
             groups=groups,
         )
@@ -264,8 +283,9 @@ class Odometry:
         start = time.perf_counter()
         tracks = self._tracker.match(image, self._prediction(reference))
         matched = time.perf_counter()
+        seconds = timestamp - reference.timestamp
         tracks = self._without_perspective(tracks)
-        pose = self._estimate(tracks.points0, tracks.points1, tracks.covariance_px2)
+        pose = self._estimate(tracks.points0, tracks.points1, tracks.covariance_px2, seconds)
         self._half_ratios.add(pose.stats.half_ratio)
         estimated = time.perf_counter()
         if pose.status is not PoseStatus.FAILED:
@@ -314,11 +334,11 @@ class Odometry:
         )
 
     def _estimate(
-        self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
+        self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray, seconds: float
     ) -> RelativePose:
         """The motion behind `Tracks`, given as arrays so that parts of them can be given."""
         return self._estimate_by(
-            self._lens.camera, self._pose_options(), points0, points1, covariance_px2
+            self._lens.camera, self._pose_options(), seconds, points0, points1, covariance_px2
         )
 
     def _pose_options(self) -> RelativePoseOptions:
@@ -328,6 +348,7 @@ class Odometry:
         self,
         camera: Camera,
         options: RelativePoseOptions,
+        seconds: float,
         points0: np.ndarray,
         points1: np.ndarray,
         covariance_px2: np.ndarray,
@@ -343,6 +364,7 @@ class Odometry:
             seed=self.options.seed,
             covariance0_px2=half_px2,
             covariance1_px2=half_px2,
+            interval_s=self._lens.interval_s(seconds),
         )
 
     def _prediction(self, reference: _Reference) -> Callable[[np.ndarray], np.ndarray] | None:

@@ -136,6 +136,11 @@ class LensEstimate:
         variance = np.einsum("nqi,ij,nqj->n", self._reach, lens, self._reach)
         return float(np.sqrt(np.max(variance, initial=0.0)))
 
+    @property
+    def readout_sigma_s(self) -> float:
+        """1-sigma of the read-out time."""
+        return float(np.sqrt(self.covariance[-1, -1]))
+
     def step(self, change: np.ndarray) -> None:
         """Change lens and read-out time; a lens moves by no more than its derivatives hold for."""
         lens = change[:-1]
@@ -192,7 +197,7 @@ class LensEstimate:
         lens = self.covariance[: self.size, : self.size]
         covariance = self.factor @ lens @ self.factor.T
         readout_s = max(self.readout_s, 0.0)
-        readout_sigma_s = float(np.sqrt(self.covariance[-1, -1]))
+        readout_sigma_s = self.readout_sigma_s
         camera = self.found().with_parameter_covariance(covariance) if self.size else self.given
         return LensReport(
             camera=replace(camera, readout_s=readout_s, readout_sigma_s=readout_sigma_s),

@@ -24,7 +24,7 @@ from farpoint.tracks import Tracks
 
 __all__ = ["Pair", "PathBuilder"]
 
-Estimate = Callable[[np.ndarray, np.ndarray, np.ndarray], RelativePose]
+Estimate = Callable[[np.ndarray, np.ndarray, np.ndarray, float], RelativePose]
 
 _FIRST_ITERATIONS = 6  # of the first solutions, which start from two views
 _ITERATIONS = 1  # afterwards: each keyframe moves the others little
@@ -97,7 +97,7 @@ class PathBuilder:
     ----------
     estimate : callable
         Motion of the camera from matches of two frames: pixels (N, 2) in each, and covariances
-        (N, 2, 2), px^2, of their displacements.
+        (N, 2, 2), px^2, of their displacements; and seconds between the two.
     options : PathOptions
         Of the window.
     lens_options : LensRefinementOptions
@@ -239,13 +239,14 @@ class PathBuilder:
         """Until a motion since the last keyframe is observable: its length is the unit."""
         assert motion.rotation_cam1_from_cam0 is not None
         key, good = window.frames[-1], now.select(is_good)
-        since_key = motion if key.frame == pair.frame0 else self._since_keyframe(good)
+        seconds = pair.time1 - key.timestamp
+        since_key = motion if key.frame == pair.frame0 else self._since_keyframe(good, seconds)
         R, p = self._R @ motion.rotation_cam1_from_cam0.T, self._p
         last_p = p
         if since_key.status is PoseStatus.OK:
             assert since_key.rotation_cam1_from_cam0 is not None
             R = key.R @ since_key.rotation_cam1_from_cam0.T
-            p = key.p + self._unit(pair.time1 - key.timestamp) * (key.R @ since_key.heading_cam0)
+            p = key.p + self._unit(seconds) * (key.R @ since_key.heading_cam0)
             self._has_scale = True
         self._move_to(R, p, pair.seconds)
         rotation = motion.rotation_covariance
@@ -268,13 +269,14 @@ class PathBuilder:
         """Length of a segment's first way: the unit, or what the last segment's speed suggests."""
         return 1.0 if self._speed is None or seconds <= 0.0 else self._speed * seconds
 
-    def _since_keyframe(self, seen: Sighting) -> RelativePose:
+    def _since_keyframe(self, seen: Sighting, seconds: float) -> RelativePose:
         assert self._key_sighting is not None
         rows = self._key_sighting.rows_of(seen.ids)
         both = seen.select(rows >= 0)
         uu, uv, vv = both.travelled.T
         covariances = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2)
-        return self._estimate(self._key_sighting.pixels[rows[rows >= 0]], both.pixels, covariances)
+        before = self._key_sighting.pixels[rows[rows >= 0]]
+        return self._estimate(before, both.pixels, covariances, seconds)
 
     # Afterwards
 

@@ -20,7 +20,9 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.geometry.sphere import tangent_basis
+from farpoint.pose.matches import turned
 from farpoint.pose.result import PoseStatus, RelativePose, TrackLabel
+from farpoint.pose.shutter import Shutter
 
 __all__ = ["View", "with_lens_uncertainty"]
 
@@ -48,10 +50,11 @@ def with_lens_uncertainty(
     pose: RelativePose,
     view0: View,
     view1: View,
-    estimate: Callable[[Camera, Camera], RelativePose],
+    shutter: Shutter | None,
+    estimate: Callable[[Camera, Camera, Shutter | None], RelativePose],
     false_alarm_rate: float,
 ) -> RelativePose:
-    """The motion with a covariance that holds the uncertainty of its cameras.
+    """The motion with a covariance that holds the uncertainty of its cameras and their shutter.
 
     A direction that the lens alone could have made is none: if, with the lens within its
     uncertainty that explains most of the flow by a rotation, no direction is observable, only the
@@ -63,8 +66,10 @@ def with_lens_uncertainty(
         By the cameras as given.
     view0, view1 : View
         Of the matches behind it. If both have one and the same camera, its error is common to both.
+    shutter : Shutter or None
+        Behind the matches; None: global.
     estimate : callable
-        The motion between the same pixels by other cameras.
+        The motion between the same pixels by other cameras and another shutter.
     false_alarm_rate : float
         Lenses less probable than this do not count; flows that noise explains at this rate do not
         contradict a rotation.
@@ -74,11 +79,14 @@ def with_lens_uncertainty(
     RelativePose
         The pose itself where the cameras are exact, or it FAILED.
     """
-    if pose.status is PoseStatus.FAILED or all(
-        v.camera.uncertainty is None for v in (view0, view1)
+    is_sure = shutter is None or shutter.sigma == 0.0
+    if pose.status is PoseStatus.FAILED or (
+        is_sure and all(v.camera.uncertainty is None for v in (view0, view1))
     ):
         return pose
-    lenses = _Lenses.of(view0.camera, view1.camera)
+    assert pose.rotation_cam1_from_cam0 is not None
+    theta = so3.log(pose.rotation_cam1_from_cam0)
+    lenses = _Lenses.of(view0.camera, view1.camera, shutter, theta)
     inliers = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
     inliers = inliers[:: max(-(-len(inliers) // _MOST), 1)]
     views = view0, view1
@@ -108,42 +116,67 @@ class _Rays(NamedTuple):
 class _Lenses(NamedTuple):
     """Both cameras as functions of ``z`` (r,), errors of their lenses in units of one sigma.
 
-    ``factors`` are of the parameters (P, r) of ``camera.refinable``.
+    ``factors`` are of the parameters (P, r) of ``camera.refinable``. The last error is that of the
+    shutter, which undoes the share of the rotation vector ``theta`` in each row.
     """
 
     cameras: tuple[Camera, Camera]
     factors: tuple[np.ndarray, np.ndarray]
+    shutter: Shutter | None
+    theta: np.ndarray
 
     @classmethod
-    def of(cls, camera0: Camera, camera1: Camera) -> _Lenses:
+    def of(
+        cls, camera0: Camera, camera1: Camera, shutter: Shutter | None, theta: np.ndarray
+    ) -> _Lenses:
         """One camera twice shares its errors; those of two are independent."""
-        first = camera0.parameter_factor
-        if camera0 is camera1 or camera0 == camera1:
-            return cls((camera0, camera1), (first, first))
-        second = camera1.parameter_factor
-        r0, r1 = first.shape[1], second.shape[1]
-        return cls(
-            (camera0, camera1),
-            (np.pad(first, ((0, 0), (0, r1))), np.pad(second, ((0, 0), (r0, 0)))),
-        )
+        first = second = camera0.parameter_factor
+        if camera0 is not camera1 and camera0 != camera1:
+            second = camera1.parameter_factor
+            r0, r1 = first.shape[1], second.shape[1]
+            first, second = np.pad(first, ((0, 0), (0, r1))), np.pad(second, ((0, 0), (r0, 0)))
+        last = ((0, 0), (0, 1))
+        factors = np.pad(first, last), np.pad(second, last)
+        return cls((camera0, camera1), factors, shutter, theta)
 
     def rays(
         self, view0: View, view1: View, rows: np.ndarray, z: np.ndarray | None = None
     ) -> tuple[_Rays, _Rays]:
         """What both images see at these matches, by the given lenses or by those in error by z."""
-        cameras = self.cameras if z is None or not z.any() else self.at(z)
+        cameras, shutter = self.cameras, self.shutter
+        if z is not None and z.any():
+            *cameras, shutter = self.at(z)
+        views = (view0, view1)
         first, second = (
             _rays_of(camera, factor, view.points[rows])
-            for camera, factor, view in zip(cameras, self.factors, (view0, view1), strict=True)
+            for camera, factor, view in zip(cameras, self.factors, views, strict=True)
+        )
+        if shutter is None:
+            return first, second
+        phases = shutter.phase0[rows], shutter.phase1[rows]
+        first, second = (
+            _unrolled(rays, phase, shutter, self.theta)
+            for rays, phase in zip((first, second), phases, strict=True)
         )
         return first, second
 
-    def at(self, z: np.ndarray) -> tuple[Camera, Camera]:
+    def at(self, z: np.ndarray) -> tuple[Camera, Camera, Shutter | None]:
         """Exact cameras with these errors of the lenses; smaller ones where these make no lens."""
+        shutter = self.shutter
+        if shutter is not None:
+            shutter = shutter._replace(share=shutter.share + float(z[-1]) * shutter.sigma)
         first = _with_error(self.cameras[0], self.factors[0] @ z)
         if self.cameras[0] is self.cameras[1]:
-            return first, first
-        return first, _with_error(self.cameras[1], self.factors[1] @ z)
+            return first, first, shutter
+        return first, _with_error(self.cameras[1], self.factors[1] @ z), shutter
+
+
+def _unrolled(rays: _Rays, phase: np.ndarray, shutter: Shutter, theta: np.ndarray) -> _Rays:
+    """Rays with the rotation undone that a rolling shutter has seen by then."""
+    turns = so3.exp((-shutter.share * phase)[:, None] * theta)
+    turned_rays, by_lens = turned(turns, rays.rays), turns @ rays.by_lens
+    by_lens[:, :, -1] = np.cross((-shutter.sigma * phase)[:, None] * theta, turned_rays)
+    return _Rays(turned_rays, turns @ rays.by_pixel, by_lens)
 
 
 def _rays_of(camera: Camera, factor: np.ndarray, points: np.ndarray) -> _Rays:

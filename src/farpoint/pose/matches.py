@@ -41,7 +41,7 @@ _BELIEVED = (1e-12, 1e12)
 # err as their neighbours do.
 DOUBT = 4.0
 
-__all__ = ["Matches", "matches_from_points", "matches_from_rays"]
+__all__ = ["Matches", "matches_from_points", "matches_from_rays", "turned"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,10 +175,12 @@ def matches_from_points(
     camera1: Camera,
     covariance0_px2: np.ndarray | None = None,
     covariance1_px2: np.ndarray | None = None,
+    turns: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Matches:
     """Unproject pixels (N, 2) with their noise, (N, 2, 2) px^2 up to a common factor.
 
-    An image without covariances has isotropic noise of the median variance of the other.
+    An image without covariances has isotropic noise of the median variance of the other. With
+    ``turns``, rotation matrices (N, 3, 3) for each image, the rays are turned by these.
     """
     for name, camera in (("camera0", camera0), ("camera1", camera1)):
         if not isinstance(camera, Camera):
@@ -196,6 +198,9 @@ def matches_from_points(
             _rays_of(camera1, points1),
         )
 
+    if turns is not None:
+        rays0, factors0 = turned(turns[0], rays0), turns[0] @ factors0
+        rays1, factors1 = turned(turns[1], rays1), turns[1] @ factors1
     first, second = covariances
     min_variance = max(rounding_variance(points0, points1), MIN_VARIANCE)
 
@@ -220,6 +225,11 @@ def _rays_of(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """Rays of pixels, and their derivatives."""
     rays = camera.unproject(points)
     return rays, camera.unproject_jacobian(rays)
+
+
+def turned(turns: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """Rays (N, 3), each turned by its own rotation matrix (N, 3, 3)."""
+    return np.einsum("nij,nj->ni", turns, rays)
 
 
 def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) -> Matches:

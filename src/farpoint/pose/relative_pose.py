@@ -4,6 +4,7 @@ both refined together, and a verdict on what the matches can tell.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from farpoint._kernels.compile import AnnouncedCompilation
 from farpoint._kernels.motion import fit_motion
 from farpoint.camera import Camera
 from farpoint.errors import InputError
+from farpoint.geometry import so3
 from farpoint.pose.as_motion import conclude_motion
 from farpoint.pose.as_turn import conclude_turn
 from farpoint.pose.closed_form import estimate_closed_form
@@ -26,13 +28,17 @@ from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
 from farpoint.pose.overlooked import overlooked_motion
 from farpoint.pose.quieter import quieter_motion
-from farpoint.pose.result import RelativePose
+from farpoint.pose.result import RelativePose, TrackLabel
+from farpoint.pose.shutter import Shutter, shutter_of
 from farpoint.pose.stuck import without_stuck
 from farpoint.pose.turning_fit import turning_when_asked
 from farpoint.pose.verdict import is_plainly_translating, shown_translation
 
 __all__ = ["estimate_relative_pose", "estimate_relative_pose_from_rays"]
 
+_ROUGH = 200  # matches for a first estimate of a motion under a rolling shutter
+_MOST_PASSES = 4
+_CLOSE = 0.1  # sigma: no pass changes more
 # Five matches fix a motion; a consensus needs a few more that could have disagreed.
 MIN_MATCHES = 8
 
@@ -47,6 +53,8 @@ def estimate_relative_pose(
     seed: int = 0,
     covariance0_px2: np.ndarray | None = None,
     covariance1_px2: np.ndarray | None = None,
+    readout_s: float | None = None,
+    interval_s: float | None = None,
 ) -> RelativePose:
     """Motion between two views of calibrated cameras, with its covariance.
 
@@ -66,6 +74,13 @@ def estimate_relative_pose(
     covariance0_px2, covariance1_px2 : ndarray, shape (N, 2, 2), optional
         Noise of each point, px^2, up to a common factor, which is estimated. An image without is
         taken to have isotropic noise of the median variance of the other.
+    readout_s : float, optional
+        Read-out time of a rolling shutter, first row to last, s; negative where the last row is
+        read first. Both images are read alike, and the camera keeps its velocities from one to
+        the other. The motion is that from middle row to middle row. Without it that of
+        ``camera0``, whose 1-sigma widens the covariance, counts where ``interval_s`` is given.
+    interval_s : float, optional
+        Time between the two views, s.
 
     Returns
     -------
@@ -75,7 +90,8 @@ def estimate_relative_pose(
     Raises
     ------
     ValueError
-        Wrong shapes, unequal counts, NaN or infinite values; names the argument.
+        Wrong shapes, unequal counts, NaN or infinite values, a read-out time without an interval
+        or longer than it; names the argument.
 
     Notes
     -----
@@ -91,17 +107,25 @@ def estimate_relative_pose(
     <PoseStatus.FAILED: 'FAILED'>
     """
     chosen = options or DEFAULTS
-
-    def by(camera0: Camera, camera1: Camera) -> RelativePose:
-        matches = matches_from_points(
-            points0, points1, camera0, camera1, covariance0_px2, covariance1_px2
-        )
-        return _estimate(matches, chosen.matching_tolerance_px, chosen, seed)
-
     second = camera1 or camera0
-    pose = by(camera0, second)
+
+    def by(camera0: Camera, camera1: Camera, shutter: Shutter | None) -> RelativePose:
+        def seen(turns: tuple[np.ndarray, np.ndarray] | None) -> Matches:
+            return matches_from_points(
+                points0, points1, camera0, camera1, covariance0_px2, covariance1_px2, turns
+            )
+
+        if shutter is None or shutter.share == 0.0:
+            return _estimate(seen(None), chosen.matching_tolerance_px, chosen, seed)
+        return _rolling(shutter, seen, chosen, seed)
+
+    shutter = None
+    if readout_s is not None or interval_s is not None:
+        matches_from_points(points0, points1, camera0, second)  # which names their faults
+        shutter = shutter_of(camera0, points0, points1, readout_s, interval_s)
+    pose = by(camera0, second, shutter)
     views = View(points0, camera0), View(points1, second)
-    return with_lens_uncertainty(pose, *views, by, chosen.false_alarm_rate)
+    return with_lens_uncertainty(pose, *views, shutter, by, chosen.false_alarm_rate)
 
 
 def estimate_relative_pose_from_rays(
@@ -120,6 +144,53 @@ def estimate_relative_pose_from_rays(
     options = options or DEFAULTS
     matches = matches_from_rays(rays0, rays1, noise_rad)
     return _estimate(matches, max(options.matching_tolerance_px, 3.0), options, seed)
+
+
+def _rolling(
+    shutter: Shutter,
+    seen: Callable[[tuple[np.ndarray, np.ndarray] | None], Matches],
+    options: RelativePoseOptions,
+    seed: int,
+) -> RelativePose:
+    """The motion whose own rotation, undone in each row, leads to itself.
+
+    A fixed point: what is wrong of the rotation that is undone returns in the estimate by its share
+    of the time between the rows. That all matches have in common is taken out (Newton); what is
+    left shrinks by its spread in every pass.
+    """
+    tolerance, theta = options.matching_tolerance_px, np.zeros(3)
+    rough = replace(options, count_sharing=False, half_deals=0)
+    found = _estimate(seen(None).some(_ROUGH), tolerance, rough, seed)
+    if found.rotation_cam1_from_cam0 is not None:
+        theta, _ = _unrolled(shutter, found, theta)
+    spread = abs(shutter.share) * float(np.std(shutter.phase1 - shutter.phase0))
+    for _ in range(_MOST_PASSES):
+        pose = _estimate(seen(shutter.turns(theta)), tolerance, options, seed)
+        R_covariance, C = pose.rotation_covariance, pose.covariance
+        if R_covariance is None:
+            return pose
+        before, (theta, time_between) = theta, _unrolled(shutter, pose, theta)
+        # The rows of a match see the rotation of the time between them.
+        by_time = np.diag([1.0 / time_between] * 3 + [1.0, 1.0])
+        found = replace(
+            pose,
+            rotation_cam1_from_cam0=so3.exp(theta),
+            rotation_covariance=R_covariance / time_between**2,
+            covariance=None if C is None else by_time @ C @ by_time,
+        )
+        sigma = float(np.sqrt(np.linalg.eigvalsh(R_covariance)[0]))
+        if spread * float(np.linalg.norm(theta - before)) <= _CLOSE * sigma:
+            break
+    return found
+
+
+def _unrolled(shutter: Shutter, pose: RelativePose, theta: np.ndarray) -> tuple[np.ndarray, float]:
+    """Rotation vector of a motion that was estimated with ``theta`` undone, and rows' mean time."""
+    assert pose.rotation_cam1_from_cam0 is not None
+    used = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
+    time_between = shutter.time_between(used)
+    found = so3.log(pose.rotation_cam1_from_cam0)
+    return (found + (time_between - 1.0) * theta) / time_between, time_between
 
 
 def _estimate(

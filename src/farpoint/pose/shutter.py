@@ -1,0 +1,96 @@
+"""A rolling shutter in two views: rays as they would be, had each image been taken at one time.
+
+The rows of an image are read one after the other while the camera goes on turning. A row whose
+phase is ``q`` (-1/2 of the first row to 1/2 of the last) is read ``q r`` after the middle one, with
+``r`` the read-out time. With the velocities between the two views constant over a time ``T`` the
+camera has turned by then by the share ``q r / T`` of the rotation vector ``theta``: in the axes of
+the middle row a ray ``b`` is ``Exp(-q r / T theta) b``. The centres of two rows' views lie apart by
+``1 + (q1 - q0) r / T`` times the translation, along the same direction: with such rays the epipolar
+constraint is that of a global shutter.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError
+from farpoint.geometry import so3
+
+__all__ = ["Shutter", "shutter_of"]
+
+
+class Shutter(NamedTuple):
+    """Read-out time over the time between two views, and when the rows of the matches are read.
+
+    Attributes
+    ----------
+    share : float
+        ``r / T``; negative where the last row is read first.
+    sigma : float
+        1-sigma of it.
+    phase0, phase1 : ndarray, shape (N,)
+        Of the rows in each image, -1/2 to 1/2.
+    """
+
+    share: float
+    sigma: float
+    phase0: np.ndarray
+    phase1: np.ndarray
+
+    def turns(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation matrices (N, 3, 3) of the rays of each image, for a motion's rotation vector."""
+        first, second = (
+            so3.exp((-self.share * phase)[:, None] * theta) for phase in (self.phase0, self.phase1)
+        )
+        return first, second
+
+    def time_between(self, rows: np.ndarray) -> float:
+        """Mean time between the views of some matches, over that of the middle rows."""
+        apart = self.phase1[rows] - self.phase0[rows]
+        return 1.0 + self.share * float(np.mean(apart)) if len(apart) else 1.0
+
+
+def shutter_of(
+    camera: Camera,
+    points0: np.ndarray,
+    points1: np.ndarray,
+    readout_s: float | None,
+    interval_s: float | None,
+) -> Shutter | None:
+    """The shutter behind matches (N, 2); None where it is global, or nothing is known of it.
+
+    Without ``readout_s`` it is that of the camera, with its 1-sigma.
+
+    Raises
+    ------
+    InputError
+        For a time that is none, without ``interval_s``, or a camera without the images' size.
+    """
+    sigma_s = 0.0
+    if readout_s is None:
+        if interval_s is None or camera.readout_s is None:
+            return None
+        readout_s, sigma_s = camera.readout_s, camera.readout_sigma_s or 0.0
+    elif interval_s is None:
+        raise InputError("expected the time between the two views, too", field="interval_s")
+    for name, value in (("readout_s", readout_s), ("interval_s", interval_s)):
+        if not (isinstance(value, int | float | np.number) and math.isfinite(value)):
+            raise InputError(f"expected seconds, got {value!r}", field=name)
+    if interval_s <= 0.0:
+        raise InputError(f"expected positive seconds, got {interval_s!r}", field="interval_s")
+    if abs(readout_s) > interval_s:
+        raise InputError(
+            f"expected no more than the {interval_s:g} s between the views, got {readout_s:g}",
+            field="readout_s",
+        )
+    if readout_s == 0.0 and sigma_s == 0.0:
+        return None
+    if camera.size is None:
+        raise InputError("expected one with its size: its height tells the rows", field="camera0")
+    last = max(camera.size[1] - 1, 1)
+    phases = (np.asarray(points, np.float64)[:, 1] / last - 0.5 for points in (points0, points1))
+    return Shutter(float(readout_s / interval_s), float(sigma_s / interval_s), *phases)
