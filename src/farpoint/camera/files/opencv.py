@@ -204,7 +204,9 @@ def _is_fisheye(fields: Fields, keys: _Keys) -> bool:
 def _names_opencv_fisheye(key: str, value: object) -> bool:
     """Whether a text, or one of a list, is how OpenCV's fisheye is called."""
     texts = value if isinstance(value, list) else [value]
-    return says_a_lens(key, value) and any(OPENCV_FISHEYE.fullmatch(str(text)) for text in texts)
+    return says_a_lens(key, value) and any(
+        OPENCV_FISHEYE.fullmatch(str(text)[:200]) for text in texts
+    )
 
 
 def _says_fisheye(fields: Fields, key: str) -> bool:

@@ -46,11 +46,12 @@ _A_NAME = re.compile(
 )
 _SAYS_A_LENS = re.compile(
     r"fish.?eye|omnidir|kannala|equidistant|equirect|scaramuzza|double.?sphere|\bmei\b"
-    r"|catadioptric|\bk1\b.*\bk2\b",
+    r"|catadioptric|\bk1\W{1,3}k2\b",
     re.IGNORECASE,
 )
 """Words of a text that tell of a lens, under whatever key but a name's."""
 
+_LONGEST = 200  # characters of a name or text that are looked at
 # So many fields at most are listed in an error.
 MOST_NAMED = 16
 ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -97,7 +98,7 @@ def refuse_unread(fields: Fields, others: Collection[str] = ()) -> None:
 
 
 def _is_of_a_lens(key: str, value: Any) -> bool:
-    name = re.sub(r"[^a-z0-9]", "", str(key).lower())
+    name = re.sub(r"[^a-z0-9]", "", str(key)[:_LONGEST].lower())
     if is_nothing(value) or _OF_ITS_ERRORS.fullmatch(name):
         return False
     if _ONE_IS_NOTHING.fullmatch(name) and str(value).strip() in ("1", "1.0", "1."):
@@ -110,10 +111,10 @@ def _is_of_a_lens(key: str, value: Any) -> bool:
 
 def says_a_lens(key: str, value: Any) -> bool:
     """Whether a text, or one of a list, tells of a lens and is not a name."""
-    if _A_NAME.fullmatch(str(key).lower()):
+    if _A_NAME.fullmatch(str(key)[:_LONGEST].lower()):
         return False
     texts = value if isinstance(value, list) else [value]
-    return any(isinstance(text, str) and _SAYS_A_LENS.search(text) for text in texts)
+    return any(isinstance(text, str) and _SAYS_A_LENS.search(text[:_LONGEST]) for text in texts)
 
 
 def named_distortion(fields: Fields) -> tuple[float, ...]:
