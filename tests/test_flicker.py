@@ -54,3 +54,23 @@ def test_changes_of_brightness_lose_nothing(change: Change) -> None:
     steady, changed = steady_errors_deg(), errors_deg(change)
     assert len(changed) == len(steady) == 11
     assert np.median(changed) < 1.5 * np.median(steady) + 0.001
+
+
+def bands(amplitude: float, periods: float, step: float) -> Change:
+    """Mains light read row by row: so many periods in an image, which move by a share of one."""
+    row = np.linspace(0.0, periods, 240)[:, None]
+    return lambda k, image: (
+        image * (1.0 + amplitude * np.sin(2.0 * np.pi * (row + step * k + 0.13)))
+    )
+
+
+@pytest.mark.parametrize(
+    "change",
+    [bands(0.2, 1.0, 0.37), bands(0.2, 2.0, 0.5), bands(0.2, 4.0, 0.29), bands(0.3, 3.0, 0.5)],
+    ids=["one", "two to and fro", "four", "three of 30 %"],
+)
+def test_bands_of_a_rolling_shutter_lose_nothing(change: Change) -> None:
+    """Without the gains of the rows half of these pairs have no direction."""
+    steady, banded = steady_errors_deg(), errors_deg(change)
+    assert len(banded) == len(steady) == 11
+    assert np.median(banded) < 3.0 * np.median(steady) + 0.001

@@ -337,3 +337,10 @@ def test_a_cut_begins_a_segment_and_its_scale_begins_anew():
     np.testing.assert_array_equal(results[3].world_covariance, np.zeros((7, 7)))
     assert results[4].scale_sigma == 0.0
     assert results[5].scale_sigma > 0.0
+
+
+@pytest.mark.parametrize("interval_s", [1e-9, 1e12])
+def test_times_nearer_or_farther_than_any_shutter(interval_s: float):
+    odometry = Odometry(CAMERA, OPTIONS)
+    results = [odometry.process(image, k * interval_s) for k, image in enumerate(IMAGES)]
+    assert statuses(results)[1:] == ["OK"] * (len(IMAGES) - 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from numbers import Integral, Real
 from typing import Any
@@ -47,10 +48,10 @@ def settle_positive(options: object, *names: str) -> None:
     settle_float(options, "a positive number", lambda number: number >= _LEAST, *names)
 
 
-def settle_int(options: object, least: int, *names: str) -> None:
+def settle_int(options: object, least: int, *names: str, most: float = math.inf) -> None:
     """Make the named fields whole numbers of ``least`` or more, as `settle_float` does floats."""
-    expected = f"a whole number, {least} or more"
-    _settle(options, names, int, Integral, expected, lambda number: number >= least)
+    expected = f"a whole number, {least} " + ("or more" if math.isinf(most) else f"to {most}")
+    _settle(options, names, int, Integral, expected, lambda number: least <= number <= most)
 
 
 def _settle(

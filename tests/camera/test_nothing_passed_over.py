@@ -49,6 +49,9 @@ def load(tmp_path: Path):
         {"K": MATRIX, "D": DIST, "distortion_model": "Plumb Bob", "binning_x": 1, "binning_y": 0},
         {"camera_matrix_left": MATRIX, "dist_coeffs_0": DIST},
         {"mtx": MATRIX, "dist": DIST, "camera_model": "IMX219"},
+        {"camera matrix": MATRIX, "distortion-coefficients": DIST},
+        {"leftCameraMatrix": MATRIX, "leftDistCoeffs": DIST},
+        {"front": {"K": MATRIX, "dist": DIST}, "date": "2026-11-28"},
         {"mtx": MATRIX, "dist": DIST, "roi": {"x_offset": 0, "height": 0, "do_rectify": False}},
     ],
 )
@@ -113,6 +116,29 @@ def test_a_camera_info_of_a_part_of_the_sensor_is_refused(load, changes: dict, f
         ("rotation", 90),
         ("setup", "telecentric"),
         ("is_fisheye", "perhaps"),
+        ("image_rotation", 180),
+        ("flip_horizontal", True),
+        ("mirrored", "yes"),
+        ("crop", [100, 100, 800, 600]),
+        ("downsample_factor", 2),
+        ("resize", 0.5),
+        ("scale", 0.5),
+        ("digital_zoom", 2),
+        ("pixel_aspect_ratio", 1.33),
+        ("squeeze", 1.33),
+        ("water_refraction", 1.33),
+        ("lens_profile", {"a": 0.01, "b": -0.02}),
+        ("lambda", -0.2),
+        ("a", 0.01),
+        ("t1", 0.001),
+        ("d0", -0.3),
+        ("poly", [1, 2, 3]),
+        ("radial", [-0.3, 0.1]),
+        ("omnidir", True),
+        ("model", 1),
+        ("order", "k1, k2, k3, p1, p2"),
+        ("optics", "a fisheye of 190 degrees"),
+        ("calibrated_with", ["ocamcalib", "Scaramuzza"]),
         ("coeffs2", [0.1]),
     ],
 )
@@ -141,6 +167,14 @@ def test_what_is_not_understood_is_named(load, key: str, value: object):
         ("dist_coeffs_sigma", [0.1] * 5),
         ("fisheye", False),
         ("fisheye_model", 0),
+        ("scale", 1.0),
+        ("zoom", "1"),
+        ("flip", False),
+        ("fix_aspect_ratio", 1),
+        ("camera_name", "beside the fisheye"),
+        ("frame_id", "fisheye_front"),
+        ("lens", "Sigma 24 mm"),
+        ("t", 12.5),
     ],
 )
 def test_what_is_no_property_of_the_lens_is_left_alone(load, key: str, value: object):
@@ -157,6 +191,11 @@ def test_what_is_no_property_of_the_lens_is_left_alone(load, key: str, value: ob
         {"camera_model": "opencv_fisheye"},
         {"lens_model": "Kannala-Brandt"},
         {"distortion_type": "equidistant"},
+        {"projection": "fisheye"},
+        {"lens": "fisheye"},
+        {"model_type": "OPENCV_FISHEYE"},
+        {"calibration_method": "cv2.fisheye.calibrate"},
+        {"flags": ["CALIB_FISHEYE_RECOMPUTE_EXTRINSIC", "CALIB_FIX_SKEW"]},
     ],
 )
 def test_flags_that_make_a_fisheye(load, flag: dict):
@@ -175,8 +214,44 @@ def test_the_left_camera_of_a_pair_is_meant_and_each_can_be_named(load):
         assert load(content).model == PINHOLE
         assert load(content, left).model == PINHOLE
         assert load(content, right).model.parameters["fx"] == 700.0
-    with pytest.raises(InputError, match="has several cameras"):
-        load({"K3": MATRIX, "K5": other})
+    groups = {"right": {"K": other}, "left": {"K": MATRIX, "dist": DIST}}
+    assert load(groups).model == PINHOLE
+    assert load(groups, "right").model.parameters["fx"] == 700.0
+    flat = {"mtxL": MATRIX, "distL": DIST, "mtxR": other, "distR": DIST}
+    assert load(flat).model == PINHOLE
+    for content in ({"K3": MATRIX, "K5": other}, {"front": {"K": MATRIX}, "rear": {"K": other}}):
+        with pytest.raises(InputError, match="has several cameras"):
+            load(content)
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ({"left": {"K": MATRIX}, "distortion": DIST}, "distortion: looks like"),
+        ({"left": {"K": MATRIX, "crop": [0, 0, 9, 9]}}, r"left\.crop: looks like"),
+        ({"K": [[0.6, 0, 0.5], [0, 1.1, 0.5], [0, 0, 1]]}, "K: is in shares of the image"),
+        ({"K": MATRIX, "D": [{"name": "k1", "value": -0.3}]}, "D: expected numbers"),
+        ({"K": [800, 0, 0, 0, 801, 0, 640, 360, 1], "D": DIST}, "D: is not understood"),
+    ],
+)
+def test_distortions_in_places_where_none_is_looked_for(load, content: dict, problem: str):
+    with pytest.raises(InputError, match=problem):
+        load(content)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "K: [800, 0, 640, 0, 801, 360, 0, 0, 1]\nD: [-0.3, 0.1, 0, 0]\nD: [0, 0, 0, 0]\n",
+        '{"K": [[800, 0, 640], [0, 801, 360], [0, 0, 1]], "D": [-0.3, 0, 0, 0], "D": [0, 0, 0, 0]}',
+        "<opencv_storage><K>800 0 640 0 801 360 0 0 1</K><D>0 0 0 0</D><D>1 0 0 0</D>"
+        "</opencv_storage>",
+    ],
+    ids=["YAML", "JSON", "XML"],
+)
+def test_a_key_that_stands_twice(load, text: str):
+    with pytest.raises(InputError, match="has D twice, with different values"):
+        load(text)
 
 
 @pytest.mark.parametrize("extra", ["camera_model: radical\n", "skew: 0.1\n", "k9: 3\n"])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -240,6 +242,10 @@ def test_a_folder_without_permission(
             ["run", "x", "--camera", "y", "--tracker.matching.window-px", "12"],
             ["--tracker.matching.window-px: ", "odd", "12"],
         ),
+        (
+            ["run", "x", "--camera", "y", "--tracker.matching.window-px", "100001"],
+            ["--tracker.matching.window-px: ", "5 to 255"],
+        ),
         (["run", "x", "--camera", "y", "--pose.confidence", "2"], ["--pose.confidence: "]),
         (["run", "x", "--camera", "y", "--pose.confidence", "nan"], ["--pose.confidence: "]),
         (["evaluate"], ["DIR", "evaluate --help"]),
@@ -251,6 +257,21 @@ def test_a_folder_without_permission(
 )
 def test_wrong_usage(farpoint: CommandLine, arguments: list[str], words: list[str]):
     assert_refused(farpoint(*arguments), *words)
+
+
+def test_wrong_usage_where_the_terminal_knows_no_rules_of_boxes():
+    """Its words, without the dashes that stand for a box."""
+    arguments = ["run", "x", "--tracker.max-tracks", "0"]
+    said = subprocess.run(
+        [sys.executable, "-m", "farpoint", *arguments],
+        env={**os.environ, "PYTHONIOENCODING": "ascii", "LC_ALL": "C"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert said.returncode == 2
+    assert said.stderr.startswith("farpoint: --tracker.max-tracks: expected")
+    assert said.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("fps", ["0", "-1", "nan", "inf"])

@@ -101,3 +101,13 @@ def test_what_is_no_mask_of_the_frames(
     outcome = farpoint("run", source, "--camera", calibration, "--out", out, "--mask", mask)
     assert_refused(outcome, mask, *words)
     assert not out.exists()
+
+
+def test_a_guessed_camera_adds_no_line_to_a_refusal(
+    farpoint: CommandLine, tmp_path: Path, images: Pictures
+) -> None:
+    source, mask = write_folder(tmp_path / "shots", images[:2]), tmp_path / "mask.png"
+    mask.write_bytes(NOT_AN_IMAGE)
+    refused = farpoint("run", source, "--fov", "60", "--out", tmp_path / "out", "--mask", mask)
+    assert refused.code == 2
+    assert len(refused.err.splitlines()) == 1

@@ -151,8 +151,6 @@ def process_frames(
     aspect = getattr(frames, "pixel_aspect", 1.0)
     camera, notes = camera_for(camera, width, height, aspect)
     notes = (*notes, *frames.notes)
-    for note in notes:
-        warn(note)
     mask = None if mask_file is None else read_mask(mask_file, image.shape[::-1])
     description = RunDescription(
         source=source,
@@ -181,7 +179,7 @@ def process_frames(
             bag = BagSink(bag_file, lambda: odometry.lens.camera, metres)
             opened.callback(bag.close)
         folder = opened.enter_context(OutputFolder(out, description, output, lock=lock))
-        for note in folder.notes:
+        for note in (*notes, *folder.notes):  # here: what is refused is refused in one line
             warn(note)
         if display is not None:
             folder.add("viewer", display)

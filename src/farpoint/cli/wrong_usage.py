@@ -20,6 +20,8 @@ _REFUSED = re.compile(
     r"Error parsing __tyro-dummy-inner__(?:\.(?!metric\b)\w+)?(?P<records>[.\w]*): (?P<field>\w+): "
 )
 
+_RULE = re.compile("───|---{20}")  # the second where the terminal knows no other
+
 
 def in_one_line(parse: Callable[[], T], see: str) -> T:
     """What ``parse`` returns, or an InputError that ends with where to ``see`` more."""
@@ -38,9 +40,11 @@ def _first_lines(box: str) -> str:
     """What a box of tyro's says above its first rule, in one line."""
     words = []
     for line in box.splitlines()[1:]:
-        if "───" in line:
-            break
-        words.append(line.strip("│ \t"))
+        if _RULE.search(line):
+            if any(words):
+                break
+        else:
+            words.append(line.strip("│ \t"))
     return " ".join(word for word in words if word)
 
 

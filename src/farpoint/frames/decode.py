@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,7 +31,7 @@ MAX_MEGAPIXELS = 100.0
 """Default limit: twice the largest cameras of today, and half a gigabyte to decode (convention)."""
 
 _LARGEST_BYTES = 1 << 30
-_SILENT = 0
+_SILENT, _STDERR = 0, 2
 
 
 class UnreadableImageError(Exception):
@@ -80,7 +82,7 @@ def decode_samples(data: bytes, max_megapixels: float = MAX_MEGAPIXELS) -> np.nd
         raise UnreadableImageError(damage)
     if (size := image_size(data)) is not None:
         check_megapixels(*size, max_megapixels)
-    with silent_opencv():
+    with silent_opencv(), _silent_codecs:
         samples = np.frombuffer(data, np.uint8)
         try:
             image = cv2.imdecode(samples, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
@@ -112,3 +114,41 @@ def silent_opencv() -> Iterator[None]:
         yield
     finally:
         logging.setLogLevel(level)
+
+
+class _SilentCodecs:
+    """The null device in place of standard error, for libraries that know no other silence.
+
+    Python's own messages of these milliseconds are lost, too; threads share it.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self._saved = threading.Lock(), 0, -1
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._inside == 0:
+                self._saved = _copy_of_stderr()
+            self._inside += 1
+
+    def __exit__(self, *error: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            if self._inside == 0 and self._saved >= 0:
+                os.dup2(self._saved, _STDERR)
+                os.close(self._saved)
+
+
+_silent_codecs = _SilentCodecs()
+
+
+def _copy_of_stderr() -> int:
+    """A copy of standard error, which is the null device from here on; -1 where it is closed."""
+    try:
+        saved = os.dup(_STDERR)
+    except OSError:
+        return -1
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, _STDERR)
+    os.close(null)
+    return saved

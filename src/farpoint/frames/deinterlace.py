@@ -72,18 +72,23 @@ def comb_share(image: np.ndarray) -> float:
 def one_field(image: np.ndarray) -> np.ndarray:
     """The even lines of an image (H, W), and the lines between them; no pixel moves.
 
-    All lines are those of the cubic B-spline over the even ones, which smooths each of them
-    alike: where the even lines stayed sharp beside means of two, windows would be pulled to whole
-    lines of the field.
+    What is finer than the field's lines is folded by them, and would pull windows towards whole
+    lines, all of an image alike: so they are smoothed by 1 2 1 first. All lines are those of the
+    cubic B-spline over these, which smooths each of them alike.
     """
     even = image[::2].astype(np.float32)
-    above, below = even[[0, *range(len(even) - 1)]], even[[*range(1, len(even)), len(even) - 1]]
+    even = (_shifted(even, -1) + 2.0 * even + _shifted(even, 1)) / 4.0
+    above, below = _shifted(even, -1), _shifted(even, 1)
     field = np.empty(image.shape, np.float32)
     field[::2] = (above + 4.0 * even + below) / 6.0
-    last = even[[*range(2, len(even)), len(even) - 1, len(even) - 1][: len(even)]]
-    between = (above + 23.0 * even + 23.0 * below + last) / 48.0
+    between = (above + 23.0 * even + 23.0 * below + _shifted(even, 2)) / 48.0
     field[1::2] = between[: len(image) // 2]
     return np.rint(field).astype(np.uint8)
+
+
+def _shifted(lines: np.ndarray, count: int) -> np.ndarray:
+    """The lines so many farther down, the outermost ones repeated."""
+    return lines[(np.arange(len(lines)) + count).clip(0, len(lines) - 1)]
 
 
 def _in_blocks(squares: np.ndarray) -> np.ndarray:

@@ -25,6 +25,8 @@ from farpoint.frames.video import open_video
 
 __all__ = ["open_frames"]
 
+_MOST_FPS = 1e6  # and one frame in so many seconds, at the least
+
 
 def open_frames(
     source: str | Path | int,
@@ -83,8 +85,10 @@ def open_frames(
         raise InputError(
             f"expected a positive number, got {max_megapixels}", field="max_megapixels"
         )
-    if fps is not None and not (math.isfinite(fps) and fps > 0):
-        raise InputError(f"expected a positive number of frames a second, got {fps}", field="fps")
+    if fps is not None and not 1.0 / _MOST_FPS <= fps <= _MOST_FPS:
+        raise InputError(
+            f"expected {1.0 / _MOST_FPS:g} to {_MOST_FPS:g} frames a second, got {fps}", field="fps"
+        )
     # Path would take "" for the current folder, and True is an int.
     if not isinstance(source, str | Path | int) or isinstance(source, bool) or source == "":
         raise InputError(

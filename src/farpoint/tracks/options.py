@@ -9,6 +9,8 @@ from farpoint.options import settle_float, settle_int, settle_positive
 
 __all__ = ["CornerOptions", "LucasKanadeOptions", "RefinementOptions", "TrackerOptions"]
 
+_LARGEST_WINDOW_PX = 255  # time and memory grow with the square
+
 
 @dataclass(frozen=True, kw_only=True)
 class CornerOptions:
@@ -35,7 +37,7 @@ class CornerOptions:
     def __post_init__(self) -> None:
         settle_int(self, 4, "cell_px")
         settle_int(self, 1, "min_distance_px")
-        settle_int(self, 2, "block_px")
+        settle_int(self, 2, "block_px", most=_LARGEST_WINDOW_PX)
         settle_positive(self, "min_slope")
 
 
@@ -64,7 +66,7 @@ class LucasKanadeOptions:
     forward_backward_px: float = 1.0
 
     def __post_init__(self) -> None:
-        settle_int(self, 5, "window_px")
+        settle_int(self, 5, "window_px", most=_LARGEST_WINDOW_PX)
         settle_int(self, 0, "levels")
         settle_int(self, 1, "max_iterations")
         _check_odd(self, "window_px")
@@ -109,7 +111,7 @@ class RefinementOptions:
     min_correlation: float = 0.7
 
     def __post_init__(self) -> None:
-        settle_int(self, 9, "window_px")
+        settle_int(self, 9, "window_px", most=_LARGEST_WINDOW_PX)
         settle_int(self, 1, "max_iterations")
         _check_odd(self, "window_px")
         settle_positive(self, "tolerance_px", "affine_sigma", "gain_sigma", "offset_sigma")

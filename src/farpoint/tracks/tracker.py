@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from farpoint.tracks.lucas_kanade import follow
 from farpoint.tracks.options import TrackerOptions
 from farpoint.tracks.pyramid import Pyramid, build_pyramid
 from farpoint.tracks.refinement import refine, window_reach
+from farpoint.tracks.row_brightness import even_rows, row_gains, with_row_gains
 from farpoint.tracks.tracks import Tracks
 
 __all__ = ["Tracker", "grey_size"]
@@ -21,6 +22,8 @@ __all__ = ["Tracker", "grey_size"]
 Predict = Callable[[np.ndarray], np.ndarray]
 
 _WARP_STEP_PX = 4.0  # to either side: half of a window, over which the lens is about affine
+_ROUNDS = 2  # of learning how bright rows are from tracks, and finding tracks by that
+_MOST_AVERAGED = 20  # images whose bands are averaged
 _LARGEST_WARP = 0.5  # elements farther off the identity are a seam or the edge of a field
 
 
@@ -43,7 +46,8 @@ class Tracker:
     `advance` in one.
 
     Pixels of the sensor that are hot or dead are found as the image moves, and are not seen from
-    then on (`DefectivePixels`).
+    then on (`DefectivePixels`). Where the light changes row by row, as mains light does under a
+    rolling shutter, images are compared as if it had not (`row_gains`).
 
     Equal images, options and calls give equal tracks, bit for bit.
 
@@ -71,7 +75,9 @@ class Tracker:
         self._mask = None if mask is None else _checked_mask(mask)
         self._defects = DefectivePixels()
         self._reference: _Reference | None = None
-        self._matched: Pyramid | None = None  # of the image that was matched last
+        # Of the image that was matched last, and how much brighter its rows are than before.
+        self._matched: tuple[Pyramid, np.ndarray | None] | None = None
+        self._averaged = 1  # images whose bands of brightness the reference's are the mean of
         self._next_id = 0
 
     @property
@@ -123,10 +129,35 @@ class Tracker:
                 f"got {_size(image)}",
                 field="image",
             )
-        start, warps = _predicted(predict, reference.points)
         image = self._defects.repaired(image)
-        pyramid = self._matched = build_pyramid(image, self.options.matching)
-        tracks = self._found(reference, pyramid, start, warps)
+        pyramid = build_pyramid(image, self.options.matching)
+        self._matched = pyramid, None
+        tracks = found = self._predicted_or_not(reference, pyramid, predict)
+        if 2 * len(tracks) < len(reference.ids):
+            found = self._found_in_even_rows(reference, pyramid, predict)
+        for _ in range(_ROUNDS):
+            gains = row_gains(reference.pyramid, pyramid, found)
+            if gains is None:
+                break
+            adapted = build_pyramid(with_row_gains(image, gains), self.options.matching)
+            tracks = found = self._predicted_or_not(reference, adapted, predict)
+            self._matched = pyramid, gains
+        return tracks
+
+    def _found_in_even_rows(
+        self, reference: _Reference, pyramid: Pyramid, predict: Predict | None
+    ) -> Tracks:
+        """Bands of brightness may lose most tracks; these are found in spite of them."""
+        even0, even1 = (
+            build_pyramid(even_rows(lit.image), self.options.matching)
+            for lit in (reference.pyramid, pyramid)
+        )
+        return self._predicted_or_not(replace(reference, pyramid=even0), even1, predict)
+
+    def _predicted_or_not(
+        self, reference: _Reference, pyramid: Pyramid, predict: Predict | None
+    ) -> Tracks:
+        tracks = self._found(reference, pyramid, *_predicted(predict, reference.points))
         if predict is not None and 2 * len(tracks) < len(reference.ids):
             # A prediction that loses most tracks may itself be the fault.
             unpredicted = self._found(reference, pyramid, *_predicted(None, reference.points))
@@ -178,9 +209,16 @@ class Tracker:
         """The image's pyramid, which `match` has mostly built before."""
         matched, self._matched = self._matched, None
         # Looked at, not remembered: a caller may fill the same array with the next image.
-        if matched is not None and np.array_equal(matched.image, image):
-            return matched
-        return build_pyramid(image, self.options.matching)
+        if matched is None or not np.array_equal(matched[0].image, image):
+            self._averaged = 1
+            return build_pyramid(image, self.options.matching)
+        pyramid, gains = matched
+        if gains is None:
+            return pyramid
+        # Bands that move average out, and errors of the gains do not add up.
+        self._averaged = min(self._averaged + 1, _MOST_AVERAGED)
+        gains = gains ** (1.0 - 1.0 / self._averaged)
+        return build_pyramid(with_row_gains(image, gains), self.options.matching)
 
     def _new_corners(self, image: np.ndarray, points: np.ndarray, count: int) -> np.ndarray:
         reach = window_reach(self.options.refinement)

@@ -82,7 +82,10 @@ class Fields:
         counts : collection of int, optional
             How many there may be; any number by default.
         """
-        values = [self._as_number(key, item) for item in _flat(self._required(key))]
+        value = self._required(key)
+        if _hides_groups(value):
+            raise self.error(key, f"expected numbers, got {_short(value)}")
+        values = [self._as_number(key, item) for item in _flat(value)]
         if counts is not None and len(values) not in counts:
             wanted = " or ".join(map(str, counts))
             raise self.error(key, f"expected {wanted} numbers, got {len(values)}")
@@ -158,6 +161,15 @@ def _flat(value: Any) -> list[Any]:
     if isinstance(value, str):
         return value.replace(",", " ").split()
     return [value]
+
+
+def _hides_groups(value: Any) -> bool:
+    """Whether there are fields among the numbers, or in place of them."""
+    if isinstance(value, Mapping):
+        return "data" not in value or _hides_groups(value["data"])
+    return isinstance(value, list) and any(
+        isinstance(part, Mapping) or _hides_groups(part) for part in value
+    )
 
 
 def _short(value: Any) -> str:

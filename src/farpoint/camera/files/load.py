@@ -59,8 +59,8 @@ _STEREO = (
     (r"(.*)LEFT(.*)", r"\1RIGHT\2"),
     (r"(.*)left(.*)", r"\1right\2"),
     (r"(.*)Left(.*)", r"\1Right\2"),
-    (r"(.*)_l", r"\1_r"),
-    (r"(.*)_L", r"\1_R"),
+    (r"(.*)l", r"\1r"),
+    (r"(.*)L", r"\1R"),
     (r"((?:camera_?matrix|mtx|k|m)_?)1", r"\g<1>2"),
 )
 

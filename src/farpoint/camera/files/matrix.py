@@ -10,6 +10,8 @@ from farpoint.camera.files.fields import Fields
 
 __all__ = ["Intrinsics", "intrinsics_from_matrix", "skew_of_matrix"]
 
+_SHORTEST_PX = 4.0  # focal length of a matrix that may be in shares of the image's width
+
 
 class Intrinsics(TypedDict):
     """Focal lengths and principal point, px."""
@@ -39,6 +41,8 @@ def intrinsics_from_matrix(
     if np.abs(matrix - expected).max() > 1e-6:
         rows = "; ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
         raise fields.error(key, f"expected a matrix fx 0 cx; 0 fy cy; 0 0 1, got {rows}")
+    if matrix[0, 0] < _SHORTEST_PX and 0.0 < max(matrix[0, 2], matrix[1, 2]) <= 1.0:
+        raise fields.error(key, "is in shares of the image; expected pixels")
     return Intrinsics(
         fx=float(matrix[0, 0]),
         fy=float(matrix[1, 1]),

@@ -18,6 +18,7 @@ from farpoint.camera.files.understood import (
     named_distortion,
     refuse_others,
     refuse_unread,
+    says_a_lens,
 )
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
@@ -27,13 +28,16 @@ from farpoint.camera.unified import Unified
 TITLE = "OpenCV camera matrix"
 FIRST_IS_DEFAULT = False
 
-# People name these freely; one of several cameras carries a suffix, the same on both.
-SUFFIX = r"_?(\d|left|right|l|r|)(?:_fe)?"
+# People name these freely; one of several cameras carries a side or a number, the same on both.
+PREFIX, SUFFIX = r"(?:(left|right|[lr](?=_))_?)?", r"[_ -]?(\d|left|right|l|r|)(?:_fe)?"
 MATRIX = re.compile(
-    rf"(?:camera_?matrix|camera_?mat|intrinsics?(?:_?matrix)?|mtx|k|m){SUFFIX}", re.IGNORECASE
+    PREFIX + r"(?:camera[_ -]?mat(?:rix)?|intrinsics?(?:[_ -]?matrix)?|mtx|k|m)" + SUFFIX,
+    re.IGNORECASE,
 )
 DISTORTION = re.compile(
-    r"(?:dist(?:ortion)?_?(?:coeff?(?:icient)?s?|vec(?:tor)?|params?|parameters|array|mat|)|kc|d)"
+    PREFIX
+    + r"(?:dist(?:ortion)?[_ -]?(?:coeff?(?:icient)?s?|vec(?:tor)?|params?|parameters|array|mat|)"
+    + r"|kc|d)"
     + SUFFIX,
     re.IGNORECASE,
 )
@@ -51,8 +55,15 @@ SYNONYMS = {
     **dict.fromkeys(("kannalabrandt8", "kb4", "kb8"), FISHEYES[0]),
     **{name.replace("_", ""): name for name in (*PINHOLES, *FISHEYES)},
 }
-MODEL = re.compile(r"(?:lens|camera|projection|distortion|dist)_?(?:model|type)|model|setup", re.I)
-MAY_NAME_A_SENSOR = re.compile(r"camera_?(?:model|type)|model", re.I)
+MODEL = re.compile(
+    r"(?:lens|camera|projection|distortion|dist|model)_?(?:model|type|kind)|model|setup|projection|lens",
+    re.IGNORECASE,
+)
+MAY_NAME_A_SENSOR = re.compile(r"(?:camera|lens)_?(?:model|type)|model|lens", re.IGNORECASE)
+# How OpenCV's fisheye is named where a method or flags are told.
+OPENCV_FISHEYE = re.compile(
+    r"(?:.*\b(?:cv2?|opencv)\W*|.*calib_)fisheye.*|fish.?eye", re.IGNORECASE
+)
 LENS_NAME = re.compile(
     r".*(?:omni|mei|unified|ucm|sphere|spher|fov|atan|scaramuzza|ocam|cahvor|equirect|panoram|"
     r"catadioptric|poly|division|theta|stereographic|orthographic|fish|lens).*|ds|kb\d*"
@@ -68,22 +79,37 @@ class _Keys:
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether a field is named like a camera matrix and is one or a list."""
-    return bool(_cameras(file.fields))
+    """Whether a field, or one of a group, is named like a camera matrix and is one or a list."""
+    return bool(_cameras(file.fields) or _groups(file.fields))
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name or its ``camera_name``; of several cameras the keys of the matrices."""
+    """The file's own name or its ``camera_name``; of several cameras the matrices' or groups'."""
     fields = file.fields
-    matrices = [keys.matrix for keys in _cameras(fields)]
-    if len(matrices) > 1:
-        return matrices
+    found = [keys.matrix for keys in _cameras(fields)] or _groups(fields)
+    if len(found) > 1:
+        return found
     return [fields.text("camera_name") if "camera_name" in fields else file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
     """One camera."""
-    return read_fields(file.fields, name)
+    fields = file.fields
+    groups = [] if _cameras(fields) else _groups(fields)
+    if not groups:
+        return read_fields(fields, name)
+    camera = read_fields(fields.group(name if name in groups else groups[0]), name)
+    refuse_unread(fields)
+    return camera
+
+
+def _groups(fields: Fields) -> list[str]:
+    """Keys of groups that describe a camera each, such as ``left`` and ``right``."""
+    return [
+        key
+        for key, value in fields.values.items()
+        if isinstance(value, Mapping) and _cameras(Fields(value, fields.file))
+    ]
 
 
 def read_fields(fields: Fields, name: str) -> Camera:
@@ -94,6 +120,7 @@ def read_fields(fields: Fields, name: str) -> Camera:
     camera = Camera(model=_lens(fields, keys), size=size, name=name)
     camera = with_deviations(camera, fields, keys.matrix, keys.distortion)
     others = {key for other in cameras for key in (other.matrix, other.distortion) if key}
+    others |= {key for key in fields.values if _names_opencv_fisheye(key, fields.values[key])}
     refuse_unread(fields, others | {key for key in ("roi",) if _is_whole(fields, key, size)})
     return camera
 
@@ -140,18 +167,23 @@ def _distortion(fields: Fields, keys: _Keys) -> tuple[float, ...]:
 
 def _cameras(fields: Fields) -> list[_Keys]:
     distortions = {
-        hit[1].lower(): key
+        _which(hit): key
         for key, value in fields.values.items()
         if not _is_a_word(value) and (hit := DISTORTION.fullmatch(key))
     }
     matrices = {
-        hit[1].lower(): key
+        _which(hit): key
         for key, value in fields.values.items()
         if isinstance(value, list | Mapping) and (hit := MATRIX.fullmatch(key))
     }
     if len(matrices) == len(distortions) == 1:  # whatever suffixes they have
         return [_Keys(*matrices.values(), *distortions.values())]
     return [_Keys(key, distortions.get(suffix)) for suffix, key in matrices.items()]
+
+
+def _which(hit: re.Match[str]) -> str:
+    """The side or number of a camera, before the name or behind it."""
+    return f"{hit[1] or ''}{hit[2]}".lower()
 
 
 def _is_a_word(value: object) -> bool:
@@ -165,7 +197,16 @@ def _is_fisheye(fields: Fields, keys: _Keys) -> bool:
         return True
     said = [_says_fisheye(fields, key) for key in fields.values if "fisheye" in key.lower()]
     named = [kind for key in fields.values if MODEL.fullmatch(key) for kind in _kind(fields, key)]
-    return any(said) or any(kind in FISHEYES for kind in named)
+    told = any(_names_opencv_fisheye(key, value) for key, value in fields.values.items())
+    return told or any(said) or any(kind in FISHEYES for kind in named)
+
+
+def _names_opencv_fisheye(key: str, value: object) -> bool:
+    """Whether a text, or one of a list, is how OpenCV's fisheye is called."""
+    texts = value if isinstance(value, list) else [value]
+    return says_a_lens(key, value) and any(
+        OPENCV_FISHEYE.fullmatch(str(text)[:200]) for text in texts
+    )
 
 
 def _says_fisheye(fields: Fields, key: str) -> bool:
@@ -185,7 +226,8 @@ def _kind(fields: Fields, key: str) -> list[str]:
     word = re.sub(r"[^a-z0-9]", "", fields.text(key).lower())
     if word in SYNONYMS:
         return [SYNONYMS[word]]
-    if MAY_NAME_A_SENSOR.fullmatch(key) and not LENS_NAME.fullmatch(word):
+    is_sensor = MAY_NAME_A_SENSOR.fullmatch(key) and not LENS_NAME.fullmatch(word)
+    if is_sensor and not word.isdigit():
         return []
     raise unsupported_lens(fields, key, (*PINHOLES, *FISHEYES))
 

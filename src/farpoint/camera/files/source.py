@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -114,9 +115,18 @@ def _whole(digits: str) -> int | float:
     return int(digits) if len(digits) <= _MOST_DIGITS else float(digits)
 
 
+def _mapping(pairs: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
+    """A mapping; a key that stands twice, with another value, is a fault."""
+    found: dict[Any, Any] = {}
+    for key, value in pairs:
+        if found.setdefault(key, value) != value:
+            raise _MalformedError(f"has {key} twice, with different values", None)
+    return found
+
+
 def _parse_json(text: str) -> Any:
     try:
-        return json.loads(text, parse_int=_whole)
+        return json.loads(text, parse_int=_whole, object_pairs_hook=_mapping)
     except json.JSONDecodeError as error:
         raise _MalformedError(f"malformed JSON: {error.msg}", error.lineno) from None
     except ValueError:
@@ -141,7 +151,7 @@ def _parse_yaml(text: str) -> Any:
     text = re.sub(r"(?m)^([ ]*[A-Za-z_][\w.]*):(?=[^\s:/\\])", r"\1: ", text)
     try:
         # A file may end in the mark of a next document, as `ros2 topic echo` prints it.
-        content, *others = [*yaml.load_all(text, Loader=yaml.BaseLoader)] or [None]
+        content, *others = [*yaml.load_all(text, Loader=_yaml_loader())] or [None]
         if any(other not in (None, "", content) for other in others):
             raise _MalformedError("holds several YAML documents; expected one calibration", None)
     except yaml.MarkedYAMLError as error:
@@ -155,6 +165,25 @@ def _parse_yaml(text: str) -> Any:
     if "*" in text and not _is_bounded(content):
         raise _MalformedError("malformed YAML: its aliases stand for too much", None)
     return content
+
+
+@cache
+def _yaml_loader() -> type[Any]:
+    """A loader of strings alone, by which no key stands twice."""
+    import yaml
+
+    class Loader(yaml.BaseLoader):
+        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+            found = super().construct_mapping(node, deep=deep)
+            if len(found) < len(node.value):
+                pairs = (
+                    (self.construct_object(key, deep=True), self.construct_object(value, deep=True))
+                    for key, value in node.value
+                )
+                _mapping(pairs)
+            return found
+
+    return Loader
 
 
 def _is_bounded(content: Any) -> bool:
@@ -192,4 +221,4 @@ def _parse_xml(text: str) -> Any:
 def _tree(element: ElementTree.Element) -> Any:
     if len(element) == 0:
         return (element.text or "").strip()
-    return {child.tag: _tree(child) for child in element}
+    return _mapping((child.tag, _tree(child)) for child in element)

@@ -8,25 +8,50 @@ from typing import Any
 
 from farpoint.camera.files.fields import Fields
 
-__all__ = ["LENS_WORDS", "is_nothing", "named_distortion", "refuse_others", "refuse_unread"]
+__all__ = [
+    "LENS_WORDS",
+    "is_nothing",
+    "named_distortion",
+    "refuse_others",
+    "refuse_unread",
+    "says_a_lens",
+]
 
 LENS_WORDS = re.compile(
-    r".*(?:dist|coeff|fisheye|skew|polynom|projection|camera_?(?:model|type)|lens_?model).*"
-    r"|[kpsb]_?\d+|tau_?[xy]|f_?[xy]?|c_?[xy]|xi|alpha|beta|gamma|omega|model",
+    r".*(?:dist(?!ance)|coeff|fisheye|skew|polynom|projection|camera_?(?:model|type)|lens_?model).*"
+    r"|[kpsb]_?\d+|tau_?[xy]|f_?[xy]?|c_?[xy]|xi|alpha|beta|gamma|omega|model|d|kc|lens.*",
     re.IGNORECASE,
 )
 """Names of fields that look like a property of a lens."""
 
 # Of names in lower case without separators: of any value, and of a single number or word.
 _OF_A_LENS = re.compile(
-    r".*(?:distort|distcoef|coef|fisheye|skew|polynom|binning|(?:lens|camera|projection|dist)"
-    r"(?:model|type)).*|dist(?!ance).*|roi|regionofinterest|kc"
+    r".*(?:distort|distcoef|coef|fisheye|omnidir|skew|poly|division|lambda|radial|tangential|prism"
+    r"|refract|anamorphic|squeeze|lens(?:fun|profile|param|corr)|undist|remap|lookup|binning|crop"
+    r"|(?:lens|camera|projection|dist)(?:model|type)).*"
+    r"|dist(?!ance).*|roi|regionofinterest|kc|warp|lut|(?:coef|param|dist).*order|order"
+    r"|(?:pixel|sample).*aspect.*|(?:image|img|intrinsics?|resolution|digital)?(?:scale|zoom)(?:factor)?"
+    r"|(?:resiz|decimat|down|upsampl|subsampl).*"
 )
 _OF_A_LENS_IF_ONE = re.compile(
-    r"[kps]\d|tau[xy]|xi|alpha|beta|gamma|omega|model|setup|rotat(?:e|ion)|orientation|flip|mirror"
+    r"[a-dkprst]\d|[a-d]|tau[xy]|xi|alpha|beta|gamma|omega|model|setup|orientation"
+    r"|.*(?:rotat(?:e|ion)|flip|mirror|wideangle).*"
 )
-_OF_ITS_ERRORS = re.compile(r".*(?:std|dev|sigma|covar|error|uncert|rms|flags?$|factor).*")
+_OF_ITS_ERRORS = re.compile(r"fix.*|.*(?:std|dev|sigma|covar|error|uncert|rms|flags?$)")
+_ONE_IS_NOTHING = re.compile(
+    r".*(?:binning|scale|zoom|aspect|resiz|decimat|sampl|squeeze|factor).*"
+)
+_A_NAME = re.compile(
+    r".*(?:name|label|title|descri|comment|note|path|file|topic|frame|id|url|serial)"
+)
+_SAYS_A_LENS = re.compile(
+    r"fish.?eye|omnidir|kannala|equidistant|equirect|scaramuzza|double.?sphere|\bmei\b"
+    r"|catadioptric|\bk1\W{1,3}k2\b",
+    re.IGNORECASE,
+)
+"""Words of a text that tell of a lens, under whatever key but a name's."""
 
+_LONGEST = 200  # characters of a name or text that are looked at
 # So many fields at most are listed in an error.
 MOST_NAMED = 16
 ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -73,13 +98,23 @@ def refuse_unread(fields: Fields, others: Collection[str] = ()) -> None:
 
 
 def _is_of_a_lens(key: str, value: Any) -> bool:
-    name = re.sub(r"[^a-z0-9]", "", str(key).lower())
+    name = re.sub(r"[^a-z0-9]", "", str(key)[:_LONGEST].lower())
     if is_nothing(value) or _OF_ITS_ERRORS.fullmatch(name):
         return False
-    if "binning" in name and str(value).strip() == "1":
+    if _ONE_IS_NOTHING.fullmatch(name) and str(value).strip() in ("1", "1.0", "1."):
         return False
+    if says_a_lens(key, value):
+        return True
     is_one = not isinstance(value, list | Mapping)
     return bool(_OF_A_LENS.fullmatch(name) or (is_one and _OF_A_LENS_IF_ONE.fullmatch(name)))
+
+
+def says_a_lens(key: str, value: Any) -> bool:
+    """Whether a text, or one of a list, tells of a lens and is not a name."""
+    if _A_NAME.fullmatch(str(key)[:_LONGEST].lower()):
+        return False
+    texts = value if isinstance(value, list) else [value]
+    return any(isinstance(text, str) and _SAYS_A_LENS.search(text[:_LONGEST]) for text in texts)
 
 
 def named_distortion(fields: Fields) -> tuple[float, ...]:
