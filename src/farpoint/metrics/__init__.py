@@ -49,6 +49,7 @@ from farpoint.metrics.statistics import (
     summarize,
     total_sigma,
 )
+from farpoint.metrics.stretches import STRETCH_SHARES, StretchFigure, evaluate_stretches
 from farpoint.metrics.trajectories import (
     KITTI_LENGTHS_M,
     RelativeErrors,
@@ -63,6 +64,7 @@ from farpoint.metrics.trajectories import (
 __all__ = [
     "KITTI_LENGTHS_M",
     "PAIR_COLUMNS",
+    "STRETCH_SHARES",
     "AssociationOptions",
     "Consistency",
     "ConsistencyRatio",
@@ -79,6 +81,7 @@ __all__ = [
     "SegmentFigures",
     "Similarity",
     "SplitHalf",
+    "StretchFigure",
     "Summary",
     "TrajectoryEvaluation",
     "absolute_errors",
@@ -93,6 +96,7 @@ __all__ = [
     "evaluate_halves",
     "evaluate_motions",
     "evaluate_path",
+    "evaluate_stretches",
     "evaluate_trajectory",
     "image_cells",
     "kitti_segment_errors",

@@ -41,6 +41,9 @@ class PathSamples:
         Of the motions that end at the frames, and their 1-sigmas; NaN where there is none.
     length_from : ndarray of int, shape (N,)
         Rows at which those motions begin.
+    own_covariances : ndarray, shape (N, 7, 7), or None
+        The part of each covariance that is the pose's alone, and that no later one has. None where
+        it is not known.
     """
 
     segments: np.ndarray
@@ -50,6 +53,7 @@ class PathSamples:
     lengths: np.ndarray
     length_sigmas: np.ndarray
     length_from: np.ndarray
+    own_covariances: np.ndarray | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
