@@ -3,7 +3,7 @@
 Plain arrays in, records out; see `farpoint.evaluate` for files.
 """
 
-from farpoint.metrics.alignment import Similarity, align_se3, align_sim3
+from farpoint.metrics.alignment import Similarity, align_se3, align_sim3, sim3_misfit
 from farpoint.metrics.association import AssociationOptions, poses_at_frames, poses_at_times
 from farpoint.metrics.evaluation import (
     Evaluation,
@@ -111,6 +111,7 @@ __all__ = [
     "relative_motions",
     "rotation_error",
     "scale_drift",
+    "sim3_misfit",
     "split_half",
     "summarize",
     "to_json",

@@ -1,17 +1,21 @@
-"""Whether paths over rendered streets are as sure as they say, drive by drive."""
+"""Whether paths are as sure as they say: over recordings, or rendered streets drive by drive."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.sequences import find_sequences
 from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.tables.recordings import recordings_table
 from farpoint.camera import Camera, KannalaBrandt
 from farpoint.metrics import PathConsistency, PathSamples, evaluate_path
 from farpoint.odometry import Odometry, OdometryResult
 from farpoint.synthetic import RenderedSequence, street_drive
 
-__all__ = ["path_table"]
+__all__ = ["path_table", "path_tables"]
 
 _DRIVES = 8  # a drive is one sample: its errors add up from pose to pose
 _MOTIONS = 100
@@ -28,6 +32,14 @@ _CAMERAS: tuple[tuple[str, Camera], ...] = (
         ),
     ),
 )
+
+
+def path_tables(options: BenchOptions, progress: Progress) -> Iterator[Table]:
+    """Of the recordings of the data, or of rendered streets where it holds none."""
+    if find_sequences(options.data):
+        yield from recordings_table(options, progress)
+    else:
+        yield from path_table(options, progress)
 
 
 def path_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
