@@ -28,6 +28,7 @@ TableName = Literal[
     "tracks",
     "motions",
     "path",
+    "lens",
     "steps",
     "halves",
 ]
@@ -101,8 +102,8 @@ class BenchOptions:
         Pairs of views in each cell of ``paper``, ``accuracy``, ``pairs`` and ``movers``, scenes for
         each time in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of
         frames of ``lenses`` and of each row of ``tracks``, ``motions`` and ``steps``, motions of
-        each drive or sequence of ``path``. None takes 2000, 300, 60, 60, 30, 60, 60, 60, 40, 60,
-        168, 40 and 100, and all motions of a sequence.
+        each drive or sequence of ``path``, recordings of each row of ``lens``. None takes 2000,
+        300, 60, 60, 30, 60, 60, 60, 40, 60, 168, 40, 100 (of a sequence all) and 7.
     seed : int
         Of scenes and estimators: the same seed gives the same figures, times aside.
     data : tuple of Path

@@ -17,6 +17,7 @@ from farpoint.bench.tables.coverage import coverage_table
 from farpoint.bench.tables.drawing import drawing_table
 from farpoint.bench.tables.growth import growth_tables
 from farpoint.bench.tables.halves import halves_table
+from farpoint.bench.tables.lens import lens_table
 from farpoint.bench.tables.lenses import unprojection_table, wide_table
 from farpoint.bench.tables.live import live_tables
 from farpoint.bench.tables.motions import motions_table
@@ -47,6 +48,7 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "tracks": (tracks_table,),
     "motions": (motions_table,),
     "path": (path_tables,),
+    "lens": (lens_table,),
     "steps": (steps_table,),
     "halves": (halves_table,),
     "drawing": (drawing_table,),

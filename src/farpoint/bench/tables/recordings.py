@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.path_samples import samples_of
 from farpoint.bench.race import one_thread
 from farpoint.bench.sequences import Recording, find_sequences, recorded
 from farpoint.bench.table import Cell, Column, Table
@@ -108,26 +109,13 @@ def _run(recording: Recording, options: BenchOptions, progress: Callable[[int, i
     # Its share of the clock is that of the processor's time, which others leave alone.
     spent = {name: odometry.seconds[name] - before[name] for name in before}
     share = spent["path"] / max(sum(spent.values()), 1e-9)
-    samples = _samples(poses, recording.world_from_cam)
+    samples = samples_of(poses, recording.world_from_cam)
     return _Run(
         results=results,
         samples=samples,
         stretches=evaluate_stretches(samples),
         focal=_focal(odometry),
         path_s=share * cpu_s / max(len(frames) - _WARM_UP, 1),
-    )
-
-
-def _samples(poses: Sequence[SettledPose], truth: np.ndarray) -> PathSamples:
-    unknown = np.full(len(poses), np.nan)
-    return PathSamples(
-        segments=np.array([pose.segment for pose in poses]),
-        world_from_cam=np.array([pose.world_from_cam for pose in poses]),
-        covariances=np.array([pose.world_covariance for pose in poses]),
-        truth=truth[[pose.frame1 for pose in poses]],
-        lengths=unknown,
-        length_sigmas=unknown,
-        length_from=np.zeros(len(poses), int),
     )
 
 
