@@ -189,7 +189,9 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
         return None
     turn = start[:3, :3] @ true_start[:3, :3].T
     true_ways = (s.truth[rows, :3, 3] - true_start[:3, 3]) @ turn.T
-    first = int(np.argmax(moved))
+    # The unit is the first length told; what moves before it is not known to.
+    told = moved & (s.lengths[rows] > 0.0)
+    first = int(np.argmax(told if told.any() else moved))
     unit_is_given = bool(s.covariances[rows[first], 6, 6] > 0.0)
     unit = 1.0
     if not unit_is_given:

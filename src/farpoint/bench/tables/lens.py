@@ -24,7 +24,7 @@ from farpoint.camera import (
     Scaramuzza,
     Unified,
 )
-from farpoint.metrics import evaluate_path
+from farpoint.metrics import chi2_quantile, evaluate_path
 
 __all__ = ["lens_table"]
 
@@ -61,6 +61,7 @@ _COLUMNS = (
     Column("pose_low", 2),
     Column("pose_high", 2),
     Column("scale_nees", 2),
+    Column("end_95", 2),
 )
 
 
@@ -103,7 +104,14 @@ def _cells(trials: Sequence[LensTrial]) -> tuple[Cell, ...]:
         path.pose.nees_low,
         path.pose.nees_high,
         path.scale.mean_nees,
+        _ends_within(trials),
     )
+
+
+def _ends_within(trials: Sequence[LensTrial]) -> float:
+    """Share of the recordings whose last pose lies within its 95 %."""
+    ends = [path.pose.end_nees for trial in trials if (path := evaluate_path(trial.path))]
+    return float(np.mean(np.array(ends) <= chi2_quantile(0.95, 6)))
 
 
 def _table(rows: Sequence[tuple[Cell, ...]], options: BenchOptions) -> Table:
@@ -121,6 +129,6 @@ def _table(rows: Sequence[tuple[Cell, ...]], options: BenchOptions) -> Table:
             "readout_z_rms: root mean square error of the read-out time in its sigma, 1 if honest",
             "nees: of the path's poses that move no more, mean over its segments of the mean over "
             "their poses; 3, 3, 6 and 1 if honest; low, high: where 95 % of such means lie, of one "
-            "sample a segment",
+            "sample a segment; end_95: share of recordings whose last pose lies within its 95 %",
         ),
     )
