@@ -18,12 +18,12 @@ from farpoint.metrics import (
     Evaluation,
     HalvesEvaluation,
     PairErrors,
-    PathConsistency,
     PathSamples,
     TrajectoryEvaluation,
     evaluate_halves,
     evaluate_motions,
     evaluate_path,
+    evaluate_stretches,
     evaluate_trajectory,
     pair_errors,
     pair_rows,
@@ -147,17 +147,18 @@ def evaluate_folder(
         in_motions = truth is None or str(error.field).startswith("covariances")
         where = motions_file if in_motions else truth
         raise InputError(error.problem, file=where, field=error.field) from error
-    trajectory, fault, path = None, None, None
+    trajectory, fault, samples = None, None, None
     if reference is not None:
         with _naming(folder / "positions.csv") as file:
-            path = _evaluated_path(file, motions, reference, options)
+            samples = _path_samples(file, motions, reference, options)
         with _naming(folder / "trajectory.tum") as file:
             trajectory, fault = _evaluated_trajectory(file, motions, reference, options)
     evaluation = Evaluation(
         motions=evaluate_motions(errors),
         trajectory=trajectory,
         trajectory_fault=fault,
-        path=path,
+        path=None if samples is None else evaluate_path(samples),
+        stretches=() if samples is None else evaluate_stretches(samples),
         halves=halves,
     )
     return FolderEvaluation(evaluation=evaluation, errors=errors, motions=motions, notes=notes)
@@ -307,10 +308,10 @@ def _evaluated_trajectory(
         return None, error.problem
 
 
-def _evaluated_path(
+def _path_samples(
     file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
-) -> PathConsistency | None:
-    """Figures of the path's covariance; None where the run wrote none, or was killed early."""
+) -> PathSamples | None:
+    """The path with its covariances; None where the run wrote none, or was killed early."""
     if not file.exists() or not len(positions := read_positions(file)):
         return None
     row_of = {int(frame): row for row, frame in enumerate(positions.frames)}
@@ -320,16 +321,14 @@ def _evaluated_path(
     lengths[ends], sigmas[ends] = motions.scale[pairs], motions.scale_sigma[pairs]
     begins = np.arange(len(positions))
     begins[ends] = [row_of.get(int(frame), 0) for frame in motions.frame0[pairs]]
-    return evaluate_path(
-        PathSamples(
-            segments=positions.segments,
-            world_from_cam=positions.world_from_cam,
-            covariances=positions.covariances,
-            truth=_true_poses(truth, positions.timestamps, positions.frames, options),
-            lengths=lengths,
-            length_sigmas=sigmas,
-            length_from=begins,
-        )
+    return PathSamples(
+        segments=positions.segments,
+        world_from_cam=positions.world_from_cam,
+        covariances=positions.covariances,
+        truth=_true_poses(truth, positions.timestamps, positions.frames, options),
+        lengths=lengths,
+        length_sigmas=sigmas,
+        length_from=begins,
     )
 
 

@@ -8,6 +8,7 @@ from bench_kit import silent
 
 from farpoint import Camera
 from farpoint.bench.options import BenchOptions
+from farpoint.bench.path_samples import joined
 from farpoint.bench.tables import path as table_of_paths
 from farpoint.metrics import PathSamples, evaluate_path
 
@@ -48,9 +49,9 @@ def straight(bend: float) -> PathSamples:
 
 def test_drives_are_joined_without_being_mixed():
     drives = [straight(0.01), straight(-0.02)]
-    joined = table_of_paths._joined(drives)
-    np.testing.assert_array_equal(joined.segments, [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3])
-    found = evaluate_path(joined)
+    path = joined(drives)
+    np.testing.assert_array_equal(path.segments, [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3])
+    found = evaluate_path(path)
     assert found is not None
     assert (found.scale.segments, found.scale.poses) == (4, 4)
     assert found.scale.mean_nees == pytest.approx((1.0 + 4.0) / 2.0)

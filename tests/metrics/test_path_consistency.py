@@ -118,3 +118,20 @@ def test_a_camera_that_never_moved_has_nothing_to_compare():
     still = drawn_path(segments=1)
     nowhere = np.tile(np.eye(4), (len(still.truth), 1, 1))
     assert evaluate_path(replace(still, world_from_cam=nowhere)) is None
+
+
+def test_what_moves_before_the_first_length_is_not_the_unit():
+    path = drawn_path(segments=3)
+    starts = np.flatnonzero(np.isnan(path.lengths))
+    # A frame more after the first of each segment, which is told no length and off by noise.
+    rows = np.sort(np.concatenate([np.arange(len(path.lengths)), starts]))
+    later = PathSamples(**{k: v[rows] for k, v in vars(path).items() if v is not None})
+    noisy, also = later.world_from_cam.copy(), later.truth.copy()
+    for row in starts + np.arange(len(starts)) + 1:
+        noisy[row, :3, 3] += [1e-6, 0.0, 0.0]
+        also[row, :3, 3] += [0.0, 1e-3, 0.0]
+    before = np.searchsorted(rows, path.length_from[rows], side="right") - 1
+    found = found_of(replace(later, world_from_cam=noisy, truth=also, length_from=before))
+    assert not found.unit_is_given
+    assert found.position == found_of(path).position
+    assert found.scale == found_of(path).scale

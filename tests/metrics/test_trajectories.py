@@ -24,6 +24,7 @@ from farpoint.metrics import (
     path_length,
     relative_errors,
     scale_drift,
+    sim3_misfit,
 )
 
 
@@ -213,6 +214,23 @@ def test_a_straight_line_has_no_unique_alignment(count: int):
     line = np.outer(np.arange(count), [1.0, 2.0, 3.0])
     with pytest.raises(InputError, match=r"one line|at least 3"):
         align_sim3(line, line)
+
+
+def test_the_misfit_is_the_ate_and_needs_no_unique_alignment():
+    truth = drive(40, 3)
+    estimate = drifting(truth, 4)
+    source, target = estimate[:, :3, 3], truth[:, :3, 3]
+    aligned = align_sim3(source, target).apply_to_poses(estimate)
+    ate = np.sqrt(np.mean(absolute_errors(aligned, truth) ** 2))
+    assert sim3_misfit(source, target) == pytest.approx(ate, rel=1e-9)
+    # On a line the best similarity leaves what stands off it, and what is off along it.
+    line = np.outer(np.arange(9.0), [1.0, 2.0, -1.0]) / np.sqrt(6.0)
+    off = np.outer((-1.0) ** np.arange(9), [2.0, -1.0, 0.0]) / np.sqrt(5.0)
+    assert sim3_misfit(0.3 * line, line) == pytest.approx(0.0, abs=1e-7)
+    assert 0.05 < sim3_misfit(line + 0.1 * off, line) < 0.1
+    assert sim3_misfit(np.zeros((9, 3)), line) == pytest.approx(
+        np.sqrt(np.mean(np.arange(-4, 5.0) ** 2))
+    )
 
 
 def test_standing_still_has_no_unique_alignment():

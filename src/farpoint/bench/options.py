@@ -28,13 +28,14 @@ TableName = Literal[
     "tracks",
     "motions",
     "path",
+    "lens",
     "steps",
     "halves",
 ]
 TABLES: tuple[TableName, ...] = get_args(TableName)
 
 # Tables that look at the data, and those of which there can be more.
-_OF_DATA = ("pairs", "pipeline", "drawing", "motions", "steps", "halves")
+_OF_DATA = ("pairs", "pipeline", "drawing", "motions", "path", "steps", "halves")
 _FULLER = ("pairs", "coverage", "live")
 
 Progress = Callable[[str, int, int], None]
@@ -101,15 +102,16 @@ class BenchOptions:
         Pairs of views in each cell of ``paper``, ``accuracy``, ``pairs`` and ``movers``, scenes for
         each time in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of
         frames of ``lenses`` and of each row of ``tracks``, ``motions`` and ``steps``, motions of
-        each drive of ``path``. None takes 2000, 300, 60, 60, 30, 60, 60, 60, 40, 60, 168, 40 and
-        100.
+        each drive or sequence of ``path``, recordings of each row of ``lens``. None takes 2000,
+        300, 60, 60, 30, 60, 60, 60, 40, 60, 168, 40, 100 (of a sequence all) and 7.
     seed : int
         Of scenes and estimators: the same seed gives the same figures, times aside.
     data : tuple of Path
         Real data: files of matches (``.npz``), image sequences with their calibration, measured
         motions (TUM's format), or folders of them. ``pairs`` needs the first; ``halves`` the
-        second, ``steps`` with a file of true poses; ``pipeline`` and ``drawing`` render a drive
-        where there are none. ``motions`` moves as the third, too.
+        second, ``steps`` with a file of true poses; ``pipeline``, ``drawing`` and ``path``, of
+        sequences with true poses, render drives where there are none. ``motions`` moves as the
+        third, too.
     full : bool
         Every pair of the files, the whole grid of the table of coverage, 10 minutes of ``live``:
         hours.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,14 +108,17 @@ def _timed(
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """OpenCV on one thread; the others use one by themselves, farpoint's kernels among them."""
-    cv2 = load_peer("cv2")
-    if cv2 is None:
-        yield
-        return
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
+    """OpenCV and NumPy's BLAS on one thread; the others use one by themselves.
+
+    The threads of BLAS are limited where ``threadpoolctl`` is installed.
+    """
+    cv2, pools = load_peer("cv2"), load_peer("threadpoolctl")
+    threads = cv2.getNumThreads() if cv2 else 0
+    if cv2:
+        cv2.setNumThreads(1)
     try:
-        yield
+        with pools.threadpool_limits(1) if pools else nullcontext():
+            yield
     finally:
-        cv2.setNumThreads(threads)
+        if cv2:
+            cv2.setNumThreads(threads)

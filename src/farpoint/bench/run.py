@@ -17,13 +17,14 @@ from farpoint.bench.tables.coverage import coverage_table
 from farpoint.bench.tables.drawing import drawing_table
 from farpoint.bench.tables.growth import growth_tables
 from farpoint.bench.tables.halves import halves_table
+from farpoint.bench.tables.lens import lens_table
 from farpoint.bench.tables.lenses import unprojection_table, wide_table
 from farpoint.bench.tables.live import live_tables
 from farpoint.bench.tables.motions import motions_table
 from farpoint.bench.tables.movers import movers_table
 from farpoint.bench.tables.pairs import pairs_table
 from farpoint.bench.tables.paper import paper_table
-from farpoint.bench.tables.path import path_table
+from farpoint.bench.tables.path import path_tables
 from farpoint.bench.tables.pipeline import pipeline_table
 from farpoint.bench.tables.start import start_table
 from farpoint.bench.tables.steps import steps_table
@@ -46,7 +47,8 @@ _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "lenses": (unprojection_table, wide_table),
     "tracks": (tracks_table,),
     "motions": (motions_table,),
-    "path": (path_table,),
+    "path": (path_tables,),
+    "lens": (lens_table,),
     "steps": (steps_table,),
     "halves": (halves_table,),
     "drawing": (drawing_table,),
@@ -57,6 +59,7 @@ _NEEDED: dict[TableName, str] = {
     "pairs": "files of matches (.npz)",
     "steps": "image sequences with a calibration and true poses",
     "halves": "image sequences with a calibration",
+    "path": "image sequences with true poses",
 }
 
 

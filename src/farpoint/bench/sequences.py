@@ -10,23 +10,28 @@ from pathlib import Path
 import numpy as np
 
 from farpoint.camera import Camera, Pinhole, load_camera
+from farpoint.camera.files.extrinsics import read_body_from_cam
 from farpoint.errors import InputError
-from farpoint.frames import open_frames
+from farpoint.frames import Frame, open_frames
 from farpoint.metrics import poses_at_frames, poses_at_times
 from farpoint.synthetic.sequence import render_drive
 from farpoint.trajectory.files import Trajectory, read_trajectory, read_tum
 
 __all__ = [
     "Film",
+    "Recording",
     "Sequence",
     "filmed",
     "find_sequences",
     "find_trajectories",
+    "recorded",
     "rendered_sequence",
 ]
 
 # Names of files with the true poses of the camera, beside its images.
 _TRUTHS = ("poses.txt", "groundtruth.txt")
+# Those with the poses of a camera that only turns, or of the body that carries it (EuRoC).
+_OTHER_TRUTHS = ("truth.tum", "groundtruth*.csv")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +65,23 @@ class Sequence:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """All frames of a sequence, where it is known from where some of them were taken.
+
+    Attributes
+    ----------
+    camera : Camera
+    frames : list of Frame
+    world_from_cam : ndarray, shape (len(frames), 4, 4)
+        True poses, NaN where unknown.
+    """
+
+    camera: Camera
+    frames: list[Frame]
+    world_from_cam: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Film:
     """Images of a sequence, where it is known from where they were taken.
 
@@ -82,23 +104,42 @@ class Film:
 
 def filmed(sequence: Sequence) -> Film | None:
     """The whole sequence; None without a file of true poses among its images."""
-    folder = sequence.source
-    truths = [folder / name for name in _TRUTHS if (folder / name).is_file()] if folder else []
-    if folder is None or not truths:
+    recording = recorded(sequence, _TRUTHS)
+    if recording is None:
         return None
-    truth = read_trajectory(truths[0])
-    frames = [frame for frame in open_frames(folder) if frame.image is not None]
-    if truth.timestamps is None:
+    frames, poses = recording.frames, recording.world_from_cam
+    seen = [k for k, frame in enumerate(frames) if frame.image is not None]
+    known = [k for k in seen if np.isfinite(poses[k, 0, 0])]
+    images = [image for k in known if (image := frames[k].image) is not None]
+    return Film(camera=recording.camera, images=images, world_from_cam=poses[known])
+
+
+def recorded(
+    sequence: Sequence, truths: tuple[str, ...] = (*_TRUTHS, *_OTHER_TRUTHS)
+) -> Recording | None:
+    """The whole sequence; None without a file of true poses, by these names, among its images.
+
+    Truth with as many poses as there are frames is taken frame by frame, other by times.
+    """
+    folder = sequence.source
+    found = [file for name in truths for file in sorted(folder.glob(name))] if folder else []
+    if folder is None or not found:
+        return None
+    source = open_frames(folder)
+    frames = list(source)
+    truth = read_trajectory(found[0])
+    if truth.timestamps is None or len(truth) == len(frames):
         numbers = np.array([frame.index for frame in frames])
         poses = poses_at_frames(truth.world_from_body, numbers)
     else:
         times = np.array([frame.timestamp for frame in frames])
         poses = poses_at_times(truth.timestamps, truth.world_from_body, times)
-    known = np.flatnonzero(np.isfinite(poses[:, 0, 0]))
-    images = [image for k in known if (image := frames[k].image) is not None]
-    height, width = images[0].shape
-    camera = sequence.camera.with_size(width, height)
-    return Film(camera=camera, images=images, world_from_cam=poses[known])
+    if found[0].suffix == ".csv" and source.calibration_path is not None:
+        poses = poses @ read_body_from_cam(source.calibration_path)
+    height, width = next(frame.image for frame in frames if frame.image is not None).shape
+    return Recording(
+        camera=sequence.camera.with_size(width, height), frames=frames, world_from_cam=poses
+    )
 
 
 def find_sequences(places: tuple[Path, ...]) -> list[Sequence]:

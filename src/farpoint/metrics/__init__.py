@@ -3,7 +3,7 @@
 Plain arrays in, records out; see `farpoint.evaluate` for files.
 """
 
-from farpoint.metrics.alignment import Similarity, align_se3, align_sim3
+from farpoint.metrics.alignment import Similarity, align_se3, align_sim3, sim3_misfit
 from farpoint.metrics.association import AssociationOptions, poses_at_frames, poses_at_times
 from farpoint.metrics.evaluation import (
     Evaluation,
@@ -49,6 +49,7 @@ from farpoint.metrics.statistics import (
     summarize,
     total_sigma,
 )
+from farpoint.metrics.stretches import STRETCH_SHARES, StretchFigure, evaluate_stretches
 from farpoint.metrics.trajectories import (
     KITTI_LENGTHS_M,
     RelativeErrors,
@@ -63,6 +64,7 @@ from farpoint.metrics.trajectories import (
 __all__ = [
     "KITTI_LENGTHS_M",
     "PAIR_COLUMNS",
+    "STRETCH_SHARES",
     "AssociationOptions",
     "Consistency",
     "ConsistencyRatio",
@@ -79,6 +81,7 @@ __all__ = [
     "SegmentFigures",
     "Similarity",
     "SplitHalf",
+    "StretchFigure",
     "Summary",
     "TrajectoryEvaluation",
     "absolute_errors",
@@ -93,6 +96,7 @@ __all__ = [
     "evaluate_halves",
     "evaluate_motions",
     "evaluate_path",
+    "evaluate_stretches",
     "evaluate_trajectory",
     "image_cells",
     "kitti_segment_errors",
@@ -107,6 +111,7 @@ __all__ = [
     "relative_motions",
     "rotation_error",
     "scale_drift",
+    "sim3_misfit",
     "split_half",
     "summarize",
     "to_json",

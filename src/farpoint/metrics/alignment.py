@@ -8,7 +8,7 @@ import numpy as np
 
 from farpoint.errors import InputError
 
-__all__ = ["Similarity", "align_se3", "align_sim3"]
+__all__ = ["Similarity", "align_se3", "align_sim3", "sim3_misfit"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,6 +56,19 @@ def align_se3(source: np.ndarray, target: np.ndarray) -> Similarity:
     """Rigid motion that carries ``source`` (N, 3) nearest to ``target``; see `align_sim3`."""
     rotation, _, _ = _umeyama(source, target)
     return _completed(1.0, rotation, source, target)
+
+
+def sim3_misfit(source: np.ndarray, target: np.ndarray) -> float:
+    """Root mean square distance of ``source`` (N, 3) from ``target`` after `align_sim3`: the ATE.
+
+    It is the same for every rotation about a line, so points may lie on one: Umeyama 1991, eq. 33.
+    """
+    x, y = source - source.mean(axis=0), target - target.mean(axis=0)
+    U, D, Vt = np.linalg.svd(y.T @ x / len(x))
+    S = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
+    variance, true_variance = (float(np.mean(np.sum(z**2, axis=1))) for z in (x, y))
+    fitted = float(D @ S) ** 2 / variance if variance > 0.0 else 0.0
+    return float(np.sqrt(max(true_variance - fitted, 0.0)))
 
 
 def _umeyama(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, float, float]:

@@ -17,6 +17,7 @@ from farpoint.metrics.statistics import (
     summarize,
     total_sigma,
 )
+from farpoint.metrics.stretches import StretchFigure
 from farpoint.metrics.trajectories import (
     SegmentErrors,
     absolute_errors,
@@ -150,6 +151,9 @@ class Evaluation:
         Why `trajectory` is None.
     path : PathConsistency or None
         Whether the poses are as far off as their covariances say; None without covariances.
+    stretches : tuple of StretchFigure
+        Whether stretches of the path are as long, and turn as far, as it says; empty without truth
+        or covariances.
     halves : HalvesEvaluation or None
         The test that needs no truth; None where the run made none.
     """
@@ -158,6 +162,7 @@ class Evaluation:
     trajectory: TrajectoryEvaluation | None
     trajectory_fault: str | None = None
     path: PathConsistency | None = None
+    stretches: tuple[StretchFigure, ...] = ()
     halves: HalvesEvaluation | None = None
 
 

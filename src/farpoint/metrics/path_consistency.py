@@ -41,6 +41,9 @@ class PathSamples:
         Of the motions that end at the frames, and their 1-sigmas; NaN where there is none.
     length_from : ndarray of int, shape (N,)
         Rows at which those motions begin.
+    own_covariances : ndarray, shape (N, 7, 7), or None
+        The part of each covariance that is the pose's alone, and that no later one has. None where
+        it is not known.
     """
 
     segments: np.ndarray
@@ -50,6 +53,7 @@ class PathSamples:
     lengths: np.ndarray
     length_sigmas: np.ndarray
     length_from: np.ndarray
+    own_covariances: np.ndarray | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +189,9 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
         return None
     turn = start[:3, :3] @ true_start[:3, :3].T
     true_ways = (s.truth[rows, :3, 3] - true_start[:3, 3]) @ turn.T
-    first = int(np.argmax(moved))
+    # The unit is the first length told; what moves before it is not known to.
+    told = moved & (s.lengths[rows] > 0.0)
+    first = int(np.argmax(told if told.any() else moved))
     unit_is_given = bool(s.covariances[rows[first], 6, 6] > 0.0)
     unit = 1.0
     if not unit_is_given:

@@ -14,6 +14,7 @@ from farpoint.metrics.halves import HalvesEvaluation
 from farpoint.metrics.pairs import PairErrors
 from farpoint.metrics.path_consistency import PathConsistency, PathFigure
 from farpoint.metrics.statistics import Consistency, Coverage, Summary
+from farpoint.metrics.stretches import StretchFigure
 
 __all__ = ["PAIR_COLUMNS", "pair_rows", "to_json", "to_text"]
 
@@ -74,6 +75,8 @@ def to_text(evaluation: Evaluation) -> str:
         lines += ["", f"trajectory not compared: {evaluation.trajectory_fault}"]
     if evaluation.path is not None:
         lines += ["", *_path_lines(evaluation.path)]
+    if evaluation.stretches:
+        lines += ["", *_stretch_lines(evaluation.stretches)]
     return "\n".join(lines) + "\n"
 
 
@@ -194,6 +197,27 @@ def _path_lines(path: PathConsistency) -> list[str]:
         f"Taken as true of each segment: its first {taken}; nothing is fitted.",
         "Bounds: of one sample for each segment, since errors add up from pose to pose.",
     ]
+
+
+def _stretch_lines(stretches: Sequence[StretchFigure]) -> list[str]:
+    rows = [
+        (
+            _stretch_name(s),
+            *(f"{kind.share:.2f}" if kind.count else "-" for kind in (s.lengths, s.rotations)),
+            str(s.rotations.count),
+        )
+        for s in stretches
+    ]
+    return [
+        *_table(("stretches of the path", "lengths", "rotations", "stretches"), rows),
+        "Share of distances and rotations between their ends that lie within their stated 95 %:",
+        "0.95 is honest, less claims too much, more too little. One scale for the whole segment.",
+    ]
+
+
+def _stretch_name(stretch: StretchFigure) -> str:
+    of = "its poses" if math.isnan(stretch.length) else f"it ({_number(stretch.length)})"
+    return f"over {100.0 * stretch.share:g} % of {of}"
 
 
 def _verdict(figure: PathFigure) -> str:

@@ -1,6 +1,7 @@
 """Scenes whose truth is known exactly: point sets, and rendered images."""
 
 from farpoint.synthetic.bound import cramer_rao_bound, rotation_cramer_rao_bound
+from farpoint.synthetic.handheld import HandheldTracks
 from farpoint.synthetic.inertial import InertialPath, SimulatedImu
 from farpoint.synthetic.paper import (
     PAPER_NOISE_PX,
@@ -32,6 +33,7 @@ from farpoint.synthetic.sequence import (
 __all__ = [
     "PAPER_NOISE_PX",
     "PAPER_OUTLIERS",
+    "HandheldTracks",
     "ImagingOptions",
     "InertialPath",
     "OutlierKind",

@@ -1,17 +1,20 @@
-"""Whether paths over rendered streets are as sure as they say, drive by drive."""
+"""Whether paths are as sure as they say: over recordings, or rendered streets drive by drive."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator
 
 from farpoint.bench.options import BenchOptions, Progress
+from farpoint.bench.path_samples import joined, samples_of
+from farpoint.bench.sequences import find_sequences
 from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.tables.recordings import recordings_table
 from farpoint.camera import Camera, KannalaBrandt
 from farpoint.metrics import PathConsistency, PathSamples, evaluate_path
-from farpoint.odometry import Odometry, OdometryResult
+from farpoint.odometry import Odometry
 from farpoint.synthetic import RenderedSequence, street_drive
 
-__all__ = ["path_table"]
+__all__ = ["path_table", "path_tables"]
 
 _DRIVES = 8  # a drive is one sample: its errors add up from pose to pose
 _MOTIONS = 100
@@ -30,6 +33,14 @@ _CAMERAS: tuple[tuple[str, Camera], ...] = (
 )
 
 
+def path_tables(options: BenchOptions, progress: Progress) -> Iterator[Table]:
+    """Of the recordings of the data, or of rendered streets where it holds none."""
+    if find_sequences(options.data):
+        yield from recordings_table(options, progress)
+    else:
+        yield from path_table(options, progress)
+
+
 def path_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
     """A row for each camera, driven through streets of its own."""
     motions = options.pairs or _MOTIONS
@@ -43,8 +54,16 @@ def path_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
         samples = []
         for done, drive in enumerate(drives):
             progress(f"paths, {name}", done, _DRIVES)
-            results = list(Odometry(camera).run(drive))
-            samples.append(_samples(results, drive.world_from_cam))
+            odometry = Odometry(camera)
+            results = list(odometry.run(drive))
+            samples.append(
+                samples_of(
+                    odometry.remaining(),
+                    drive.world_from_cam,
+                    results,
+                    [result.frame0 for result in results],
+                )
+            )
         progress(f"paths, {name}", _DRIVES, _DRIVES)
         rows.append((name, *_cells(samples)))
     return (
@@ -69,6 +88,7 @@ def path_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
             ),
             rows=tuple(rows),
             notes=(
+                "of poses that move no more, as a run writes them",
                 "nees: mean over segments of the mean over their poses; 3, 3, 6 and 1 if honest",
                 "low, high: where 95 % of such means lie, of one sample for each segment",
                 "lengths_95: share of the lengths of motions within 1.96 of their sigmas",
@@ -77,34 +97,8 @@ def path_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
     )
 
 
-def _samples(results: list[OdometryResult], truth: np.ndarray) -> PathSamples:
-    nan = float("nan")
-    return PathSamples(
-        segments=np.array([result.segment for result in results]),
-        world_from_cam=np.array([result.world_from_cam for result in results]),
-        covariances=np.array([result.world_covariance for result in results]),
-        truth=truth,
-        lengths=np.array([nan if r.scale is None else r.scale for r in results]),
-        length_sigmas=np.array([nan if r.scale_sigma is None else r.scale_sigma for r in results]),
-        length_from=np.array([result.frame0 for result in results]),
-    )
-
-
-def _joined(drives: list[PathSamples]) -> PathSamples:
-    """Several drives as segments of one path."""
-    counts = [len(drive.segments) for drive in drives]
-    rows = np.cumsum([0, *counts[:-1]])
-    numbers = np.cumsum([0, *(int(drive.segments[-1]) + 1 for drive in drives[:-1])])
-    same = ("world_from_cam", "covariances", "truth", "lengths", "length_sigmas")
-    return PathSamples(
-        segments=np.concatenate([d.segments + n for d, n in zip(drives, numbers, strict=True)]),
-        length_from=np.concatenate([d.length_from + n for d, n in zip(drives, rows, strict=True)]),
-        **{name: np.concatenate([getattr(drive, name) for drive in drives]) for name in same},
-    )
-
-
 def _cells(drives: list[PathSamples]) -> tuple[Cell, ...]:
-    found = evaluate_path(_joined(drives))
+    found = evaluate_path(joined(drives))
     assert found is not None  # the drives move
     return (len(drives), *_figures(found))
 
