@@ -282,3 +282,40 @@ def test_known_points_tell_that_the_camera_stands_before_something_that_moves():
         assert not (set(point.fitting) & set(joined.ids[len(tracks) :]))
     at = np.array([p.world_from_cam[:3, 3] for p in drive.points[12:]])
     assert np.linalg.norm(at - at[0], axis=1).max() < 0.02
+
+
+def test_a_wrong_first_motion_is_replaced_by_one_of_longer_flow():
+    poses = poses_of(forward(30, length=0.1), np.zeros((30, 3)))
+    pairs = list(cloud(poses, count=3000, noise_px=0.1).tracks())
+    first = motion_of(pairs[0])
+    basis = first.direction_basis
+    wrong = dataclasses.replace(
+        first,
+        # To the side, and a turn that makes up for most of the flow.
+        direction_cam1_from_cam0=basis[:, 0],
+        direction_basis=np.column_stack([first.direction_cam1_from_cam0, basis[:, 1]]),
+    )
+    errors = []
+    for start in (first, wrong):
+        drive = Drive()
+        drive.add(pairs[0], start)
+        for tracks in pairs[1:]:
+            drive.add(tracks)
+        found = np.array([point.world_from_cam[:3, 3] for point in drive.points[10:]])
+        found, true = found - found[0], poses[10:31, :3, 3] - poses[10, :3, 3]
+        scale = np.sum(found * true) / np.sum(true**2)
+        errors.append(np.linalg.norm(found - scale * true, axis=1).max() / scale)
+    assert errors[0] < 0.02
+    assert errors[1] < 2.0 * errors[0] + 0.01
+
+
+def test_before_a_length_is_known_nobody_knows_where_the_camera_is():
+    poses = poses_of(np.zeros((6, 3)), np.tile([0.0, 0.02, 0.0], (6, 1)))
+    drive = build(cloud(poses))
+    assert {point.scale for point in drive.points} == {None}
+    sigmas = [np.sqrt(np.linalg.eigvalsh(p.covariance[3:6, 3:6])[0]) for p in drive.points]
+    assert sigmas[0] == 0.0
+    assert min(sigmas[1:]) >= 2.0
+    assert (np.diff(sigmas) > 0.0).all()
+    still = build(cloud(poses_of(np.zeros((6, 3)), np.zeros((6, 3)))))
+    assert not any(point.covariance[3:6, 3:6].any() for point in still.points)

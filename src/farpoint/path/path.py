@@ -28,8 +28,10 @@ Estimate = Callable[[np.ndarray, np.ndarray, np.ndarray, float], RelativePose]
 
 _FIRST_ITERATIONS = 6  # of the first solutions, which start from two views
 _ITERATIONS = 1  # afterwards: each keyframe moves the others little
-_UNKNOWN_WAY = 2.0  # 1-sigma of a keyframe's way before the first length, in units of that
+_UNKNOWN_WAY = 2.0  # 1-sigma of a way before the first length, in units of that
+_FIRM_FLOW = 0.5  # of what makes a keyframe: the window begins anew with a way of that flow
 _FIT_CHI2 = 13.8  # squared residual that 0.999 of right matches stay below (2 degrees of freedom)
+_AGREE_CHI2 = 20.5  # the same for 0.999 of two poses (5 degrees of freedom)
 _REST_CHI2 = 11.3  # the same for 0.99 of displacements of a camera at rest (3 of them)
 _LONGEST_WAIT = 150  # frames whose poses are kept for their keyframes to settle
 
@@ -124,6 +126,7 @@ class PathBuilder:
     def _forget_window(self) -> None:
         self._window: Window | None = None
         self._key_sighting: Sighting | None = None
+        self._first: Sighting | None = None  # by the first keyframe, until a long way from it
         self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
         self._twist = np.zeros(6)
@@ -240,7 +243,10 @@ class PathBuilder:
         assert motion.rotation_cam1_from_cam0 is not None
         key, good = window.frames[-1], now.select(is_good)
         seconds = pair.time1 - key.timestamp
-        since_key = motion if key.frame == pair.frame0 else self._since_keyframe(good, seconds)
+        since_key = motion
+        if key.frame != pair.frame0:
+            assert self._key_sighting is not None
+            since_key = self._since(self._key_sighting, good, seconds)
         R, p = self._R @ motion.rotation_cam1_from_cam0.T, self._p
         last_p = p
         if since_key.status is PoseStatus.OK:
@@ -252,13 +258,18 @@ class PathBuilder:
         rotation = motion.rotation_covariance
         self._own[:3, :3] += R @ (np.zeros((3, 3)) if rotation is None else rotation) @ R.T
         if self._has_scale:
+            if not self._has_moved(self._key_sighting, now, _FIRM_FLOW):
+                self._first = self._key_sighting
             self._add_keyframe(window, good, pair)
             window.set_unit()
             window.triangulate()
             self._solve(window, motion)
             # The unit itself has no error.
             self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
-        elif self._is_keyframe_due(now, 2.0 * self._options.keyframe_flow_px):
+        elif motion.status is not PoseStatus.STATIC:
+            # Nobody knows how far the camera went.
+            self._own[3:, 3:] += (_UNKNOWN_WAY * self._unit(pair.seconds)) ** 2 * np.eye(3)
+        if not self._has_scale and self._has_moved(self._key_sighting, now, 2.0):
             self._add_keyframe(window, good, pair)
             window.expect_rest(_UNKNOWN_WAY)
             while len(window) > self._options.keyframes:
@@ -269,14 +280,59 @@ class PathBuilder:
         """Length of a segment's first way: the unit, or what the last segment's speed suggests."""
         return 1.0 if self._speed is None or seconds <= 0.0 else self._speed * seconds
 
-    def _since_keyframe(self, seen: Sighting, seconds: float) -> RelativePose:
-        assert self._key_sighting is not None
-        rows = self._key_sighting.rows_of(seen.ids)
+    def _since(self, before: Sighting, seen: Sighting, seconds: float) -> RelativePose:
+        """Motion since tracks were seen, by those that are still seen."""
+        rows = before.rows_of(seen.ids)
         both = seen.select(rows >= 0)
         uu, uv, vv = both.travelled.T
         covariances = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2)
-        before = self._key_sighting.pixels[rows[rows >= 0]]
-        return self._estimate(before, both.pixels, covariances, seconds)
+        return self._estimate(before.pixels[rows[rows >= 0]], both.pixels, covariances, seconds)
+
+    def _begin_firmly(
+        self, window: Window, seen: Sighting, motion: RelativePose, pair: Pair
+    ) -> None:
+        """Begin the window anew with a way that is long enough, where it denies the path so far.
+
+        The first motion that seems observable may be a wrong one of two that short flow allows. The
+        length stays as found, and its error is one of the scale.
+        """
+        before, self._first = self._first, None
+        first = window.frames[0]
+        assert before is not None
+        since = self._since(before, seen, pair.time1 - first.timestamp)
+        if window.has_forgotten or since.status is not PoseStatus.OK:
+            return
+        assert since.rotation_cam1_from_cam0 is not None
+        if self._agrees(since, first):
+            return
+        way = self._p - first.p
+        length = float(np.linalg.norm(way))
+        self._base[6, 6] += way @ self._covariance()[3:6, 3:6] @ way / length**4
+        R = first.R @ since.rotation_cam1_from_cam0.T
+        p = first.p + length * (first.R @ since.heading_cam0)
+        self._settle_all()
+        self._lens = LensEstimate(window.lens.given, self._lens_options, pair.seconds)
+        anew = self._window = Window(self._lens, window.size)
+        anew.add(first.frame, first.timestamp, first.R, first.p, first.twist)
+        anew.see(some_of(before, anew.landmarks, self._options.max_tracks))
+        self._R, self._p = R, p
+        self._add_keyframe(anew, seen, pair)
+        anew.set_unit()
+        anew.triangulate()
+        self._solve(anew, motion)
+        self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
+
+    def _agrees(self, since: RelativePose, first: Keyframe) -> bool:
+        """Whether a motion since a keyframe is that of the path."""
+        assert since.rotation_cam1_from_cam0 is not None
+        assert since.direction_cam1_from_cam0 is not None
+        assert since.direction_basis is not None
+        assert since.covariance is not None
+        turn = so3.log(self._R.T @ first.R @ since.rotation_cam1_from_cam0.T)
+        way = self._R.T @ (first.p - self._p)
+        away = way / max(float(np.linalg.norm(way)), 1e-300) - since.direction_cam1_from_cam0
+        off = np.concatenate([turn, since.direction_basis.T @ away])
+        return bool(off @ np.linalg.solve(since.covariance, off) < _AGREE_CHI2)
 
     # Afterwards
 
@@ -300,7 +356,7 @@ class PathBuilder:
             if motion.status is PoseStatus.OK and self._speed is not None and pair.seconds > 0.0:
                 return self._guess(window, before, now, is_good, motion, pair)
             located = None
-        is_key = self._is_keyframe_due(now, self._options.keyframe_flow_px)
+        is_key = self._has_moved(self._key_sighting, now, 1.0)
         p = self._p
         if located is not None:
             R, p = located.R, located.p
@@ -321,6 +377,8 @@ class PathBuilder:
             self._own = located.covariance
         else:
             self._own = self._lost(motion, pair.seconds)
+        if self._first is not None and self._has_moved(self._first, now, _FIRM_FLOW):
+            self._begin_firmly(window, now.select(is_good), motion, pair)
         point = self._point(pair, motion, located, last[1])
         return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
 
@@ -388,15 +446,15 @@ class PathBuilder:
 
     # Keyframes
 
-    def _is_keyframe_due(self, now: Sighting, flow_px: float) -> bool:
-        key = self._key_sighting
-        assert key is not None
-        rows = key.rows_of(now.ids)
+    def _has_moved(self, before: Sighting | None, now: Sighting, share: float) -> bool:
+        """Whether tracks have moved by a share of what makes a keyframe, or too many are lost."""
+        assert before is not None
+        rows = before.rows_of(now.ids)
         both = rows >= 0
-        if not both.any() or both.sum() < self._options.keyframe_share * len(key.ids):
+        if not both.any() or both.sum() < self._options.keyframe_share * len(before.ids):
             return True
-        flow = np.linalg.norm(now.pixels[both] - key.pixels[rows[both]], axis=1)
-        return bool(np.median(flow) > flow_px)
+        flow = np.linalg.norm(now.pixels[both] - before.pixels[rows[both]], axis=1)
+        return bool(np.median(flow) > share * self._options.keyframe_flow_px)
 
     def _add_keyframe(self, window: Window, seen: Sighting, pair: Pair) -> None:
         keyframe = window.add(pair.frame1, pair.time1, self._R, self._p, self._twist)

@@ -63,6 +63,8 @@ class Window:
         What they see.
     covariance : ndarray, shape (D, D)
         Of all poses, 6 each as in `Prior`, and the common unknowns, as last solved.
+    size : (int, int)
+        Of the images.
     origin : ndarray, shape (3,)
         Where the first keyframe is, which is taken as true.
     variance_factor : float
@@ -73,7 +75,7 @@ class Window:
     """
 
     def __init__(self, lens: LensEstimate, size: tuple[int, int]) -> None:
-        self.lens, self._size = lens, size
+        self.lens, self.size = lens, size
         self.frames: list[Keyframe] = []
         self.landmarks = Landmarks(lens)
         self.variance_factor = 1.0
@@ -159,7 +161,7 @@ class Window:
 
     def row_phase(self, pixels: np.ndarray) -> np.ndarray:
         """When the rows of pixels (N, 2) are read: from -1/2 to 1/2 of the read-out time."""
-        return row_phase(pixels, self._size)
+        return row_phase(pixels, self.size)
 
     def _late(self, observations: np.ndarray) -> np.ndarray:
         """When the rows of observations (N,) were read, s from the middle one."""
@@ -257,7 +259,7 @@ class Window:
 
     def _residuals(self, poses: Poses) -> Residuals:
         return Residuals(
-            self.landmarks, self.lens, self._size, poses, self.variance_factor, self.design_effect
+            self.landmarks, self.lens, self.size, poses, self.variance_factor, self.design_effect
         )
 
     def pose_covariance(self) -> np.ndarray:
