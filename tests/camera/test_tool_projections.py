@@ -290,3 +290,20 @@ def test_lenses_that_are_opencvs_by_name(write) -> None:
         expected = with_opencv(matrix, coefficients, fisheye=is_fisheye)
         seen = load_camera(write(text), name).project(POINTS)
         np.testing.assert_allclose(seen, expected, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("told", "readout_s"),
+    [
+        ({}, 0.0125),
+        ({"frame_readout_direction": "TopToBottom"}, 0.0125),
+        ({"frame_readout_direction": "LeftToRight"}, None),
+        ({"frame_readout_time": None}, None),
+        ({"frame_readout_time": -12.5}, None),
+        ({"global_shutter": True}, 0.0),
+    ],
+)
+def test_gyroflow_profiles_tell_the_shutter(tmp_path, told, readout_s):
+    path = tmp_path / "profile.json"
+    path.write_text(json.dumps(GYROFLOW | told))
+    assert load_camera(path).readout_s == readout_s

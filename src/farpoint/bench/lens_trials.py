@@ -11,6 +11,7 @@ from farpoint.bench.path_samples import samples_of
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.metrics import PathSamples
+from farpoint.odometry.lens_in_use import LensInUse
 from farpoint.path.lens import LensEstimate, with_prior
 from farpoint.path.options import LensRefinementOptions, PathOptions
 from farpoint.path.path import Pair, PathBuilder
@@ -24,7 +25,6 @@ LensError = Literal["drawn", "two sigmas"]
 
 _FRAMES, _FPS = 45, 30.0
 _DRAWS = 100  # until one makes a lens
-_SHOWN_SIGMAS = 3.0  # motions are estimated with the lens found once it is so far from the one used
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,13 +84,14 @@ def try_lens(
         readout_s=float(rng.uniform(0.0, 1.0 / _FPS)),
         fps=_FPS,
     )
-    motions = _Motions(given)
+    motions = _Motions(given, prior)
     path = PathBuilder(motions.estimate, PathOptions(), prior)
     times = recording.timestamps.tolist()
     path.pass_over(0, times[0])
     points, poses = [path.now], []
     for k, tracks in enumerate(recording):
-        motion = motions.estimate(tracks.points0, tracks.points1, tracks.covariance_px2)
+        seconds = times[k + 1] - times[k]
+        motion = motions.estimate(tracks.points0, tracks.points1, tracks.covariance_px2, seconds)
         if motion.status is PoseStatus.FAILED:
             points.append(path.break_off())
             path.pass_over(k + 1, times[k + 1])
@@ -114,24 +115,26 @@ def try_lens(
 
 
 class _Motions:
-    """Motions of pairs by the lens as given, and as found once that is plainly another."""
+    """Motions of pairs by lens and shutter as given, and as found once they are plainly others."""
 
-    def __init__(self, given: Camera) -> None:
-        self._camera = given
-        self._z = 0.0
+    def __init__(self, given: Camera, options: LensRefinementOptions) -> None:
+        self._lens = LensInUse(given, options)
 
     def estimate(
-        self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
+        self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray, seconds: float
     ) -> RelativePose:
         half_px2 = 0.5 * covariance_px2
         return estimate_relative_pose(
-            points0, points1, self._camera, covariance0_px2=half_px2, covariance1_px2=half_px2
+            points0,
+            points1,
+            self._lens.camera,
+            covariance0_px2=half_px2,
+            covariance1_px2=half_px2,
+            interval_s=self._lens.interval_s(seconds),
         )
 
     def follow(self, lens: LensEstimate | None) -> None:
-        if lens is None or lens.moved_px(lens.z - self._z) <= _SHOWN_SIGMAS * lens.sigma_px():
-            return
-        self._z, self._camera = lens.z, lens.found()
+        self._lens.follow(lens)
 
 
 def _parameter_errors(true: Camera, lens: LensEstimate) -> dict[str, float]:

@@ -15,12 +15,12 @@ from farpoint.frames.deinterlace import Deinterlacer
 from farpoint.metrics import SplitHalf, image_cells, split_half
 from farpoint.odometry.at_rest import at_rest
 from farpoint.odometry.half_ratios import HalfRatios
+from farpoint.odometry.lens_in_use import LensInUse
 from farpoint.odometry.mask import checked_mask, tracked_region
 from farpoint.odometry.options import OdometryOptions
 from farpoint.odometry.result import OdometryResult
 from farpoint.odometry.rising_time import RisingTime
 from farpoint.path.lens import LensReport, given_lens
-from farpoint.path.options import LensRefinementOptions
 from farpoint.path.path import Pair, PathBuilder
 from farpoint.path.perspective import without_perspective
 from farpoint.path.point import PathPoint, SettledPose
@@ -39,7 +39,6 @@ from farpoint.tracks import Tracker, Tracks, grey_size
 __all__ = ["Odometry"]
 
 _ENOUGH_TRACKS = 200  # for a first estimate of a motion
-_SHOWN_SIGMAS = 3.0  # a lens that is farther off is wrong
 _FRAMES = 1_000_000  # whose tracks are dealt each in its own way, for a seed
 
 
@@ -51,39 +50,6 @@ class _Reference:
     timestamp: float
     motion: RelativePose | None
     tracks: Tracks
-
-
-class _LensInUse:
-    """The camera that motions are estimated with: as given, unless the path has shown it wrong.
-
-    It changes where the lens found is more than three of its own sigmas from it: below that it
-    would follow noise, and each change costs tables of the lens. A shutter that is not known is
-    global until its read-out time stands out as much.
-    """
-
-    def __init__(self, camera: Camera, options: LensRefinementOptions) -> None:
-        self.camera = camera
-        if options.readout_ms is not None:
-            self.camera = camera.with_readout(1e-3 * options.readout_ms)
-        self._is_shutter_known = self.camera.readout_s is not None
-        self._z: np.ndarray | None = None
-
-    def follow(self, path: PathBuilder) -> None:
-        lens = path.lens
-        if lens is None:
-            return
-        moved = lens.z if self._z is None else lens.z - self._z
-        if lens.size and lens.moved_px(moved) > _SHOWN_SIGMAS * lens.sigma_px():
-            self._z, self.camera = lens.z, replace(self.camera, model=lens.found().model)
-        sigma_s = lens.readout_sigma_s
-        if not self._is_shutter_known and lens.readout_s > _SHOWN_SIGMAS * sigma_s:
-            self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
-
-    def interval_s(self, seconds: float) -> float | None:
-        """Time between two views, in which the first one was read out; None where it is unknown."""
-        if seconds <= 0.0 or self.camera.readout_s is None:
-            return None
-        return max(seconds, self.camera.readout_s)
 
 
 class Odometry:
@@ -137,7 +103,7 @@ class Odometry:
         self._reference: _Reference | None = None
         self._half_ratios = HalfRatios(self.options.pose.expected_half_ratio)
         self._path = PathBuilder(self._estimate, self.options.path, self.options.lens)
-        self._lens = _LensInUse(camera, self.options.lens)
+        self._lens = LensInUse(camera, self.options.lens)
         self._time, self._fields = RisingTime(), Deinterlacer()
         self._next_index = 0
         self._has_seen = False  # an image, which fixed the size
@@ -226,7 +192,7 @@ class Odometry:
         image = self._fields(image)
         if not self._has_seen:
             self.camera = self.camera.with_size(width, height)
-            self._lens = _LensInUse(self.camera, self.options.lens)
+            self._lens = LensInUse(self.camera, self.options.lens)
             region = tracked_region(self.camera, self._mask, self.options.tracker)
             self._tracker = Tracker(self.options.tracker, mask=region)
             self._has_seen = True
@@ -293,7 +259,7 @@ class Odometry:
                 frame0=reference.index, frame1=index, time0=reference.timestamp, time1=timestamp
             )
             point = self._path.add(self.camera, tracks, pose, pair)
-            self._lens.follow(self._path)
+            self._lens.follow(self._path.lens)
             strung = time.perf_counter()
             pose = at_rest(pose, point.rest)
             is_good = pose.labels != TrackLabel.OUTLIER

@@ -17,6 +17,7 @@ TITLE = "Gyroflow lens profile"
 FIRST_IS_DEFAULT = False
 
 LENS = "fisheye_params"
+TOP_TO_BOTTOM = "TopToBottom"
 FISHEYE, PINHOLE = "opencv_fisheye", "opencv_standard"
 STRETCHES = ("input_horizontal_stretch", "input_vertical_stretch")
 # Gyroflow takes a stretch this small for one that was left out.
@@ -64,7 +65,24 @@ def read(file: CalibrationFile, name: str) -> Camera:
     size = fields.group("calib_dimension").size("w", "h")
     if size is None:
         raise fields.error("calib_dimension.w", "the field is missing")
-    return Camera(model=_lens(fields), size=size, name=name)
+    camera = Camera(model=_lens(fields), size=size, name=name)
+    readout_s = _readout_s(fields)
+    return camera if readout_s is None else camera.with_readout(readout_s)
+
+
+def _readout_s(fields: Fields) -> float | None:
+    """Read-out time from the first row to the last; None where the profile tells none.
+
+    Of sensors that are read in another direction nothing is taken.
+    """
+    if fields.values.get("global_shutter") is True:
+        return 0.0
+    if fields.values.get("frame_readout_direction") not in (None, "", TOP_TO_BOTTOM):
+        return None
+    if fields.values.get("frame_readout_time") is None:
+        return None
+    milliseconds = fields.number("frame_readout_time")
+    return 1e-3 * milliseconds if milliseconds > 0.0 else None
 
 
 def _lens(fields: Fields) -> CameraModel:
