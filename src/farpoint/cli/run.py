@@ -142,11 +142,11 @@ def process_frames(
         mask does not fit them, ``out`` or a recording cannot be written, or another run is writing
         into ``out``.
     """
-    timed = _timed(frames, source)
+    timed = _Timed(frames, source)
     # The first image comes before the folder: a wrong calibration must not cost an earlier result.
     first = _up_to_an_image(timed)
     image = first[-1][0].image
-    assert image is not None  # or `_timed` had raised
+    assert image is not None  # or `timed` had raised
     height, width = image.shape
     aspect = getattr(frames, "pixel_aspect", 1.0)
     camera, notes = camera_for(camera, width, height, aspect)
@@ -178,7 +178,7 @@ def process_frames(
         if bag_file is not None:
             _refuse_source(bag_file, source)
             metres = (lambda: metric.now if metric else None) if hints else None
-            bag = BagSink(bag_file, lambda: odometry.lens.camera, metres)
+            bag = BagSink(bag_file, lambda: odometry.lens.camera, metres, lambda: timed.time_ns)
             opened.callback(bag.close)
         folder = opened.enter_context(OutputFolder(out, description, output, lock=lock))
         for note in folder.notes:
@@ -247,18 +247,34 @@ def _up_to_an_image(timed: Iterator[tuple[Frame, float]]) -> list[tuple[Frame, f
     return first
 
 
-def _timed(frames: FrameSource, source: str) -> Iterator[tuple[Frame, float]]:
-    """Each frame with the seconds that reading it took; an InputError where none has an image."""
-    iterator, any_image = iter(frames), False
-    while True:
+class _Timed:
+    """Each frame with the seconds that reading it took; an InputError where none has an image.
+
+    Attributes
+    ----------
+    time_ns : int or None
+        Of the frame that was given last, where its source counts in ns.
+    """
+
+    time_ns: int | None = None
+
+    def __init__(self, frames: FrameSource, source: str) -> None:
+        self._frames, self._source = iter(frames), source
+        self._any_image = False
+
+    def __iter__(self) -> Iterator[tuple[Frame, float]]:
+        return self
+
+    def __next__(self) -> tuple[Frame, float]:
         start = time.perf_counter()
-        frame = next(iterator, None)
+        frame = next(self._frames, None)
         if frame is None:
-            break
-        any_image = any_image or frame.image is not None
-        yield frame, time.perf_counter() - start
-    if not any_image:
-        raise InputError("holds no image that can be decoded", file=source)
+            if not self._any_image:
+                raise InputError("holds no image that can be decoded", file=self._source)
+            raise StopIteration
+        self._any_image = self._any_image or frame.image is not None
+        self.time_ns = frame.time_ns
+        return frame, time.perf_counter() - start
 
 
 def in_words(counts: Counter[PoseStatus]) -> str:

@@ -74,10 +74,22 @@ class Cluster:
         Where the workers are this process's own.
     count : int
         How many these are.
+    memory : str
+        Most that each of them may take.
+
+    Attributes
+    ----------
+    deaths : str
+        What is wrong with a drive at which worker after worker dies.
     """
 
-    def __init__(self, client: Any, local: Any = None, count: int = 0) -> None:
+    def __init__(
+        self, client: Any, local: Any = None, count: int = 0, memory: str = "auto"
+    ) -> None:
         self.client = client
+        self.deaths = "worker after worker died at it: killed, or out of memory"
+        if local is not None:
+            self.deaths += f" (--memory {memory})"
         self._local, self._count = local, count
         self._in_vain = 0
         self.look_after()
@@ -140,7 +152,7 @@ def open_cluster(options: ClusterOptions) -> Iterator[Cluster]:
             with _deaf_to_ctrl_c():
                 local = opened.enter_context(_local(distributed, options))
             client = opened.enter_context(distributed.Client(local))
-            cluster = Cluster(client, local, options.workers or _cores())
+            cluster = Cluster(client, local, options.workers or _cores(), options.memory)
             compile_kernels()  # while the workers start
             yield cluster
 

@@ -92,7 +92,7 @@ def run_fleet(
 
 
 def _run(cluster: Cluster, waiting: Sequence[Work], errors: dict[str, str], teller: Teller) -> None:
-    from distributed import as_completed
+    from distributed import KilledWorker, as_completed
 
     by_key = {f"drive-{work.drive.name}-{work.key[:12]}": work for work in waiting}
     finished = as_completed(
@@ -107,7 +107,9 @@ def _run(cluster: Cluster, waiting: Sequence[Work], errors: dict[str, str], tell
             name = by_key[future.key].drive.name
             try:
                 error = future.result()
-            except Exception as fault:  # such as a drive at which worker after worker dies
+            except KilledWorker:
+                error = cluster.deaths
+            except Exception as fault:  # such as a drive that cannot be sent
                 error = one_line(fault)
             if error is not None:
                 errors[name] = error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from typing import Any
@@ -79,17 +78,16 @@ def messages_of(
         Where the bag has no topic of this name and kind; it lists those that it has.
     """
     topic = topic_of_kind(bag, name, kinds, what, field=field)
-    decode, last_s = decoder_of(topic), -math.inf
+    decode, last_ns = decoder_of(topic), None
     for message in bag.messages((topic.name,)):
         if message.fault is not None:
             continue
         with suppress(BrokenBagError):
             found = decode(message.data)
-            stamp = stamp_ns(found)
-            time_s = stamp / 10**9 if stamp else message.time_s
-            if time_s is not None and time_s > last_s:
-                last_s = time_s
-                yield time_s, found
+            time_ns = stamp_ns(found) or message.time_ns
+            if time_ns is not None and (last_ns is None or time_ns > last_ns):
+                last_ns = time_ns
+                yield time_ns / 10**9, found
 
 
 def _listed(topics: Collection[Topic]) -> str:
