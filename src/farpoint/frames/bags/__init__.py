@@ -3,14 +3,14 @@
 from farpoint.frames.bags.kinds import holds_bag, is_bag, open_bag
 from farpoint.frames.bags.records import Bag
 from farpoint.frames.bags.source import BagImages, open_bag_images
-from farpoint.frames.bags.topics import messages_of
+from farpoint.frames.bags.topics import rows_of
 
 __all__ = [
     "Bag",
     "BagImages",
     "holds_bag",
     "is_bag",
-    "messages_of",
     "open_bag",
     "open_bag_images",
+    "rows_of",
 ]

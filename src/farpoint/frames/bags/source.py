@@ -16,7 +16,7 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError, optional_import
 from farpoint.frames.bags.calibration import camera_of
 from farpoint.frames.bags.clock import HeaderClock
-from farpoint.frames.bags.decoding import decoder_of, kind_of, stamp_ns
+from farpoint.frames.bags.decoding import by_definition, decoder_of, kind_of, stamp_ns
 from farpoint.frames.bags.images import VIDEO, samples_of
 from farpoint.frames.bags.kinds import open_bag
 from farpoint.frames.bags.records import Bag, BrokenBagError, Message, Topic
@@ -110,8 +110,15 @@ class BagImages:
     def _video(self) -> Iterator[Picture[int]]:
         video = VideoTopic[int]()
         for time_ns, message, fault in self._messages():
+            data, kind = b"", ""
             if fault is None:
-                yield from video.add(bytes(message.data), str(message.format), time_ns)
+                try:
+                    with by_definition():
+                        data, kind = bytes(message.data), str(message.format)
+                except BrokenBagError as error:
+                    fault = str(error)
+            if fault is None:
+                yield from video.add(data, kind, time_ns)
             else:
                 yield from video.pass_over(time_ns, fault)
         yield from video.close()
