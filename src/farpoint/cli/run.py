@@ -15,14 +15,13 @@ from typing import Annotated
 import tyro
 
 from farpoint.camera import Camera, CameraGuess, camera_for
-from farpoint.cli.lens import LensOptions
+from farpoint.cli.common import RecordedOptions
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError, printable
 from farpoint.frames import Frame, FrameSource, open_frames
 from farpoint.frames.bags import BagImages
-from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.mask import read_mask
-from farpoint.hints import Hint, MetricOptions
+from farpoint.hints import Hint
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
 from farpoint.sinks import (
@@ -40,54 +39,25 @@ __all__ = ["Run", "in_words", "process_frames", "warn"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class Run(RecordedOptions):
     """Turn a video or images into motions with covariances, a trajectory, an overlay and a report.
 
     Attributes
     ----------
     source : str
         Video file, image folder or pattern, KITTI / EuRoC / TUM folder, bag, camera index, URL.
-    lens : LensOptions
-        Which camera it is.
     out : Path or None
         Folder for the outputs; farpoint-out/<source name> by default.
-    fps : float or None
-        Frames a second of images without time stamps; 10 by default.
-    max_megapixels : float
-        Larger images are refused before they are decoded.
-    follow_playlists : bool
-        Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
-    topic : str or None
-        Of the images in a bag that has several such topics.
     bag : Path or None
         MCAP file for the motions as messages of ROS 2.
-    mask : Path or None
-        8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
-    odometry : OdometryOptions
-        Options of tracking and estimation.
-    output : OutputOptions
-        Which outputs are made.
     viewer : ViewerOptions
         Where the working display goes.
-    metric : MetricOptions
-        What is known of lengths.
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
-    lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
     out: Path | None = None
-    fps: float | None = None
-    max_megapixels: float = MAX_MEGAPIXELS
-    follow_playlists: bool = False
-    topic: str | None = None
     bag: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
-        default_factory=OdometryOptions
-    )
-    output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=OutputOptions)
     viewer: Annotated[ViewerOptions, tyro.conf.arg(name="")] = field(default_factory=ViewerOptions)
-    metric: MetricOptions = field(default_factory=MetricOptions)
 
     def __call__(self) -> None:
         """Do it."""
