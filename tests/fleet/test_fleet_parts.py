@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from farpoint.cli.lens import LensOptions
 from farpoint.errors import InputError
 from farpoint.fleet import ListedDrive, list_drives
 from farpoint.fleet.folder import clear_unfinished, facts_of, finish_folder, is_finished
+from farpoint.fleet.interrupts import lasting_interrupts
 from farpoint.fleet.page import outliers_first, write_page
 from farpoint.fleet.table import Row, write_tables
 from farpoint.fleet.work import Work, do_drive
@@ -200,3 +202,20 @@ def test_workers_or_a_scheduler(farpoint: CommandLine, tmp_path: Path):
     assert_refused(outcome, "workers", "expected 1 or more")
     outcome = farpoint("fleet", tmp_path, "--workers", "1", "--scheduler", "tcp://127.0.0.1:1")
     assert_refused(outcome, "--workers or --scheduler")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_an_interruption_in_a_destructor_is_not_lost(capfd: pytest.CaptureFixture[str]):
+    class Ended:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    before = signal.getsignal(signal.SIGINT)
+    with lasting_interrupts() as look:
+        look()
+        ended = Ended()
+        del ended  # Python goes on
+        with pytest.raises(KeyboardInterrupt):
+            look()
+    assert signal.getsignal(signal.SIGINT) is before
+    assert capfd.readouterr().err == ""

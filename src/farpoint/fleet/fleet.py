@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from farpoint.fleet.cluster import Cluster, ClusterOptions, open_cluster
 from farpoint.fleet.drive import Drive
 from farpoint.fleet.folder import DRIVES, clear_unfinished, facts_of, is_finished
+from farpoint.fleet.interrupts import lasting_interrupts
 from farpoint.fleet.page import write_page
 from farpoint.fleet.table import Row, row_of, write_tables
 from farpoint.fleet.work import Work, do_drive, one_line
@@ -73,7 +74,7 @@ def run_fleet(
         Where another run writes into ``out``, it cannot be written, or no scheduler answers.
     """
     out = out.absolute()
-    with FolderLock(out):
+    with FolderLock(out), lasting_interrupts() as look:
         clear_unfinished(out / DRIVES)
         every = [Work(drive=d, folder=out / DRIVES / d.name, key=d.key()) for d in drives]
         waiting = [work for work in every if not is_finished(work.folder, work.key)]
@@ -81,7 +82,7 @@ def run_fleet(
         try:
             if waiting:
                 with open_cluster(cluster) as opened, telling(len(waiting)) as teller:
-                    _run(opened, waiting, errors, teller)
+                    _run(opened, waiting, errors, teller, look)
         finally:
             clear_unfinished(out / DRIVES)  # of workers that were killed
             rows = [_row(work, errors) for work in every]
@@ -91,7 +92,13 @@ def run_fleet(
     return FleetOutcome(done=done, failed=len(rows) - done, before=len(every) - len(waiting))
 
 
-def _run(cluster: Cluster, waiting: Sequence[Work], errors: dict[str, str], teller: Teller) -> None:
+def _run(
+    cluster: Cluster,
+    waiting: Sequence[Work],
+    errors: dict[str, str],
+    teller: Teller,
+    look: Callable[[], None],
+) -> None:
     from distributed import KilledWorker, as_completed
 
     by_key = {f"drive-{work.drive.name}-{work.key[:12]}": work for work in waiting}
@@ -102,6 +109,7 @@ def _run(cluster: Cluster, waiting: Sequence[Work], errors: dict[str, str], tell
     count = 0
     while not finished.is_empty():
         time.sleep(_LOOK_S)
+        look()
         cluster.look_after()
         for future in finished.next_batch(block=False):
             name = by_key[future.key].drive.name
