@@ -85,17 +85,37 @@ def test_the_lens_of_a_camera_info_is_that_of_the_raw_images(load, changes: dict
 
 
 @pytest.mark.parametrize(
-    ("changes", "field"),
+    ("changes", "centre", "size"),
     [
-        ({"binning": 2}, "binning_x"),
-        ({"x": 100}, "roi"),
-        ({"height": 360, "width": 640}, "roi"),
-        ({"x": 100, "height": 720, "width": 1280}, "roi"),
-        ({"height": 720, "width": 1280, "rectify": "true"}, "roi"),
+        ({"height": 720, "width": 1280, "rectify": "true"}, (640.0, 360.0), (1280, 720)),
+        ({"binning": 2}, (320.0, 180.0), (640, 360)),
+        ({"x": 100, "height": 360, "width": 640}, (540.0, 360.0), (640, 360)),
+        ({"x": 100, "height": 360, "width": 640, "binning": 4}, (135.0, 90.0), (160, 90)),
     ],
 )
-def test_a_camera_info_of_a_part_of_the_sensor_is_refused(load, changes: dict, field: str):
-    with pytest.raises(InputError, match=rf"{field}: looks like a property of the lens"):
+def test_a_camera_info_of_a_part_of_the_sensor_is_that_of_the_images(
+    load, changes: dict, centre: tuple[float, float], size: tuple[int, int]
+):
+    camera = load(CAMERA_INFO.format(**{**WHOLE, **changes}))
+    by = max(changes.get("binning", 0), 1)
+    assert (camera.model.fx, camera.model.fy) == (800.0 / by, 801.0 / by)
+    assert (camera.model.cx, camera.model.cy) == centre
+    assert camera.size == size
+    assert camera.model.distortion == PINHOLE.distortion
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"binning": -2}, "binning_x"),
+        ({"binning": 1.5}, "binning_x"),
+        ({"x": 100}, "roi"),
+        ({"x": 100, "height": 720, "width": 1280}, "roi"),
+        ({"height": 5, "width": -5}, "roi"),
+    ],
+)
+def test_a_part_that_makes_no_sense_is_refused(load, changes: dict, field: str):
+    with pytest.raises(InputError, match=rf"{field}\b"):
         load(CAMERA_INFO.format(**{**WHOLE, **changes}))
 
 

@@ -246,6 +246,20 @@ def test_the_motions_of_a_run_are_written_as_a_bag(
     assert "bag" in record_of(out)["wall_clock"]["stages_s"]
 
 
+def test_messages_have_the_times_of_their_images_to_the_nanosecond(
+    farpoint: CommandLine, tmp_path: Path, images: tuple[np.ndarray, ...], calibration: Path
+):
+    times = [START_NS + STEP_NS * number + 123_456_789 for number in range(len(images))]
+    assert [round(time / 10**9 * 1e9) for time in times] != times
+    sent = [image_message(i, "mono8", t) for i, t in zip(images, times, strict=True)]
+    source, bag = write_bag(tmp_path, "sqlite3", sent), tmp_path / "motions.mcap"
+    given = ("--camera", calibration, *QUICK, "--out", tmp_path / "out", "--bag", bag)
+    assert farpoint("run", source, *given).code == 0
+    with AnyReader([bag]) as reader:
+        odometry = [c for c in reader.connections if c.topic == "/farpoint/odometry"]
+        assert [time for _, time, _ in reader.messages(odometry)] == times
+
+
 def test_a_bag_never_replaces_its_source(
     farpoint: CommandLine, tmp_path: Path, images: tuple[np.ndarray, ...], calibration: Path
 ):

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import csv
 import shutil
+import subprocess
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
-from cli_kit import CALIBRATION, start
+import psutil
+from cli_kit import CALIBRATION, PATIENCE_S, start
+
+Found = TypeVar("Found")
 
 QUICK = ("--no-overlay", "--no-report", "--workers", "2")
 
@@ -38,3 +45,25 @@ def finished(out: Path) -> dict[str, tuple[int, int]]:
         record.parent.name: (record.stat().st_ino, record.stat().st_mtime_ns)
         for record in (out / "drives").glob("drive*/fleet.json")
     }
+
+
+def workers_of(fleet: subprocess.Popen[str]) -> list[psutil.Process]:
+    """The processes that do the work."""
+    found = []
+    for child in psutil.Process(fleet.pid).children():
+        try:
+            if any("spawn_main" in word for word in child.cmdline()):
+                found.append(child)
+        except psutil.NoSuchProcess:
+            continue
+    return found
+
+
+def wait_for(look: Callable[[], Found], fleet: subprocess.Popen[str]) -> Found:
+    """What a look finds once it finds something, while the fleet runs."""
+    end = time.monotonic() + PATIENCE_S
+    while not (found := look()):
+        assert fleet.poll() is None, fleet.communicate()
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    return found

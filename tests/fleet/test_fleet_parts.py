@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,8 @@ from farpoint.cli.fleet import Fleet
 from farpoint.cli.lens import LensOptions
 from farpoint.errors import InputError
 from farpoint.fleet import ListedDrive, list_drives
-from farpoint.fleet.folder import clear_unfinished, finish_folder, is_finished
+from farpoint.fleet.folder import clear_unfinished, facts_of, finish_folder, is_finished
+from farpoint.fleet.interrupts import lasting_interrupts
 from farpoint.fleet.page import outliers_first, write_page
 from farpoint.fleet.table import Row, write_tables
 from farpoint.fleet.work import Work, do_drive
@@ -126,12 +128,13 @@ def test_the_name_of_a_folder_depends_on_its_drive_alone():
 def test_a_folder_is_complete_or_not_there(tmp_path: Path):
     folder = tmp_path / "drives" / "a"
 
-    def fill(part: Path, text: str = "1") -> None:
+    def fill(part: Path, text: str = "1") -> dict[str, str]:
         assert not is_finished(folder, "new")
         part.mkdir()
         (part / "motions.csv").write_text(text)
+        return {"worst": text}
 
-    def fail(part: Path) -> None:
+    def fail(part: Path) -> dict[str, str]:
         fill(part)
         raise InputError("no")
 
@@ -144,6 +147,8 @@ def test_a_folder_is_complete_or_not_there(tmp_path: Path):
     assert (folder / "motions.csv").read_text() == "1"
     finish_folder(folder, "new", lambda part: fill(part, "3"))
     assert (folder / "motions.csv").read_text() == "3"
+    assert facts_of(folder) == {"worst": "3"}
+    assert facts_of(tmp_path) == {}
     (folder.parent / ".unfinished-12345678-b").mkdir()
     clear_unfinished(folder.parent)
     assert list(folder.parent.iterdir()) == [folder]
@@ -153,7 +158,7 @@ def test_a_worker_does_not_run_what_is_finished(tmp_path: Path):
     drive = fleet()._drive(ListedDrive(source=str(tmp_path / "missing")))
     work = Work(drive=drive, folder=tmp_path / "drives" / "a", key="k")
     assert do_drive(work) == f"{tmp_path}/missing: no such file or folder"
-    finish_folder(work.folder, "k", Path.mkdir)
+    finish_folder(work.folder, "k", lambda part: part.mkdir() or {})
     assert do_drive(work) is None
 
 
@@ -197,3 +202,20 @@ def test_workers_or_a_scheduler(farpoint: CommandLine, tmp_path: Path):
     assert_refused(outcome, "workers", "expected 1 or more")
     outcome = farpoint("fleet", tmp_path, "--workers", "1", "--scheduler", "tcp://127.0.0.1:1")
     assert_refused(outcome, "--workers or --scheduler")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_an_interruption_in_a_destructor_is_not_lost(capfd: pytest.CaptureFixture[str]):
+    class Ended:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    before = signal.getsignal(signal.SIGINT)
+    with lasting_interrupts() as look:
+        look()
+        ended = Ended()
+        del ended  # Python goes on
+        with pytest.raises(KeyboardInterrupt):
+            look()
+    assert signal.getsignal(signal.SIGINT) is before
+    assert capfd.readouterr().err == ""

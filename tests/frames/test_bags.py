@@ -86,12 +86,12 @@ def test_messages_are_those_that_rosbags_reads(tmp_path: Path, kind: Kind):
     path = write_bag(tmp_path, kind, [*images(), info_message(size=(8, 8), k=K)])
     with AnyReader([path]) as reader:
         theirs = [
-            (connection.topic, time_ns / 10**9, bytes(data))
+            (connection.topic, time_ns, bytes(data))
             for connection, time_ns, data in reader.messages()
         ]
     bag = open_bag(path).bag
     ours = [
-        (message.topic.name, message.time_s, bytes(message.data))
+        (message.topic.name, message.time_ns, bytes(message.data))
         for message in bag.messages([topic.name for topic in bag.topics()])
         if message.topic is not None
     ]

@@ -18,6 +18,7 @@ from bags_kit import (
     file_of,
     foxglove_mcap,
     image_message,
+    info_message,
     png,
     proto,
     proto_stamp,
@@ -248,3 +249,19 @@ def test_memory_does_not_grow_with_the_bag(tmp_path: Path, kind: Kind, compressi
         read()
         peaks.append(peak_bytes(read))
     assert peaks[1] < peaks[0] + 200_000
+
+
+@pytest.mark.parametrize(
+    ("intact", "damaged"), [(b"float64[9] k", b"float64[9] q"), (b"Time stamp", b"Time stanp")]
+)
+def test_a_damaged_definition_is_a_fault_of_its_messages(
+    tmp_path: Path, intact: bytes, damaged: bytes
+):
+    sent = [info_message(size=(8, 8), k=[9.0, 0, 4, 0, 9, 4, 0, 0, 1])]
+    sent += [image_message(np.zeros((8, 8), np.uint8), "mono8", stamp) for stamp in (1, 2, 3)]
+    file = file_of(write_bag(tmp_path, "mcap", sent))
+    data = file.read_bytes()
+    assert intact in data
+    file.write_bytes(data.replace(intact, damaged))
+    with pytest.raises(InputError):
+        open_frames(file).camera()

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from farpoint.cli.lens import LensOptions
+from farpoint.cli.common import RecordedOptions
 from farpoint.cli.progress import Progress
 from farpoint.cli.run import Run
 from farpoint.cli.wrong_usage import in_one_line
 from farpoint.errors import InputError, optional_import, require
 from farpoint.fleet import ClusterOptions, Drive, ListedDrive, list_drives, run_fleet
-from farpoint.frames.decode import MAX_MEGAPIXELS
-from farpoint.hints import MetricOptions
-from farpoint.odometry import OdometryOptions
-from farpoint.sinks import OutputOptions
 
 __all__ = ["Fleet"]
 
@@ -27,7 +23,7 @@ _FAILED = 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fleet:
+class Fleet(RecordedOptions):
     """Run many drives on Dask, each of them once, and write one table of them all.
 
     Attributes
@@ -39,22 +35,6 @@ class Fleet:
         Who does the work.
     out : Path
         Folder for the tables, and for the outputs of every drive.
-    lens : LensOptions
-        Which camera it is.
-    fps : float or None
-        Frames a second of images without time stamps; 10 by default.
-    max_megapixels : float
-        Larger images are refused before they are decoded.
-    follow_playlists : bool
-        Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
-    mask : Path or None
-        8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
-    odometry : OdometryOptions
-        Options of tracking and estimation.
-    output : OutputOptions
-        Which outputs are made.
-    metric : MetricOptions
-        What is known of lengths.
     """
 
     sources: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SOURCES")]
@@ -62,16 +42,6 @@ class Fleet:
         default_factory=ClusterOptions
     )
     out: Path = Path("farpoint-out/fleet")
-    lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
-    fps: float | None = None
-    max_megapixels: float = MAX_MEGAPIXELS
-    follow_playlists: bool = False
-    mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
-        default_factory=OdometryOptions
-    )
-    output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=OutputOptions)
-    metric: MetricOptions = field(default_factory=MetricOptions)
 
     def __call__(self) -> int:
         """Do it; the exit code."""
@@ -99,17 +69,8 @@ class Fleet:
         return _FAILED if outcome.failed else 0
 
     def _drive(self, listed: ListedDrive) -> Drive:
-        run = Run(
-            source=listed.source,
-            lens=self.lens,
-            fps=self.fps,
-            max_megapixels=self.max_megapixels,
-            follow_playlists=self.follow_playlists,
-            mask=self.mask,
-            odometry=self.odometry,
-            output=self.output,
-            metric=self.metric,
-        )
+        options = {one.name: getattr(self, one.name) for one in fields(RecordedOptions)}
+        run = Run(source=listed.source, **options)
         words = [word for name, value in listed.options.items() for word in _typed(name, value)]
         if words:
             run = in_one_line(

@@ -9,15 +9,13 @@ from typing import Annotated
 
 import tyro
 
-from farpoint.cli.lens import LensOptions
+from farpoint.cli.common import ImageOptions
 from farpoint.cli.progress import Progress
 from farpoint.cli.run import in_words, warn
 from farpoint.errors import InputError, printable
-from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.live import Playback, open_live
 from farpoint.hints import HeightOptions
 from farpoint.live import LiveSession, LiveState
-from farpoint.odometry import OdometryOptions
 from farpoint.sinks import OutputOptions, ViewerOptions
 
 __all__ = ["Live"]
@@ -32,31 +30,19 @@ def _shown() -> ViewerOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Live:
+class Live(ImageOptions):
     """Watch a camera or a stream and estimate its motion as it happens, until Ctrl-C.
 
     Attributes
     ----------
     source : str
         Camera index or stream URL; a video or images are played at their own pace.
-    lens : LensOptions
-        Which camera it is.
     out : Path or None
         Folder for the outputs; farpoint-out/<source name> by default.
     duration_s : float or None
         End after so many seconds.
     loop : bool
         Play a video or images over and over.
-    max_megapixels : float
-        Larger images are refused before they are decoded.
-    follow_playlists : bool
-        Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
-    mask : Path or None
-        8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
-    odometry : OdometryOptions
-        Options of tracking and estimation.
-    output : OutputOptions
-        Which outputs are made.
     viewer : ViewerOptions
         Where the working display goes.
     metric : HeightOptions
@@ -64,16 +50,9 @@ class Live:
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[INDEX|URL]")] = "0"
-    lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
     out: Path | None = None
     duration_s: float | None = None
     loop: bool = False
-    max_megapixels: float = MAX_MEGAPIXELS
-    follow_playlists: bool = False
-    mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
-        default_factory=OdometryOptions
-    )
     output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=_no_film)
     viewer: Annotated[ViewerOptions, tyro.conf.arg(name="")] = field(default_factory=_shown)
     metric: HeightOptions = field(default_factory=HeightOptions)

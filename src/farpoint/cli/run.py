@@ -15,14 +15,13 @@ from typing import Annotated
 import tyro
 
 from farpoint.camera import Camera, CameraGuess, camera_for
-from farpoint.cli.lens import LensOptions
+from farpoint.cli.common import RecordedOptions
 from farpoint.cli.progress import Progress
 from farpoint.errors import InputError, printable
 from farpoint.frames import Frame, FrameSource, open_frames
 from farpoint.frames.bags import BagImages
-from farpoint.frames.decode import MAX_MEGAPIXELS
 from farpoint.frames.mask import read_mask
-from farpoint.hints import Hint, MetricOptions
+from farpoint.hints import Hint
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
 from farpoint.sinks import (
@@ -40,54 +39,25 @@ __all__ = ["Run", "in_words", "process_frames", "warn"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class Run(RecordedOptions):
     """Turn a video or images into motions with covariances, a trajectory, an overlay and a report.
 
     Attributes
     ----------
     source : str
         Video file, image folder or pattern, KITTI / EuRoC / TUM folder, bag, camera index, URL.
-    lens : LensOptions
-        Which camera it is.
     out : Path or None
         Folder for the outputs; farpoint-out/<source name> by default.
-    fps : float or None
-        Frames a second of images without time stamps; 10 by default.
-    max_megapixels : float
-        Larger images are refused before they are decoded.
-    follow_playlists : bool
-        Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
-    topic : str or None
-        Of the images in a bag that has several such topics.
     bag : Path or None
         MCAP file for the motions as messages of ROS 2.
-    mask : Path or None
-        8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
-    odometry : OdometryOptions
-        Options of tracking and estimation.
-    output : OutputOptions
-        Which outputs are made.
     viewer : ViewerOptions
         Where the working display goes.
-    metric : MetricOptions
-        What is known of lengths.
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
-    lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
     out: Path | None = None
-    fps: float | None = None
-    max_megapixels: float = MAX_MEGAPIXELS
-    follow_playlists: bool = False
-    topic: str | None = None
     bag: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    mask: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    odometry: Annotated[OdometryOptions, tyro.conf.arg(name="")] = field(
-        default_factory=OdometryOptions
-    )
-    output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=OutputOptions)
     viewer: Annotated[ViewerOptions, tyro.conf.arg(name="")] = field(default_factory=ViewerOptions)
-    metric: MetricOptions = field(default_factory=MetricOptions)
 
     def __call__(self) -> None:
         """Do it."""
@@ -142,11 +112,11 @@ def process_frames(
         mask does not fit them, ``out`` or a recording cannot be written, or another run is writing
         into ``out``.
     """
-    timed = _timed(frames, source)
+    timed = _Timed(frames, source)
     # The first image comes before the folder: a wrong calibration must not cost an earlier result.
     first = _up_to_an_image(timed)
     image = first[-1][0].image
-    assert image is not None  # or `_timed` had raised
+    assert image is not None  # or `timed` had raised
     height, width = image.shape
     aspect = getattr(frames, "pixel_aspect", 1.0)
     camera, notes = camera_for(camera, width, height, aspect)
@@ -176,7 +146,7 @@ def process_frames(
         if bag_file is not None:
             _refuse_source(bag_file, source)
             metres = (lambda: metric.now if metric else None) if hints else None
-            bag = BagSink(bag_file, lambda: odometry.lens.camera, metres)
+            bag = BagSink(bag_file, lambda: odometry.lens.camera, metres, lambda: timed.time_ns)
             opened.callback(bag.close)
         folder = opened.enter_context(OutputFolder(out, description, output, lock=lock))
         for note in (*notes, *folder.notes):  # here: what is refused is refused in one line
@@ -245,18 +215,34 @@ def _up_to_an_image(timed: Iterator[tuple[Frame, float]]) -> list[tuple[Frame, f
     return first
 
 
-def _timed(frames: FrameSource, source: str) -> Iterator[tuple[Frame, float]]:
-    """Each frame with the seconds that reading it took; an InputError where none has an image."""
-    iterator, any_image = iter(frames), False
-    while True:
+class _Timed:
+    """Each frame with the seconds that reading it took; an InputError where none has an image.
+
+    Attributes
+    ----------
+    time_ns : int or None
+        Of the frame that was given last, where its source counts in ns.
+    """
+
+    time_ns: int | None = None
+
+    def __init__(self, frames: FrameSource, source: str) -> None:
+        self._frames, self._source = iter(frames), source
+        self._any_image = False
+
+    def __iter__(self) -> Iterator[tuple[Frame, float]]:
+        return self
+
+    def __next__(self) -> tuple[Frame, float]:
         start = time.perf_counter()
-        frame = next(iterator, None)
+        frame = next(self._frames, None)
         if frame is None:
-            break
-        any_image = any_image or frame.image is not None
-        yield frame, time.perf_counter() - start
-    if not any_image:
-        raise InputError("holds no image that can be decoded", file=source)
+            if not self._any_image:
+                raise InputError("holds no image that can be decoded", file=self._source)
+            raise StopIteration
+        self._any_image = self._any_image or frame.image is not None
+        self.time_ns = frame.time_ns
+        return frame, time.perf_counter() - start
 
 
 def in_words(counts: Counter[PoseStatus]) -> str:

@@ -14,16 +14,20 @@ from typing import Any
 from farpoint.errors import InputError, optional_import
 from farpoint.fleet.kernels import compile_kernels
 
-__all__ = ["ClusterOptions", "open_cluster"]
+__all__ = ["Cluster", "ClusterOptions", "open_cluster"]
 
 _WORKERS_DIED = 10
 """So many workers may die at a drive before it counts as the cause (convention)."""
 
-_STARTS = 3
-"""So often it is tried to start the workers of this machine (convention)."""
+_STARTS_IN_VAIN = 20
+"""So often workers may end in their start while none works, before it is given up."""
+
+_ENDED = ("closing", "closed", "failed")
 
 _CONFIG = {
     "distributed.scheduler.allowed-failures": _WORKERS_DIED,
+    # A worker that starts slowly is not lost: `Cluster.look_after` replaces those that are.
+    "distributed.deploy.lost-worker-timeout": "1 hour",
     "distributed.nanny.pre-spawn-environ": {
         "MALLOC_TRIM_THRESHOLD_": 65536,
         **dict.fromkeys(
@@ -59,9 +63,66 @@ class ClusterOptions:
             raise InputError("expected --workers or --scheduler, not both", field="workers")
 
 
+class Cluster:
+    """Workers that stay as many as they were.
+
+    Parameters
+    ----------
+    client : distributed.Client
+        Takes tasks.
+    local : distributed.LocalCluster, optional
+        Where the workers are this process's own.
+    count : int
+        How many these are.
+    memory : str
+        Most that each of them may take.
+
+    Attributes
+    ----------
+    deaths : str
+        What is wrong with a drive at which worker after worker dies.
+    """
+
+    def __init__(
+        self, client: Any, local: Any = None, count: int = 0, memory: str = "auto"
+    ) -> None:
+        self.client = client
+        self.deaths = "worker after worker died at it: killed, or out of memory"
+        if local is not None:
+            self.deaths += f" (--memory {memory})"
+        self._local, self._count = local, count
+        self._in_vain = 0
+        self.look_after()
+
+    def look_after(self) -> None:
+        """Start workers in place of those that ended; to be called now and then.
+
+        Dask starts a worker again that is killed, but none that is killed while it starts.
+
+        Raises
+        ------
+        InputError
+            Where workers end again and again before they work.
+        """
+        if self._local is None:
+            return
+        local = self._local
+        ended = [name for name, one in list(local.workers.items()) if one.status.value in _ENDED]
+        known = [name for name in ended if name in local.worker_spec]
+        if local.scheduler_info["workers"]:
+            self._in_vain = 0
+        if known:
+            self._in_vain += 1
+            if self._in_vain > _STARTS_IN_VAIN:
+                raise InputError(f"{self._count} could not be started", field="--workers")
+            local.loop.add_callback(local.scale_down, known)
+        elif not ended:  # else Dask still has their names
+            local.scale(self._count)
+
+
 @contextmanager
-def open_cluster(options: ClusterOptions) -> Iterator[Any]:
-    """A ``distributed.Client`` whose workers have compiled kernels.
+def open_cluster(options: ClusterOptions) -> Iterator[Cluster]:
+    """Workers that have compiled kernels.
 
     Raises
     ------
@@ -73,6 +134,7 @@ def open_cluster(options: ClusterOptions) -> Iterator[Any]:
     dask = optional_import("dask", extra="dask", purpose="running a fleet")
     with ExitStack() as opened:
         opened.enter_context(dask.config.set(_CONFIG))
+        _check_size(dask, options.memory)
         distributed = optional_import("distributed", extra="dask", purpose="running a fleet")
         for talker in ("distributed", "tornado", "asyncio"):  # of what ends while it is used
             logging.getLogger(talker).setLevel(logging.CRITICAL)
@@ -85,30 +147,35 @@ def open_cluster(options: ClusterOptions) -> Iterator[Any]:
                 ) from error
             opened.enter_context(client)
             _compile_on_machines(client)
+            yield Cluster(client)
         else:
-            compile_kernels()
             with _deaf_to_ctrl_c():
-                cluster = opened.enter_context(_local(distributed, options))
-            client = opened.enter_context(distributed.Client(cluster))
-        yield client
+                local = opened.enter_context(_local(distributed, options))
+            client = opened.enter_context(distributed.Client(local))
+            cluster = Cluster(client, local, options.workers or _cores(), options.memory)
+            compile_kernels()  # while the workers start
+            yield cluster
+
+
+def _check_size(dask: Any, memory: str) -> None:
+    try:
+        if memory != "auto":
+            dask.utils.parse_bytes(memory)
+    except ValueError as error:
+        raise InputError(f"expected a size such as 2GB: {error}", field="--memory") from error
 
 
 def _local(distributed: Any, options: ClusterOptions) -> Any:
-    count = options.workers or _cores()
-    for _ in range(_STARTS):
-        try:
-            return distributed.LocalCluster(
-                n_workers=count,
-                threads_per_worker=1,
-                processes=True,
-                memory_limit=options.memory,
-                dashboard_address=None,
-            )
-        except ValueError as error:
-            raise InputError(f"expected a size such as 2GB: {error}", field="--memory") from error
-        except RuntimeError:  # a worker was killed while it started
-            continue
-    raise InputError(f"{count} workers could not be started", field="--workers")
+    """A scheduler in this process, and no workers yet."""
+    return distributed.LocalCluster(
+        n_workers=0,
+        threads_per_worker=1,
+        processes=True,
+        memory_limit=options.memory,
+        dashboard_address="127.0.0.1:0",
+        scheduler_kwargs={"dashboard": False},
+        silence_logs=logging.CRITICAL,
+    )
 
 
 def _cores() -> int:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from farpoint.fleet.cluster import ClusterOptions, open_cluster
+from farpoint.fleet.cluster import Cluster, ClusterOptions, open_cluster
 from farpoint.fleet.drive import Drive
-from farpoint.fleet.folder import DRIVES, clear_unfinished, is_finished
+from farpoint.fleet.folder import DRIVES, clear_unfinished, facts_of, is_finished
+from farpoint.fleet.interrupts import lasting_interrupts
 from farpoint.fleet.page import write_page
 from farpoint.fleet.table import Row, row_of, write_tables
 from farpoint.fleet.work import Work, do_drive, one_line
 from farpoint.sinks import FolderLock
 
 __all__ = ["FleetOutcome", "Teller", "run_fleet"]
+
+_LOOK_S = 0.2
 
 
 class Teller(Protocol):
@@ -70,15 +74,15 @@ def run_fleet(
         Where another run writes into ``out``, it cannot be written, or no scheduler answers.
     """
     out = out.absolute()
-    with FolderLock(out):
+    with FolderLock(out), lasting_interrupts() as look:
         clear_unfinished(out / DRIVES)
         every = [Work(drive=d, folder=out / DRIVES / d.name, key=d.key()) for d in drives]
         waiting = [work for work in every if not is_finished(work.folder, work.key)]
         errors: dict[str, str] = {}
         try:
             if waiting:
-                with open_cluster(cluster) as client, telling(len(waiting)) as teller:
-                    _run(client, waiting, errors, teller)
+                with open_cluster(cluster) as opened, telling(len(waiting)) as teller:
+                    _run(opened, waiting, errors, teller, look)
         finally:
             clear_unfinished(out / DRIVES)  # of workers that were killed
             rows = [_row(work, errors) for work in every]
@@ -88,26 +92,40 @@ def run_fleet(
     return FleetOutcome(done=done, failed=len(rows) - done, before=len(every) - len(waiting))
 
 
-def _run(client: Any, waiting: Sequence[Work], errors: dict[str, str], teller: Teller) -> None:
-    from distributed import as_completed
+def _run(
+    cluster: Cluster,
+    waiting: Sequence[Work],
+    errors: dict[str, str],
+    teller: Teller,
+    look: Callable[[], None],
+) -> None:
+    from distributed import KilledWorker, as_completed
 
     by_key = {f"drive-{work.drive.name}-{work.key[:12]}": work for work in waiting}
-    futures = [
-        client.submit(do_drive, work, key=key, pure=False, priority=-index)
+    finished = as_completed(
+        cluster.client.submit(do_drive, work, key=key, pure=False, priority=-index)
         for index, (key, work) in enumerate(by_key.items())
-    ]
-    for count, future in enumerate(as_completed(futures), start=1):
-        name = by_key[future.key].drive.name
-        try:
-            error = future.result()
-        except Exception as fault:  # such as a drive at which worker after worker dies
-            error = one_line(fault)
-        if error is not None:
-            errors[name] = error
-        teller.reach(count, f"{len(errors)} failed" if errors else "")
+    )
+    count = 0
+    while not finished.is_empty():
+        time.sleep(_LOOK_S)
+        look()
+        cluster.look_after()
+        for future in finished.next_batch(block=False):
+            name = by_key[future.key].drive.name
+            try:
+                error = future.result()
+            except KilledWorker:
+                error = cluster.deaths
+            except Exception as fault:  # such as a drive that cannot be sent
+                error = one_line(fault)
+            if error is not None:
+                errors[name] = error
+            count += 1
+            teller.reach(count, f"{len(errors)} failed" if errors else "")
 
 
 def _row(work: Work, errors: dict[str, str]) -> Row:
     drive, error = work.drive, errors.get(work.drive.name)
     finished = error is None and is_finished(work.folder, work.key)
-    return row_of(drive, work.folder if finished else None, error)
+    return row_of(drive, facts_of(work.folder) if finished else None, error)

@@ -8,10 +8,11 @@ import shutil
 import uuid
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from farpoint.sinks.files import unwritable
 
-__all__ = ["DRIVES", "clear_unfinished", "finish_folder", "is_finished"]
+__all__ = ["DRIVES", "clear_unfinished", "facts_of", "finish_folder", "is_finished"]
 
 DRIVES = "drives"
 """Where the folders of the drives are, within that of the fleet."""
@@ -22,23 +23,34 @@ _UNFINISHED = ".unfinished-"
 
 def is_finished(folder: Path, key: str) -> bool:
     """Whether the folder holds the results of the drive with this key."""
-    try:
-        return json.loads((folder / _RECORD).read_text(encoding="utf-8"))["key"] == key
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
+    return _record_of(folder).get("key") == key
 
 
-def finish_folder(folder: Path, key: str, fill: Callable[[Path], None]) -> None:
+def facts_of(folder: Path) -> dict[str, Any]:
+    """What was noted of the results when the folder was finished."""
+    return _record_of(folder).get("facts") or {}
+
+
+def finish_folder(folder: Path, key: str, fill: Callable[[Path], dict[str, Any]]) -> None:
     """Fill a folder under another name, and give it its name when all is in it.
 
     An earlier folder of that name is replaced, but for one with the same key: then another worker
     was faster, and its results stay.
+
+    Parameters
+    ----------
+    folder : Path
+        Its name in the end.
+    key : str
+        Of the drive.
+    fill : callable
+        Fills the folder that it is given, and returns what is to be noted of the results.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     part = folder.with_name(f"{_UNFINISHED}{uuid.uuid4().hex[:8]}-{folder.name}")
     try:
-        fill(part)
-        (part / _RECORD).write_text(json.dumps({"key": key}) + "\n", encoding="utf-8")
+        record = {"key": key, "facts": fill(part)}
+        (part / _RECORD).write_text(json.dumps(record) + "\n", encoding="utf-8")
         if is_finished(folder, key):
             return
         if folder.exists():
@@ -47,6 +59,14 @@ def finish_folder(folder: Path, key: str, fill: Callable[[Path], None]) -> None:
         _rename(part, folder, key)
     finally:
         shutil.rmtree(part, ignore_errors=True)
+
+
+def _record_of(folder: Path) -> dict[str, Any]:
+    try:
+        record = json.loads((folder / _RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return record if isinstance(record, dict) else {}
 
 
 def clear_unfinished(drives: Path) -> None:

@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from farpoint.errors import InputError
 from farpoint.fleet.drive import Drive
 from farpoint.metrics.halves import evaluate_halves
 from farpoint.sinks import read_run
@@ -20,7 +19,7 @@ from farpoint.sinks.positions import load_pyarrow
 from farpoint.sinks.report.digest import digest_motions
 from farpoint.trajectory.files import read_tum
 
-__all__ = ["Row", "row_of", "write_tables"]
+__all__ = ["Row", "facts_of_run", "row_of", "write_tables"]
 
 _MOMENTS = 3
 
@@ -84,14 +83,11 @@ class Row:
     error: str = ""
 
 
-def row_of(drive: Drive, folder: Path | None, error: str | None) -> Row:
-    """The row of a drive with its finished folder, with an error, or with neither: waiting."""
+def row_of(drive: Drive, facts: dict[str, Any] | None, error: str | None) -> Row:
+    """The row of a drive with the facts of its run, with an error, or with neither: waiting."""
     what: dict[str, Any] = {"drive": drive.name, "source": drive.source, "camera": drive.camera}
-    if folder is not None:
-        try:
-            return Row(**what, state="done", **_told_by(folder))
-        except (InputError, OSError, KeyError, TypeError, ValueError) as fault:
-            error = f"its results cannot be read: {fault}"
+    if facts is not None:
+        return Row(**what, state="done", **facts)
     return Row(**what, state="waiting" if error is None else "failed", error=error or "")
 
 
@@ -118,7 +114,14 @@ def write_tables(out: Path, rows: Sequence[Row], parquet: bool) -> None:
             writing.write_table(table, str(part))
 
 
-def _told_by(folder: Path) -> dict[str, Any]:
+def facts_of_run(folder: Path) -> dict[str, Any]:
+    """What the row of a drive tells of its outputs: made by its worker, who has just written them.
+
+    Raises
+    ------
+    InputError, OSError, KeyError, TypeError, ValueError
+        Where they cannot be read.
+    """
     run = read_run(folder / "run.json")
     digest = digest_motions(folder / "motions.csv")
     moments = digest.moments.found({item["frame1"]: item["reason"] for item in run["reasons"]})

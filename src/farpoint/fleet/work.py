@@ -5,11 +5,14 @@ from __future__ import annotations
 import contextlib
 import io
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from farpoint.errors import InputError, MissingExtraError, optional_import, printable
 from farpoint.fleet.drive import Drive
 from farpoint.fleet.folder import finish_folder, is_finished
+from farpoint.fleet.table import facts_of_run
 
 __all__ = ["Work", "do_drive", "one_line"]
 
@@ -31,10 +34,15 @@ def do_drive(work: Work) -> str | None:
         optional_import("cv2", extra="video", purpose="reading images").setNumThreads(1)
         said = io.StringIO()
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            finish_folder(work.folder, work.key, work.drive.run)
+            finish_folder(work.folder, work.key, partial(_run, work.drive))
     except Exception as error:  # whatever it is, the other drives go on
         return one_line(error)
     return None
+
+
+def _run(drive: Drive, folder: Path) -> dict[str, Any]:
+    drive.run(folder)
+    return facts_of_run(folder)
 
 
 def one_line(error: BaseException) -> str:

@@ -28,6 +28,8 @@ class Frame:
         Why `image` is None.
     name : str
         File name, or the frame's number in a video: what to call it to a person.
+    time_ns : int or None
+        Where the source counts in ns: what `timestamp` is the nearest float to.
     """
 
     index: int
@@ -35,6 +37,7 @@ class Frame:
     image: np.ndarray | None
     name: str
     fault: str | None = None
+    time_ns: int | None = None
 
 
 class FrameSource(Protocol):

@@ -8,9 +8,11 @@ import weakref
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import IO, Any
+from types import TracebackType
+from typing import IO, Any, Self
 
 from farpoint.errors import InputError, optional_import
+from farpoint.frames.bags import is_bag_file
 from farpoint.frames.frame import FrameSource
 from farpoint.frames.video import open_video
 
@@ -20,12 +22,12 @@ _STREAMS = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt"
 
 
 def is_remote(source: str) -> bool:
-    """Whether fsspec reads it: a URL that FFmpeg does not, or a folder (``/``) of a web server."""
+    """Whether fsspec reads it: what FFmpeg does not, or a folder (``/``) or bag on the web."""
     scheme, mark, rest = source.partition("://")
     if not mark:
         return False
     if scheme.lower() in ("http", "https"):
-        return rest.endswith("/")
+        return rest.endswith("/") or is_bag_file(rest.partition("?")[0])
     return scheme.lower() not in _STREAMS
 
 
@@ -70,14 +72,14 @@ def open_remote(
     fps: float | None,
     follow_playlists: bool = False,
 ) -> FrameSource:
-    """Open a video, which is read as it is decoded, or a folder, which is copied first.
+    """Open a video, which is read as it is decoded, or a folder or bag, which is copied first.
 
     Parameters
     ----------
     url : str
         Such as ``"s3://bucket/drive.mp4"``.
     open_local : callable
-        Opens a folder on this machine. The copy lives as long as what it returns.
+        Opens a folder or bag on this machine. The copy lives as long as what it returns.
     fps : float or None
         Frames a second of a video without time stamps.
     follow_playlists : bool
@@ -95,7 +97,9 @@ def open_remote(
             return _copied(system, path, name, open_local)
         if not system.exists(path):
             raise InputError("no such file or folder")
-        opener = partial(open_remote_file, url)
+        if is_bag_file(name):
+            return _copied(system, path, name, open_local)
+        opener: Any = partial(_Steady, url)  # reads, seeks and tells, which is enough for PyAV
         return open_video(Path(name), fps=fps, follow_playlists=follow_playlists, opener=opener)
     except InputError as error:
         raise InputError(error.problem, file=_public(url)) from None
@@ -103,26 +107,66 @@ def open_remote(
         raise _unreadable(url, error) from None
 
 
+class _Steady:
+    """A remote file that ends where its connection breaks off, and then says so when it is closed.
+
+    FFmpeg has no use for errors of Python in the middle of a read.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url, self._file = url, open_remote_file(url)
+        self._error: Exception | None = None
+        self.seek, self.tell = self._file.seek, self._file.tell
+
+    def read(self, size: int = -1) -> bytes:
+        """So many bytes, fewer at the end."""
+        try:
+            return self._file.read(size)
+        except Exception as error:  # each file system has errors of its own
+            self._error = error
+            return b""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+        if self._error is not None and (error is None or isinstance(error, Exception)):
+            raise _unreadable(self._url, self._error) from None
+
+
 def _copied(
     system: Any, path: str, name: str, open_local: Callable[[Path], FrameSource]
 ) -> FrameSource:
     place = tempfile.TemporaryDirectory(prefix="farpoint-")
-    folder = Path(place.name) / (name or "images")
-    folder.mkdir()
+    copy = Path(place.name) / (name or "images")
     try:
-        for file in system.find(path):
-            within = PurePosixPath(file.removeprefix(path.rstrip("/")).lstrip("/"))
-            if file.endswith("/") or ".." in within.parts:  # a server may name what it likes
-                continue
-            copy = folder / within
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            system.get_file(file, str(copy))
-        opened = open_local(folder)
+        if is_bag_file(name):
+            system.get_file(path, str(copy))
+        else:
+            _copy_folder(system, path, copy)
+        opened = open_local(copy)
     except BaseException:
         place.cleanup()
         raise
     weakref.finalize(opened, place.cleanup)
     return opened
+
+
+def _copy_folder(system: Any, path: str, folder: Path) -> None:
+    folder.mkdir()
+    for file in system.find(path):
+        within = PurePosixPath(file.removeprefix(path.rstrip("/")).lstrip("/"))
+        if file.endswith("/") or ".." in within.parts:  # a server may name what it likes
+            continue
+        copy = folder / within
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        system.get_file(file, str(copy))
 
 
 def _unreadable(url: str, error: Exception) -> InputError:

@@ -6,11 +6,12 @@ from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from farpoint.errors import InputError
-from farpoint.frames.bags import messages_of, open_bag
+from farpoint.frames.bags import open_bag, rows_of
 from farpoint.options import settle_positive
 from farpoint.regular_files import regular_lines
 
@@ -179,18 +180,16 @@ def read_bag_imu(path: str | Path, topic: str) -> ImuSamples:
     InputError
         Where the bag cannot be read, has no such topic, or too few samples.
     """
-    rows = [
-        (
-            time_s,
-            *(getattr(message.angular_velocity, axis) for axis in "xyz"),
-            *(getattr(message.linear_acceleration, axis) for axis in "xyz"),
-        )
-        for time_s, message in messages_of(
-            open_bag(Path(path)), topic, frozenset({"Imu"}), "an IMU", field="topic"
-        )
-    ]
+    rows = rows_of(
+        open_bag(Path(path)), topic, frozenset({"Imu"}), _sample, "an IMU", field="topic"
+    )
     table = np.array(rows).reshape(-1, 7)
     try:
         return ImuSamples(timestamps=table[:, 0], gyro=table[:, 1:4], accel=table[:, 4:])
     except InputError as error:
         raise InputError(error.problem, file=path, field=error.field) from error
+
+
+def _sample(message: Any) -> tuple[float, ...]:
+    vectors = (message.angular_velocity, message.linear_acceleration)
+    return tuple(float(getattr(vector, axis)) for vector in vectors for axis in "xyz")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from farpoint.errors import InputError
-from farpoint.frames.bags import Bag, messages_of
+from farpoint.frames.bags import Bag, rows_of
 from farpoint.hints.kinds import GnssPositions, KnownSpeed
 from farpoint.hints.tables import earth_centred
 
@@ -38,13 +38,8 @@ def speeds_of_topic(bag: Bag, topic: str, sigma: float) -> KnownSpeed:
     InputError
         Where there is no such topic, or fewer than 2 of its messages can be used.
     """
-    rows = []
     what = "speeds (Odometry, TwistStamped, TwistWithCovarianceStamped)"
-    for time_s, message in messages_of(bag, topic, _SPEEDS, what, field="--metric.speed-topic"):
-        velocity, covariance = _velocity(message)
-        speed = float(np.linalg.norm(velocity))
-        if math.isfinite(speed):
-            rows.append((time_s, speed, _sigma_along(velocity, covariance)))
+    rows = rows_of(bag, topic, _SPEEDS, _speed, what, field="--metric.speed-topic")
     table = _table(rows, bag, topic)
     return KnownSpeed(
         timestamps_s=table[:, 0],
@@ -71,12 +66,7 @@ def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
     InputError
         Where there is no such topic, or fewer than 2 of its messages can be used.
     """
-    rows = []
-    for time_s, fix in messages_of(bag, topic, _FIXES, "NavSatFix", field="--metric.gnss-topic"):
-        degrees = (fix.latitude, fix.longitude, fix.altitude)
-        usable = all(map(math.isfinite, degrees)) and abs(fix.latitude) <= 90.0
-        if usable and fix.status.status > _NO_FIX:
-            rows.append((time_s, *degrees, _sigma_of_fix(fix)))
+    rows = rows_of(bag, topic, _FIXES, _fix, "NavSatFix", field="--metric.gnss-topic")
     table = _table(rows, bag, topic)
     latitude, longitude = np.radians(table[:, 1:3]).T
     return GnssPositions(
@@ -85,6 +75,22 @@ def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
         sigma_m=sigma_m,
         sigmas_m=_unless_unknown(table[:, 4]),
     )
+
+
+def _speed(message: Any) -> tuple[float, float] | None:
+    """Speed, m/s, and its 1-sigma."""
+    velocity, covariance = _velocity(message)
+    speed = float(np.linalg.norm(velocity))
+    return (speed, _sigma_along(velocity, covariance)) if math.isfinite(speed) else None
+
+
+def _fix(fix: Any) -> tuple[float, ...] | None:
+    """Latitude and longitude, deg, height, m, and the 1-sigma of the least sure of them, m."""
+    degrees = (fix.latitude, fix.longitude, fix.altitude)
+    usable = all(map(math.isfinite, degrees)) and abs(fix.latitude) <= 90.0
+    if not usable or fix.status.status <= _NO_FIX:
+        return None
+    return (*degrees, _sigma_of_fix(fix))
 
 
 def _velocity(message: Any) -> tuple[np.ndarray, np.ndarray | None]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from farpoint.camera.camera import Camera
 from farpoint.camera.files.fields import Fields
 from farpoint.camera.files.opencv import read_fields
-from farpoint.camera.pinhole import Pinhole
+from farpoint.camera.files.read_out import ReadOut
 from farpoint.errors import InputError
 
 __all__ = ["CameraInfo", "camera_of_info"]
@@ -32,10 +32,8 @@ class CameraInfo:
         Camera matrix of raw images, 3x3 by rows, px of the full image.
     p : sequence of float
         Projection matrix of rectified images, 3x4 by rows.
-    binning : tuple of int
-        Pixels of the full image that make one, along x and y; 0 means 1.
-    roi : tuple of int
-        Part of the full image that is read out: x, y, width and height, px; of no size: all of it.
+    read_out : ReadOut
+        Which part of the full image is in the images, and how.
     """
 
     width: int
@@ -44,15 +42,11 @@ class CameraInfo:
     d: Sequence[float]
     k: Sequence[float]
     p: Sequence[float]
-    binning: tuple[int, int] = (1, 1)
-    roi: tuple[int, int, int, int] = (0, 0, 0, 0)
+    read_out: ReadOut = field(default_factory=ReadOut)
 
 
 def camera_of_info(info: CameraInfo, *, rectified: bool, file: Path, topic: str) -> Camera:
     """The camera of raw images, or of rectified ones.
-
-    A pixel (u, v) of the full image is ``((u - x) / bx, (v - y) / by)`` of a region of interest
-    that begins at (x, y), binned by (bx, by), as ``image_geometry`` has it.
 
     Parameters
     ----------
@@ -81,25 +75,12 @@ def camera_of_info(info: CameraInfo, *, rectified: bool, file: Path, topic: str)
         values |= {"d": list(info.d), "distortion_model": info.distortion_model or "plumb_bob"}
     camera = read_fields(Fields(values, file, f"{topic} "), topic)
     camera = replace(camera, name=topic, source=f"CameraInfo, {file}")
-    return _as_read_out(camera, info)
+    try:
+        return info.read_out.of(camera)
+    except InputError as error:
+        raise InputError(error.problem, file=file, field=f"{topic} {error.field}") from error
 
 
 def _left_of(p: Sequence[float]) -> list[float]:
     """The left 3x3 of a 3x4 matrix; nothing of another one."""
     return [*p[0:3], *p[4:7], *p[8:11]] if len(p) == 12 else []
-
-
-def _as_read_out(camera: Camera, info: CameraInfo) -> Camera:
-    """The same camera for the pixels that are in the images."""
-    bx, by = (max(binning, 1) for binning in info.binning)
-    x, y, width, height = info.roi
-    if not (width and height):
-        x, y, width, height = 0, 0, info.width, info.height
-    if (bx, by, x, y) == (1, 1, 0, 0) and (width, height) == (info.width, info.height):
-        return camera
-    model: Any = camera.model  # of those that CameraInfo may hold, each has these four
-    assert isinstance(model, Pinhole) or hasattr(model, "fx")
-    model = replace(
-        model, fx=model.fx / bx, fy=model.fy / by, cx=(model.cx - x) / bx, cy=(model.cy - y) / by
-    )
-    return replace(camera, model=model, size=(width // bx, height // by))

@@ -11,6 +11,7 @@ from farpoint.camera.files.deviations import with_deviations
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.matrix import intrinsics_from_matrix, skew_of_matrix
+from farpoint.camera.files.read_out import ReadOut
 from farpoint.camera.files.source import CalibrationFile
 from farpoint.camera.files.understood import (
     ORDER,
@@ -24,6 +25,7 @@ from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
 from farpoint.camera.unified import Unified
+from farpoint.errors import InputError
 
 TITLE = "OpenCV camera matrix"
 FIRST_IS_DEFAULT = False
@@ -119,20 +121,41 @@ def read_fields(fields: Fields, name: str) -> Camera:
     size = _size(fields)
     camera = Camera(model=_lens(fields, keys), size=size, name=name)
     camera = with_deviations(camera, fields, keys.matrix, keys.distortion)
+    camera = _as_read_out(camera, fields)
     others = {key for other in cameras for key in (other.matrix, other.distortion) if key}
     others |= {key for key in fields.values if _names_opencv_fisheye(key, fields.values[key])}
-    refuse_unread(fields, others | {key for key in ("roi",) if _is_whole(fields, key, size)})
+    refuse_unread(fields, others)
     return camera
 
 
-def _is_whole(fields: Fields, key: str, size: tuple[int, int] | None) -> bool:
-    """Whether a region of interest, as ROS's ``camera_info`` has it, is the whole raw image."""
-    region = fields.values.get(key)
-    if size is None or not isinstance(region, Mapping):
-        return False
-    told = tuple(str(region.get(name)) for name in ("width", "height"))
-    rest = {name: value for name, value in region.items() if name not in ("width", "height")}
-    return told == tuple(map(str, size)) and is_nothing(rest)
+def _as_read_out(camera: Camera, fields: Fields) -> Camera:
+    """The camera of the images, where ROS's ``camera_info`` tells which part of a sensor they are.
+
+    One of its fields without the others is left to whoever refuses what was not read.
+    """
+    if not {"binning_x", "binning_y"} <= fields.values.keys():
+        return camera
+    with blame(fields, "roi", binning="binning_x"):
+        binning = _whole(fields, "binning_x"), _whole(fields, "binning_y")
+        region = (0, 0, 0, 0)
+        if "roi" in fields:
+            roi = fields.group("roi")
+            if "do_rectify" in roi:
+                roi.text("do_rectify")  # it is of rectified images
+            x, y = _whole(roi, "x_offset"), _whole(roi, "y_offset")
+            region = (x, y, _whole(roi, "width"), _whole(roi, "height"))
+        read_out = ReadOut(binning=binning, roi=region)
+        if camera.uncertainty is not None and not read_out.is_whole(camera.size):
+            raise InputError("not understood beside standard deviations", field="roi")
+        return read_out.of(camera)
+
+
+def _whole(fields: Fields, key: str) -> int:
+    """A whole number of pixels, 0 where there is none."""
+    value = fields.number(key) if key in fields else 0.0
+    if value != int(value):
+        raise fields.error(key, f"expected a whole number of pixels, got {value:g}")
+    return int(value)
 
 
 def _lens(fields: Fields, keys: _Keys) -> CameraModel:

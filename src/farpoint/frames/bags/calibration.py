@@ -7,8 +7,9 @@ from typing import Any
 
 from farpoint.camera import Camera
 from farpoint.camera.files.camera_info import CameraInfo, camera_of_info
+from farpoint.camera.files.read_out import ReadOut
 from farpoint.errors import InputError
-from farpoint.frames.bags.decoding import decoder_of, kind_of
+from farpoint.frames.bags.decoding import by_definition, decoder_of, kind_of
 from farpoint.frames.bags.records import Bag, BrokenBagError, Topic
 
 __all__ = ["camera_of"]
@@ -55,18 +56,22 @@ def _first(bag: Bag, topic: Topic) -> Any:
             continue
         try:
             info = decode(message.data)
+            with by_definition():
+                if any(_field(info, "k")):
+                    return info
         except BrokenBagError:
             continue
-        if any(_field(info, "k")):
-            return info
         first = first or info
     return first
 
 
 def _camera(bag: Bag, topic: Topic, message: Any, rectified: bool) -> Camera:
     try:
-        info = _info(message)
-    except (AttributeError, TypeError, ValueError, OverflowError):
+        with by_definition():
+            info = _info(message)
+    except InputError as error:
+        raise InputError(error.problem, file=bag.path, field=topic.name) from None
+    except BrokenBagError:
         raise InputError(f"cannot be read: {_HELP}", file=bag.path, field=topic.name) from None
     return camera_of_info(info, rectified=rectified, file=bag.path, topic=topic.name)
 
@@ -80,13 +85,15 @@ def _info(message: Any) -> CameraInfo:
         d=[float(value) for value in _field(message, "d")],
         k=[float(value) for value in _field(message, "k")],
         p=[float(value) for value in _field(message, "p")],
-        binning=(
-            int(getattr(message, "binning_x", 1)),
-            int(getattr(message, "binning_y", 1)),
+        read_out=ReadOut(
+            binning=(
+                int(getattr(message, "binning_x", 0)),
+                int(getattr(message, "binning_y", 0)),
+            ),
+            roi=(0, 0, 0, 0)
+            if roi is None
+            else (int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
         ),
-        roi=(0, 0, 0, 0)
-        if roi is None
-        else (int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
     )
 
 

@@ -8,71 +8,66 @@ from dataclasses import dataclass
 
 __all__ = ["HeaderClock"]
 
-_CONTRADICTS_S = 3600.0
+_CONTRADICTS_NS = 3600 * 10**9
 """A header that departs by so much from the clock of the recording, and alone, is damaged."""
 
-_ABOUT_ZERO_S = 1.0
-_FRAME_S = 0.1  # until two headers have told
+_ABOUT_ZERO_NS = 10**9
+_FRAME_NS = 10**8  # until two headers have told
 
 
 @dataclass
 class HeaderClock:
-    """Follows the headers of a topic.
+    """Follows the headers of a topic; all times in ns.
 
     The clock of the headers need not be that of the recording; but the difference of the two does
     not jump in one message and back in the next, except in damaged ones.
 
     Attributes
     ----------
-    offset_s : float or None
-        From the recording's clock to that of the headers, s; None where one of them has no time.
+    offset_ns : int or None
+        From the recording's clock to that of the headers; None where one of them has no time.
     """
 
-    offset_s: float | None = None
-    _other_s: float | None = None  # where the last header was refused
-    _last_s: float | None = None
-    _interval_s: float = _FRAME_S
+    offset_ns: int | None = None
+    _other_ns: int | None = None  # where the last header was refused
+    _last_ns: int | None = None
+    _interval_ns: int = _FRAME_NS
 
     @classmethod
-    def of_first(cls, first: Sequence[tuple[int, float | None]]) -> HeaderClock:
-        """By the headers, ns, of some messages, and when these were recorded, s."""
-        offsets = [
-            stamp_ns / 10**9 - time_s
-            for stamp_ns, time_s in first
-            if stamp_ns and time_s is not None
-        ]
-        return cls(statistics.median(offsets) if 2 * len(offsets) >= len(first) > 0 else None)
+    def of_first(cls, first: Sequence[tuple[int, int | None]]) -> HeaderClock:
+        """By the headers of some messages, and when these were recorded."""
+        offsets = [stamp - recorded for stamp, recorded in first if stamp and recorded is not None]
+        return cls(statistics.median_low(offsets) if 2 * len(offsets) >= len(first) > 0 else None)
 
-    def take(self, stamp_ns: int, recorded_s: float | None) -> float | None:
-        """Time of an image, s; None where its header contradicts those before."""
-        if not stamp_ns and not self._begins_at_zero(recorded_s):  # never set
-            return self.guess(recorded_s)
-        stamp_s = stamp_ns / 10**9
-        if recorded_s is not None:
-            offset_s = stamp_s - recorded_s
-            if self.offset_s is not None and abs(offset_s - self.offset_s) > _CONTRADICTS_S:
-                other, self._other_s = self._other_s, offset_s
-                if other is None or abs(offset_s - other) > _CONTRADICTS_S:
+    def take(self, stamp_ns: int, recorded_ns: int | None) -> int | None:
+        """Time of an image; None where its header contradicts those before."""
+        if not stamp_ns and not self._begins_at_zero(recorded_ns):  # never set
+            return self.guess(recorded_ns)
+        if recorded_ns is not None:
+            offset_ns = stamp_ns - recorded_ns
+            if self.offset_ns is not None and abs(offset_ns - self.offset_ns) > _CONTRADICTS_NS:
+                other, self._other_ns = self._other_ns, offset_ns
+                if other is None or abs(offset_ns - other) > _CONTRADICTS_NS:
                     return None  # the next one that agrees with it is believed
-            self.offset_s, self._other_s = offset_s, None
-        if self._last_s is not None and stamp_s > self._last_s:
-            self._interval_s = stamp_s - self._last_s
-        self._last_s = stamp_s
-        return stamp_s
+            self.offset_ns, self._other_ns = offset_ns, None
+        if self._last_ns is not None and stamp_ns > self._last_ns:
+            self._interval_ns = stamp_ns - self._last_ns
+        self._last_ns = stamp_ns
+        return stamp_ns
 
-    def _begins_at_zero(self, recorded_s: float | None) -> bool:
+    def _begins_at_zero(self, recorded_ns: int | None) -> bool:
         """Whether the headers' clock was about zero at that time, and has not gone on since."""
-        if self.offset_s is None or recorded_s is None or self._last_s:
+        if self.offset_ns is None or recorded_ns is None or self._last_ns:
             return False
-        return abs(recorded_s + self.offset_s) < _ABOUT_ZERO_S
+        return abs(recorded_ns + self.offset_ns) < _ABOUT_ZERO_NS
 
-    def guess(self, recorded_s: float | None) -> float:
-        """Time of an image whose header has none or is lost, s: not before the one before."""
-        if recorded_s is not None:
-            time_s = recorded_s + (self.offset_s or 0.0)
-        elif self._last_s is not None:
-            time_s = self._last_s + self._interval_s
+    def guess(self, recorded_ns: int | None) -> int:
+        """Time of an image whose header has none or is lost: not before the one before."""
+        if recorded_ns is not None:
+            time_ns = recorded_ns + (self.offset_ns or 0)
+        elif self._last_ns is not None:
+            time_ns = self._last_ns + self._interval_ns
         else:
-            time_s = 0.0
-        self._last_s = time_s if self._last_s is None else max(time_s, self._last_s)
-        return self._last_s
+            time_ns = 0
+        self._last_ns = time_ns if self._last_ns is None else max(time_ns, self._last_ns)
+        return self._last_ns

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from typing import Any
 
@@ -11,7 +11,7 @@ from farpoint.errors import optional_import
 from farpoint.frames.bags.protobuf import from_json, from_protobuf
 from farpoint.frames.bags.records import BrokenBagError, Topic
 
-__all__ = ["Decoder", "kind_of", "stamp_ns"]
+__all__ = ["Decoder", "by_definition", "decoder_of", "kind_of", "stamp_ns"]
 
 Decoder = Callable[[bytes | memoryview], Any]
 """Gives an object with the fields of a message, or raises BrokenBagError."""
@@ -37,10 +37,20 @@ def decoder_of(topic: Topic) -> Decoder:
 
 
 def stamp_ns(message: Any) -> int:
-    """Its time stamp, ns; 0 where none was set."""
-    header = getattr(message, "header", None)
-    stamp = message.timestamp if header is None else header.stamp
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+    """Its time stamp, ns; 0 where none was set. BrokenBagError where its type has none."""
+    with by_definition():
+        header = getattr(message, "header", None)
+        stamp = message.timestamp if header is None else header.stamp
+        return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+@contextmanager
+def by_definition() -> Iterator[None]:
+    """Where fields are used that a definition may lack: a bag brings its own, damaged ones, too."""
+    try:
+        yield
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        raise BrokenBagError(f"the message has other fields than its type ({error})") from error
 
 
 def _function(topic: Topic) -> Decoder:

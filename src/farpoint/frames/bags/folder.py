@@ -93,7 +93,7 @@ class BagFolder:
                 for message in part.messages(names):
                     yield self._whole(message)
             if fault is not None:
-                yield Message(topic=None, time_s=None, fault=f"{name}: {fault}")
+                yield Message(topic=None, time_ns=None, fault=f"{name}: {fault}")
 
     def _whole(self, message: Message) -> Message:
         if not self._messages_are_packed or message.fault is not None:

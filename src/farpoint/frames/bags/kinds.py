@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from farpoint.errors import InputError, require
 from farpoint.frames.bags import mcap, rosbag1, sqlite
 from farpoint.frames.bags.folder import METADATA, BagFolder, bag_files
 from farpoint.frames.bags.records import Bag
 
-__all__ = ["holds_bag", "is_bag", "open_bag"]
+__all__ = ["holds_bag", "is_bag", "is_bag_file", "open_bag"]
 
 _MARKS = (rosbag1.MAGIC[:8], mcap.MAGIC)  # "#ROSBAG " of any version
 _SUFFIXES = (".bag", ".mcap", ".db3")
@@ -19,7 +19,12 @@ def is_bag(path: Path) -> bool:
     """Whether a file is a bag's, or a folder is one as ROS 2 records it."""
     if path.is_dir():
         return (path / METADATA).is_file() and _names_a_bag(path)
-    return path.suffix in _SUFFIXES or _begin(path).startswith(_MARKS)
+    return is_bag_file(path.name) or _begin(path).startswith(_MARKS)
+
+
+def is_bag_file(name: str) -> bool:
+    """Whether a file is called like one of a bag."""
+    return PurePosixPath(name).suffix in _SUFFIXES
 
 
 def holds_bag(folder: Path) -> bool:

@@ -50,8 +50,8 @@ class Message:
     ----------
     topic : Topic or None
         None where a part of the bag is lost, whatever it held.
-    time_s : float or None
-        When it was recorded, s; None where that is lost.
+    time_ns : int or None
+        When it was recorded; None where that is lost.
     data : bytes or memoryview
         Without the envelope of the bag; empty where it is lost.
     fault : str or None
@@ -59,7 +59,7 @@ class Message:
     """
 
     topic: Topic | None
-    time_s: float | None
+    time_ns: int | None
     data: bytes | memoryview = b""
     fault: str | None = None
 

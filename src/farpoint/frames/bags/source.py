@@ -16,7 +16,7 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError, optional_import
 from farpoint.frames.bags.calibration import camera_of
 from farpoint.frames.bags.clock import HeaderClock
-from farpoint.frames.bags.decoding import decoder_of, kind_of, stamp_ns
+from farpoint.frames.bags.decoding import by_definition, decoder_of, kind_of, stamp_ns
 from farpoint.frames.bags.images import VIDEO, samples_of
 from farpoint.frames.bags.kinds import open_bag
 from farpoint.frames.bags.records import Bag, BrokenBagError, Message, Topic
@@ -68,7 +68,7 @@ class BagImages:
     @property
     def timestamp_source(self) -> str:
         """The headers, or the recording where these have no times."""
-        what = "recording" if self.clock.offset_s is None else "headers"
+        what = "recording" if self.clock.offset_ns is None else "headers"
         return f"{what} of {self.topic.name}"
 
     @property
@@ -88,14 +88,15 @@ class BagImages:
         for index, picture in enumerate(pictures):
             yield Frame(
                 index=index,
-                timestamp=picture.label,
+                timestamp=picture.label / 10**9,
+                time_ns=picture.label,
                 image=picture.image,
                 name=str(index),
                 fault=picture.fault,
             )
 
-    def _images(self) -> Iterator[Picture[float]]:
-        for time_s, message, fault in self._messages():
+    def _images(self) -> Iterator[Picture[int]]:
+        for time_ns, message, fault in self._messages():
             image = None
             if fault is None:
                 try:
@@ -104,32 +105,39 @@ class BagImages:
                         image = self._deep(image)
                 except UnreadableImageError as error:
                     fault = str(error)
-            yield Picture(time_s, image, fault)
+            yield Picture(time_ns, image, fault)
 
-    def _video(self) -> Iterator[Picture[float]]:
-        video = VideoTopic[float]()
-        for time_s, message, fault in self._messages():
+    def _video(self) -> Iterator[Picture[int]]:
+        video = VideoTopic[int]()
+        for time_ns, message, fault in self._messages():
+            data, kind = b"", ""
             if fault is None:
-                yield from video.add(bytes(message.data), str(message.format), time_s)
+                try:
+                    with by_definition():
+                        data, kind = bytes(message.data), str(message.format)
+                except BrokenBagError as error:
+                    fault = str(error)
+            if fault is None:
+                yield from video.add(data, kind, time_ns)
             else:
-                yield from video.pass_over(time_s, fault)
+                yield from video.pass_over(time_ns, fault)
         yield from video.close()
 
-    def _messages(self) -> Iterator[tuple[float, Any, str | None]]:
-        """Time of each message, s, and the message, or what is wrong with it."""
+    def _messages(self) -> Iterator[tuple[int, Any, str | None]]:
+        """Time of each message, ns, and the message, or what is wrong with it."""
         decode, clock = decoder_of(self.topic), replace(self.clock)
         for message in self.bag.messages((self.topic.name,)):
             found, fault = None, message.fault
-            time_s: float | None = None
+            time_ns: int | None = None
             if fault is None:
                 try:
                     found = decode(message.data)
-                    time_s = clock.take(stamp_ns(found), message.time_s)
-                    if time_s is None:
+                    time_ns = clock.take(stamp_ns(found), message.time_ns)
+                    if time_ns is None:
                         fault = "the time stamp of the message is damaged"
                 except BrokenBagError as error:
                     fault = str(error)
-            yield clock.guess(message.time_s) if time_s is None else time_s, found, fault
+            yield clock.guess(message.time_ns) if time_ns is None else time_ns, found, fault
 
     @cached_property
     def _deep(self) -> GreyTable:
@@ -178,14 +186,14 @@ def open_bag_images(path: Path, topic: str | None) -> BagImages:
     )
 
 
-def _first(bag: Bag, topic: Topic) -> tuple[list[tuple[int, float | None]], list[str]]:
-    """Headers, ns, and times of recording, s, of the first messages; and their frames."""
+def _first(bag: Bag, topic: Topic) -> tuple[list[tuple[int, int | None]], list[str]]:
+    """Headers and times of recording, ns, of the first messages; and their frames."""
     decode, stamps, frames = decoder_of(topic), [], []
     for message in bag.messages((topic.name,)):
         if message.fault is None:
             with suppress(BrokenBagError):
                 found = decode(message.data)
-                stamps.append((stamp_ns(found), message.time_s))
+                stamps.append((stamp_ns(found), message.time_ns))
                 frames.append(str(getattr(getattr(found, "header", found), "frame_id", "")))
         if len(stamps) == _FIRST:
             break

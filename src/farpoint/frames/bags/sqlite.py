@@ -10,7 +10,6 @@ from pathlib import Path
 from urllib.parse import quote
 
 from farpoint.errors import InputError
-from farpoint.frames.bags.chunks import seconds
 from farpoint.frames.bags.records import Message, Topic
 
 __all__ = ["MAGIC", "SqliteBag"]
@@ -81,7 +80,7 @@ class SqliteBag:
                 except sqlite3.Error as error:
                     if last is None:
                         problem = f"{self.path.name} ends behind row {done}: {error}"
-                        yield Message(topic=None, time_s=None, fault=problem)
+                        yield Message(topic=None, time_ns=None, fault=problem)
                         return
                 rows = range(done + 1, min(done + _ONE_BY_ONE, last) + 1)
                 for row in rows:
@@ -103,16 +102,16 @@ class SqliteBag:
             (data,) = database.execute("SELECT data FROM messages WHERE id = ?", (row,)).fetchone()
             yield self._message(known[0], known[1], data)
         except sqlite3.Error as error:
-            topic, time_s = None, None
+            topic, time_ns = None, None
             if known is not None:
-                topic, time_s = self._topics[known[0]], _seconds(known[1])
-            yield Message(topic=topic, time_s=time_s, fault=f"row {row} cannot be read: {error}")
+                topic, time_ns = self._topics[known[0]], _whole(known[1])
+            yield Message(topic=topic, time_ns=time_ns, fault=f"row {row} cannot be read: {error}")
 
     def _message(self, number: int, time_ns: object, data: object) -> Message:
-        topic, time_s = self._topics[number], _seconds(time_ns)
+        topic, recorded_ns = self._topics[number], _whole(time_ns)
         if not isinstance(data, bytes):
-            return Message(topic=topic, time_s=time_s, fault="the row holds no message")
-        return Message(topic=topic, time_s=time_s, data=data)
+            return Message(topic=topic, time_ns=recorded_ns, fault="the row holds no message")
+        return Message(topic=topic, time_ns=recorded_ns, data=data)
 
     @staticmethod
     def _last_row(database: sqlite3.Connection) -> int | None:
@@ -158,5 +157,5 @@ class SqliteBag:
         return database
 
 
-def _seconds(time_ns: object) -> float | None:
-    return seconds(time_ns) if isinstance(time_ns, int) else None
+def _whole(time_ns: object) -> int | None:
+    return time_ns if isinstance(time_ns, int) else None

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from typing import Any
 
 from farpoint.errors import InputError
-from farpoint.frames.bags.decoding import decoder_of, kind_of, stamp_ns
+from farpoint.frames.bags.decoding import by_definition, decoder_of, kind_of, stamp_ns
 from farpoint.frames.bags.images import COMPRESSED, RAW, VIDEO
 from farpoint.frames.bags.records import Bag, BrokenBagError, Topic
 
-__all__ = ["image_topic", "messages_of", "topic_of_kind"]
+__all__ = ["image_topic", "rows_of", "topic_of_kind"]
 
 _IMAGES = RAW | COMPRESSED | VIDEO
 _DEPTH = "/compressedDepth"  # a transport whose images are distances
@@ -68,10 +67,31 @@ def topic_of_kind(bag: Bag, name: str, kinds: Collection[str], what: str, *, fie
     )
 
 
-def messages_of(
-    bag: Bag, name: str, kinds: Collection[str], what: str, *, field: str
-) -> Iterator[tuple[float, Any]]:
-    """Times, s, ascending, and messages of a topic; damaged ones are left out.
+def rows_of(
+    bag: Bag,
+    name: str,
+    kinds: Collection[str],
+    read: Callable[[Any], tuple[float, ...] | None],
+    what: str,
+    *,
+    field: str,
+) -> list[tuple[float, ...]]:
+    """Times, s, ascending, each with what is read of the message; damaged ones are left out.
+
+    Parameters
+    ----------
+    bag : Bag
+        The recording.
+    name : str
+        Of the topic.
+    kinds : collection of str
+        Types that it may have.
+    read : callable
+        Gives the numbers of a message, or None of one that does not count.
+    what : str
+        What the topic should hold, for errors.
+    field : str
+        Named in errors.
 
     Raises
     ------
@@ -79,17 +99,18 @@ def messages_of(
         Where the bag has no topic of this name and kind; it lists those that it has.
     """
     topic = topic_of_kind(bag, name, kinds, what, field=field)
-    decode, last_s = decoder_of(topic), -math.inf
+    decode, last_ns = decoder_of(topic), -1
+    rows: list[tuple[float, ...]] = []
     for message in bag.messages((topic.name,)):
         if message.fault is not None:
             continue
-        with suppress(BrokenBagError):
+        with suppress(BrokenBagError), by_definition():
             found = decode(message.data)
-            stamp = stamp_ns(found)
-            time_s = stamp / 10**9 if stamp else message.time_s
-            if time_s is not None and time_s > last_s:
-                last_s = time_s
-                yield time_s, found
+            time_ns, row = stamp_ns(found) or message.time_ns, read(found)
+            if row is not None and time_ns is not None and time_ns > last_ns:
+                last_ns = time_ns
+                rows.append((time_ns / 10**9, *row))
+    return rows
 
 
 def _listed(topics: Collection[Topic]) -> str:

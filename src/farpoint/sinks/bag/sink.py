@@ -68,6 +68,9 @@ class BagSink:
     metres : callable, optional
         Gives metres for a unit of the path as of now, or None before any hint has spoken. Without
         it lengths of poses are in the unit of the path, and speeds are unknown.
+    stamp_ns : callable, optional
+        Gives the time of the frame in hand, ns, where its source has it, else None: a float of
+        seconds since 1970 is good to 0.12 us, and ROS looks up transforms by exact times.
 
     Raises
     ------
@@ -82,11 +85,12 @@ class BagSink:
         path: Path,
         camera: Callable[[], Camera],
         metres: Callable[[], MetricEstimate | None] | None = None,
+        stamp_ns: Callable[[], int | None] = lambda: None,
     ) -> None:
         require("rosbags", extra="ros", purpose="writing a bag")
         if path.is_dir():
             raise InputError("is a folder; expected a file to write", file=path, field="--bag")
-        self._camera = camera
+        self._camera, self._stamp_ns = camera, stamp_ns
         self._messages = Messages()
         self._path = MetricPath(metres)
         self._file = McapFile(path)
@@ -104,7 +108,9 @@ class BagSink:
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
         """Add what one frame brought; the image is not looked at."""
         del image
-        time_ns = round(result.timestamp * 1e9)
+        time_ns = self._stamp_ns()
+        if time_ns is None or time_ns / 10**9 != result.timestamp:  # of another clock
+            time_ns = round(result.timestamp * 1e9)
         if time_ns < 0:
             raise InputError(f"ROS has no time {result.timestamp} s", field="--bag")
         make = self._messages

@@ -1,0 +1,68 @@
+"""The part of a sensor that is in the images: ROS's binning and region of interest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from farpoint.camera.camera import Camera
+from farpoint.errors import InputError
+
+__all__ = ["ReadOut"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadOut:
+    """What ``sensor_msgs/CameraInfo`` tells of it beside the lens of the full image.
+
+    Attributes
+    ----------
+    binning : tuple of int
+        Pixels of the full image that make one, along x and y; 0 means 1.
+    roi : tuple of int
+        Part of the full image that is read out: x, y, width and height, px; zeros: all of it.
+    """
+
+    binning: tuple[int, int] = (0, 0)
+    roi: tuple[int, int, int, int] = (0, 0, 0, 0)
+
+    def __post_init__(self) -> None:
+        x, y, width, height = self.roi
+        if min(self.binning) < 0:
+            raise InputError(f"expected 0 or more, got {min(self.binning)}", field="binning")
+        if min(self.roi) < 0 or (any(self.roi) and not (width and height)):
+            raise InputError(f"{width} x {height} pixels at ({x}, {y}) are no part", field="roi")
+
+    def is_whole(self, size: tuple[int, int] | None) -> bool:
+        """Whether the images are the full image, of this size, px."""
+        return max(self.binning) <= 1 and self.roi in ((0, 0, 0, 0), (0, 0, *(size or ())))
+
+    def of(self, camera: Camera) -> Camera:
+        """The camera of the images by that of the full image.
+
+        A pixel (u, v) of the full image is ``((u - x) / bx, (v - y) / by)`` of a region of interest
+        that begins at (x, y), binned by (bx, by), as ``image_geometry`` has it.
+
+        Raises
+        ------
+        InputError
+            Where the region is not within the full image.
+        """
+        bx, by = (max(binning, 1) for binning in self.binning)
+        x, y, width, height = self.roi
+        if camera.size is not None:
+            full_width, full_height = camera.size
+            if x + width > full_width or y + height > full_height:
+                problem = f"{width} x {height} pixels at ({x}, {y}) of {full_width} x {full_height}"
+                raise InputError(problem, field="roi")
+            if not width:
+                width, height = camera.size
+        model: Any = camera.model  # of those that CameraInfo may hold, each has these four
+        model = replace(
+            model,
+            fx=model.fx / bx,
+            fy=model.fy / by,
+            cx=(model.cx - x) / bx,
+            cy=(model.cy - y) / by,
+        )
+        return replace(camera, model=model, size=(width // bx, height // by) if width else None)

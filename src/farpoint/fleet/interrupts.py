@@ -1,0 +1,55 @@
+"""Interruptions that are not lost: Python forgets one that comes in the middle of a destructor."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+__all__ = ["lasting_interrupts"]
+
+_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+@contextmanager
+def lasting_interrupts() -> Iterator[Callable[[], None]]:
+    """Give a function that raises KeyboardInterrupt if one has been raised before.
+
+    A signal's KeyboardInterrupt comes wherever the main thread is; in a destructor or the callback
+    of a weak reference Python prints it and goes on. What waits for long looks now and then.
+    """
+    came = threading.Event()
+
+    def look() -> None:
+        if came.is_set():
+            raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield look
+        return
+    before: dict[int, Any] = {}
+    told = sys.unraisablehook
+
+    def note(number: int, frame: FrameType | None) -> None:
+        came.set()
+        before[number](number, frame)
+
+    def tell(lost: Any) -> None:
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            told(lost)
+
+    for name in _SIGNALS:
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and callable(signal.getsignal(number)):
+            before[number] = signal.signal(number, note)
+    sys.unraisablehook = tell
+    try:
+        yield look
+    finally:
+        sys.unraisablehook = told
+        for number, handler in before.items():
+            signal.signal(number, handler)

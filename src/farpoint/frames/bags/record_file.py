@@ -1,0 +1,287 @@
+"""A bag that is one file of records, as ROS 1 bags and MCAP files are, read from end to end.
+
+Records follow one another: chunks of messages, each with its index behind it, or messages by
+themselves. Nothing but the chunk in hand is kept, and the summary at the end of the file is used
+where it is there. What differs between the formats is how a record is written.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from pathlib import Path
+from typing import BinaryIO, ClassVar
+
+from farpoint.errors import InputError
+from farpoint.frames.bags.records import BrokenBagError, Message, Topic
+
+__all__ = ["IndexEntry", "Parsed", "Record", "RecordFile"]
+
+Wanted = Callable[[int], Topic | None]
+"""Gives the topic of a channel; None of one that is not wanted."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a record is, and where its data begins in the file or in an unpacked chunk.
+
+    Attributes
+    ----------
+    op : int
+        Its kind, by the number that the format gives it.
+    data_at : int
+        Where its data begins.
+    size : int
+        Bytes of its data.
+    header : dict
+        Fields before the data, where the format has such.
+    """
+
+    op: int
+    data_at: int
+    size: int
+    header: dict[bytes, bytes] = field(default_factory=dict)
+
+    @property
+    def end(self) -> int:
+        """Where the next one begins."""
+        return self.data_at + self.size
+
+
+@dataclass(frozen=True)
+class IndexEntry:
+    """Where the index of a chunk says a message is.
+
+    Attributes
+    ----------
+    channel : int
+        Number of the topic in the bag.
+    time_ns : int
+        When it was recorded.
+    offset : int
+        Of its record in the unpacked chunk.
+    """
+
+    channel: int
+    time_ns: int
+    offset: int
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """A message record: its channel, its time, and its bytes."""
+
+    channel: int
+    time_ns: int
+    data: memoryview
+
+
+class RecordFile(ABC):
+    """A file of records.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    """
+
+    MAGIC: ClassVar[bytes]
+    NAME: ClassVar[str]
+    """What a file of this kind is called."""
+
+    MESSAGE: ClassVar[int]
+    CHUNK: ClassVar[int]
+    INDEX: ClassVar[int]
+    DECLARING: ClassVar[frozenset[int]]
+    """Kinds of the records that describe topics."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._size = path.stat().st_size
+        self._channels: dict[int, Topic] = {}
+
+    def topics(self) -> list[Topic]:
+        """By the summary at the end of the file, or, where it is missing, by all of the file."""
+        with self.path.open("rb") as file:
+            if file.read(len(self.MAGIC)) != self.MAGIC:
+                raise InputError(f"expected {self.NAME}", file=self.path)
+            try:
+                counts = self._read_summary(file)
+            except BrokenBagError:
+                counts = Counter(
+                    message.topic.name for message in self._messages(file, None) if message.topic
+                )
+        topics = {topic.name: topic for topic in self._channels.values()}
+        return [replace(topic, count=counts[name]) for name, topic in topics.items()]
+
+    def messages(self, names: Collection[str]) -> Iterator[Message]:
+        """Messages of some topics; chunks that are damaged give what their index leads to."""
+        with self.path.open("rb") as file:
+            yield from self._messages(file, names)
+
+    @abstractmethod
+    def _record(self, file: BinaryIO, at: int) -> Record | None:
+        """The record at a byte of the file; None behind the last one that counts.
+
+        Only a chunk may end behind the end of the file. Raises BrokenBagError where none begins.
+        """
+
+    @abstractmethod
+    def _record_in(self, raw: memoryview, at: int) -> Record:
+        """The record at a byte of an unpacked chunk, or a BrokenBagError."""
+
+    @abstractmethod
+    def _declare(self, record: Record, data: bytes) -> None:
+        """Remember what a record tells of topics; one that is damaged is left out."""
+
+    @abstractmethod
+    def _parse(self, record: Record, data: memoryview) -> Parsed:
+        """A message by its record, or a BrokenBagError."""
+
+    @abstractmethod
+    def _unpack(self, record: Record, data: memoryview) -> memoryview:
+        """What a chunk holds, fewer bytes where it is cut off, or a BrokenBagError."""
+
+    @abstractmethod
+    def _entries(self, record: Record, data: bytes) -> Iterator[IndexEntry]:
+        """What an index record tells, or a BrokenBagError."""
+
+    @abstractmethod
+    def _read_summary(self, file: BinaryIO) -> Counter[str]:
+        """Declare all topics and count their messages by the end of the file.
+
+        Raises BrokenBagError where it does not tell.
+        """
+
+    @abstractmethod
+    def _next_beginning(self, file: BinaryIO, at: int) -> int | None:
+        """Where the next chunk, or message, begins behind a byte, by its own bytes."""
+
+    def _messages(self, file: BinaryIO, names: Collection[str] | None) -> Iterator[Message]:
+        """Messages of some topics, or of all where no names are given."""
+
+        def wanted(number: int) -> Topic | None:
+            topic = self._channels.get(number)
+            return topic if topic and (names is None or topic.name in names) else None
+
+        at: int | None = len(self.MAGIC)
+        while at is not None:
+            try:
+                record = self._record(file, at)
+            except BrokenBagError as error:
+                begin, at = at, self._next_beginning(file, at + 1)
+                end = "reading stopped" if at is None else f"reading goes on at byte {at}"
+                yield _lost(
+                    f"{self.path.name} is damaged at byte {begin} of {self._size} ({error}): {end}"
+                )
+                continue
+            if record is None:
+                return
+            at = record.end
+            if record.op == self.CHUNK:
+                yield from self._chunk(file, record, wanted)
+                if at > self._size:
+                    yield _lost(
+                        f"{self.path.name} ends at byte {self._size} in the middle of a chunk"
+                    )
+                    return
+            elif record.op == self.MESSAGE:
+                yield from self._single(record, memoryview(_data(file, record)), wanted)
+            elif record.op in self.DECLARING:
+                self._declare(record, _data(file, record))
+
+    def _single(self, record: Record, data: memoryview, wanted: Wanted) -> Iterator[Message]:
+        """A message outside of a chunk."""
+        try:
+            parsed = self._parse(record, data)
+        except BrokenBagError as error:
+            yield _lost(str(error))
+            return
+        if topic := wanted(parsed.channel):
+            yield _whole(topic, parsed)
+
+    def _chunk(self, file: BinaryIO, record: Record, wanted: Wanted) -> Iterator[Message]:
+        """Messages of a chunk in the order of time; where it is damaged, by its index."""
+        where, is_cut_off = f"the chunk at byte {record.data_at}", record.end > self._size
+        try:
+            raw = self._unpack(record, memoryview(_data(file, record)))
+        except BrokenBagError as error:
+            entries = self._index(file, record.end)
+            for entry in entries:
+                if topic := wanted(entry.channel):
+                    yield _lost(f"{where}: {error}", topic, entry)
+            if not entries and not is_cut_off:
+                yield _lost(f"{where} is lost: {error}")
+            return
+        found: list[tuple[Topic, Parsed]] = []
+        fault = None
+        try:
+            for parsed in self._parsed(raw):
+                # Asked when a record has been read: topics may come up within a chunk.
+                if topic := wanted(parsed.channel):
+                    found.append((topic, parsed))
+        except BrokenBagError as error:
+            fault = f"{where}: {error}"
+        if fault is not None and (entries := self._index(file, record.end)):
+            yield from self._by_index(raw, entries, wanted)
+            return
+        for topic, parsed in sorted(found, key=lambda one: one[1].time_ns):
+            yield _whole(topic, parsed)
+        if fault is not None and not is_cut_off:
+            yield _lost(fault)
+
+    def _by_index(
+        self, raw: memoryview, entries: list[IndexEntry], wanted: Wanted
+    ) -> Iterator[Message]:
+        """What the index leads to; a record that is not what the index says is lost."""
+        for entry in entries:
+            topic = wanted(entry.channel)
+            if topic is None:
+                continue
+            try:
+                record = self._record_in(raw, entry.offset)
+                if record.op != self.MESSAGE:
+                    raise BrokenBagError("the record is damaged")
+                parsed = self._parse(record, raw[record.data_at : record.end])
+            except BrokenBagError as error:
+                yield _lost(str(error), topic, entry)
+                continue
+            yield _whole(topic, Parsed(entry.channel, entry.time_ns, parsed.data))
+
+    def _parsed(self, raw: memoryview) -> Iterator[Parsed]:
+        """The messages of an unpacked chunk, one after the other, or a BrokenBagError."""
+        at = 0
+        while at < len(raw):
+            record = self._record_in(raw, at)
+            data, at = raw[record.data_at : record.end], record.end
+            if record.op == self.MESSAGE:
+                yield self._parse(record, data)
+            elif record.op in self.DECLARING:
+                self._declare(record, bytes(data))
+
+    def _index(self, file: BinaryIO, at: int) -> list[IndexEntry]:
+        """What the index records that follow a chunk tell, by time."""
+        entries: list[IndexEntry] = []
+        try:
+            while (record := self._record(file, at)) is not None and record.op == self.INDEX:
+                entries += self._entries(record, _data(file, record))
+                at = record.end
+        except BrokenBagError:
+            pass
+        return sorted(entries, key=attrgetter("time_ns"))
+
+
+def _data(file: BinaryIO, record: Record) -> bytes:
+    file.seek(record.data_at)
+    return file.read(record.size)
+
+
+def _whole(topic: Topic, parsed: Parsed) -> Message:
+    return Message(topic=topic, time_ns=parsed.time_ns, data=parsed.data)
+
+
+def _lost(fault: str, topic: Topic | None = None, entry: IndexEntry | None = None) -> Message:
+    return Message(topic=topic, time_ns=None if entry is None else entry.time_ns, fault=fault)
