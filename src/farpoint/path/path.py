@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from farpoint.path.options import LensRefinementOptions, PathOptions
 from farpoint.path.point import PathPoint, Rest, SettledPose
 from farpoint.path.resection import Located, locate_frame
 from farpoint.path.selection import least_useful, some_of
+from farpoint.path.waiting import WaitingPoses, pose_matrix
 from farpoint.path.window import Window
 from farpoint.pose import PoseStatus, RelativePose, TrackLabel
 from farpoint.tracks import Tracks
@@ -33,7 +34,6 @@ _FIRM_FLOW = 0.5  # of what makes a keyframe: the window begins anew with a way 
 _FIT_CHI2 = 13.8  # squared residual that 0.999 of right matches stay below (2 degrees of freedom)
 _AGREE_CHI2 = 20.5  # the same for 0.999 of two poses (5 degrees of freedom)
 _REST_CHI2 = 11.3  # the same for 0.99 of displacements of a camera at rest (3 of them)
-_LONGEST_WAIT = 150  # frames whose poses are kept for their keyframes to settle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,30 +59,19 @@ class Pair:
         return self.time1 - self.time0
 
 
-@dataclass(kw_only=True, eq=False)
-class _Waiting:
-    """A frame's pose, relative to a keyframe that may still move, or as it was settled with it."""
+class _Step(NamedTuple):
+    """A motion, and its tracks in both frames; ``is_good`` marks those that are not outliers."""
 
-    frame: int
-    timestamp: float
-    segment: int
-    keyframe: Keyframe | None
-    R: np.ndarray  # of the frame in the keyframe's axes, or in the world
-    p: np.ndarray
-    covariance: np.ndarray
+    before: Sighting
+    now: Sighting
+    is_good: np.ndarray
+    motion: RelativePose
+    pair: Pair
 
-    def settled(self) -> SettledPose:
-        """With the keyframe where it is now."""
-        R, p = self.R, self.p
-        if self.keyframe is not None:
-            R, p = self.keyframe.R @ R, self.keyframe.R @ p + self.keyframe.p
-        return SettledPose(
-            frame1=self.frame,
-            timestamp=self.timestamp,
-            segment=self.segment,
-            world_from_cam=_matrix(R, p),
-            world_covariance=self.covariance,
-        )
+    @property
+    def good(self) -> Sighting:
+        """The good tracks in the second frame."""
+        return self.now.select(self.is_good)
 
 
 class PathBuilder:
@@ -111,7 +100,7 @@ class PathBuilder:
     ) -> None:
         self._estimate, self._options, self._lens_options = estimate, options, lens_options
         self._lens: LensEstimate | None = None
-        self._waiting: deque[_Waiting] = deque()
+        self._waiting = WaitingPoses()
         self._segment = 0
         self._R, self._p = np.eye(3), np.zeros(3)
         self._speed: float | None = None  # units a second
@@ -139,7 +128,7 @@ class PathBuilder:
     def now(self) -> PathPoint:
         """Where the camera was last seen; without a motion."""
         return PathPoint(
-            world_from_cam=_matrix(self._R, self._p),
+            world_from_cam=pose_matrix(self._R, self._p),
             covariance=self._covariance(),
             segment=self._segment,
         )
@@ -155,7 +144,7 @@ class PathBuilder:
 
     def break_off(self) -> PathPoint:
         """Begin a new segment where the last one ended: nothing connects the two."""
-        self._settle_all()
+        self._waiting.settle_all()
         self._segment += 1
         self._begin_segment()
         return self.now
@@ -199,23 +188,17 @@ class PathBuilder:
         window = self._window_of(camera, pair)
         self._complete_keyframe(window, before)
         is_good = (motion.labels != TrackLabel.OUTLIER)[self._history.order]
-        if self._has_scale:
-            return self._go_on(window, before, now, is_good, motion, pair)
-        return self._start(window, now, is_good, motion, pair)
+        step = _Step(before, now, is_good, motion, pair)
+        return self._go_on(window, step) if self._has_scale else self._start(window, step)
 
     def settled(self) -> list[SettledPose]:
         """Poses that change no more, in the order of their frames, each given once."""
-        found = []
-        while self._waiting and (
-            self._waiting[0].keyframe is None or len(self._waiting) > _LONGEST_WAIT
-        ):
-            found.append(self._waiting.popleft().settled())
-        return found
+        return self._waiting.settled()
 
     def remaining(self) -> list[SettledPose]:
         """All poses that have not been given yet, as they are now."""
-        self._settle_all()
-        return self.settled()
+        self._waiting.settle_all()
+        return self._waiting.settled()
 
     # The beginning
 
@@ -231,17 +214,11 @@ class PathBuilder:
             self._is_key = True
         return self._window
 
-    def _start(
-        self,
-        window: Window,
-        now: Sighting,
-        is_good: np.ndarray,
-        motion: RelativePose,
-        pair: Pair,
-    ) -> PathPoint:
+    def _start(self, window: Window, step: _Step) -> PathPoint:
         """Until a motion since the last keyframe is observable: its length is the unit."""
+        motion, pair, now = step.motion, step.pair, step.now
         assert motion.rotation_cam1_from_cam0 is not None
-        key, good = window.frames[-1], now.select(is_good)
+        key, good = window.frames[-1], step.good
         seconds = pair.time1 - key.timestamp
         since_key = motion
         if key.frame != pair.frame0:
@@ -273,7 +250,7 @@ class PathBuilder:
             self._add_keyframe(window, good, pair)
             window.expect_rest(_UNKNOWN_WAY)
             while len(window) > self._options.keyframes:
-                self._settle(window.remove(0, good.ids))
+                self._waiting.settle(window.remove(0, good.ids))
         return self._point(pair, motion, None, last_p)
 
     def _unit(self, seconds: float) -> float:
@@ -288,16 +265,14 @@ class PathBuilder:
         covariances = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2)
         return self._estimate(before.pixels[rows[rows >= 0]], both.pixels, covariances, seconds)
 
-    def _begin_firmly(
-        self, window: Window, seen: Sighting, motion: RelativePose, pair: Pair
-    ) -> None:
+    def _begin_firmly(self, window: Window, step: _Step) -> None:
         """Begin the window anew with a way that is long enough, where it denies the path so far.
 
         The first motion that seems observable may be a wrong one of two that short flow allows. The
         length stays as found, and its error is one of the scale.
         """
         before, self._first = self._first, None
-        first = window.frames[0]
+        first, seen, pair = window.frames[0], step.good, step.pair
         assert before is not None
         since = self._since(before, seen, pair.time1 - first.timestamp)
         if window.has_forgotten or since.status is not PoseStatus.OK:
@@ -310,7 +285,7 @@ class PathBuilder:
         self._base[6, 6] += way @ self._covariance()[3:6, 3:6] @ way / length**4
         R = first.R @ since.rotation_cam1_from_cam0.T
         p = first.p + length * (first.R @ since.heading_cam0)
-        self._settle_all()
+        self._waiting.settle_all()
         self._lens = LensEstimate(window.lens.given, self._lens_options, pair.seconds)
         anew = self._window = Window(self._lens, window.size)
         anew.add(first.frame, first.timestamp, first.R, first.p, first.twist)
@@ -319,7 +294,7 @@ class PathBuilder:
         self._add_keyframe(anew, seen, pair)
         anew.set_unit()
         anew.triangulate()
-        self._solve(anew, motion)
+        self._solve(anew, step.motion)
         self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
 
     def _agrees(self, since: RelativePose, first: Keyframe) -> bool:
@@ -336,15 +311,8 @@ class PathBuilder:
 
     # Afterwards
 
-    def _go_on(
-        self,
-        window: Window,
-        before: Sighting,
-        now: Sighting,
-        is_good: np.ndarray,
-        motion: RelativePose,
-        pair: Pair,
-    ) -> PathPoint:
+    def _go_on(self, window: Window, step: _Step) -> PathPoint:
+        motion, pair, now, is_good = step.motion, step.pair, step.now, step.is_good
         assert motion.rotation_cam1_from_cam0 is not None
         R = self._R @ motion.rotation_cam1_from_cam0.T
         # From where the last motion leads: ten sigma of doubt reach back to where it began.
@@ -354,7 +322,7 @@ class PathBuilder:
         located = locate_frame(window, now, last, R, start, pair.seconds)
         if located is None or not self._carries_scale(window, located, pair.seconds):
             if motion.status is PoseStatus.OK and self._speed is not None and pair.seconds > 0.0:
-                return self._guess(window, before, now, is_good, motion, pair)
+                return self._guess(window, step)
             located = None
         is_key = self._has_moved(self._key_sighting, now, 1.0)
         p = self._p
@@ -378,7 +346,7 @@ class PathBuilder:
         else:
             self._own = self._lost(motion, pair.seconds)
         if self._first is not None and self._has_moved(self._first, now, _FIRM_FLOW):
-            self._begin_firmly(window, now.select(is_good), motion, pair)
+            self._begin_firmly(window, step)
         point = self._point(pair, motion, located, last[1])
         return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
 
@@ -389,23 +357,15 @@ class PathBuilder:
         sigma = float(np.sqrt(np.trace(located.covariance[3:, 3:]) / 3.0))
         return sigma < self._options.speed_ratio_sigma * known
 
-    def _guess(
-        self,
-        window: Window,
-        before: Sighting,
-        now: Sighting,
-        is_good: np.ndarray,
-        motion: RelativePose,
-        pair: Pair,
-    ) -> PathPoint:
+    def _guess(self, window: Window, step: _Step) -> PathPoint:
         """Go on from the last frame in a window of its own, whose unit the last speed suggests."""
-        self._settle_all()
+        self._waiting.settle_all()
         self._base, self._base_p = self._covariance(), self._p
         self._base[6, 6] += self._options.speed_ratio_sigma**2
         self._forget_window()
-        fresh = self._window_of(window.lens.given, pair)
-        self._complete_keyframe(fresh, before)
-        return replace(self._start(fresh, now, is_good, motion, pair), scale_is_guessed=True)
+        fresh = self._window_of(window.lens.given, step.pair)
+        self._complete_keyframe(fresh, step.before)
+        return replace(self._start(fresh, step), scale_is_guessed=True)
 
     def _lost(self, motion: RelativePose, seconds: float) -> np.ndarray:
         """Covariance (6, 6) of the pose since the keyframe, where the last step is not known."""
@@ -481,7 +441,7 @@ class PathBuilder:
         self._key_covariance = window.pose_covariance()
         while len(window) > self._options.keyframes:
             alive = self._history.now.ids
-            self._settle(window.remove(least_useful(window, alive), alive))
+            self._waiting.settle(window.remove(least_useful(window, alive), alive))
         newest = window.frames[-1]
         seconds = newest.timestamp - window.frames[-2].timestamp
         way, is_seen = window.last_way()
@@ -520,7 +480,7 @@ class PathBuilder:
             own = float(axis @ (before + self._step)[3:, 3:] @ axis)
             sigma = math.sqrt(own + scale**2 * float(covariance[6, 6]))
         return PathPoint(
-            world_from_cam=_matrix(self._R, self._p),
+            world_from_cam=pose_matrix(self._R, self._p),
             covariance=covariance,
             segment=self._segment,
             scale=scale,
@@ -543,36 +503,12 @@ class PathBuilder:
         return covariance + by_base @ self._base @ by_base.T
 
     def _wait(self, frame: int, timestamp: float) -> None:
-        keyframe, R, p = None, self._R, self._p
-        if self._window is not None:
-            keyframe = self._window.frames[-1]
-            R, p = keyframe.R.T @ R, keyframe.R.T @ (p - keyframe.p)
-        self._waiting.append(
-            _Waiting(
-                frame=frame,
-                timestamp=timestamp,
-                segment=self._segment,
-                keyframe=keyframe,
-                R=R,
-                p=p,
-                covariance=self._covariance(),
-            )
+        self._waiting.add(
+            None if self._window is None else self._window.frames[-1],
+            frame=frame,
+            timestamp=timestamp,
+            segment=self._segment,
+            R=self._R,
+            p=self._p,
+            covariance=self._covariance(),
         )
-
-    def _settle(self, keyframe: Keyframe) -> None:
-        """Put the frames that wait for a keyframe where they are in the world."""
-        for pose in self._waiting:
-            if pose.keyframe is keyframe:
-                pose.R, pose.p = keyframe.R @ pose.R, keyframe.R @ pose.p + keyframe.p
-                pose.keyframe = None
-
-    def _settle_all(self) -> None:
-        if self._window is not None:
-            for keyframe in self._window.frames:
-                self._settle(keyframe)
-
-
-def _matrix(R: np.ndarray, p: np.ndarray) -> np.ndarray:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = R, p
-    return pose
