@@ -32,7 +32,7 @@ _ITERATIONS = 1  # afterwards: each keyframe moves the others little
 _UNKNOWN_WAY = 2.0  # 1-sigma of a way before the first length, in units of that
 _FIRM_FLOW = 0.5  # of what makes a keyframe: the window begins anew with a way of that flow
 _FIT_CHI2 = 13.8  # squared residual that 0.999 of right matches stay below (2 degrees of freedom)
-_AGREE_CHI2 = 20.5  # the same for 0.999 of two poses (5 degrees of freedom)
+_EVIDENCE = 2.0  # log likelihood, by which a motion must be likelier to take another's place
 _REST_CHI2 = 11.3  # the same for 0.99 of displacements of a camera at rest (3 of them)
 
 
@@ -266,48 +266,53 @@ class PathBuilder:
         return self._estimate(before.pixels[rows[rows >= 0]], both.pixels, covariances, seconds)
 
     def _begin_firmly(self, window: Window, step: _Step) -> None:
-        """Begin the window anew with a way that is long enough, where it denies the path so far.
+        """Begin the window anew with two views of firm flow, where these deny the path so far.
 
-        The first motion that seems observable may be a wrong one of two that short flow allows. The
-        length stays as found, and its error is one of the scale.
+        The first motion that seems observable may be a wrong one of two that short flow allows.
+        Which one it is, the likelihood of these views decides, with the lens and the shutter free.
+        The length stays as found, and its error is one of the scale.
         """
         before, self._first = self._first, None
-        first, seen, pair = window.frames[0], step.good, step.pair
+        first = window.frames[0]
         assert before is not None
-        since = self._since(before, seen, pair.time1 - first.timestamp)
+        since = self._since(before, step.good, step.pair.time1 - first.timestamp)
         if window.has_forgotten or since.status is not PoseStatus.OK:
             return
         assert since.rotation_cam1_from_cam0 is not None
-        if self._agrees(since, first):
-            return
         way = self._p - first.p
         length = float(np.linalg.norm(way))
-        self._base[6, 6] += way @ self._covariance()[3:6, 3:6] @ way / length**4
         R = first.R @ since.rotation_cam1_from_cam0.T
         p = first.p + length * (first.R @ since.heading_cam0)
+        so_far, anew = (
+            self._two_views(window, before, step, pose) for pose in ((self._R, self._p), (R, p))
+        )
+        if anew.cost > so_far.cost - _EVIDENCE:
+            return
+        self._base[6, 6] += way @ self._covariance()[3:6, 3:6] @ way / length**4
         self._waiting.settle_all()
-        self._lens = LensEstimate(window.lens.given, self._lens_options, pair.seconds)
-        anew = self._window = Window(self._lens, window.size)
-        anew.add(first.frame, first.timestamp, first.R, first.p, first.twist)
-        anew.see(some_of(before, anew.landmarks, self._options.max_tracks))
-        self._R, self._p = R, p
-        self._add_keyframe(anew, seen, pair)
-        anew.set_unit()
-        anew.triangulate()
+        self._window, self._lens = anew, anew.lens
+        self._key_sighting, self._new_keyframe, self._is_key = step.good, anew.frames[-1], True
         self._solve(anew, step.motion)
         self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
 
-    def _agrees(self, since: RelativePose, first: Keyframe) -> bool:
-        """Whether a motion since a keyframe is that of the path."""
-        assert since.rotation_cam1_from_cam0 is not None
-        assert since.direction_cam1_from_cam0 is not None
-        assert since.direction_basis is not None
-        assert since.covariance is not None
-        turn = so3.log(self._R.T @ first.R @ since.rotation_cam1_from_cam0.T)
-        way = self._R.T @ (first.p - self._p)
-        away = way / max(float(np.linalg.norm(way)), 1e-300) - since.direction_cam1_from_cam0
-        off = np.concatenate([turn, since.direction_basis.T @ away])
-        return bool(off @ np.linalg.solve(since.covariance, off) < _AGREE_CHI2)
+    def _two_views(
+        self, window: Window, before: Sighting, step: _Step, pose: tuple[np.ndarray, np.ndarray]
+    ) -> Window:
+        """A window of the first keyframe and this frame alone, solved from a pose of the latter."""
+        first, pair, most = window.frames[0], step.pair, self._options.max_tracks
+        lens = LensEstimate(window.lens.given, self._lens_options, pair.seconds)
+        views = Window(lens, window.size)
+        twist = _mean_twist((first.R, first.p), pose, pair.time1 - first.timestamp)
+        for frame, time, at, seen in (
+            (first.frame, first.timestamp, (first.R, first.p), before),
+            (pair.frame1, pair.time1, pose, step.good),
+        ):
+            views.add(frame, time, *at, twist)
+            views.see(some_of(seen, views.landmarks, most))
+        views.set_unit()
+        views.triangulate()
+        views.solve(_FIRST_ITERATIONS)
+        return views
 
     # Afterwards
 
@@ -451,9 +456,7 @@ class PathBuilder:
         self._key_p = newest.p
 
     def _move_to(self, R: np.ndarray, p: np.ndarray, seconds: float) -> None:
-        twist = np.zeros(6)
-        if seconds > 0.0:
-            twist = np.concatenate([so3.log(R @ self._R.T), p - self._p]) / seconds
+        twist = _mean_twist((self._R, self._p), (R, p), seconds)
         keyframe, self._new_keyframe = self._new_keyframe, None
         if keyframe is not None:
             # Its velocity is the mean of those before and after it; the first one has none before.
@@ -512,3 +515,13 @@ class PathBuilder:
             p=self._p,
             covariance=self._covariance(),
         )
+
+
+def _mean_twist(
+    before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray], seconds: float
+) -> np.ndarray:
+    """Velocities (6,) from one rotation and position to the next; zero where no time passes."""
+    if seconds <= 0.0:
+        return np.zeros(6)
+    (R0, p0), (R1, p1) = before, after
+    return np.concatenate([so3.log(R1 @ R0.T), p1 - p0]) / seconds

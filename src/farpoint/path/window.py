@@ -67,6 +67,8 @@ class Window:
         Of the images.
     origin : ndarray, shape (3,)
         Where the first keyframe is, which is taken as true.
+    cost : float
+        Negative log likelihood, but for a constant, as last solved.
     variance_factor : float
         Of the residuals' variances, as found.
     design_effect : float
@@ -87,6 +89,7 @@ class Window:
         self._has_forgotten = False
         self.origin = np.zeros(3)
         self.covariance = lens.covariance
+        self.cost = 0.0
         self._linear: Linear | None = None
 
     def __len__(self) -> int:
@@ -247,6 +250,7 @@ class Window:
                     break
                 self._restore(before)
                 damping *= _DAMPING_STEP
+        self.cost = cost
         self._remember(linear, normal, system)
 
     def _equations(
