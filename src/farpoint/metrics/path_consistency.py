@@ -123,8 +123,9 @@ def evaluate_path(samples: PathSamples) -> PathConsistency | None:
     """Compare every segment with the truth in its own gauge; None where nothing can be compared.
 
     The gauge is that of the covariances: the first pose of a segment, position and orientation, is
-    taken as true, and so is the length of its first motion unless the path states an error of its
-    unit. Nothing is fitted. An error of the truth in that pose or length is charged to the path.
+    taken as true, and so is the way whose length it knows best, mostly its first motion, unless the
+    path states an error of its unit. Nothing is fitted. An error of the truth in that pose or way
+    is charged to the path.
     """
     found = list(_segments(samples))
     if not found:
@@ -189,13 +190,11 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
         return None
     turn = start[:3, :3] @ true_start[:3, :3].T
     true_ways = (s.truth[rows, :3, 3] - true_start[:3, 3]) @ turn.T
-    # The unit is the first length told; what moves before it is not known to.
-    told = moved & (s.lengths[rows] > 0.0)
-    first = int(np.argmax(told if told.any() else moved))
-    unit_is_given = bool(s.covariances[rows[first], 6, 6] > 0.0)
+    unit_is_given = bool(s.covariances[rows[np.argmax(moved)], 6, 6] > 0.0)
     unit = 1.0
     if not unit_is_given:
-        unit = float(np.linalg.norm(true_ways[first]) / np.linalg.norm(ways[first]))
+        best = _best_known(ways, s.covariances[rows, 3:6, 3:6])
+        unit = float(np.linalg.norm(true_ways[best]) / np.linalg.norm(ways[best]))
     if not unit > 0.0:
         return None
     turned = so3.log(
@@ -215,6 +214,16 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
         length_errors=log_errors,
         length_variances=log_variances,
     )
+
+
+def _best_known(ways: np.ndarray, covariances: np.ndarray) -> int:
+    """Row of the way (N, 3) whose length is known best, in its own unit: the unit of the path."""
+    square = np.sum(ways**2, axis=1)
+    variance = np.einsum("ni,nij,nj->n", ways, covariances, ways)
+    # Where nothing is stated of a place, as before the camera moved, a way is noise.
+    stated = (square > 0.0) & covariances.any(axis=(1, 2))
+    relative = np.divide(variance, square**2, out=np.full(len(ways), np.inf), where=stated)
+    return int(np.argmin(relative))
 
 
 def _length_errors(

@@ -11,7 +11,9 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.geometry import so3
+from farpoint.geometry.sphere import tangent_basis
 from farpoint.path.history import Sighting, TrackHistory
+from farpoint.path.information import inverse
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.lens import LensEstimate, LensReport
 from farpoint.path.options import LensRefinementOptions, PathOptions
@@ -32,7 +34,8 @@ _ITERATIONS = 1  # afterwards: each keyframe moves the others little
 _UNKNOWN_WAY = 2.0  # 1-sigma of a way before the first length, in units of that
 _FIRM_FLOW = 0.5  # of what makes a keyframe: the window begins anew with a way of that flow
 _FIT_CHI2 = 13.8  # squared residual that 0.999 of right matches stay below (2 degrees of freedom)
-_EVIDENCE = 2.0  # log likelihood, by which a motion must be likelier to take another's place
+_EVIDENCE = 2.0  # log likelihood, by which one of two motions must be likelier to be the right one
+_AGREE_CHI2 = 20.5  # squared difference of poses that 0.999 stay below (5 degrees of freedom)
 _REST_CHI2 = 11.3  # the same for 0.99 of displacements of a camera at rest (3 of them)
 
 
@@ -269,7 +272,8 @@ class PathBuilder:
         """Begin the window anew with two views of firm flow, where these deny the path so far.
 
         The first motion that seems observable may be a wrong one of two that short flow allows.
-        Which one it is, the likelihood of these views decides, with the lens and the shutter free.
+        Both are tried on these views, with the lens and the shutter free: if the later one is not
+        the less likely, and is another than the path's, it counts.
         The length stays as found, and its error is one of the scale.
         """
         before, self._first = self._first, None
@@ -286,7 +290,7 @@ class PathBuilder:
         so_far, anew = (
             self._two_views(window, before, step, pose) for pose in ((self._R, self._p), (R, p))
         )
-        if anew.cost > so_far.cost - _EVIDENCE:
+        if anew.cost > so_far.cost + _EVIDENCE or self._agrees(anew):
             return
         self._base[6, 6] += way @ self._covariance()[3:6, 3:6] @ way / length**4
         self._waiting.settle_all()
@@ -294,6 +298,17 @@ class PathBuilder:
         self._key_sighting, self._new_keyframe, self._is_key = step.good, anew.frames[-1], True
         self._solve(anew, step.motion)
         self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
+
+    def _agrees(self, views: Window) -> bool:
+        """Whether the motion of two views, whose length is held, is that of the path."""
+        motion, covariance = views.relative_pose(0, 1)
+        first, length = views.frames[0], float(np.linalg.norm(motion[:3, 3]))
+        turn = so3.log(self._R.T @ first.R @ motion[:3, :3].T)
+        away = self._R.T @ (first.p - self._p) - motion[:3, 3]
+        across = np.zeros((5, 6))
+        across[:3, :3], across[3:, 3:] = np.eye(3), tangent_basis(motion[:3, 3] / length).T
+        off = across @ np.concatenate([turn, away])
+        return bool(off @ inverse(across @ covariance @ across.T) @ off < _AGREE_CHI2)
 
     def _two_views(
         self, window: Window, before: Sighting, step: _Step, pose: tuple[np.ndarray, np.ndarray]
