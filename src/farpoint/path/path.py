@@ -317,10 +317,9 @@ class PathBuilder:
         first, pair, most = window.frames[0], step.pair, self._options.max_tracks
         lens = LensEstimate(window.lens.given, self._lens_options, pair.seconds)
         views = Window(lens, window.size)
-        twist = _mean_twist((first.R, first.p), pose, pair.time1 - first.timestamp)
-        for frame, time, at, seen in (
-            (first.frame, first.timestamp, (first.R, first.p), before),
-            (pair.frame1, pair.time1, pose, step.good),
+        for frame, time, at, twist, seen in (
+            (first.frame, first.timestamp, (first.R, first.p), first.twist, before),
+            (pair.frame1, pair.time1, pose, self._twist, step.good),
         ):
             views.add(frame, time, *at, twist)
             views.see(some_of(seen, views.landmarks, most))
@@ -471,7 +470,9 @@ class PathBuilder:
         self._key_p = newest.p
 
     def _move_to(self, R: np.ndarray, p: np.ndarray, seconds: float) -> None:
-        twist = _mean_twist((self._R, self._p), (R, p), seconds)
+        twist = np.zeros(6)
+        if seconds > 0.0:
+            twist = np.concatenate([so3.log(R @ self._R.T), p - self._p]) / seconds
         keyframe, self._new_keyframe = self._new_keyframe, None
         if keyframe is not None:
             # Its velocity is the mean of those before and after it; the first one has none before.
@@ -530,13 +531,3 @@ class PathBuilder:
             p=self._p,
             covariance=self._covariance(),
         )
-
-
-def _mean_twist(
-    before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray], seconds: float
-) -> np.ndarray:
-    """Velocities (6,) from one rotation and position to the next; zero where no time passes."""
-    if seconds <= 0.0:
-        return np.zeros(6)
-    (R0, p0), (R1, p1) = before, after
-    return np.concatenate([so3.log(R1 @ R0.T), p1 - p0]) / seconds
