@@ -200,14 +200,19 @@ def _notes(
         notes.append(f"true quaternions are {words}")
     estimated = motions.rotation_cam1_from_cam0
     true = _true_rotations(motions, truth, options)
-    if body_from_cam is None and (found := other_frame(estimated, true)) is not None:
+    if (found := other_frame(estimated, true)) is not None:
+        cause = (
+            "The truth may be of another body than the camera; --body-from-camera FILE takes its "
+            "place on that body"
+            if body_from_cam is None
+            else "--body-from-camera may be of another camera, or the other way round"
+        )
         degrees = np.rad2deg(so3.log(found.true_from_camera))
         notes.append(
             "hint: relative rotations agree only after a constant rotation of the axes, by the "
             f"rotation vector ({degrees[0]:.1f}, {degrees[1]:.1f}, {degrees[2]:.1f}) deg: "
             f"{np.rad2deg(found.with_rad):.3f} deg rms instead of "
-            f"{np.rad2deg(found.without_rad):.3f}. The truth may be of another body than the "
-            "camera; --body-from-camera FILE takes its place on that body"
+            f"{np.rad2deg(found.without_rad):.3f}. {cause}"
         )
     inverse = replace(truth, world_from_body=np.linalg.inv(truth.world_from_body))
     if fits_better(estimated, true, _true_rotations(motions, inverse, options)):

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from tool_files_kit import BOUGUET
 
 from farpoint.camera import (
     Arctangent,
@@ -266,3 +267,11 @@ def test_deviations_of_a_fisheye_are_nobodys(write: Callable[..., Path]) -> None
     )
     text = text.replace("<framesCount>", "<fisheye_model>1</fisheye_model><framesCount>")
     assert load_camera(write(text)).uncertainty is None
+
+
+def test_a_third_of_bouguets_errors_is_one_sigma(tmp_path: Path) -> None:
+    path = tmp_path / "Calib_Results.m"
+    path.write_text(BOUGUET)
+    expected = {"fx": 0.1, "fy": 0.2, "cx": 0.3, "cy": 0.4, "k1": 0.001, "k2": 0.01}
+    expected |= {"p1": 0.0001, "p2": 0.0002, "k3": 0.0}
+    assert load_camera(path).parameter_sigmas() == pytest.approx(expected)

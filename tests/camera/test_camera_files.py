@@ -271,7 +271,7 @@ def test_fisheyes_by_the_name_of_their_model(write, text: str) -> None:
 )
 def test_kalibrs_wide_lenses(write, kind: str, first: str, model: CameraModel) -> None:
     text = CHAIN.replace(": pinhole", f": {kind}", 1).replace(": radtan", ": none", 1)
-    text = text.replace("[500.5,", f"[{first}, 500.5,")
+    text = text.replace("[500.5,", f"[{first}, 500.5,").replace("0.3, 0.1, 0.001, -0.002]", "0.0]")
     assert load_camera(write(text), "cam0").model == model
     with pytest.raises(InputError, match=r"cam0.intrinsics: expected 6 numbers, got 5"):
         load_camera(write(text.replace(first, "0.6")), "cam0")

@@ -12,9 +12,15 @@ import pytest
 from tool_files_kit import (
     ARKIT,
     AUTOWARE,
+    BOOFCV,
+    BOUGUET,
     BROWN,
+    BY_NAME,
     DEPTHAI,
+    EXPECTED,
     GYROFLOW,
+    K4,
+    LISTED,
     MATRIX,
     MC_CALIB,
     METASHAPE,
@@ -29,6 +35,7 @@ from tool_files_kit import (
     SAMPLES,
     STELLA,
     STELLA_DIVISION,
+    STELLA_SPHERE,
     SVO,
     SVO_OMNI,
     VIKIT,
@@ -58,11 +65,55 @@ def gyroflow_lens(**changes: object) -> str:
 
 
 UNKNOWN = "is not understood"
+NONE = "expected zeros or no numbers beside"
 FAULTS = [
+    (BOUGUET.replace("alpha_c = 0.0", "alpha_c = 0.1"), None, "alpha_c", "skew"),
+    (BOUGUET.replace(" ; 0.020000000 ]", " ]", 1), None, "kc", "expected 5 numbers, got 4"),
+    (BOUGUET.replace("fc = [ 500", "fc = [ -500"), None, "fc (fx)", "positive"),
+    (BOOFCV.replace("pinhole_radial_tangential", "kannala_brandt"), None, "model", "not supported"),
+    (BOOFCV.replace("skew: 0.0", "skew: 0.5"), None, "pinhole.skew", "skew is not supported"),
+    (
+        BOOFCV.replace("pinhole_radial_tangential", "pinhole"),
+        *(None, "radial_tangential", "looks like"),
+    ),
+    (
+        BOOFCV.replace("  - 0.1\n", "  - 0.1\n  - 0.2\n  - 0.3\n"),
+        *(None, "radial_tangential.radial", "at most 3 numbers, got 4"),
+    ),
+    (changed(BY_NAME, xi=1.2), None, "xi", "looks like"),
+    (changed(BY_NAME, skew=0.2), None, "skew", "looks like"),
+    (changed(BY_NAME, width=None, height=None, w=0.93), None, "w", "looks like"),
+    (changed(BY_NAME, fx=0.7, fy=0.9, cx=0.5, cy=0.5), None, "fx", "shares of the image"),
+    (changed(BY_NAME, distortion_model="none"), None, "dist", NONE),
+    (json.dumps({**EXPECTED, **K4}), None, "k4", "may be of a fisheye"),
+    (json.dumps({"K": MATRIX, **K4}), None, "k4", "may be of a fisheye"),
+    (
+        json.dumps({**EXPECTED, **K4, "p1": 0.1, "model": "fisheye"}),
+        *(None, "p1", "alone of a fisheye"),
+    ),
+    (json.dumps(LISTED), None, "name", "one of front, cam1"),
+    (
+        json.dumps({"cameras": [{**BY_NAME, "binning": 2}]}),
+        *(None, "cameras[0].binning", "looks like"),
+    ),
+    (
+        SVO.replace("radial-tangential", "none"),
+        *("cam0", "cameras[0].camera.distortion.parameters", NONE),
+    ),
+    (
+        f"K: {MATRIX}\nD: [0.1, 0, 0, 0]\ndistortion_model: none\n",
+        *(None, "D", NONE),
+    ),
+    (
+        "Camera.type: Rectified\nCamera.fx: 5\nCamera.fy: 5\nCamera.cx: 3\nCamera.cy: 2\n"
+        "Camera.k2: 0.1\n",
+        *(None, "Camera.k2", NONE),
+    ),
     (STELLA.replace("perspective", "lattice"), None, "Camera.model", "'lattice' is not supported"),
     (STELLA.replace("  k3: 0.02\n", ""), None, "Camera.k3", "missing"),
     (STELLA.replace("  k3", "  k6: 0.5\n  k3"), None, "Camera.k6", UNKNOWN),
     (STELLA.replace("500.5", "-1"), None, "Camera.fx (fx)", "positive"),
+    (STELLA_SPHERE.replace("320", "1e300"), None, "Camera.rows", "at most 1000000 pixels"),
     (STELLA.replace("  cols: 640\n  rows: 480\n", ""), None, "Camera.cols", "missing"),
     (STELLA_DIVISION.replace("-0.1", "wide"), None, "Camera.distortion", "number, got 'wide'"),
     (OPENVSLAM_FISHEYE + "Camera.p1: 0.1\n", None, "Camera.p1", UNKNOWN),

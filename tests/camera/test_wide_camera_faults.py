@@ -9,6 +9,10 @@ from farpoint.camera import load_camera
 from farpoint.errors import InputError
 
 FAULTS = [
+    *(
+        (kalibr(model, first, "none", "[0.1, 0, 0, 0]"), None, "cam0.distortion_coeffs", "none")
+        for model, first in (("pinhole", ""), ("omni", "1, "), ("ds", "0.1, 0.5, "))
+    ),
     (kalibr("omni", "", "none", "[]"), None, "cam0.intrinsics", "expected 5 numbers, got 4"),
     (kalibr("omni", "-1, ", "none", "[]"), None, "cam0.intrinsics (xi)", "from 0"),
     (kalibr("omni", "1, ", "equidistant", "[]"), None, "cam0.distortion_model", "radtan or none"),

@@ -582,6 +582,87 @@ NPZ = npz(
     tvecs=np.zeros((2, 3, 1)),
     image_size=np.array([640, 480]),
 )
+BOUGUET = """\
+%-- Focal length:
+fc = [ 500.500000000000000 ; 501.500000000000000 ];
+
+%-- Principal point:
+cc = [ 320.250000000000000 ; 240.750000000000000 ];
+
+%-- Skew coefficient:
+alpha_c = 0.000000000000000;
+
+%-- Distortion coefficients:
+kc = [ -0.300000000 ; 0.100000000 ; 0.001000000 ; -0.002000000 ; 0.020000000 ];
+
+%-- Focal length uncertainty:
+fc_error = [ 0.300000000000000 ; 0.600000000000000 ];
+cc_error = [ 0.900000000000000 ; 1.200000000000000 ];
+alpha_c_error = 0.000000000000000;
+kc_error = [ 0.003000000 ; 0.030000000 ; 0.000300000 ; 0.000600000 ; 0.000000000000000 ];
+
+%-- Image size:
+nx = 640;
+ny = 480;
+
+%-- Various other variables (may be ignored if you do not use the Matlab Calibration Toolbox):
+n_ima = 2;						% Number of calibration images
+est_dist = [ 1 ; 1 ; 1 ; 1 ; 0 ];
+
+%-- Image #1:
+omc_1 = [ 2.007e+00 ; 1.98e+00 ; -2.0e-01 ];
+Tc_1  = [ -1.43e+02 ; -1.23e+02 ; 5.86e+02 ];
+"""
+BOUGUET_STEREO = """\
+%-- Intrinsic parameters of left camera:
+fc_left = [ 500.5 ; 501.5 ]; cc_left = [ 1 ; 2 ];
+cc_left = [ 320.25 ; 240.75 ];
+alpha_c_left = [ 0.0 ];
+kc_left = [ -0.3 ; 0.1 ; 0.001 ; -0.002 ; 0.02 ];
+
+%-- Intrinsic parameters of right camera:
+fc_right = [ 600 ; 600 ];
+cc_right = [ 320 ; 240 ];
+kc_right = [ -0.29 ; 0.1 ; 0 ; 0 ; 0 ];
+om = [ 0.007 ; 0.005 ; -0.003 ];
+""".replace(" cc_left = [ 1 ; 2 ];", "")
+BOOFCV = """\
+# Pinhole camera model with radial and tangential distortion
+model: pinhole_radial_tangential
+version: 0
+pinhole:
+  width: 640
+  height: 480
+  fx: 500.5
+  fy: 501.5
+  skew: 0.0
+  cx: 320.25
+  cy: 240.75
+radial_tangential:
+  radial:
+  - -0.3
+  - 0.1
+  t1: 0.001
+  t2: -0.002
+"""
+BOOFCV_OMNI = (
+    BOOFCV.replace("pinhole_radial_tangential", "omnidirectional_universal")
+    + "mirror_offset: 1.5\n"
+)
+BOOFCV_STEREO = {
+    "model": "stereo_camera",
+    "left": {
+        "model": "pinhole_radial_tangential",
+        "pinhole": {**EXPECTED, "skew": 0.0, "width": 640, "height": 480},
+        "radial_tangential": {"radial": [-0.3, 0.1, 0.02], "t1": 0.001, "t2": -0.002},
+    },
+    "right": {
+        "model": "pinhole",
+        "pinhole": {**EXPECTED, "fx": 600.0, "skew": 0.0, "width": 640, "height": 480},
+    },
+}
+BY_NAME = {**EXPECTED, "width": 640, "height": 480, "dist": D5}
+LISTED = {"cameras": [{"name": "front", "K": MATRIX, "D": D4}, BY_NAME]}
 RADTAN4 = Pinhole(**EXPECTED, distortion=D4)
 RADTAN5 = Pinhole(**EXPECTED, distortion=D5)
 RADTAN8 = Pinhole(**EXPECTED, distortion=D8)
@@ -705,6 +786,43 @@ SAMPLES: dict[str, tuple[str | bytes, str | None, str, CameraModel, tuple[int, i
     "mc-calib fisheye": (MC_CALIB, "camera_1", "MC-Calib cameras", FISHEYE, (640, 480)),
     "autoware": (AUTOWARE, None, "Autoware calibration", RADTAN5, (640, 480)),
     "ost": (OST, None, "ROS ost.txt", RADTAN5, (640, 480)),
+    "bouguet": (BOUGUET, None, "Bouguet's calibration toolbox", RADTAN5, (640, 480)),
+    "bouguet stereo": (BOUGUET_STEREO, None, "Bouguet's calibration toolbox", RADTAN5, None),
+    "bouguet json": (
+        json.dumps({"fc": [500.5, 501.5], "cc": [320.25, 240.75], "kc": [[k] for k in D5]}),
+        *(None, "Bouguet's calibration toolbox", RADTAN5, None),
+    ),
+    "boofcv": (BOOFCV, None, "BoofCV calibration", RADTAN4, (640, 480)),
+    "boofcv omni": (
+        *(BOOFCV_OMNI, None, "BoofCV calibration"),
+        *(Unified(**EXPECTED, xi=1.5, distortion=D4), (640, 480)),
+    ),
+    "boofcv stereo": (
+        *(json.dumps(BOOFCV_STEREO), None, "BoofCV calibration", RADTAN5, (640, 480)),
+    ),
+    "boofcv depth": (
+        json.dumps({"model": "visual_depth", "max_depth": 9, "intrinsic": BOOFCV_STEREO["left"]}),
+        *(None, "BoofCV calibration", RADTAN5, (640, 480)),
+    ),
+    "by name": (json.dumps(BY_NAME), None, "OpenCV camera matrix", RADTAN5, (640, 480)),
+    "by name, in a group": (
+        json.dumps({"intrinsics": EXPECTED, "distortion": D5, "resolution": [640, 480]}),
+        *(None, "OpenCV camera matrix", RADTAN5, (640, 480)),
+    ),
+    "by name, all in a group": (
+        json.dumps(
+            {"intrinsics": {**EXPECTED, **dict(zip(("k1", "k2", "p1", "p2"), D4, strict=True))}}
+        ),
+        *(None, "OpenCV camera matrix", RADTAN4, None),
+    ),
+    "by name, fisheye": (
+        json.dumps({**EXPECTED, **K4, "distortion_model": "equidistant"}),
+        *(None, "OpenCV camera matrix", FISHEYE, None),
+    ),
+    "listed": (json.dumps(LISTED), "front", "OpenCV camera matrix", RADTAN4, None),
+    "listed, unnamed": (
+        *(json.dumps(LISTED), "cam1", "OpenCV camera matrix", RADTAN5, (640, 480)),
+    ),
     "npz": (NPZ, None, "OpenCV camera matrix", RADTAN5, (640, 480)),
 }
 

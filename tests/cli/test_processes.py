@@ -101,3 +101,29 @@ def test_results_that_cannot_be_printed_are_one_line(calibration: Path):
     with full.open("w") as nowhere:
         told = told_printing_to(nowhere.fileno(), "camera", calibration)
     assert told == (2, "farpoint: No space left on device\n")
+
+
+@pytest.mark.parametrize("arguments", [[], ["camera", "nowhere.yaml"], ["evaluate", "nowhere"]])
+def test_a_full_disk_behind_standard_error_changes_no_exit_code(arguments: list[str]):
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("no /dev/full on this system")
+    with full.open("w") as nowhere:
+        done = subprocess.run([*FARPOINT, *arguments], stderr=nowhere, env=BUFFERED, check=False)
+    assert done.returncode == 2
+
+
+def test_a_full_disk_behind_the_log_of_a_run_is_no_end_of_it(
+    tmp_path: Path, images: Pictures, calibration: Path
+):
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("no /dev/full on this system")
+    shots, out = write_folder(tmp_path / "shots", images[:4]), tmp_path / "out"
+    options = ("--camera", calibration, "--out", out, "--no-report", "--no-overlay")
+    with full.open("w") as nowhere:
+        done = subprocess.run(
+            [*FARPOINT, "run", *map(str, (shots, *options))], stderr=nowhere, check=False
+        )
+    assert done.returncode == 0
+    assert record_of(out)["state"] == "done"

@@ -100,6 +100,29 @@ def test_names_of_columns_tell_the_order(tmp_path: Path, long_drive: RenderedSeq
     )
 
 
+@pytest.mark.parametrize(
+    "header", ["qw qx qy qz timestamp tx ty tz", "# time qx qy qz qw x y z", "t x y z qw qz qy qx"]
+)
+def test_names_of_columns_in_another_place_are_no_quaternion(tmp_path: Path, header: str):
+    still = np.tile(np.eye(4), (3, 1, 1))  # by its numbers, 0 0 0 0 0 0 1 are of any order
+    path = write(tmp_path / "t.tum", still)
+    path.write_text(f"{header}\n{path.read_text()}")
+    with pytest.raises(InputError, match="by its names qw is column"):
+        read_trajectory(path)
+
+
+def test_a_place_on_the_body_the_other_way_round_is_hinted_at(
+    run: Path, tmp_path: Path, long_drive: RenderedSequence, farpoint: CommandLine
+):
+    truth = write(tmp_path / "body.tum", long_drive.world_from_cam @ np.linalg.inv(BODY_FROM_CAM))
+    place = tmp_path / "place.txt"
+    options = ("--truth", truth, "--body-from-camera", place)
+    place.write_text(" ".join(map(str, BODY_FROM_CAM.ravel())))
+    assert "hint" not in farpoint("evaluate", run, *options).out
+    place.write_text(" ".join(map(str, np.linalg.inv(BODY_FROM_CAM).ravel())))
+    assert "or the other way round" in farpoint("evaluate", run, *options).out
+
+
 def test_a_body_needs_a_truth(run: Path, tmp_path: Path, farpoint: CommandLine):
     place = tmp_path / "place.txt"
     place.write_text(" ".join(map(str, np.eye(4).ravel())))

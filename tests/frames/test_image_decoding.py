@@ -18,6 +18,7 @@ from farpoint.frames.integrity import find_damage
 
 PNG = encode(picture(0), ".png")
 JPEG = encode(picture(0), ".jpg")
+PROGRESSIVE = cv2.imencode(".jpg", picture(0), [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])[1].tobytes()
 WARNING = 3  # OpenCV's level of the log
 THUMBNAIL = b"\xff\xe1\x00\x0c" + b"\xff\xd8\xff\xda\x00\x02zz\xff\xd9"
 
@@ -43,8 +44,9 @@ def test_colour_becomes_luma(tmp_path: Path):
 
 def test_what_a_codec_grumbles_about_is_no_noise(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
     """libjpeg writes to the descriptor itself, whatever OpenCV's log is set to."""
-    (tmp_path / "a.jpg").write_bytes(JPEG[:1060] + b"U" * 12 + JPEG[1072:])
-    assert read_grey(tmp_path / "a.jpg").shape == picture(0).shape
+    (tmp_path / "a.jpg").write_bytes(JPEG[:-2] + b"UU" + JPEG[-2:])  # as many webcams do
+    whole = cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_GRAYSCALE)
+    np.testing.assert_array_equal(read_grey(tmp_path / "a.jpg"), whole)
     print("still there", file=sys.stderr)
     os.write(2, b"the descriptor, too")
     assert capfd.readouterr().err == "still there\nthe descriptor, too"
@@ -59,6 +61,8 @@ def test_what_a_codec_grumbles_about_is_no_noise(tmp_path: Path, capfd: pytest.C
         (PNG[:-1], "PNG is truncated"),
         (PNG[:500] + bytes(20) + PNG[520:], "PNG is damaged"),
         (JPEG[: len(JPEG) // 2], "JPEG is truncated"),
+        (JPEG[:1060] + JPEG[1300:], "JPEG is damaged"),
+        (PROGRESSIVE[:900] + JPEG[-2:], "JPEG is damaged"),
         # A thumbnail, which has an end of its own, in front of a scan that breaks off.
         (JPEG[:2] + THUMBNAIL + JPEG[2:-300], "JPEG is truncated"),
         (encode(picture(0), ".pgm")[:900], "cannot be decoded"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import sys
@@ -16,14 +17,15 @@ __all__ = ["lasting_streams"]
 def lasting_streams() -> Iterator[None]:
     """Print to streams that cannot fail because nobody reads them.
 
-    What a reader does (``| head``) or a service leaves closed (``>&-``) then changes neither the
-    outcome nor the exit code of a command. Other errors, such as a full disk behind standard
-    output, are raised as ever.
+    What a reader does (``| head``), a service leaves closed (``>&-``) or a terminal does that hangs
+    up then changes neither the outcome nor the exit code of a command. Nor does anything that keeps
+    standard error from being written, such as a full disk behind a log: no results go there. Other
+    errors of standard output, which has them, are raised as ever.
     """
     _open_closed_descriptors()
     with (
         contextlib.redirect_stdout(_Lasting(sys.stdout)),  # type: ignore[type-var]
-        contextlib.redirect_stderr(_Lasting(sys.stderr)),  # type: ignore[type-var]
+        contextlib.redirect_stderr(_Lasting(sys.stderr, has_results=False)),  # type: ignore[type-var]
     ):
         yield
 
@@ -41,10 +43,14 @@ def _open_closed_descriptors() -> None:
 
 
 class _Lasting(io.TextIOBase):
-    """A text stream whose writes go nowhere once its reader has gone; None is such a stream."""
+    """A text stream whose writes go nowhere once its reader has gone; None is such a stream.
 
-    def __init__(self, stream: TextIO | None) -> None:
-        self._stream = stream
+    Without results in it, they do after any error.
+    """
+
+    def __init__(self, stream: TextIO | None, *, has_results: bool = True) -> None:
+        self._stream, self._has_results = stream, has_results
+        self._was_terminal = self.isatty()
         if isinstance(stream, io.TextIOWrapper):
             # A name that the terminal's encoding does not have is shown, not an error.
             stream.reconfigure(errors="backslashreplace")
@@ -73,7 +79,13 @@ class _Lasting(io.TextIOBase):
     def _while_read(self) -> Iterator[TextIO | None]:
         try:
             yield self._stream
-        except BrokenPipeError:
+        except OSError as error:
+            # Terminals that hung up say EIO.
+            has_gone = isinstance(error, BrokenPipeError) or (
+                self._was_terminal and error.errno == errno.EIO
+            )
+            if self._has_results and not has_gone:
+                raise
             stream, self._stream = self._stream, None
             # What is left in its buffer must not be tried again when Python exits.
             with contextlib.suppress(io.UnsupportedOperation, AttributeError):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
+import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import numpy as np
 
 from farpoint.errors import InputError, optional_import
 from farpoint.frames.depth import GreyTable
-from farpoint.frames.integrity import find_damage
+from farpoint.frames.integrity import JPEG_START, find_damage
 from farpoint.frames.pages import image_size
 from farpoint.regular_files import read_regular_file
 
@@ -32,6 +34,12 @@ MAX_MEGAPIXELS = 100.0
 
 _LARGEST_BYTES = 1 << 30
 _SILENT, _STDERR = 0, 2
+_LONGEST_WORDS = 1 << 16
+# What libjpeg says where it goes on with a guess. Many cameras put a few bytes before the end.
+_JPEG_DAMAGE = re.compile(
+    rb"Corrupt JPEG data: (?!\d+ extraneous bytes before marker 0xd9)"
+    rb"|Premature end of JPEG file|Inconsistent progression sequence"
+)
 
 
 class UnreadableImageError(Exception):
@@ -82,7 +90,7 @@ def decode_samples(data: bytes, max_megapixels: float = MAX_MEGAPIXELS) -> np.nd
         raise UnreadableImageError(damage)
     if (size := image_size(data)) is not None:
         check_megapixels(*size, max_megapixels)
-    with silent_opencv(), _silent_codecs:
+    with silent_opencv(), _silent_codecs as said:
         samples = np.frombuffer(data, np.uint8)
         try:
             image = cv2.imdecode(samples, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
@@ -90,6 +98,8 @@ def decode_samples(data: bytes, max_megapixels: float = MAX_MEGAPIXELS) -> np.nd
                 image = cv2.imdecode(samples, cv2.IMREAD_GRAYSCALE)
         except cv2.error:  # raised for absurd sizes, instead of returning None
             image = None
+        if data.startswith(JPEG_START) and _JPEG_DAMAGE.search(said()):
+            raise UnreadableImageError("the JPEG is damaged: a part of it is not what was seen")
     if image is None:
         raise UnreadableImageError("cannot be decoded as an image")
     return image
@@ -117,38 +127,43 @@ def silent_opencv() -> Iterator[None]:
 
 
 class _SilentCodecs:
-    """The null device in place of standard error, for libraries that know no other silence.
+    """A file in place of standard error, for libraries that know no other silence, nor other words.
 
-    Python's own messages of these milliseconds are lost, too; threads share it.
+    Python's own messages of these milliseconds are lost, too. One thread at a time: what was said
+    is of the image in hand.
     """
 
     def __init__(self) -> None:
-        self._lock, self._inside, self._saved = threading.Lock(), 0, -1
+        self._lock, self._saved = threading.RLock(), -1
+        self._heard = b""
 
-    def __enter__(self) -> None:
-        with self._lock:
-            if self._inside == 0:
-                self._saved = _copy_of_stderr()
-            self._inside += 1
+    def __enter__(self) -> Callable[[], bytes]:
+        self._lock.acquire()
+        self._file = tempfile.TemporaryFile()
+        self._saved = _replace_stderr(self._file.fileno())
+        return self._said
+
+    def _said(self) -> bytes:
+        """What was said so far."""
+        self._file.seek(0)
+        return self._file.read(_LONGEST_WORDS)
 
     def __exit__(self, *error: object) -> None:
-        with self._lock:
-            self._inside -= 1
-            if self._inside == 0 and self._saved >= 0:
-                os.dup2(self._saved, _STDERR)
-                os.close(self._saved)
+        if self._saved >= 0:
+            os.dup2(self._saved, _STDERR)
+            os.close(self._saved)
+        self._file.close()
+        self._lock.release()
 
 
 _silent_codecs = _SilentCodecs()
 
 
-def _copy_of_stderr() -> int:
-    """A copy of standard error, which is the null device from here on; -1 where it is closed."""
+def _replace_stderr(descriptor: int) -> int:
+    """A copy of standard error, which is this file from here on; -1 where it is closed."""
     try:
         saved = os.dup(_STDERR)
     except OSError:
         return -1
-    null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, _STDERR)
-    os.close(null)
+    os.dup2(descriptor, _STDERR)
     return saved

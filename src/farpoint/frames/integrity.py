@@ -2,17 +2,18 @@
 
 OpenCV does not verify the checksums of a PNG, and its JPEG library fills what a truncated file
 lacks with grey and writes to the process's stderr. Both files say themselves whether they are
-complete, at a tenth of the cost of decoding them.
+complete, at a tenth of the cost of decoding them. What is wrong inside the scan of a JPEG only its
+decoder sees, whose words `farpoint.frames.decode` listens to.
 """
 
 from __future__ import annotations
 
 import zlib
 
-__all__ = ["find_damage"]
+__all__ = ["JPEG_START", "find_damage"]
 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_JPEG_START, _JPEG_SCAN, _JPEG_END = b"\xff\xd8\xff", b"\xff\xda", b"\xff\xd9"
+JPEG_START, _JPEG_SCAN, _JPEG_END = b"\xff\xd8\xff", b"\xff\xda", b"\xff\xd9"
 
 
 def find_damage(data: bytes) -> str | None:
@@ -25,7 +26,7 @@ def find_damage(data: bytes) -> str | None:
     if data.startswith(_PNG_SIGNATURE):
         return _find_png_damage(data)
     # The end must follow the last scan: an embedded thumbnail brings an end of its own.
-    if data.startswith(_JPEG_START) and data.rfind(_JPEG_END) < data.rfind(_JPEG_SCAN):
+    if data.startswith(JPEG_START) and data.rfind(_JPEG_END) < data.rfind(_JPEG_SCAN):
         return "the JPEG is truncated"
     return None
 

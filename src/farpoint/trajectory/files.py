@@ -87,6 +87,7 @@ def read_trajectory(path: str | Path, quaternion: QuaternionOrder | None = None)
     for line, text in _rows(path):
         cells = _cells(text)
         columns = len(cells)
+        _check_places(path, columns)
         if _has_nanoseconds(text, cells):
             return _stacked(_euroc(path, quaternion or named_order(path) or "wxyz"), path)
         if columns == 8:
@@ -144,6 +145,13 @@ def _euroc(path: Path, order: QuaternionOrder) -> Iterator[tuple[float, np.ndarr
 
 def named_order(path: Path) -> QuaternionOrder | None:
     """Order of the quaternions by the names of the columns; None where the file names none."""
+    for _, w, x in _named_places(path):
+        return "wxyz" if w < x else "xyzw"
+    return None
+
+
+def _named_places(path: Path) -> Iterator[tuple[int, int, int]]:
+    """Of each line that names a quaternion: its columns, and which have qw and qx."""
     for text in itertools.islice(_lines(path), _HEADER_LINES):
         names = [re.sub(r"[^a-z]", "", cell.lower()) for cell in _cells(text.lstrip("# "))]
         at = {
@@ -151,8 +159,18 @@ def named_order(path: Path) -> QuaternionOrder | None:
             for axis in "wx"
         }
         if len(at["w"]) == len(at["x"]) == 1:
-            return "wxyz" if at["w"] < at["x"] else "xyzw"
-    return None
+            yield len(names), at["w"][0], at["x"][0]
+
+
+def _check_places(path: Path, columns: int) -> None:
+    """Raise an InputError where the names of as many columns put the quaternion elsewhere."""
+    for named, w, x in _named_places(path):
+        if named == columns and (w, x) not in ((4, 5), (7, 4)):
+            raise InputError(
+                f"by its names qw is column {w + 1} and qx column {x + 1}; expected time, "
+                "position and quaternion, in this order",
+                file=path,
+            )
 
 
 def _xyzw(quaternion: list[float], order: QuaternionOrder) -> np.ndarray:

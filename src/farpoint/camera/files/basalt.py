@@ -10,6 +10,7 @@ from farpoint.camera.extended_unified import ExtendedUnified
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.source import CalibrationFile
+from farpoint.camera.files.understood import refuse_unread
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
@@ -61,7 +62,9 @@ def read(file: CalibrationFile, name: str) -> Camera:
     kind = camera.text(key).lower()
     if kind not in LENSES:
         raise unsupported_lens(camera, key, LENSES)
-    return Camera(model=_lens(camera, kind), size=_size(file, camera, index), name=name)
+    found = Camera(model=_lens(camera, kind), size=_size(file, camera, index), name=name)
+    refuse_unread(camera)
+    return found
 
 
 def _lens(camera: Fields, kind: str) -> CameraModel:

@@ -13,6 +13,9 @@ from farpoint.errors import InputError
 
 __all__ = ["Fields", "blame"]
 
+LARGEST_SIDE_PX = 1_000_000
+"""Of any image."""
+
 
 @dataclass(frozen=True)
 class Fields:
@@ -125,6 +128,8 @@ class Fields:
     def _as_pixels(self, key: str, value: float) -> int:
         if not (value > 0 and value == int(value)):
             raise self.error(key, f"expected a positive whole number of pixels, got {value:g}")
+        if value > LARGEST_SIDE_PX:
+            raise self.error(key, f"expected at most {LARGEST_SIDE_PX} pixels, got {value:g}")
         return int(value)
 
 

@@ -8,6 +8,7 @@ from farpoint.camera.arctangent import Arctangent
 from farpoint.camera.double_sphere import DoubleSphere
 from farpoint.camera.extended_unified import ExtendedUnified
 from farpoint.camera.files.fields import Fields, blame
+from farpoint.camera.files.understood import refuse_contradiction
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
@@ -35,7 +36,7 @@ def lens_of_sensor(fields: Fields, *, coefficients: str) -> CameraModel:
     if distortion not in distortions:
         raise unsupported_lens(fields, "distortion_model", distortions)
     if distortion == "none" and "distortion_model" in fields:
-        fields.read.add(coefficients)  # by its own word, they do not count
+        refuse_contradiction(fields, "distortion_model", coefficients)
     return distortions[distortion](fields, coefficients)
 
 

@@ -11,6 +11,8 @@ from farpoint.camera.camera import Camera
 from farpoint.camera.files import (
     autoware,
     basalt,
+    boofcv,
+    bouguet,
     camodocal,
     colmap,
     column_major,
@@ -49,7 +51,7 @@ FORMATS: tuple[CalibrationFormat, ...] = (
     *(own, kalibr_report),
     *(ocamcalib, dso, plain, colmap, kitti),
     *(ost, zed, mrcal, realsense, depthai, gyroflow, opensfm, metashape),
-    *(mc_calib, autoware, column_major, svo, vikit, stella),
+    *(boofcv, bouguet, mc_calib, autoware, column_major, svo, vikit, stella),
     *(basalt, nerfstudio, camodocal, orbslam, sensor, kalibr, opencv),
 )
 
@@ -76,8 +78,8 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
         ``cameras.txt`` or ``cameras.bin``, Basalt, CamOdoCal, DSO, OCamCalib or nerfstudio files, a
         camera matrix as OpenCV's FileStorage, ROS or NumPy (``.npz``) write it, or bare numbers
         ``fx fy cx cy [k1 k2 p1 p2 [k3 ...]]``; and files of stella_vslam, SVO, rpg_vikit,
-        RealSense, ZED, DepthAI, Open3D, ARKit, Metashape, OpenSfM, Gyroflow, mrcal, MC-Calib and
-        Autoware.
+        RealSense, ZED, DepthAI, Open3D, ARKit, Metashape, OpenSfM, Gyroflow, mrcal, MC-Calib,
+        Autoware, BoofCV and Bouguet's toolbox.
     name : str, optional
         Which of several cameras. Without it KITTI's first (``P0``) is meant, and the left one of
         a stereo pair; elsewhere a file of several cameras needs it.
@@ -95,7 +97,13 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
     """
     file = CalibrationFile.open(Path(path))
     calibration = _recognise(file)
-    camera = calibration.read(file, _choose(file, calibration, name))
+    chosen = _choose(file, calibration, name)
+    try:
+        camera = calibration.read(file, chosen)
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise InputError(error.problem, file=file.path, field=error.field) from None
     return replace(camera, source=f"{calibration.TITLE}, {file.path}")
 
 

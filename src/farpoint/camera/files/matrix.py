@@ -8,7 +8,15 @@ import numpy as np
 
 from farpoint.camera.files.fields import Fields
 
-__all__ = ["Intrinsics", "intrinsics_from_matrix", "skew_of_matrix"]
+__all__ = [
+    "NAMED",
+    "Intrinsics",
+    "intrinsics_by_name",
+    "intrinsics_from_matrix",
+    "skew_of_matrix",
+]
+
+NAMED = ("fx", "fy", "cx", "cy")
 
 _SHORTEST_PX = 4.0  # focal length of a matrix that may be in shares of the image's width
 
@@ -41,14 +49,27 @@ def intrinsics_from_matrix(
     if np.abs(matrix - expected).max() > 1e-6:
         rows = "; ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
         raise fields.error(key, f"expected a matrix fx 0 cx; 0 fy cy; 0 0 1, got {rows}")
-    if matrix[0, 0] < _SHORTEST_PX and 0.0 < max(matrix[0, 2], matrix[1, 2]) <= 1.0:
-        raise fields.error(key, "is in shares of the image; expected pixels")
-    return Intrinsics(
+    found = Intrinsics(
         fx=float(matrix[0, 0]),
         fy=float(matrix[1, 1]),
         cx=float(matrix[0, 2]),
         cy=float(matrix[1, 2]),
     )
+    _refuse_shares(fields, key, found)
+    return found
+
+
+def intrinsics_by_name(fields: Fields) -> Intrinsics:
+    """Focal lengths and principal point in fields ``fx fy cx cy``."""
+    fx, fy, cx, cy = (fields.number(key) for key in NAMED)
+    found = Intrinsics(fx=fx, fy=fy, cx=cx, cy=cy)
+    _refuse_shares(fields, NAMED[0], found)
+    return found
+
+
+def _refuse_shares(fields: Fields, key: str, found: Intrinsics) -> None:
+    if found["fx"] < _SHORTEST_PX and 0.0 < max(found["cx"], found["cy"]) <= 1.0:
+        raise fields.error(key, "is in shares of the image; expected pixels")
 
 
 def skew_of_matrix(fields: Fields, key: str) -> float:

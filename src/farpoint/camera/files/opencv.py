@@ -1,4 +1,7 @@
-"""OpenCV's FileStorage (YAML, XML or JSON) and ROS ``camera_info``: a camera matrix by name."""
+"""OpenCV's FileStorage (YAML, XML or JSON) and ROS ``camera_info``: a camera matrix by name.
+
+So are files of people's own making that have ``fx fy cx cy`` by their names in its place.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,20 @@ from farpoint.camera.camera import Camera
 from farpoint.camera.files.deviations import with_deviations
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
-from farpoint.camera.files.matrix import intrinsics_from_matrix, skew_of_matrix
+from farpoint.camera.files.matrix import (
+    NAMED,
+    Intrinsics,
+    intrinsics_by_name,
+    intrinsics_from_matrix,
+    skew_of_matrix,
+)
 from farpoint.camera.files.read_out import ReadOut
 from farpoint.camera.files.source import CalibrationFile
 from farpoint.camera.files.understood import (
     ORDER,
     is_nothing,
     named_distortion,
+    refuse_contradiction,
     refuse_others,
     refuse_unread,
     says_a_lens,
@@ -44,10 +54,17 @@ DISTORTION = re.compile(
     re.IGNORECASE,
 )
 FISHEYE_COEFFICIENTS = re.compile(r".*_fe", re.IGNORECASE)
-SIZES = (("imagewidth", "imageheight"), ("width", "height"), ("cols", "rows"))
+SIZES = (
+    *(("imagewidth", "imageheight"), ("width", "height"), ("cols", "rows")),
+    *(("imgwidth", "imgheight"), ("w", "h")),
+)
 SIZE_PAIRS = ("imagesize", "imgsize", "resolution", "size", "cameraresolution")
+# Lists of cameras, and what the items call themselves.
+LISTS = ("cameras", "camera", "intrinsics")
+LABELS = ("name", "camera_name", "label", "id", "camera_id")
 PINHOLES = ("plumb_bob", "rational_polynomial", "radtan", "pinhole", "none")
 FISHEYES = ("equidistant", "fisheye")
+FISHEYE_ORDER = ("k1", "k2", "k3", "k4")
 SYNONYMS = {
     **dict.fromkeys(("plumb", "brown", "brownconrady", "perspective", "opencv"), PINHOLES[0]),
     **dict.fromkeys(("radialtangential", "standard", "normal", "linear"), PINHOLES[0]),
@@ -74,21 +91,24 @@ LENS_NAME = re.compile(
 
 @dataclass(frozen=True)
 class _Keys:
-    """Where one camera's matrix and distortion stand."""
+    """Where one camera's matrix (or the first of its numbers by name) and distortion stand."""
 
     matrix: str
     distortion: str | None
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether a field, or one of a group, is named like a camera matrix and is one or a list."""
+    """Whether a field, or one of a group or list, is named like a camera matrix and is one."""
     return bool(_cameras(file.fields) or _groups(file.fields))
 
 
 def names(file: CalibrationFile) -> list[str]:
     """The file's own name or its ``camera_name``; of several cameras the matrices' or groups'."""
     fields = file.fields
-    found = [keys.matrix for keys in _cameras(fields)] or _groups(fields)
+    if cameras := _cameras(fields):
+        found = [keys.matrix for keys in cameras]
+    else:
+        found = list(_groups(fields))
     if len(found) > 1:
         return found
     return [fields.text("camera_name") if "camera_name" in fields else file.path.stem]
@@ -97,21 +117,37 @@ def names(file: CalibrationFile) -> list[str]:
 def read(file: CalibrationFile, name: str) -> Camera:
     """One camera."""
     fields = file.fields
-    groups = [] if _cameras(fields) else _groups(fields)
+    groups = {} if _cameras(fields) else _groups(fields)
     if not groups:
         return read_fields(fields, name)
-    camera = read_fields(fields.group(name if name in groups else groups[0]), name)
+    camera = read_fields(groups[name if name in groups else next(iter(groups))], name)
     refuse_unread(fields)
     return camera
 
 
-def _groups(fields: Fields) -> list[str]:
-    """Keys of groups that describe a camera each, such as ``left`` and ``right``."""
-    return [
-        key
-        for key, value in fields.values.items()
-        if isinstance(value, Mapping) and _cameras(Fields(value, fields.file))
-    ]
+def _groups(fields: Fields) -> dict[str, Fields]:
+    """Groups that describe a camera each, such as ``left`` and ``right``, or a list of such ones.
+
+    Those of a list have the names that they give themselves, else ``cam0`` and so on.
+    """
+    found: dict[str, Fields] = {}
+    for key, value in fields.values.items():
+        if isinstance(value, Mapping) and _cameras(Fields(value, fields.file)):
+            found[key] = Fields(value, fields.file, f"{fields.place(key)}.")
+        elif isinstance(value, list) and key.lower() in LISTS:
+            for index, item in enumerate(value):
+                camera = Fields(
+                    item if isinstance(item, Mapping) else {}, fields.file, f"{key}[{index}]."
+                )
+                if _cameras(camera):
+                    label = _label(camera)
+                    found[label if label and label not in found else f"cam{index}"] = camera
+    return found
+
+
+def _label(camera: Fields) -> str:
+    key = camera.first(*LABELS)
+    return "" if key is None else camera.text(key)
 
 
 def read_fields(fields: Fields, name: str) -> Camera:
@@ -161,12 +197,12 @@ def _whole(fields: Fields, key: str) -> int:
 def _lens(fields: Fields, keys: _Keys) -> CameraModel:
     distortion = _distortion(fields, keys)
     with blame(fields, keys.matrix, distortion=keys.distortion or keys.matrix, xi="xi"):
-        if "xi" in fields:
+        if "xi" in fields and isinstance(fields.values[keys.matrix], list | Mapping):
             (xi,) = fields.numbers("xi", (1,))
             intrinsics = intrinsics_from_matrix(fields, keys.matrix, skewed=True)
             skew = skew_of_matrix(fields, keys.matrix)
             return Unified(**intrinsics, xi=xi, distortion=distortion, skew=skew)
-        intrinsics = intrinsics_from_matrix(fields, keys.matrix)
+        intrinsics = _intrinsics(fields, keys.matrix)
         if _is_fisheye(fields, keys):
             if len(distortion) != 4:
                 at = keys.distortion or "distortion_coefficients"
@@ -176,16 +212,63 @@ def _lens(fields: Fields, keys: _Keys) -> CameraModel:
         return Pinhole(**intrinsics, distortion=distortion)
 
 
+def _intrinsics(fields: Fields, key: str) -> Intrinsics:
+    """Of a matrix, or of ``fx fy cx cy`` in its place."""
+    value = fields.values[key]
+    if not isinstance(value, list | Mapping):
+        return intrinsics_by_name(fields)
+    if isinstance(value, Mapping) and _has_focal_names(value):
+        return intrinsics_by_name(fields.group(key))
+    return intrinsics_from_matrix(fields, key)
+
+
+def _has_focal_names(values: Mapping[str, object]) -> bool:
+    """Whether all of ``fx fy cx cy`` are there, each a single number or word."""
+    return all(name in values and not isinstance(values[name], list | Mapping) for name in NAMED)
+
+
 def _distortion(fields: Fields, keys: _Keys) -> tuple[float, ...]:
     """Coefficients of a list, of a group ``k1: ...``, or of fields ``k1`` beside the matrix."""
     if keys.distortion is None:
-        return named_distortion(fields)
+        group = fields
+        value = fields.values[keys.matrix]
+        if isinstance(value, Mapping) and _has_focal_names(value) and not _has_any(fields):
+            group = fields.group(keys.matrix)
+        return _named_distortion(group, is_fisheye=_is_fisheye(fields, keys))
+    for key in fields.values:
+        if MODEL.fullmatch(key) and "dist" in key.lower() and _says_none(fields.values[key]):
+            refuse_contradiction(fields, key, keys.distortion)
     value = fields.values[keys.distortion]
     if isinstance(value, Mapping) and "data" not in value:
         group = fields.group(keys.distortion)
         refuse_others(group, ORDER)
-        return named_distortion(group)
+        return _named_distortion(group, is_fisheye=_is_fisheye(fields, keys))
     return tuple(fields.numbers(keys.distortion))
+
+
+def _has_any(fields: Fields) -> bool:
+    return any(name in fields for name in ORDER)
+
+
+def _says_none(value: object) -> bool:
+    return isinstance(value, str) and value.strip().lower() == "none"
+
+
+def _named_distortion(group: Fields, *, is_fisheye: bool) -> tuple[float, ...]:
+    """By their names, in the order of the lens; four of one kind may be either lens's."""
+    if not _has_any(group):
+        return ()
+    if is_fisheye:
+        for key in ORDER:
+            if key not in FISHEYE_ORDER and not is_nothing(group.values.get(key)):
+                raise group.error(key, "expected k1 k2 k3 k4 alone of a fisheye")
+        return tuple(group.number(key) for key in FISHEYE_ORDER)
+    if all(key in group for key in FISHEYE_ORDER) and "p1" not in group and "k5" not in group:
+        raise group.error(
+            "k4",
+            "k1 k2 k3 k4 alone may be of a fisheye; expected a field that names the lens model",
+        )
+    return named_distortion(group)
 
 
 def _cameras(fields: Fields) -> list[_Keys]:
@@ -199,6 +282,8 @@ def _cameras(fields: Fields) -> list[_Keys]:
         for key, value in fields.values.items()
         if isinstance(value, list | Mapping) and (hit := MATRIX.fullmatch(key))
     }
+    if not matrices and _has_focal_names(fields.values):
+        matrices = {"": NAMED[0]}
     if len(matrices) == len(distortions) == 1:  # whatever suffixes they have
         return [_Keys(*matrices.values(), *distortions.values())]
     return [_Keys(key, distortions.get(suffix)) for suffix, key in matrices.items()]

@@ -8,7 +8,7 @@ from farpoint.camera.camera import Camera
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.source import CalibrationFile
-from farpoint.camera.files.understood import refuse_others
+from farpoint.camera.files.understood import refuse_contradiction, refuse_others
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
@@ -18,7 +18,8 @@ FIRST_IS_DEFAULT = False
 
 KEY = re.compile(r"(Camera\d?)\.(fx|fy|cx|cy|type|k1)")
 # Rectified images have no distortion left, and their files give no coefficients.
-PINHOLES = ("PinHole", "Rectified")
+RECTIFIED = "Rectified"
+PINHOLES = ("PinHole", RECTIFIED)
 FISHEYE = "KannalaBrandt8"
 NOT_OF_THE_LENS = (
     *("type", "width", "height", "newWidth", "newHeight", "fps", "RGB", "bf", "bFishEye"),
@@ -68,5 +69,8 @@ def _distortion(fields: Fields, prefix: str) -> tuple[float, ...]:
     present = [index for index, key in enumerate(order) if key in fields]
     if not present:
         return ()
+    if "Camera.type" in fields and fields.text("Camera.type") == RECTIFIED:
+        for index in present:
+            refuse_contradiction(fields, "Camera.type", order[index])
     count = next(count for count in (4, 5, 8) if count > present[-1])
     return tuple(fields.number(key) if key in fields else 0.0 for key in order[:count])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from farpoint.camera.camera import Camera
 from farpoint.camera.files import opencv
 from farpoint.camera.files.lens import lens_of_sensor
@@ -15,7 +17,8 @@ FIRST_IS_DEFAULT = False
 def matches(file: CalibrationFile) -> bool:
     """Whether the fields of a sensor stand at the top level."""
     fields = file.fields
-    if fields.first("intrinsics", "sensor_type") is None and opencv.matches(file):
+    is_list = "intrinsics" in fields and not isinstance(fields.values["intrinsics"], Mapping)
+    if not is_list and "sensor_type" not in fields and opencv.matches(file):
         return False  # a camera matrix, beside the name of a sensor
     return fields.first("sensor_type", "camera_model") is not None or (
         "intrinsics" in fields and fields.first("distortion_model", "resolution") is not None

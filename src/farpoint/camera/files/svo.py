@@ -9,7 +9,7 @@ from farpoint.camera.camera import Camera
 from farpoint.camera.files.fields import Fields, blame
 from farpoint.camera.files.lens import unsupported_lens
 from farpoint.camera.files.source import CalibrationFile
-from farpoint.camera.files.understood import refuse_others
+from farpoint.camera.files.understood import refuse_contradiction, refuse_others
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
 from farpoint.camera.pinhole import Pinhole
@@ -80,6 +80,8 @@ def _distortion(camera: Fields, allowed: tuple[str, ...]) -> tuple[str, Fields]:
     kind = group.text("type").lower()
     if kind not in allowed:
         raise unsupported_lens(group, "type", allowed)
+    if kind == "none":
+        refuse_contradiction(group, "type", "parameters")
     return kind, group
 
 

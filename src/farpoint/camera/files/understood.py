@@ -12,6 +12,7 @@ __all__ = [
     "LENS_WORDS",
     "is_nothing",
     "named_distortion",
+    "refuse_contradiction",
     "refuse_others",
     "refuse_unread",
     "says_a_lens",
@@ -34,7 +35,7 @@ _OF_A_LENS = re.compile(
     r"|(?:resiz|decimat|down|upsampl|subsampl).*"
 )
 _OF_A_LENS_IF_ONE = re.compile(
-    r"[a-dkprst]\d|[a-d]|tau[xy]|xi|alpha|beta|gamma|omega|model|setup|orientation"
+    r"[a-dkprst]\d|[a-dw]|tau[xy]|xi|alpha|beta|gamma|omega|model|setup|orientation"
     r"|.*(?:rotat(?:e|ion)|flip|mirror|wideangle).*"
 )
 _OF_ITS_ERRORS = re.compile(r"fix.*|.*(?:std|dev|sigma|covar|error|uncert|rms|flags?$)")
@@ -97,6 +98,25 @@ def refuse_unread(fields: Fields, others: Collection[str] = ()) -> None:
             )
 
 
+def refuse_contradiction(fields: Fields, model: str, coefficients: str) -> None:
+    """Raise an InputError about coefficients beside the word that there is no distortion.
+
+    Parameters
+    ----------
+    fields : Fields
+        The group that describes a camera.
+    model : str
+        Key of that word.
+    coefficients : str
+        Key of the numbers; they may be absent or zero.
+    """
+    if fields.values.get(coefficients) is not None and any(fields.numbers(coefficients)):
+        word = fields.text(model)
+        raise fields.error(
+            coefficients, f"expected zeros or no numbers beside {fields.place(model)}: {word}"
+        )
+
+
 def _is_of_a_lens(key: str, value: Any) -> bool:
     name = re.sub(r"[^a-z0-9]", "", str(key)[:_LONGEST].lower())
     if is_nothing(value) or _OF_ITS_ERRORS.fullmatch(name):
@@ -130,11 +150,13 @@ def named_distortion(fields: Fields) -> tuple[float, ...]:
 
 
 def is_nothing(value: Any) -> bool:
-    """Whether a value is absent or zero, alone or throughout a list."""
+    """Whether a value is absent or zero, alone or throughout a list or a matrix."""
     if isinstance(value, list):
         return all(is_nothing(item) for item in value)
     if isinstance(value, Mapping):
-        return all(map(is_nothing, value.values()))
+        return (
+            is_nothing(value["data"]) if "data" in value else all(map(is_nothing, value.values()))
+        )
     if value is None or str(value).strip().lower() in ("", "null", "~", "none", "false"):
         return True
     try:
