@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from farpoint.odometry import OdometryOptions
+
 ROOT = Path(__file__).parents[1]
 API = ROOT / "docs" / "api.md"
 CLI = ROOT / "docs" / "cli.md"
@@ -94,3 +96,26 @@ def test_every_option_is_documented_and_no_other(
     offered = {name: offered_options(name, monkeypatch, capsys) for name in commands}
     assert "--camera" in offered["run"]
     assert {name: named_options(text, name) for name in commands} == offered
+
+
+def _documented_defaults() -> dict[str, str]:
+    """Of the options of `farpoint run` that stand in a table of three columns."""
+    text = CLI.read_text()
+    run = text[: text.index("## `farpoint fleet`")]
+    return dict(re.findall(r"^\| `--([\w.-]+)` \| ([^|]*?) \|", run, flags=re.MULTILINE))
+
+
+def test_documented_defaults_are_those_of_the_options():
+    options, compared = OdometryOptions(), 0
+    for name, told in _documented_defaults().items():
+        parts = name.replace("-", "_").split(".")
+        value: object = options
+        for part in parts:
+            value = getattr(value, part, None)
+            if value is None:
+                break
+        if len(parts) > 1 and isinstance(value, (bool, int, float)):
+            expected = ("on" if value else "off") if isinstance(value, bool) else value
+            assert told == expected or float(told) == expected, name
+            compared += 1
+    assert compared > 35
