@@ -210,6 +210,23 @@ def test_the_demo_meets_its_truth(farpoint: CommandLine, tmp_path: Path):
     assert "report.html" in outcome.out
 
 
+def test_the_demo_in_the_hand_tells_what_it_found_of_lens_and_shutter(
+    farpoint: CommandLine, tmp_path: Path
+):
+    outcome = farpoint("demo", "--handheld", "--frames", "6", "--no-overlay", "--out", tmp_path)
+    assert outcome.code == 0
+    lens = json.loads((tmp_path / "run.json").read_text())["lens"]
+    rows = {line[:12].strip(): line[12:].split() for line in outcome.out.splitlines()}
+    given, found, sigma, true, _ = rows["fx"][-5:]
+    assert (float(given), float(true)) == (525.0, 500.0)
+    assert float(found) == pytest.approx(lens["found"]["fx"], rel=1e-4)
+    assert float(sigma) == pytest.approx(lens["sigma"]["fx"], rel=0.1)
+    given, found, sigma, true, _ = rows["read-out, ms"][-5:]
+    assert (given, float(true)) == ("-", 23.333)
+    assert float(found) == pytest.approx(1e3 * lens["readout_s"], rel=1e-4)
+    assert float(sigma) == pytest.approx(1e3 * lens["readout_sigma_s"], rel=0.1)
+
+
 def test_the_display_is_recorded_beside_the_outputs(
     farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path, images: Pictures
 ):

@@ -63,7 +63,7 @@ def test_rays_end_where_the_first_of_all_shapes_is():
     rays = rng.normal(size=(150, 3)) * np.array([1.0, 0.15, 1.0])
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     found = np.empty(len(rays))
-    cast_rays(street.blocks, street.hills, origin, rays, found)
+    cast_rays(street.blocks, street.hills, np.tile(origin, (len(rays), 1)), rays, found)
     with np.errstate(divide="ignore", invalid="ignore"):
         expected = expected_distances(street.blocks, origin, rays)
     near = np.minimum(found, expected) < 50.0  # the oracle looks no farther
@@ -78,7 +78,7 @@ def test_rays_along_the_axes_end_too():
     street = build_street(origin[None], seed=5)
     rays = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     found = np.empty(4)
-    cast_rays(street.blocks, street.hills, origin, rays, found)
+    cast_rays(street.blocks, street.hills, np.tile(origin, (len(rays), 1)), rays, found)
     assert found[0] == 1.65
     assert np.isinf(found[1])
     assert (found[2:] > 1.0).all()

@@ -195,16 +195,16 @@ def trace(blocks: Blocks, hills: Hills, ray: Ray) -> Hit:
 def cast_rays(
     blocks: Blocks,
     hills: Hills,
-    origin: np.ndarray,
+    origins: np.ndarray,
     directions: np.ndarray,
     distances: np.ndarray,
 ) -> None:
-    """Fill ``distances`` (N,) from one origin along ``directions`` (N, 3), in lengths of them.
+    """Fill ``distances`` (N,) from ``origins`` along ``directions`` (N, 3), in lengths of them.
 
     Infinite for the sky, NaN where a direction is.
     """
-    start = origin[0], origin[1], origin[2]
     for i in range(len(directions)):
+        start = origins[i, 0], origins[i, 1], origins[i, 2]
         direction = directions[i, 0], directions[i, 1], directions[i, 2]
         distances[i] = math.nan
         if not math.isnan(direction[0] + direction[1] + direction[2]):

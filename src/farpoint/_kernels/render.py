@@ -93,7 +93,7 @@ def pixel_grey(
 @kernel
 def render(
     scene: Scene,
-    world_from_cam: np.ndarray,
+    world_from_row: np.ndarray,
     rays: np.ndarray,
     steps: np.ndarray,
     image: np.ndarray,
@@ -105,7 +105,8 @@ def render(
     Parameters
     ----------
     scene : Scene
-    world_from_cam : ndarray, shape (4, 4)
+    world_from_row : ndarray, shape (H, 4, 4)
+        Pose ``world_from_cam`` of each row, at the time at which it is read.
     rays : ndarray, shape (H, W, 3)
         Unit rays of the pixel centres in camera axes; NaN where there is none.
     steps : ndarray, shape (H, W, 3, 2)
@@ -121,13 +122,14 @@ def render(
     for sweep in range(2):  # all pixels by one ray, then the edges again by many
         offsets, footprint = (CENTRE, 1.0) if sweep == 0 else (EDGE_OFFSETS, EDGE_FOOTPRINT)
         for row in range(rows):
+            pose = world_from_row[row]
             for column in range(columns):
                 ray, step = rays[row, column], steps[row, column]
                 if math.isnan(ray[0] + step[0, 0] + step[0, 1]):
                     image[row, column], depth[row, column] = 0.0, math.nan
                     surfaces[row, column] = 8 * NOTHING
                 elif sweep == 0 or is_edge(surfaces, row, column):
-                    grey, hit = pixel_grey(scene, world_from_cam, ray, step, offsets, footprint)
+                    grey, hit = pixel_grey(scene, pose, ray, step, offsets, footprint)
                     image[row, column] = grey
                     if sweep == 0:
                         depth[row, column] = hit.distance

@@ -105,7 +105,7 @@ def run_rendered(
     rows, statuses = [], []
     done, total = 0, sum(map(len, sequences))
     for sequence in sequences:
-        for result in Odometry(sequence.camera, options).run(sequence):
+        for result in Odometry(sequence.given, options).run(sequence):
             if result.pose is not None:
                 rows.append(_row(sequence, result))
                 statuses.append(result.pose.status)

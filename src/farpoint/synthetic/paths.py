@@ -22,15 +22,19 @@ from farpoint.trajectory.files import Trajectory
 
 __all__ = [
     "CAMERA_HEIGHT_M",
+    "START",
     "carried",
     "pure_rotation",
     "sideways",
     "standing_still",
     "street_drive",
+    "times_of",
+    "trajectory_of",
 ]
 
 CAMERA_HEIGHT_M = 1.65
 _START_M = 14.0  # along the first street
+START = np.array([LANE_M, -CAMERA_HEIGHT_M, _START_M])
 _BETWEEN_M = 20.0  # where what is carried hovers about
 _LEAST_HEIGHT_M = 1.0
 # From x ahead, y left and z up to x right, y down and z ahead.
@@ -62,7 +66,7 @@ def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
     InputError
         Where an argument is out of its range.
     """
-    times = _times(frames, fps)
+    times = times_of(frames, fps)
     if seed < 0:
         raise InputError(f"expected 0 or more, got {seed}", field="seed")
     route_rng, sway_rng = (np.random.default_rng((seed, stream)) for stream in (11, 12))
@@ -91,7 +95,7 @@ def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
         axis=1,
     )
     turns = np.stack([yaw + np.radians(0.4 * sway[3]), pitch, roll], axis=1)
-    return _trajectory(times, position, turns)
+    return trajectory_of(times, position, turns)
 
 
 def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajectory:
@@ -118,7 +122,7 @@ def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajec
     InputError
         Where an argument is out of its range, or poses are missing within this time.
     """
-    times = _finite(start_s, "start_s") + _times(frames, fps)
+    times = _finite(start_s, "start_s") + times_of(frames, fps)
     if body.timestamps is None:
         raise InputError("expected poses with their times", field="body")
     since = body.timestamps - body.timestamps[0]
@@ -144,32 +148,29 @@ def pure_rotation(frames: int, fps: float = 30.0, *, rate_deg_s: float = 20.0) -
     rate_deg_s : float
         Highest rate of the yaw; pitch and roll turn at about half of it.
     """
-    times = _times(frames, fps)
+    times = times_of(frames, fps)
     rate = math.radians(_finite(rate_deg_s, "rate_deg_s"))
     pace = np.array([0.9, 1.3, 1.7])  # rad/s
     turns = np.array([1.0, 0.45, 0.5]) * rate / pace * np.sin(pace * times[:, None])
-    return _trajectory(times, np.broadcast_to(_start(), (frames, 3)), turns)
+    return trajectory_of(times, np.broadcast_to(START, (frames, 3)), turns)
 
 
 def standing_still(frames: int, fps: float = 30.0) -> Trajectory:
     """Not move at all, looking along the street."""
-    times = _times(frames, fps)
-    return _trajectory(times, np.broadcast_to(_start(), (frames, 3)), np.zeros((frames, 3)))
+    times = times_of(frames, fps)
+    return trajectory_of(times, np.broadcast_to(START, (frames, 3)), np.zeros((frames, 3)))
 
 
 def sideways(frames: int, fps: float = 30.0, *, speed_m_s: float = 1.5) -> Trajectory:
     """Move along the street at constant speed while facing the houses across: no rotation."""
-    times = _times(frames, fps)
-    position = _start() + times[:, None] * np.array([0.0, 0.0, _finite(speed_m_s, "speed_m_s")])
+    times = times_of(frames, fps)
+    position = START + times[:, None] * np.array([0.0, 0.0, _finite(speed_m_s, "speed_m_s")])
     turns = np.broadcast_to([-math.pi / 2, 0.0, 0.0], (frames, 3))
-    return _trajectory(times, position, turns)
+    return trajectory_of(times, position, turns)
 
 
-def _start() -> np.ndarray:
-    return np.array([LANE_M, -CAMERA_HEIGHT_M, _START_M])
-
-
-def _times(frames: int, fps: float) -> np.ndarray:
+def times_of(frames: int, fps: float) -> np.ndarray:
+    """Times (N,) of so many frames, s; an InputError where an argument is out of its range."""
     if frames < 1:
         raise InputError(f"expected at least 1, got {frames}", field="frames")
     if _finite(fps, "fps") <= 0.0:
@@ -183,7 +184,7 @@ def _finite(value: float, field: str) -> float:
     return value
 
 
-def _trajectory(times: np.ndarray, position: np.ndarray, turns: np.ndarray) -> Trajectory:
+def trajectory_of(times: np.ndarray, position: np.ndarray, turns: np.ndarray) -> Trajectory:
     """Poses from positions (N, 3) and yaw to the right, pitch up and roll, rad (N, 3)."""
     poses = np.tile(np.eye(4), (len(times), 1, 1))
     poses[:, :3, :3] = Rotation.from_euler("YXZ", turns).as_matrix()

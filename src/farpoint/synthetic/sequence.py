@@ -14,34 +14,16 @@ from farpoint._kernels.render import render
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.frames import Frame
-from farpoint.options import settle_float
+from farpoint.synthetic.imaging import ImagingOptions
+from farpoint.synthetic.motion import SmoothMotion
 from farpoint.synthetic.paths import street_drive
 from farpoint.synthetic.street import build_street
 from farpoint.trajectory.files import Trajectory, write_tum
 
-__all__ = ["ImagingOptions", "RenderedSequence", "RenderedView", "render_drive"]
+__all__ = ["RenderedSequence", "RenderedView", "render_drive"]
 
 _HIDDEN = 1e-4  # a point is hidden when something stands nearer by this share of its distance
-
-
-@dataclass(frozen=True, kw_only=True)
-class ImagingOptions:
-    """What the sensor adds to the picture.
-
-    Attributes
-    ----------
-    noise_grey : float
-        1-sigma of the normal noise on every pixel, grey levels; rounding adds 0.29.
-    exposure_swing : float
-        Amplitude, 0 to 0.5, of slow changes of the exposure, as a share of it.
-    """
-
-    noise_grey: float = 1.0
-    exposure_swing: float = 0.0
-
-    def __post_init__(self) -> None:
-        settle_float(self, "0 to 100", lambda grey: 0 <= grey <= 100, "noise_grey")
-        settle_float(self, "0 to 0.5", lambda share: 0 <= share <= 0.5, "exposure_swing")
+_ROW_STEPS = 5  # until the row in which a point is seen no longer changes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,8 +35,8 @@ class RenderedView:
     frame : Frame
         The image with its index and time.
     depth : ndarray, shape (height, width)
-        Distance along the ray through each pixel's centre, m; infinite for the sky, NaN (and a
-        black image) where the lens has no ray.
+        Distance along the ray through each pixel's centre, m, at the middle of its exposure;
+        infinite for the sky, NaN (and a black image) where the lens has no ray.
     """
 
     frame: Frame
@@ -77,12 +59,20 @@ class RenderedSequence:
     seed : int
         Of the street and the noise.
     imaging : ImagingOptions
-        Noise and exposure.
+        Noise, exposure and shutter. Between the poses of the path the camera moves as
+        `SmoothMotion` does.
     name : str
         Short name of the source.
+    given : Camera or None
+        The camera that the user of the images is told of, of the same size; that which renders
+        them where it is None.
 
     Attributes
     ----------
+    camera : Camera
+        The true camera.
+    given : Camera
+        The one that the user is told of.
     timestamps : ndarray, shape (N,)
         Seconds.
     world_from_cam : ndarray, shape (N, 4, 4)
@@ -99,6 +89,7 @@ class RenderedSequence:
         seed: int = 0,
         imaging: ImagingOptions | None = None,
         name: str = "street",
+        given: Camera | None = None,
     ):
         if camera.size is None:
             raise InputError("expected a camera of known image size", field="camera")
@@ -108,7 +99,10 @@ class RenderedSequence:
             raise InputError("expected positions above ground (y < 0)", field="path")
         if seed < 0:
             raise InputError(f"expected 0 or more, got {seed}", field="seed")
+        if given is not None and given.size != camera.size:
+            raise InputError(f"expected the size {camera.size}, got {given.size}", field="given")
         self.camera = camera
+        self.given = given or camera
         self.name = name
         self.count: int | None = len(path)
         self.timestamp_source = "the rendered path"
@@ -118,6 +112,7 @@ class RenderedSequence:
         self.world_from_cam = path.world_from_body
         self._seed = seed
         self._imaging = imaging or ImagingOptions()
+        self._motion = None if self._imaging.is_instant else SmoothMotion(path)
         self._rays, self._steps = _ray_tables(camera, camera.size)
         self._scene = build_street(path.world_from_body[:, :3, 3], seed)
 
@@ -132,21 +127,18 @@ class RenderedSequence:
     def view(self, index: int) -> RenderedView:
         """Render one frame, with depth."""
         shape = self._rays.shape[:2]
-        radiance = np.empty(shape, np.float32)
-        depth = np.empty(shape)
-        render(
-            self._scene,
-            self.world_from_cam[index],
-            self._rays,
-            self._steps,
-            radiance,
-            depth,
-            np.empty(shape, np.int64),
-        )
+        delays = self._imaging.exposure_delays_s
+        total, depth = np.zeros(shape, np.float32), np.empty(shape)
+        radiance, surfaces = np.empty(shape, np.float32), np.empty(shape, np.int64)
+        # From the outside in: the middle of the exposure comes last, and leaves its depth.
+        for delay in sorted(delays, key=abs, reverse=True):
+            poses = self._poses(index, np.arange(shape[0]), delay)
+            render(self._scene, poses, self._rays, self._steps, radiance, depth, surfaces)
+            total += radiance
         frame = Frame(
             index=index,
             timestamp=float(self.timestamps[index]),
-            image=self._expose(radiance, depth, index),
+            image=self._expose(total / np.float32(len(delays)), depth, index),
             name=f"{index:06d}",
         )
         return RenderedView(frame=frame, depth=depth)
@@ -154,27 +146,31 @@ class RenderedSequence:
     def distances(self, index: int, pixels: np.ndarray) -> np.ndarray:
         """Distances (N,), m, along the rays of any pixels (N, 2) of a frame, by exact ray casting.
 
-        Infinite for the sky, NaN where there is no ray.
+        Each at the time of its own row. Infinite for the sky, NaN where there is no ray.
         """
-        return self._cast(index, self.camera.unproject(pixels))
+        return self._cast(self._poses(index, pixels[:, 1]), self.camera.unproject(pixels))
 
     def transfer(self, pixels: np.ndarray, index0: int, index1: int) -> np.ndarray:
         """Where the scene points seen at ``pixels`` (N, 2) of one frame are seen in another.
+
+        Under a rolling shutter every point is seen at the time of the row in which it is seen.
 
         Returns
         -------
         ndarray, shape (N, 2)
             True pixels in frame ``index1``; NaN where the point is hidden there or out of view.
         """
-        rays0 = self.camera.unproject(pixels)
-        distance0 = self._cast(index0, rays0)
-        cam1_from_cam0 = self.cam1_from_cam0(index0, index1)
-        # Divided by the distance: the sky is an ordinary point, infinitely far away.
-        points1 = rays0 @ cam1_from_cam0[:3, :3].T + cam1_from_cam0[:3, 3] / distance0[:, None]
-        pixels1 = self.camera.project(points1)
-        length = np.linalg.norm(points1, axis=1)
-        seen_at = self._cast(index1, points1 / length[:, None])
         assert self.camera.size is not None
+        rays0, poses0 = self.camera.unproject(pixels), self._poses(index0, pixels[:, 1])
+        distance0 = self._cast(poses0, rays0)
+        pixels1 = np.full((len(pixels), 2), 0.5 * (self.camera.size[1] - 1))
+        points1, poses1 = self._points_in(index1, pixels1[:, 1], rays0, poses0, distance0)
+        pixels1 = self.camera.project(points1)
+        for _ in range(_ROW_STEPS if self._imaging.readout_s else 0):
+            points1, poses1 = self._points_in(index1, pixels1[:, 1], rays0, poses0, distance0)
+            pixels1 = self.camera.project(points1)
+        length = np.linalg.norm(points1, axis=1)
+        seen_at = self._cast(poses1, points1 / length[:, None])
         upper = np.array(self.camera.size) - 0.5
         with np.errstate(invalid="ignore"):
             hidden = seen_at < (1.0 - _HIDDEN) * length * distance0
@@ -190,11 +186,35 @@ class RenderedSequence:
         truth = Trajectory(timestamps=self.timestamps, world_from_body=self.world_from_cam)
         write_tum(path, truth)
 
-    def _cast(self, index: int, rays: np.ndarray) -> np.ndarray:
-        pose = self.world_from_cam[index]
+    def _poses(self, index: int, rows: np.ndarray, delay_s: float = 0.0) -> np.ndarray:
+        """Poses (N, 4, 4) of the camera when rows (N,) of a frame are read, or so much later."""
+        if self._motion is None:
+            return np.tile(self.world_from_cam[index], (len(rows), 1, 1))
+        delays = self._imaging.row_delays_s(rows, self._rays.shape[0]) + delay_s
+        return self._motion.poses(self.timestamps[index] + delays)
+
+    def _points_in(
+        self,
+        index: int,
+        rows: np.ndarray,
+        rays0: np.ndarray,
+        poses0: np.ndarray,
+        distance0: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Points (N, 3) in the axes of a camera that reads their rows now, and its poses.
+
+        Divided by their distances from camera 0: the sky is an ordinary point.
+        """
+        poses = self._poses(index, np.nan_to_num(rows))
+        cam_from_cam0 = np.linalg.inv(poses) @ poses0
+        points = np.einsum("nij,nj->ni", cam_from_cam0[:, :3, :3], rays0)
+        return points + cam_from_cam0[:, :3, 3] / distance0[:, None], poses
+
+    def _cast(self, poses: np.ndarray, rays: np.ndarray) -> np.ndarray:
         scene, distances = self._scene, np.empty(len(rays))
-        directions = np.ascontiguousarray(rays @ pose[:3, :3].T)
-        cast_rays(scene.blocks, scene.hills, pose[:3, 3].copy(), directions, distances)
+        directions = np.einsum("nij,nj->ni", poses[:, :3, :3], rays)
+        origins = np.ascontiguousarray(poses[:, :3, 3])
+        cast_rays(scene.blocks, scene.hills, origins, directions, distances)
         return distances
 
     def _expose(self, radiance: np.ndarray, depth: np.ndarray, index: int) -> np.ndarray:

@@ -1,0 +1,66 @@
+"""What a sensor does to a picture: noise, changes of the exposure, a rolling shutter and blur."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.options import settle_float, settle_int
+
+__all__ = ["ImagingOptions"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImagingOptions:
+    """What the sensor adds to the picture.
+
+    Attributes
+    ----------
+    noise_grey : float
+        1-sigma of the normal noise on every pixel, grey levels; rounding adds 0.29.
+    exposure_swing : float
+        Amplitude, 0 to 0.5, of slow changes of the exposure, as a share of it.
+    readout_s : float
+        Read-out time of a frame, first row to last, s, 0 to 1; 0 for a global shutter. The time of
+        a frame, and its true pose, are those of the middle row.
+    exposure_s : float
+        Exposure of each row, s, 0 to 1; its middle is the time of the row. 0: no motion blur.
+    exposure_samples : int
+        Of an exposure that is not 0 the image is the mean at so many times, evenly spread over it;
+        an odd number, 1 to 99, so that one of them is the middle.
+    """
+
+    noise_grey: float = 1.0
+    exposure_swing: float = 0.0
+    readout_s: float = 0.0
+    exposure_s: float = 0.0
+    exposure_samples: int = 5
+
+    def __post_init__(self) -> None:
+        settle_float(self, "0 to 100", lambda grey: 0 <= grey <= 100, "noise_grey")
+        settle_float(self, "0 to 0.5", lambda share: 0 <= share <= 0.5, "exposure_swing")
+        settle_float(self, "0 to 1", lambda time: 0 <= time <= 1, "readout_s", "exposure_s")
+        settle_int(self, 1, "exposure_samples", most=99)
+        if self.exposure_samples % 2 == 0:
+            raise InputError(
+                f"expected an odd number, got {self.exposure_samples}", field="exposure_samples"
+            )
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether all of a frame is taken at one time."""
+        return self.readout_s == self.exposure_s == 0.0
+
+    def row_delays_s(self, rows: np.ndarray, height: int) -> np.ndarray:
+        """Times (N,) of rows (N,) of an image, fractions too, after that of the middle row."""
+        return self.readout_s * (rows / max(height - 1, 1) - 0.5)
+
+    @property
+    def exposure_delays_s(self) -> np.ndarray:
+        """Times (K,) whose mean the image is, after the middle of the exposure."""
+        if self.exposure_s == 0.0:
+            return np.zeros(1)
+        count = self.exposure_samples
+        return self.exposure_s * ((np.arange(count) + 0.5) / count - 0.5)

@@ -1,0 +1,74 @@
+"""A camera as a calibration would give it that is wrong by a known amount."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from farpoint.camera import Camera
+from farpoint.errors import InputError
+from farpoint.options import settle_float, settle_int
+
+__all__ = ["Miscalibration"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Miscalibration:
+    """How the camera that is given differs from the true one, for every lens with parameters.
+
+    Attributes
+    ----------
+    focal_share : float
+        Relative error of the focal length, or of what a lens has in its place; -0.5 to 0.5.
+    center_px : (float, float)
+        Error of the principal point along x and y, px.
+    distortion_px : float
+        Root mean square displacement at the image's corners, px, of errors of the distortion that
+        are drawn by the seed; 0 or more. The scale about the centre stays as it is.
+    seed : int
+        Of that draw.
+
+    Examples
+    --------
+    >>> true = Camera.pinhole(640, 480, 500, 500, 319.5, 239.5)
+    >>> Miscalibration(focal_share=0.05).of(true).model.fx
+    525.0
+    """
+
+    focal_share: float = 0.0
+    center_px: tuple[float, float] = (0.0, 0.0)
+    distortion_px: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        settle_float(self, "-0.5 to 0.5", lambda share: -0.5 <= share <= 0.5, "focal_share")
+        settle_float(self, "0 or more px", lambda moved: moved >= 0, "distortion_px")
+        settle_int(self, 0, "seed")
+        if np.shape(self.center_px) != (2,) or not np.isfinite(self.center_px).all():
+            raise InputError(f"expected two numbers, got {self.center_px!r}", field="center_px")
+
+    def of(self, camera: Camera) -> Camera:
+        """The camera that is given where ``camera`` is the true one; without uncertainty.
+
+        Raises
+        ------
+        InputError
+            Where the lens has no parameter that an error could be of, the errors make no lens, or
+            the size of the image is needed and not known.
+        """
+        model = camera.refinable if self.distortion_px else camera.model
+        roles = model.roles
+        if not roles.scale:
+            raise InputError(f"{model.title}: has nothing to be calibrated", field="camera")
+        change = {name: self.focal_share * by_scale for name, by_scale in roles.scale.items()}
+        for name, shift in zip(roles.center, self.center_px, strict=True):
+            change[name] = change.get(name, 0.0) + shift
+        values = np.array(
+            [value + change.get(name, 0.0) for name, value in model.parameters.items()]
+        )
+        if self.distortion_px:
+            factor = camera.with_uncertainty(distortion_px=self.distortion_px).parameter_factor
+            rng = np.random.default_rng((self.seed, 14))
+            values += factor @ rng.normal(size=factor.shape[1])
+        return replace(camera, model=model.with_parameters(values), uncertainty=None)

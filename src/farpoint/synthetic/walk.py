@@ -1,0 +1,115 @@
+"""A camera in the hand of someone who walks along the street and looks around."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from farpoint.errors import InputError
+from farpoint.options import settle_float, settle_positive
+from farpoint.synthetic.paths import START, times_of, trajectory_of
+from farpoint.trajectory.files import Trajectory
+
+__all__ = ["HandheldOptions", "handheld_walk"]
+
+_HEIGHT_M = 1.5
+_FACING_DEG = 35.0  # to the right of the way: houses and parked cars pass by
+_TREMOR_HZ = (1.5, 6.0)
+_LOOK_HZ = (0.25, 0.6)
+_WAVES = 3  # of each motion, at unrelated frequencies
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandheldOptions:
+    """How a hand moves a camera: sums of sinusoids about a steady walk.
+
+    Attributes
+    ----------
+    speed_m_s : float
+        Of the walk, m/s, -5 to 5; 0 for someone who stands.
+    step_hz : float
+        Steps a second. The body bobs once a step, and sways once in two.
+    bob_m : float
+        Amplitude of the bob and of the sway, m, 0 to 0.2.
+    look_deg : float
+        Amplitude of looking around, up to once in two seconds, deg, 0 to 60; up and down, and the
+        roll, have half of it.
+    tremor_deg : float
+        Amplitude of what the hand adds at 1.5 to 6 Hz on each axis, deg, 0 to 5.
+    """
+
+    speed_m_s: float = 1.3
+    step_hz: float = 1.9
+    bob_m: float = 0.02
+    look_deg: float = 15.0
+    tremor_deg: float = 0.2
+
+    def __post_init__(self) -> None:
+        settle_float(self, "-5 to 5", lambda speed: -5 <= speed <= 5, "speed_m_s")
+        settle_positive(self, "step_hz")
+        settle_float(self, "0 to 0.2", lambda bob: 0 <= bob <= 0.2, "bob_m")
+        settle_float(self, "0 to 60", lambda angle: 0 <= angle <= 60, "look_deg")
+        settle_float(self, "0 to 5", lambda angle: 0 <= angle <= 5, "tremor_deg")
+
+
+def handheld_walk(
+    frames: int, fps: float = 30.0, seed: int = 0, options: HandheldOptions | None = None
+) -> Trajectory:
+    """Walk along the lane with a camera in the hand, looking half to the houses on the right.
+
+    Parameters
+    ----------
+    frames : int
+        Number of poses, at least 1.
+    fps : float
+        Frames per second.
+    seed : int
+        Of phases and frequencies.
+    options : HandheldOptions, optional
+        How the hand moves.
+
+    Raises
+    ------
+    InputError
+        Where an argument is out of its range.
+
+    Examples
+    --------
+    >>> walk = handheld_walk(31, seed=1, options=HandheldOptions(speed_m_s=1.2, bob_m=0.0))
+    >>> way = walk.world_from_body[-1, :3, 3] - walk.world_from_body[0, :3, 3]
+    >>> way.round(3).tolist()
+    [0.0, 0.0, 1.2]
+    """
+    options = options or HandheldOptions()
+    times = times_of(frames, fps)
+    if seed < 0:
+        raise InputError(f"expected 0 or more, got {seed}", field="seed")
+    rng = np.random.default_rng((seed, 13))
+    pace = 2.0 * math.pi * options.step_hz * times
+    sway, bob = rng.uniform(0.0, 2.0 * math.pi, 2)
+    position = np.stack(
+        [
+            START[0] + options.bob_m * np.sin(0.5 * pace + sway),
+            -_HEIGHT_M + options.bob_m * np.sin(pace + bob),
+            START[2] + options.speed_m_s * times,
+        ],
+        axis=1,
+    )
+    look = np.array([1.0, 0.5, 0.5]) * options.look_deg * _waves(times, _LOOK_HZ, rng)
+    tremor = options.tremor_deg * _waves(times, _TREMOR_HZ, rng)
+    turns = np.radians(np.array([_FACING_DEG, 0.0, 0.0]) + look + tremor)
+    return trajectory_of(times, position, turns)
+
+
+def _waves(
+    times: np.ndarray, range_hz: tuple[float, float], rng: np.random.Generator
+) -> np.ndarray:
+    """Three smooth oscillations (N, 3), 1 at most: means of waves, each slower one larger."""
+    frequencies = np.sort(rng.uniform(*range_hz, (3, _WAVES)))
+    phases = rng.uniform(0.0, 2.0 * math.pi, (3, _WAVES))
+    amplitudes = 1.0 / frequencies
+    amplitudes /= amplitudes.sum(axis=1, keepdims=True)
+    waves = np.sin(2.0 * math.pi * frequencies * times[:, None, None] + phases)
+    return np.sum(amplitudes * waves, axis=2)
