@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from farpoint.pose.covariance import mean_half_ratio
+
 __all__ = ["HalfRatios"]
 
 # Pairs of frames that the ratio expected at the beginning counts as.
 BEFORE = 2
-# No pair counts as more than so many times the mean: halves that ended at two motions altogether
-# do not tell of how tracks err.
-MOST = 3.0
 # Pairs after which those long ago are forgotten: a video may come to quite another scene.
 MEMORY = 100
 
@@ -24,19 +23,24 @@ class HalfRatios:
     ----------
     expected : float
         Of the first pair.
+    pairs : int
+        Number of pairs that this counts as.
 
     Attributes
     ----------
     mean : float
         Squared differences of halves over what covariances expect of them, without a unit.
+    pairs : int
+        Number of pairs in the mean, up to `MEMORY`, with those that ``expected`` counts as.
     """
 
-    def __init__(self, expected: float) -> None:
+    def __init__(self, expected: float, pairs: int = BEFORE) -> None:
         self.mean = expected
-        self._pairs = BEFORE
+        self.pairs = pairs
 
     def add(self, ratio: float | None) -> None:
         """Count that of another pair, if it has one."""
         if ratio is not None:
-            self._pairs = min(self._pairs + 1, MEMORY)
-            self.mean += (min(ratio, MOST * self.mean) - self.mean) / self._pairs
+            before = min(self.pairs, MEMORY - 1)
+            self.mean = mean_half_ratio(ratio, self.mean, before)
+            self.pairs = before + 1

@@ -101,7 +101,9 @@ class Odometry:
         self.seconds = {"tracks": 0.0, "pose": 0.0, "path": 0.0}
         self._tracker = Tracker(self.options.tracker)
         self._reference: _Reference | None = None
-        self._half_ratios = HalfRatios(self.options.pose.expected_half_ratio)
+        self._half_ratios = HalfRatios(
+            self.options.pose.expected_half_ratio, self.options.pose.expected_half_ratio_pairs
+        )
         self._path = PathBuilder(self._estimate, self.options.path, self.options.lens)
         self._lens = LensInUse(camera, self.options.lens)
         self._time, self._fields = RisingTime(), Deinterlacer()
@@ -228,6 +230,8 @@ class Odometry:
         # A lens is wrong for both halves alike, and so is what all tracks have in common.
         options = replace(self._pose_options(), shared_error_px=0.0)
         if cell_px is None:
+            # Patches in both halves have in common what is shared beyond them: it cancels, too.
+            options = replace(options, sharing_beyond_patches=0.0)
             groups = patches_of(self._lens.camera.unproject(tracks.points0))
         else:
             groups = image_cells(tracks.points0, cell_px)
@@ -308,7 +312,12 @@ class Odometry:
         )
 
     def _pose_options(self) -> RelativePoseOptions:
-        return replace(self.options.pose, expected_half_ratio=self._half_ratios.mean)
+        ratios = self._half_ratios
+        return replace(
+            self.options.pose,
+            expected_half_ratio=ratios.mean,
+            expected_half_ratio_pairs=ratios.pairs,
+        )
 
     def _estimate_by(
         self,

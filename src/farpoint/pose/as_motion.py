@@ -13,6 +13,7 @@ from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma, fixes_
 from farpoint.pose.conclusion import Course, given_labels
 from farpoint.pose.covariance import (
     growth_between_patches,
+    growth_beyond_patches,
     growth_by_halves,
     half_ratio,
     shared_covariance,
@@ -88,7 +89,7 @@ def _with_all_that_is_shared(
     if matches.sharing > 1.0:
         growth *= matches.sharing
     elif ratio is not None:
-        growth *= growth_between_patches(held.fit)
+        growth *= growth_between_patches(held.fit) * growth_beyond_patches(ratio, options)
     covariance = growth * held.covariance
     covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
     return covariance

@@ -10,6 +10,7 @@ from farpoint.pose import conclusion
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.conclusion import Course, label_matches
 from farpoint.pose.covariance import (
+    growth_beyond_patches,
     growth_by_halves,
     half_ratio_of_turn,
     moving_covariance,
@@ -81,6 +82,8 @@ def _with_all_that_is_shared(
     """Covariance (3, 3), rad^2, grown by what matches have in common."""
     ratio = course.half_ratio = half_ratio_of_turn(matches, fit, options.half_deals)
     growth = growth_by_halves(ratio, options.expected_half_ratio, 3 * options.half_deals)
+    if ratio is not None:
+        growth *= growth_beyond_patches(ratio, options)
     covariance = matches.sharing * growth * fit.covariance
     return covariance + shared_covariance(matches, options.shared_error_px)
 

@@ -16,15 +16,18 @@ from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit, pose_of, seen_by
+from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.patches import patches_of
 from farpoint.pose.small import rotation_vector, size2
 from farpoint.pose.turning_fit import TurningFit, fit_turning
 
 __all__ = [
     "growth_between_patches",
+    "growth_beyond_patches",
     "growth_by_halves",
     "half_ratio",
     "half_ratio_of_turn",
+    "mean_half_ratio",
     "moving_covariance",
     "shared_covariance",
 ]
@@ -45,6 +48,12 @@ OF_NOISE = 0.95
 # a variance is for what exceeds it. Of most recordings 2 would do, of one with much that reflects
 # and moves, and of simulated surfaces that err alike by thrice the noise, 4 is a little short.
 ALIKE, STEEPNESS = 0.25, 4.0
+# Upper bound of a pair's half ratio in the mean, over the mean: halves that ended at two motions
+# altogether do not tell of how tracks err.
+MOST_OVER_MEAN = 3.0
+# Mean half ratio of uncompressed video, at the most (rendered: 0.91 to 1.07), and the largest
+# excess over it that has been measured, of strong compression.
+UNCOMPRESSED, MOST_EXCESS = 1.08, 1.0
 
 
 def moving_covariance(fit: MovingFit) -> np.ndarray:
@@ -121,6 +130,26 @@ def growth_by_halves(ratio: float | None, expected: float, freedom: int) -> floa
     if ratio is None:
         return expected
     return (EXPECTED * expected + freedom * ratio) / (EXPECTED + freedom)
+
+
+def mean_half_ratio(ratio: float | None, expected: float, pairs: int) -> float:
+    """Mean of the `half_ratio` of a pair and of those before, ``expected`` of so many ``pairs``."""
+    if ratio is None:
+        return expected
+    return expected + (min(ratio, MOST_OVER_MEAN * expected) - expected) / (pairs + 1)
+
+
+def growth_beyond_patches(ratio: float | None, options: RelativePoseOptions) -> float:
+    """Factor on a covariance for errors that are correlated over more of the image than a patch.
+
+    Patches dealt to different halves share them, so they cancel in the difference of the halves. A
+    codec's errors are correlated over all lengths, from a block to the image: the sum of all in
+    proportion to the part that the halves show, ``f = 1 + slope * min(mean - 1.08, 1)``, at least
+    1. By the mean over many pairs, since the ratio of one is too rough for a slope as steep.
+    """
+    expected, pairs = options.expected_half_ratio, options.expected_half_ratio_pairs
+    excess = mean_half_ratio(ratio, expected, pairs) - UNCOMPRESSED
+    return 1.0 + options.sharing_beyond_patches * min(max(excess, 0.0), MOST_EXCESS)
 
 
 def growth_between_patches(fit: MovingFit) -> float:

@@ -47,6 +47,12 @@ class RelativePoseOptions:
         What the halves are expected to show: the mean `PoseStats.half_ratio` of earlier pairs of
         the same video, which `Odometry` keeps. It counts as much as 8 deals do, and alone where
         there are none. 1 is what independent noise shows.
+    expected_half_ratio_pairs : int
+        Number of pairs that `expected_half_ratio` is the mean of, in the mean with this pair.
+    sharing_beyond_patches : float
+        Slope of the variance that errors correlated beyond a patch add, by the excess of the mean
+        half ratio over that of independent noise: video codecs leave such errors, and halves of
+        patches show a part of them only. 0 for none.
     false_alarm_rate : float
         Probability, in (0, 1), with which a camera that only turned may be said to have moved, one
         that stood still to have turned, and chance to have been a consensus.
@@ -62,6 +68,8 @@ class RelativePoseOptions:
     count_sharing: bool = True
     half_deals: int = 0
     expected_half_ratio: float = 1.0
+    expected_half_ratio_pairs: int = 2
+    sharing_beyond_patches: float = 0.0
     false_alarm_rate: float = 1e-3
 
     def __post_init__(self) -> None:
@@ -71,6 +79,8 @@ class RelativePoseOptions:
         rates = "confidence", "false_alarm_rate"
         settle_float(self, "a probability in (0, 1)", lambda rate: 0 < rate < 1, *rates)
         settle_float(self, "0 px or more", lambda px: px >= 0, "shared_error_px")
+        settle_float(self, "0 or more", lambda slope: slope >= 0, "sharing_beyond_patches")
+        settle_int(self, 1, "expected_half_ratio_pairs")
         settle_int(self, 0, "min_iterations", "max_iterations", "half_deals")
         if self.min_iterations > self.max_iterations:
             raise InputError(

@@ -1,0 +1,111 @@
+"""Rendered streets through a video codec: regions of poses hold the truth there, too."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from farpoint import Camera, Odometry, OdometryOptions, PoseStatus, RelativePoseOptions
+from farpoint.metrics.statistics import chi2_quantile
+from farpoint.pose.covariance import growth_beyond_patches, mean_half_ratio
+from farpoint.synthetic import RenderedSequence, render_drive
+
+av = pytest.importorskip("av")
+
+CAMERA = Camera.pinhole(480, 360, 300, 300, 239.5, 179.5)
+FRAMES, FPS = 16, 30
+WIDENING = RelativePoseOptions(sharing_beyond_patches=6.5)
+
+
+def through_h264(images: list[np.ndarray], crf: int) -> list[np.ndarray]:
+    height, width = images[0].shape
+    memory = io.BytesIO()
+    with av.open(memory, "w", format="mp4") as out:
+        stream = out.add_stream("libx264", rate=FPS)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.thread_count = 1  # which makes it deterministic
+        stream.options = {"crf": str(crf)}
+        for image in images:
+            frame = av.VideoFrame.from_ndarray(image, format="gray")
+            out.mux(stream.encode(frame.reformat(format="yuv420p")))
+        out.mux(stream.encode())
+    memory.seek(0)
+    with av.open(memory) as video:
+        return [frame.to_ndarray(format="gray") for frame in video.decode(video=0)]
+
+
+def squared_errors_and_sigmas(
+    drive: RenderedSequence, images: list[np.ndarray], options: OdometryOptions
+) -> tuple[list[float], list[float]]:
+    """Normalised squared errors of the poses, of 5 degrees of freedom, and their first sigmas."""
+    odometry = Odometry(CAMERA, options)
+    squares, sigmas = [], []
+    for k, image in enumerate(images):
+        pose = odometry.process(image, k / FPS).pose
+        if pose is None or pose.status is not PoseStatus.OK:
+            continue
+        true = drive.cam1_from_cam0(k - 1, k)
+        turn = true[:3, :3] @ pose.rotation_cam1_from_cam0.T
+        dtheta = 0.5 * np.array(
+            [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+        )
+        dbeta = pose.direction_basis.T @ true[:3, 3] / (true[:3, 3] @ pose.direction_cam1_from_cam0)
+        error = np.r_[dtheta, dbeta]
+        squares.append(float(error @ np.linalg.solve(pose.covariance, error)))
+        sigmas.append(float(np.sqrt(pose.covariance[0, 0])))
+    return squares, sigmas
+
+
+def test_regions_hold_the_truth_of_h264_and_are_as_narrow_as_before_without_it():
+    given = OdometryOptions()
+    without = replace(given, pose=replace(given.pose, sharing_beyond_patches=0.0))
+    within: dict[str, list[bool]] = {"given": [], "without": []}
+    ratios: list[float] = []
+    bound = chi2_quantile(0.95, 5)
+    for seed in (61, 62, 63):
+        drive = render_drive(CAMERA, frames=FRAMES, fps=FPS, seed=seed)
+        images = [frame.image for frame in drive]
+        compressed = through_h264(images, 23)
+        for name, options in (("given", given), ("without", without)):
+            squares, _ = squared_errors_and_sigmas(drive, compressed, options)
+            within[name] += [square < bound for square in squares]
+        wide, narrow = (squared_errors_and_sigmas(drive, images, o)[1] for o in (given, without))
+        ratios.append(float(np.mean(wide) / np.mean(narrow)))
+    assert len(within["given"]) > 40
+    assert np.mean(within["without"]) < 0.7
+    assert np.mean(within["given"]) > 0.8
+    assert np.mean(ratios) < 1.1
+
+
+def test_the_mean_half_ratio_takes_a_pair_in_by_the_number_of_those_before():
+    assert mean_half_ratio(None, 1.3, 7) == 1.3
+    assert mean_half_ratio(2.0, 1.0, 3) == pytest.approx(1.25)
+    assert mean_half_ratio(50.0, 1.0, 1) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "expected", "pairs", "growth"),
+    [
+        (1.0, 1.0, 2, 1.0),
+        (1.48, 1.48, 9, 1.0 + 6.5 * 0.4),
+        (0.5, 0.5, 2, 1.0),
+        (5.0, 5.0, 2, 7.5),
+        (1.62, 1.02, 2, 1.0 + 6.5 * 0.14),
+    ],
+)
+def test_the_variance_grows_by_what_the_mean_exceeds_that_of_uncompressed_video(
+    ratio: float, expected: float, pairs: int, growth: float
+):
+    options = replace(WIDENING, expected_half_ratio=expected, expected_half_ratio_pairs=pairs)
+    assert growth_beyond_patches(ratio, options) == pytest.approx(growth)
+    assert growth_beyond_patches(ratio, replace(options, sharing_beyond_patches=0.0)) == 1.0
+
+
+def test_slopes_and_numbers_of_pairs_that_are_none_are_refused():
+    with pytest.raises(ValueError, match="sharing_beyond_patches"):
+        RelativePoseOptions(sharing_beyond_patches=-1.0)
+    with pytest.raises(ValueError, match="expected_half_ratio_pairs"):
+        RelativePoseOptions(expected_half_ratio_pairs=0)
