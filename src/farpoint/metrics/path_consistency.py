@@ -193,8 +193,11 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
     unit_is_given = bool(s.covariances[rows[np.argmax(moved)], 6, 6] > 0.0)
     unit = 1.0
     if not unit_is_given:
+        # Mostly the first length told; where that has an error of its own, what is known best.
+        exact = moved & (s.lengths[rows] > 0.0) & (s.covariances[rows, 6, 6] == 0.0)
         best = _best_known(ways, s.covariances[rows, 3:6, 3:6])
-        unit = float(np.linalg.norm(true_ways[best]) / np.linalg.norm(ways[best]))
+        row = int(np.argmax(exact)) if exact.any() else best
+        unit = float(np.linalg.norm(true_ways[row]) / np.linalg.norm(ways[row]))
     if not unit > 0.0:
         return None
     turned = so3.log(
