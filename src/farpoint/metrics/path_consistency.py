@@ -123,9 +123,9 @@ def evaluate_path(samples: PathSamples) -> PathConsistency | None:
     """Compare every segment with the truth in its own gauge; None where nothing can be compared.
 
     The gauge is that of the covariances: the first pose of a segment, position and orientation, is
-    taken as true, and so is the way whose length it knows best, mostly its first motion, unless the
-    path states an error of its unit. Nothing is fitted. An error of the truth in that pose or way
-    is charged to the path.
+    taken as true, and so is the length of its first motion, or, where that has an error of its own,
+    of the way that is known best, unless the path states an error of its unit. Nothing is fitted.
+    An error of the truth in that pose or length is charged to the path.
     """
     found = list(_segments(samples))
     if not found:
