@@ -116,6 +116,23 @@ def test_tracks_that_lie_together_go_to_the_same_half(monkeypatch: pytest.Monkey
     assert all(len(set(first[patch == k])) == 1 for k in set(patch))
 
 
+def test_what_is_unsure_of_lens_and_shutter_is_not_between_halves(monkeypatch: pytest.MonkeyPatch):
+    camera = CAMERA.with_uncertainty(focal=0.01).with_readout(0.01, 0.002)
+    odometry = Odometry(camera, OPTIONS)
+    result = list(odometry.run(frames(list(IMAGES))))[3]
+    cameras = []
+
+    def estimate(camera: Camera, *_others) -> RelativePose:
+        cameras.append(camera)
+        return failed_pose("Not asked.")
+
+    monkeypatch.setattr(odometry, "_estimate_by", estimate)
+    odometry.split_half(result)
+    assert {(c.uncertainty, c.readout_s, c.readout_sigma_s) for c in cameras} == {
+        (None, 0.01, None)
+    }
+
+
 def test_what_all_tracks_have_in_common_is_in_the_pose_and_not_between_its_halves():
     plain, shared = (
         Odometry(CAMERA, OdometryOptions(pose=RelativePoseOptions(shared_error_px=error_px)))

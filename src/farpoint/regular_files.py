@@ -107,6 +107,7 @@ class _UpTo(io.RawIOBase):
         return True
 
     def readinto(self, buffer: WriteableBuffer, /) -> int:
+        """Fill a buffer, and count the bytes; an InputError beyond the limit."""
         # One byte beyond the limit tells whether the file ends there.
         view = memoryview(buffer)[: self._left + 1]
         try:

@@ -309,6 +309,26 @@ def test_a_wrong_first_motion_is_replaced_by_one_of_longer_flow():
     assert errors[1] < 2.0 * errors[0] + 0.01
 
 
+def test_a_window_that_begins_anew_keeps_the_error_of_the_scale_it_began_with():
+    poses = poses_of(forward(12, length=0.1), np.zeros((12, 3)))
+    pairs = list(cloud(poses, count=3000, noise_px=0.1).tracks())
+    first = motion_of(pairs[0])
+    basis = first.direction_basis
+    wrong = dataclasses.replace(
+        first,
+        direction_cam1_from_cam0=basis[:, 0],
+        direction_basis=np.column_stack([first.direction_cam1_from_cam0, basis[:, 1]]),
+    )
+    drive = Drive()
+    drive.add(pairs[0], wrong)
+    drive.builder._base[6, 6] = 0.25  # as after a guess
+    window = drive.builder._window
+    for tracks in pairs[1:]:
+        drive.add(tracks)
+    assert drive.builder._window is not window
+    assert 0.25 < drive.builder._base[6, 6] < 0.3
+
+
 def test_before_a_length_is_known_nobody_knows_where_the_camera_is():
     poses = poses_of(np.zeros((6, 3)), np.tile([0.0, 0.02, 0.0], (6, 1)))
     drive = build(cloud(poses))

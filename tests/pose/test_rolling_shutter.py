@@ -144,6 +144,15 @@ def test_a_read_out_that_is_unsure_widens_the_covariance_by_what_it_moves_the_po
     assert np.linalg.matrix_rank(grown, tol=1e-3 * np.trace(grown)) == 1
 
 
+def test_both_covariances_of_the_rotation_are_one():
+    case = views(11, 0.9, degrees=8.0)
+    pose = estimate_relative_pose(
+        case.points0, case.points1, PINHOLE, readout_s=0.9 * INTERVAL_S, interval_s=INTERVAL_S
+    )
+    assert abs(np.mean(case.points1[:, 1] - case.points0[:, 1])) > 10.0
+    np.testing.assert_allclose(pose.covariance[:3, :3], pose.rotation_covariance)
+
+
 def test_a_global_shutter_changes_nothing():
     case = views(7, 0.0)
     plain = estimate_relative_pose(case.points0, case.points1, PINHOLE)
@@ -172,6 +181,43 @@ def test_times_that_are_none_are_refused(given, name):
     case = views(1, 0.0)
     with pytest.raises(InputError, match=name):
         estimate_relative_pose(case.points0, case.points1, PINHOLE, **given)
+
+
+def test_points_and_cameras_that_are_none_are_refused():
+    points = np.zeros((9, 2))
+    at = {"readout_s": 0.01, "interval_s": INTERVAL_S}
+    with pytest.raises(InputError, match="points1"):
+        estimate_relative_pose(points, np.zeros((9, 3)), PINHOLE, **at)
+    with pytest.raises(InputError, match="camera0"):
+        estimate_relative_pose(points, points, "a camera", **at)
+
+
+def test_the_covariance_is_that_of_the_time_between_the_rows():
+    """All points move down by a quarter of the image: their rows see 1.2 times the rotation."""
+    rng = np.random.default_rng(2)
+    theta = np.array([np.radians(12.0), 0.0, 0.0])
+    points0 = rng.uniform([20.0, 150.0], [620.0, 460.0], (400, 2))
+    scatter, stated, late = [], [], []
+    rays = PINHOLE.unproject(points0)
+    for _ in range(200):
+        noise = rng.normal(0.0, 0.3, (2, *points0.shape))
+        row = points0[:, 1].copy()
+        for _ in range(12):
+            between = 1.0 + 0.8 * (row - points0[:, 1]) / 479.0
+            points1 = PINHOLE.project(
+                np.einsum("nij,nj->ni", so3.exp(between[:, None] * theta), rays)
+            )
+            row = points1[:, 1]
+        pose = estimate_relative_pose(
+            points0 + noise[0], points1 + noise[1], PINHOLE, readout_s=0.8, interval_s=1.0
+        )
+        scatter.append(so3.log(so3.exp(theta) @ pose.rotation_cam1_from_cam0.T))
+        stated.append(pose.rotation_covariance)
+        late.append(between.mean())
+    assert abs(np.mean(late) - 1.0) > 0.15
+    nees = np.mean([e @ np.linalg.solve(C, e) for e, C in zip(scatter, stated, strict=True)])
+    # 3 degrees of freedom; three sigma of the mean of 200. Undivided it would be off by late^2.
+    assert 2.5 < nees < 3.5
 
 
 def test_rows_need_the_height_of_the_images():

@@ -43,7 +43,10 @@ class LensInUse:
             return
         moved = lens.z if self._z is None else lens.z - self._z
         if lens.size and lens.moved_px(moved) > _SHOWN_SIGMAS * lens.sigma_px():
-            self._z, self.camera = lens.z, replace(self.camera, model=lens.found().model)
+            self._z, found = lens.z, lens.report().camera
+            # Of a camera whose doubt was given, what is left of it counts; else it was exact.
+            doubt = None if self.camera.uncertainty is None else found.uncertainty
+            self.camera = replace(self.camera, model=found.model, uncertainty=doubt)
         sigma_s = lens.readout_sigma_s
         if not self._is_shutter_known and lens.readout_s > _SHOWN_SIGMAS * sigma_s:
             self.camera = self.camera.with_readout(lens.readout_s, sigma_s)

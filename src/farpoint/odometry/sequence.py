@@ -227,7 +227,8 @@ class Odometry:
             share do not cancel; by default patches of three to six tracks, whose windows overlap.
         """
         tracks = result.tracks
-        # A lens is wrong for both halves alike, and so is what all tracks have in common.
+        # Lens and shutter are wrong for both halves alike, and so is what all tracks share.
+        camera = replace(self._lens.camera.with_uncertainty(), readout_sigma_s=None)
         options = replace(self._pose_options(), shared_error_px=0.0)
         if cell_px is None:
             # Patches in both halves have in common what is shared beyond them: it cancels, too.
@@ -239,7 +240,7 @@ class Odometry:
             (tracks.points0, tracks.points1, tracks.covariance_px2),
             partial(
                 self._estimate_by,
-                self._lens.camera.with_uncertainty(),
+                camera,
                 options,
                 result.timestamp - result.timestamp0,
             ),

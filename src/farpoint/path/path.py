@@ -280,11 +280,11 @@ class PathBuilder:
         first = window.frames[0]
         assert before is not None
         since = self._since(before, step.good, step.pair.time1 - first.timestamp)
-        if window.has_forgotten or since.status is not PoseStatus.OK:
-            return
-        assert since.rotation_cam1_from_cam0 is not None
         way = self._p - first.p
         length = float(np.linalg.norm(way))
+        if window.has_forgotten or length == 0.0 or since.status is not PoseStatus.OK:
+            return
+        assert since.rotation_cam1_from_cam0 is not None
         R = first.R @ since.rotation_cam1_from_cam0.T
         p = first.p + length * (first.R @ since.heading_cam0)
         so_far, anew = (
@@ -292,7 +292,7 @@ class PathBuilder:
         )
         if anew.cost > so_far.cost + _EVIDENCE or self._agrees(anew):
             return
-        self._base[6, 6] += way @ self._covariance()[3:6, 3:6] @ way / length**4
+        self._base[6, 6] += way @ self._covariance_within()[3:6, 3:6] @ way / length**4
         self._waiting.settle_all()
         self._window, self._lens = anew, anew.lens
         self._key_sighting, self._new_keyframe, self._is_key = step.good, anew.frames[-1], True
@@ -508,18 +508,22 @@ class PathBuilder:
         )
 
     def _covariance(self) -> np.ndarray:
-        """Covariance (7, 7) of the pose: of the window's beginning, the newest keyframe, its own.
+        """Covariance (7, 7) of the pose: of the window's beginning, and within the window.
 
         The way since the window began errs by what its unit does.
         """
+        way = self._p - self._base_p
+        by_base = np.eye(7)
+        by_base[3:6, :3], by_base[3:6, 6] = -so3.skew(way), way
+        return self._covariance_within() + by_base @ self._base @ by_base.T
+
+    def _covariance_within(self) -> np.ndarray:
+        """Covariance (7, 7) of the pose in its window: of the newest keyframe, and its own."""
         by_key = np.eye(7)
         by_key[3:6, :3] = -so3.skew(self._p - self._key_p)
         covariance = by_key @ self._key_covariance @ by_key.T
         covariance[:6, :6] += self._own
-        way = self._p - self._base_p
-        by_base = np.eye(7)
-        by_base[3:6, :3], by_base[3:6, 6] = -so3.skew(way), way
-        return covariance + by_base @ self._base @ by_base.T
+        return covariance
 
     def _wait(self, frame: int, timestamp: float) -> None:
         self._waiting.add(

@@ -105,6 +105,7 @@ class _Points:
 
     @classmethod
     def of(cls, window: Window, rows: np.ndarray, seen: Sighting) -> _Points:
+        """Of rows (N,) of the window's points, and where a frame sees them."""
         marks, since = window.landmarks, window.landmarks.latest()[rows]
         places, base = window.places(rows)
         s = marks.s[rows]

@@ -20,7 +20,6 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.geometry.sphere import tangent_basis
-from farpoint.pose.matches import turned
 from farpoint.pose.result import PoseStatus, RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter
 
@@ -153,12 +152,8 @@ class _Lenses(NamedTuple):
         )
         if shutter is None:
             return first, second
-        phases = shutter.phase0[rows], shutter.phase1[rows]
-        first, second = (
-            _unrolled(rays, phase, shutter, self.theta)
-            for rays, phase in zip((first, second), phases, strict=True)
-        )
-        return first, second
+        seen = shutter.select(rows)
+        return _unrolled(first, 0, seen, self.theta), _unrolled(second, 1, seen, self.theta)
 
     def at(self, z: np.ndarray) -> tuple[Camera, Camera, Shutter | None]:
         """Exact cameras with these errors of the lenses; smaller ones where these make no lens."""
@@ -171,12 +166,12 @@ class _Lenses(NamedTuple):
         return first, _with_error(self.cameras[1], self.factors[1] @ z), shutter
 
 
-def _unrolled(rays: _Rays, phase: np.ndarray, shutter: Shutter, theta: np.ndarray) -> _Rays:
+def _unrolled(rays: _Rays, image: int, shutter: Shutter, theta: np.ndarray) -> _Rays:
     """Rays with the rotation undone that a rolling shutter has seen by then."""
-    turns = so3.exp((-shutter.share * phase)[:, None] * theta)
-    turned_rays, by_lens = turned(turns, rays.rays), turns @ rays.by_lens
-    by_lens[:, :, -1] = np.cross((-shutter.sigma * phase)[:, None] * theta, turned_rays)
-    return _Rays(turned_rays, turns @ rays.by_pixel, by_lens)
+    seen, by_pixel = shutter.unrolled(theta, image, rays.rays, rays.by_pixel)
+    by_lens = shutter.turns(theta, image) @ rays.by_lens
+    by_lens[:, :, -1] = np.cross((-shutter.sigma * shutter.phases(image))[:, None] * theta, seen)
+    return _Rays(seen, by_pixel, by_lens)
 
 
 def _rays_of(camera: Camera, factor: np.ndarray, points: np.ndarray) -> _Rays:
@@ -254,6 +249,7 @@ class _Flow(NamedTuple):
 
     @classmethod
     def of(cls, R: np.ndarray, rays0: _Rays, rays1: _Rays) -> _Flow:
+        """Without the rotation ``R`` (3, 3), camera 1 from camera 0."""
         a, b = rays0.rays @ R.T, rays1.rays
         basis = tangent_basis(b).transpose(0, 2, 1)
         crossed = np.stack([np.cross(a, axis) for axis in np.eye(3)], axis=2)

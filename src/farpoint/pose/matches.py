@@ -41,7 +41,13 @@ _BELIEVED = (1e-12, 1e12)
 # err as their neighbours do.
 DOUBT = 4.0
 
-__all__ = ["Matches", "matches_from_points", "matches_from_rays", "turned"]
+__all__ = [
+    "Matches",
+    "check_camera",
+    "checked_rows",
+    "matches_from_points",
+    "matches_from_rays",
+]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,18 +181,17 @@ def matches_from_points(
     camera1: Camera,
     covariance0_px2: np.ndarray | None = None,
     covariance1_px2: np.ndarray | None = None,
-    turns: tuple[np.ndarray, np.ndarray] | None = None,
+    seen: Callable[[int, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> Matches:
     """Unproject pixels (N, 2) with their noise, (N, 2, 2) px^2 up to a common factor.
 
-    An image without covariances has isotropic noise of the median variance of the other. With
-    ``turns``, rotation matrices (N, 3, 3) for each image, the rays are turned by these.
+    An image without covariances has isotropic noise of the median variance of the other. ``seen``
+    makes others of the rays (N, 3) of image 0 or 1, and their derivatives by the pixel (N, 3, 2).
     """
-    for name, camera in (("camera0", camera0), ("camera1", camera1)):
-        if not isinstance(camera, Camera):
-            raise InputError(f"expected a Camera, got {type(camera).__name__}", field=name)
-    points0 = _checked("points0", points0, (2,))
-    points1 = _checked("points1", points1, (2,), rows=len(points0))
+    check_camera("camera0", camera0)
+    check_camera("camera1", camera1)
+    points0 = checked_rows("points0", points0, (2,))
+    points1 = checked_rows("points1", points1, (2,), rows=len(points0))
     covariances = _covariances(len(points0), covariance0_px2, covariance1_px2)
     if camera0 is camera1:
         rays, factors = _rays_of(camera0, np.concatenate((points0, points1)))
@@ -198,9 +203,8 @@ def matches_from_points(
             _rays_of(camera1, points1),
         )
 
-    if turns is not None:
-        rays0, factors0 = turned(turns[0], rays0), turns[0] @ factors0
-        rays1, factors1 = turned(turns[1], rays1), turns[1] @ factors1
+    if seen is not None:
+        (rays0, factors0), (rays1, factors1) = seen(0, rays0, factors0), seen(1, rays1, factors1)
     first, second = covariances
     min_variance = max(rounding_variance(points0, points1), MIN_VARIANCE)
 
@@ -227,15 +231,10 @@ def _rays_of(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return rays, camera.unproject_jacobian(rays)
 
 
-def turned(turns: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """Rays (N, 3), each turned by its own rotation matrix (N, 3, 3)."""
-    return np.einsum("nij,nj->ni", turns, rays)
-
-
 def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) -> Matches:
     """Unit rays (N, 3), normalised here, with isotropic noise of ``noise_rad`` each."""
-    rays0 = _checked("rays0", rays0, (3,))
-    rays1 = _checked("rays1", rays1, (3,), rows=len(rays0))
+    rays0 = checked_rows("rays0", rays0, (3,))
+    rays1 = checked_rows("rays1", rays1, (3,), rows=len(rays0))
     if not (isinstance(noise_rad, int | float | np.number) and 0 < noise_rad < np.inf):
         raise InputError(f"expected positive radians, got {noise_rad!r}", field="noise_rad")
     for name, rays in (("rays0", rays0), ("rays1", rays1)):
@@ -283,7 +282,13 @@ def _pack(
     )
 
 
-def _checked(
+def check_camera(name: str, camera: object) -> None:
+    """An InputError where it is none."""
+    if not isinstance(camera, Camera):
+        raise InputError(f"expected a Camera, got {type(camera).__name__}", field=name)
+
+
+def checked_rows(
     name: str, values: np.ndarray, shape: tuple[int, ...], rows: int | None = None
 ) -> np.ndarray:
     """The values as finite C-ordered float64 of shape (rows, *shape), or an InputError."""
@@ -347,7 +352,7 @@ def _bounded(covariances: np.ndarray, least: float, most: float) -> np.ndarray:
 
 
 def _checked_covariance(name: str, covariance: np.ndarray, count: int) -> np.ndarray:
-    C = _checked(name, covariance, (2, 2), rows=count)
+    C = checked_rows(name, covariance, (2, 2), rows=count)
     xx, xy, yx, yy = C.reshape(-1, 4).T
     if not (np.abs(xy - yx) <= 1e-6 * np.abs(xy) + 1e-8).all():
         raise InputError("expected symmetric matrices", field=name)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -110,19 +111,21 @@ def estimate_relative_pose(
     second = camera1 or camera0
 
     def by(camera0: Camera, camera1: Camera, shutter: Shutter | None) -> RelativePose:
-        def seen(turns: tuple[np.ndarray, np.ndarray] | None) -> Matches:
+        """The motion through these lenses and this shutter."""
+
+        def seen(theta: np.ndarray | None) -> Matches:
+            unrolled = None
+            if shutter is not None and theta is not None:
+                unrolled = partial(shutter.unrolled, theta)
             return matches_from_points(
-                points0, points1, camera0, camera1, covariance0_px2, covariance1_px2, turns
+                points0, points1, camera0, camera1, covariance0_px2, covariance1_px2, unrolled
             )
 
         if shutter is None or shutter.share == 0.0:
             return _estimate(seen(None), chosen.matching_tolerance_px, chosen, seed)
         return _rolling(shutter, seen, chosen, seed)
 
-    shutter = None
-    if readout_s is not None or interval_s is not None:
-        matches_from_points(points0, points1, camera0, second)  # which names their faults
-        shutter = shutter_of(camera0, points0, points1, readout_s, interval_s)
+    shutter = shutter_of(camera0, points0, points1, readout_s, interval_s)
     pose = by(camera0, second, shutter)
     views = View(points0, camera0), View(points1, second)
     return with_lens_uncertainty(pose, *views, shutter, by, chosen.false_alarm_rate)
@@ -148,7 +151,7 @@ def estimate_relative_pose_from_rays(
 
 def _rolling(
     shutter: Shutter,
-    seen: Callable[[tuple[np.ndarray, np.ndarray] | None], Matches],
+    seen: Callable[[np.ndarray | None], Matches],
     options: RelativePoseOptions,
     seed: int,
 ) -> RelativePose:
@@ -165,7 +168,8 @@ def _rolling(
         theta, _ = _unrolled(shutter, found, theta)
     spread = abs(shutter.share) * float(np.std(shutter.phase1 - shutter.phase0))
     for _ in range(_MOST_PASSES):
-        pose = _estimate(seen(shutter.turns(theta)), tolerance, options, seed)
+        matches = seen(theta)
+        pose = _estimate(matches, tolerance, options, seed)
         R_covariance, C = pose.rotation_covariance, pose.covariance
         if R_covariance is None:
             return pose
@@ -178,7 +182,9 @@ def _rolling(
             rotation_covariance=R_covariance / time_between**2,
             covariance=None if C is None else by_time @ C @ by_time,
         )
-        sigma = float(np.sqrt(np.linalg.eigvalsh(R_covariance)[0]))
+        assert pose.noise_px is not None
+        # Of a rotation that all matches tell: what is stated is larger where two motions are met.
+        sigma = pose.noise_px / float(np.sqrt(np.sum(matches.precision)))
         if spread * float(np.linalg.norm(theta - before)) <= _CLOSE * sigma:
             break
     return found

@@ -19,6 +19,7 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
+from farpoint.pose.matches import check_camera, checked_rows
 
 __all__ = ["Shutter", "shutter_of"]
 
@@ -34,19 +35,40 @@ class Shutter(NamedTuple):
         1-sigma of it.
     phase0, phase1 : ndarray, shape (N,)
         Of the rows in each image, -1/2 to 1/2.
+    phase_per_px : float
+        From one row to the next.
     """
 
     share: float
     sigma: float
     phase0: np.ndarray
     phase1: np.ndarray
+    phase_per_px: float
 
-    def turns(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rotation matrices (N, 3, 3) of the rays of each image, for a motion's rotation vector."""
-        first, second = (
-            so3.exp((-self.share * phase)[:, None] * theta) for phase in (self.phase0, self.phase1)
-        )
-        return first, second
+    def turns(self, theta: np.ndarray, image: int) -> np.ndarray:
+        """What undoes, in each row of image 0 or 1, its share of a rotation vector (N, 3, 3)."""
+        return so3.exp((-self.share * self.phases(image))[:, None] * theta)
+
+    def phases(self, image: int) -> np.ndarray:
+        """Of the rows (N,) in image 0 or 1."""
+        return (self.phase0, self.phase1)[image]
+
+    def unrolled(
+        self, theta: np.ndarray, image: int, rays: np.ndarray, by_pixel: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Rays (N, 3) of image 0 or 1 in the axes of its middle row, for a rotation vector.
+
+        And their derivatives by the pixel (N, 3, 2): a pixel that is found a row lower is taken to
+        be seen that much later, too.
+        """
+        turns = self.turns(theta, image)
+        rays, by_pixel = np.einsum("nij,nj->ni", turns, rays), turns @ by_pixel
+        by_pixel[:, :, 1] -= self.share * self.phase_per_px * np.cross(theta, rays)
+        return rays, by_pixel
+
+    def select(self, rows: np.ndarray) -> Shutter:
+        """That of some matches."""
+        return self._replace(phase0=self.phase0[rows], phase1=self.phase1[rows])
 
     def time_between(self, rows: np.ndarray) -> float:
         """Mean time between the views of some matches, over that of the middle rows."""
@@ -68,8 +90,14 @@ def shutter_of(
     Raises
     ------
     InputError
-        For a time that is none, without ``interval_s``, or a camera without the images' size.
+        For points or a time that are none, without ``interval_s``, or a camera without the images'
+        size.
     """
+    if readout_s is None and interval_s is None:
+        return None
+    check_camera("camera0", camera)
+    points0 = checked_rows("points0", points0, (2,))
+    points1 = checked_rows("points1", points1, (2,), rows=len(points0))
     sigma_s = 0.0
     if readout_s is None:
         if interval_s is None or camera.readout_s is None:
@@ -91,6 +119,7 @@ def shutter_of(
         return None
     if camera.size is None:
         raise InputError("expected one with its size: its height tells the rows", field="camera0")
-    last = max(camera.size[1] - 1, 1)
-    phases = (np.asarray(points, np.float64)[:, 1] / last - 0.5 for points in (points0, points1))
-    return Shutter(float(readout_s / interval_s), float(sigma_s / interval_s), *phases)
+    per_px = 1.0 / max(camera.size[1] - 1, 1)
+    phase0, phase1 = (points[:, 1] * per_px - 0.5 for points in (points0, points1))
+    share, sigma = float(readout_s / interval_s), float(sigma_s / interval_s)
+    return Shutter(share, sigma, phase0, phase1, per_px)

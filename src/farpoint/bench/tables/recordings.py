@@ -71,6 +71,7 @@ class _Run:
     path_s: float
 
     def cells(self) -> tuple[Cell, ...]:
+        """Of the recording's row, from its errors on."""
         known = np.isfinite(self.samples.truth[:, 0, 0])
         found, truth = self.samples.world_from_cam[known], self.samples.truth[known]
         length, ate, drift = path_length(truth), math.nan, math.nan

@@ -174,6 +174,7 @@ def _yaml_loader() -> type[Any]:
 
     class Loader(yaml.BaseLoader):
         def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+            """As the base class does, but no key may stand twice with different values."""
             found = super().construct_mapping(node, deep=deep)
             if len(found) < len(node.value):
                 pairs = (

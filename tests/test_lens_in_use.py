@@ -1,0 +1,74 @@
+"""Lens and shutter that motions are estimated with: as given, until the path finds others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from farpoint.camera import Camera
+from farpoint.odometry.lens_in_use import LensInUse
+from farpoint.path.lens import LensEstimate
+from farpoint.path.options import LensRefinementOptions
+
+CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
+INTERVAL_S = 1.0 / 30.0
+
+
+def found_of(camera: Camera, *, focal: float, sigma: float, readout_s: float) -> LensEstimate:
+    """An estimate whose focal length is off by some of its prior sigmas, all known to ``sigma``."""
+    lens = LensEstimate(camera, LensRefinementOptions(), INTERVAL_S)
+    direction = np.argmax(np.abs(lens.factor[0]))
+    lens.z = focal * np.eye(lens.size)[direction]
+    lens.readout_s = readout_s
+    lens.covariance = np.diag([sigma**2] * lens.size + [0.001**2])
+    return lens
+
+
+@pytest.mark.parametrize("camera", [CAMERA, CAMERA.with_uncertainty(focal=0.03)])
+def test_a_lens_is_taken_where_it_is_plainly_another(camera):
+    in_use = LensInUse(camera, LensRefinementOptions())
+    in_use.follow(found_of(camera, focal=0.1, sigma=1.0, readout_s=0.0))
+    assert in_use.camera == camera
+    found = found_of(camera, focal=1.0, sigma=0.01, readout_s=0.0)
+    in_use.follow(found)
+    assert in_use.camera.model == found.found().model
+    assert in_use.camera.model != camera.model
+
+
+def test_what_is_left_of_a_doubt_that_was_given_counts_and_no_other():
+    exact = LensInUse(CAMERA, LensRefinementOptions())
+    exact.follow(found_of(CAMERA, focal=1.0, sigma=0.01, readout_s=0.0))
+    assert exact.camera.uncertainty is None
+    given = CAMERA.with_uncertainty(focal=0.03)
+    unsure = LensInUse(given, LensRefinementOptions())
+    unsure.follow(found_of(given, focal=1.0, sigma=0.01, readout_s=0.0))
+    sigma = unsure.camera.parameter_sigmas()["fx"]
+    assert sigma == pytest.approx(0.01 * given.parameter_sigmas()["fx"])
+
+
+def test_a_shutter_is_global_until_its_read_out_stands_out():
+    in_use = LensInUse(CAMERA, LensRefinementOptions())
+    assert in_use.interval_s(INTERVAL_S) is None
+    in_use.follow(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.002))
+    assert in_use.camera.readout_s is None
+    in_use.follow(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.02))
+    assert (in_use.camera.readout_s, in_use.camera.readout_sigma_s) == pytest.approx((0.02, 0.001))
+    assert in_use.interval_s(INTERVAL_S) == INTERVAL_S
+    # A frame is not read for longer than until the next one: its time stamp is off.
+    assert in_use.interval_s(0.01) == pytest.approx(0.02)
+    assert in_use.interval_s(0.0) is None
+
+
+@pytest.mark.parametrize(
+    ("camera", "options"),
+    [
+        (CAMERA.with_readout(0.01), LensRefinementOptions()),
+        (CAMERA, LensRefinementOptions(readout_ms=10.0)),
+    ],
+)
+def test_a_read_out_that_was_given_stays(camera, options):
+    in_use = LensInUse(camera, options)
+    in_use.follow(found_of(replace(camera, readout_s=None), focal=0.0, sigma=1.0, readout_s=0.02))
+    assert in_use.camera.readout_s == pytest.approx(0.01)
