@@ -113,6 +113,10 @@ class Demo:
         )
 
 
+_INSIDE = "in 95 of 100 frames the true place is inside the ellipse around it"
+# A hand's velocities are not constant from frame to frame, which two views take them to be.
+_INSIDE_BY_HAND = """in how many frames the true place is inside the ellipse around it,
+the row "direction" above tells: a hand that shakes makes it less than the 95 of 100 it should be"""
 _IN_THE_BEND = """In the bend the 1-sigma of the direction rises: farpoint is less sure there, and
 says so. """
 
@@ -126,7 +130,7 @@ def _what_to_look_at(out: Path, output: OutputOptions, handheld: bool) -> str:
 Open {out / "overlay.mp4"}: points so far away that only the rotation moves them are
 {far}, points that carry the translation {near}. On the right the rotation is taken out: what
 is left of the flow points away from the circle with the cross, the epipole. The camera
-travels there; in 95 of 100 frames the true place is inside the ellipse around it.""")
+travels there; {_INSIDE_BY_HAND if handheld else _INSIDE}.""")
     if output.report:
         bend = "" if handheld else _IN_THE_BEND
         words.append(f"""
