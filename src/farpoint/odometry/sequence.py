@@ -30,15 +30,15 @@ from farpoint.pose import (
     RelativePose,
     RelativePoseOptions,
     TrackLabel,
-    estimate_relative_pose,
     failed_pose,
 )
+from farpoint.pose.moving_fit import MovingFit
 from farpoint.pose.patches import patches_of
+from farpoint.pose.relative_pose import estimate_from, rough_motion, search_motion
 from farpoint.tracks import Tracker, Tracks, grey_size
 
 __all__ = ["Odometry"]
 
-_ENOUGH_TRACKS = 200  # for a first estimate of a motion
 _FRAMES = 1_000_000  # whose tracks are dealt each in its own way, for a seed
 
 
@@ -255,8 +255,16 @@ class Odometry:
         tracks = self._tracker.match(image, self._prediction(reference))
         matched = time.perf_counter()
         seconds = timestamp - reference.timestamp
-        tracks = self._without_perspective(tracks)
-        pose = self._estimate(tracks.points0, tracks.points1, tracks.covariance_px2, seconds)
+        tracks, searched = self._without_perspective(tracks)
+        pose = self._estimate_by(
+            self._lens.camera,
+            self._pose_options(),
+            seconds,
+            tracks.points0,
+            tracks.points1,
+            tracks.covariance_px2,
+            searched,
+        )
         self._half_ratios.add(pose.stats.half_ratio)
         estimated = time.perf_counter()
         if pose.status is not PoseStatus.FAILED:
@@ -288,28 +296,30 @@ class Odometry:
         self.seconds["path"] += strung - estimated
         return self._result(reference, index, timestamp, pose, tracks, point)
 
-    def _without_perspective(self, tracks: Tracks) -> Tracks:
-        """Tracks corrected by a first estimate of the motion, which need not be exact, nor sure."""
-        some = slice(None, None, max(-(-len(tracks) // _ENOUGH_TRACKS), 1))
-        rough = estimate_relative_pose(
-            tracks.points0[some],
-            tracks.points1[some],
-            self._lens.camera.with_uncertainty(),
-            options=replace(self.options.pose, count_sharing=False, half_deals=0),
-            seed=self.options.seed,
+    def _without_perspective(self, tracks: Tracks) -> tuple[Tracks, MovingFit | None]:
+        """Tracks corrected by a first estimate of the motion, and that estimate."""
+        if not self.options.pose.refine:
+            return tracks, None
+        start = search_motion(
+            tracks.points0,
+            tracks.points1,
+            self._lens.camera,
+            0.5 * tracks.covariance_px2,
+            self.options.pose,
+            self.options.seed,
         )
-        if rough.rotation_cam1_from_cam0 is None:
-            return tracks
-        return without_perspective(
-            tracks, self._lens.camera, rough.rotation_cam1_from_cam0, rough.direction_cam1_from_cam0
-        )
+        if start is None:
+            return tracks, None
+        motion = rough_motion(start, self.options.pose)
+        return without_perspective(tracks, self._lens.camera, *motion), start
 
     def _estimate(
         self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray, seconds: float
     ) -> RelativePose:
-        """The motion behind `Tracks`, given as arrays so that parts of them can be given."""
+        """The motion behind `Tracks`, for the path: given as arrays so that parts can be given."""
+        options = replace(self._pose_options(), half_deals=0)
         return self._estimate_by(
-            self._lens.camera, self._pose_options(), seconds, points0, points1, covariance_px2
+            self._lens.camera, options, seconds, points0, points1, covariance_px2
         )
 
     def _pose_options(self) -> RelativePoseOptions:
@@ -328,19 +338,23 @@ class Odometry:
         points0: np.ndarray,
         points1: np.ndarray,
         covariance_px2: np.ndarray,
+        start: MovingFit | None = None,
     ) -> RelativePose:
-        """The motion by a camera."""
+        """The motion by a camera, without a search where one has led to a ``start``."""
         # The covariance is that of the displacement: each end carries half of it.
         half_px2 = 0.5 * covariance_px2
-        return estimate_relative_pose(
+        return estimate_from(
+            start,
             points0,
             points1,
             camera,
-            options=options,
-            seed=self.options.seed,
-            covariance0_px2=half_px2,
-            covariance1_px2=half_px2,
-            interval_s=self._lens.interval_s(seconds),
+            camera,
+            half_px2,
+            half_px2,
+            options,
+            self.options.seed,
+            None,
+            self._lens.interval_s(seconds),
         )
 
     def _prediction(self, reference: _Reference) -> Callable[[np.ndarray], np.ndarray] | None:

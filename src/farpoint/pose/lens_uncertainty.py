@@ -19,7 +19,7 @@ import scipy
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
-from farpoint.geometry.sphere import tangent_basis
+from farpoint.geometry.sphere import normalize, tangent_basis
 from farpoint.pose.result import PoseStatus, RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter
 
@@ -33,6 +33,9 @@ _STEPS = 10
 
 _NEGLIGIBLE = 0.01
 """Step of an error of the lens, in its sigmas, that ends them (convention)."""
+
+_LINEAR = 0.5
+"""Change of an error of the lens, in its sigmas, up to which rays are linear in it."""
 
 _DOF = 5.0
 """Degrees of freedom of the t distribution of what a rotation leaves: heavy tails (convention)."""
@@ -110,6 +113,10 @@ class _Rays(NamedTuple):
     rays: np.ndarray
     by_pixel: np.ndarray
     by_lens: np.ndarray
+
+    def by_error(self, z: np.ndarray) -> _Rays:
+        """Those of lenses with errors (r,), to first order."""
+        return self._replace(rays=normalize(self.rays + self.by_lens @ z))
 
 
 class _Lenses(NamedTuple):
@@ -252,7 +259,7 @@ class _Flow(NamedTuple):
         """Without the rotation ``R`` (3, 3), camera 1 from camera 0."""
         a, b = rays0.rays @ R.T, rays1.rays
         basis = tangent_basis(b).transpose(0, 2, 1)
-        crossed = np.stack([np.cross(a, axis) for axis in np.eye(3)], axis=2)
+        crossed = np.cross(a[:, None], np.eye(3)).transpose(0, 2, 1)
         noise = np.sum(rays1.by_pixel**2, axis=(1, 2)) + np.sum(rays0.by_pixel**2, axis=(1, 2))
         return cls(
             left=np.einsum("nki,ni->nk", basis, b - a),
@@ -269,7 +276,7 @@ def _explained_by_a_rotation(
 
     None where most of the matches contradict a rotation through every lens. The maximum over
     ``dtheta`` and ``z`` of a likelihood with heavy tails (the points that carry translation) and
-    of the prior of ``z``, by Gauss-Newton.
+    of the prior of ``z``, by Gauss-Newton; near where they were taken, rays are linear in ``z``.
     """
     R, noise_px = pose.rotation_cam1_from_cam0, pose.noise_px
     assert R is not None
@@ -277,8 +284,12 @@ def _explained_by_a_rotation(
     z = np.zeros(lenses.factors[0].shape[1])
     prior = np.diag([0.0] * 3 + [1.0] * len(z))
     farthest2 = float(scipy.special.chdtri(float(len(z)), rate))
+    contradicts2 = float(scipy.special.chdtri(2.0, rate))
+    taken, rays = z, lenses.rays(*views, rows, z)
     for _ in range(_STEPS):
-        flow = _Flow.of(R, *lenses.rays(*views, rows, z))
+        if float(np.abs(z - taken).max(initial=0.0)) > _LINEAR:
+            taken, rays = z, lenses.rays(*views, rows, z)
+        flow = _Flow.of(R, *(each.by_error(z - taken) for each in rays))
         by_x = np.concatenate([flow.by_rotation, flow.by_lens], axis=2)
         scale = 1.0 / (noise_px * np.sqrt(flow.variance))
         left, by_x = flow.left * scale[:, None], by_x * scale[:, None, None]
@@ -287,10 +298,12 @@ def _explained_by_a_rotation(
         left, by_x = left[seen], by_x[seen]
         distance2 = np.sum(left**2, axis=1)
         weight = (_DOF + 2.0) / (_DOF + distance2)
-        H = np.einsum("n,nki,nkj->ij", weight, by_x, by_x) + prior
-        g = np.einsum("n,nki,nk->i", weight, by_x, left) + prior @ np.concatenate([np.zeros(3), z])
+        rows_by_x = by_x.reshape(-1, len(prior))
+        weighted = rows_by_x * np.repeat(weight, 2)[:, None]
+        H = weighted.T @ rows_by_x + prior
+        g = weighted.T @ left.reshape(-1) + prior @ np.concatenate([np.zeros(3), z])
         step = -np.linalg.pinv(H, hermitian=True) @ g
-        if np.median(np.sum((left + by_x @ step) ** 2, axis=1)) > scipy.special.chdtri(2.0, rate):
+        if np.median(np.sum((left + by_x @ step) ** 2, axis=1)) > contradicts2:
             return None
         R, z = so3.exp(step[:3]) @ R, z + step[3:]
         z = z * min(1.0, np.sqrt(farthest2 / max(float(z @ z), 1e-300)))

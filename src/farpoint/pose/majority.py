@@ -34,6 +34,9 @@ LEAST_NOISE = 0.1
 PROBABLE = 1.4826
 # Share of the variance that is its own at the least: two of one point share all of it.
 LEAST_OWN = 0.05
+# Correlation that a split into two motions leaves of its matches' residuals, at the most: errors that
+# are smooth over the image, of a shutter or a lens, are so on either side of any split.
+EXPLAINED = 0.5 * BETWEEN
 # Noise that is believed while the motion of most is searched for, over what each match has of its
 # own, and then: what neighbours differ by is more where they belong to two motions.
 NARROW, BELIEVED = 0.2, (1.0, 0.5, 0.25, 0.125)
@@ -76,7 +79,9 @@ def majority_motion(
         if _is_apart(off, BAND_SIGMA * math.sqrt(share * own)):
             found = refit_moving(matches.with_noise_up_to(share * own), narrow)
             is_of_most = found.agreeing > LEAST_SHARE * fit.agreeing
-            return replace(found, between=fit.coherence) if is_of_most else fit
+            if is_of_most and found.coherence < EXPLAINED:
+                return replace(found, between=fit.coherence)
+            break
     found = refit_moving(matches, narrow)
     return found if is_plainly_likelier(found, fit) else fit
 

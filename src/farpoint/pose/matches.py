@@ -43,6 +43,7 @@ DOUBT = 4.0
 
 __all__ = [
     "Matches",
+    "PixelMatches",
     "check_camera",
     "checked_rows",
     "matches_from_points",
@@ -134,6 +135,10 @@ class Matches:
         total = len(self)
         return self if total <= most else self.select(np.arange(most) * total // most)
 
+    def used(self, labels: np.ndarray) -> np.ndarray:
+        """Rows, of what the user gave, of the matches whose label (N,) is not 0."""
+        return self.index[np.flatnonzero(labels)]
+
     def that_share(self, sharing: float, *, in_doubt: bool) -> Matches:
         """The matches with noise of which they share some, and which then may be misstated."""
         return replace(self, doubt=DOUBT if in_doubt else self.doubt, sharing=sharing)
@@ -174,6 +179,88 @@ class Matches:
         return panels.transpose(0, 2, 1).reshape(-1, end - first)[: len(self)]
 
 
+Unrolled = Callable[[int, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Others of the rays (N, 3) of image 0 or 1, and of their derivatives by the pixel (N, 3, 2)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PixelMatches:
+    """Matching pixels and what cameras see there.
+
+    Attributes
+    ----------
+    rays : tuple of ndarray, shape (N, 3)
+        Unit rays of each image.
+    by_pixel : tuple of ndarray, shape (N, 3, 2)
+        Their derivatives.
+    covariances : tuple of ndarray, shape (N, 2, 2) or (1, 2, 2)
+        Of the pixels, over their common median variance.
+    min_variance : float
+        Smaller noise of a good match is not believed.
+    """
+
+    rays: tuple[np.ndarray, np.ndarray]
+    by_pixel: tuple[np.ndarray, np.ndarray]
+    covariances: tuple[np.ndarray, np.ndarray]
+    min_variance: float
+
+    @classmethod
+    def of(
+        cls,
+        points0: np.ndarray,
+        points1: np.ndarray,
+        camera0: Camera,
+        camera1: Camera,
+        covariance0_px2: np.ndarray | None = None,
+        covariance1_px2: np.ndarray | None = None,
+    ) -> PixelMatches:
+        """Unproject pixels (N, 2) with their noise, (N, 2, 2) px^2 up to a common factor.
+
+        An image without covariances has isotropic noise of the median variance of the other.
+        """
+        check_camera("camera0", camera0)
+        check_camera("camera1", camera1)
+        points0 = checked_rows("points0", points0, (2,))
+        points1 = checked_rows("points1", points1, (2,), rows=len(points0))
+        covariances = _covariances(len(points0), covariance0_px2, covariance1_px2)
+        if camera0 is camera1:
+            rays, by_pixel = _rays_of(camera0, np.concatenate((points0, points1)))
+            n = len(points0)
+            seen = (rays[:n], by_pixel[:n]), (rays[n:], by_pixel[n:])
+        else:
+            seen = _rays_of(camera0, points0), _rays_of(camera1, points1)
+        (rays0, by_pixel0), (rays1, by_pixel1) = seen
+        return cls(
+            rays=(rays0, rays1),
+            by_pixel=(by_pixel0, by_pixel1),
+            covariances=covariances,
+            min_variance=max(rounding_variance(points0, points1), MIN_VARIANCE),
+        )
+
+    def matches(self, unrolled: Unrolled | None = None) -> Matches:
+        """As the estimator takes them, with rays that are ``unrolled``."""
+        seen = tuple(zip(self.rays, self.by_pixel, strict=True))
+        if unrolled is not None:
+            seen = unrolled(0, *seen[0]), unrolled(1, *seen[1])
+        (rays0, by_pixel0), (rays1, by_pixel1) = seen
+
+        def packed(first: np.ndarray, second: np.ndarray) -> Matches:
+            noise, least = (first, second), LEAST_RAD_PER_PX**2
+            matches = _pack(rays0, rays1, by_pixel0, by_pixel1, noise, least, "px")
+            # Made anew only for those on a grid, as few are.
+            same = self.min_variance == MIN_VARIANCE
+            return matches if same else replace(matches, min_variance=self.min_variance)
+
+        def with_floor(floor: float) -> Matches:
+            return packed(*((C + floor * ISOTROPIC) / (1.0 + floor) for C in self.covariances))
+
+        matches = packed(*self.covariances)
+        if self.covariances[0] is ISOTROPIC and self.covariances[1] is ISOTROPIC:
+            return matches
+        alike = partial(packed, ISOTROPIC, ISOTROPIC)
+        return replace(matches, told=Told(alike=alike, with_floor=with_floor))
+
+
 def matches_from_points(
     points0: np.ndarray,
     points1: np.ndarray,
@@ -181,48 +268,10 @@ def matches_from_points(
     camera1: Camera,
     covariance0_px2: np.ndarray | None = None,
     covariance1_px2: np.ndarray | None = None,
-    seen: Callable[[int, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> Matches:
-    """Unproject pixels (N, 2) with their noise, (N, 2, 2) px^2 up to a common factor.
-
-    An image without covariances has isotropic noise of the median variance of the other. ``seen``
-    makes others of the rays (N, 3) of image 0 or 1, and their derivatives by the pixel (N, 3, 2).
-    """
-    check_camera("camera0", camera0)
-    check_camera("camera1", camera1)
-    points0 = checked_rows("points0", points0, (2,))
-    points1 = checked_rows("points1", points1, (2,), rows=len(points0))
-    covariances = _covariances(len(points0), covariance0_px2, covariance1_px2)
-    if camera0 is camera1:
-        rays, factors = _rays_of(camera0, np.concatenate((points0, points1)))
-        n = len(points0)
-        (rays0, rays1), (factors0, factors1) = (rays[:n], rays[n:]), (factors[:n], factors[n:])
-    else:
-        (rays0, factors0), (rays1, factors1) = (
-            _rays_of(camera0, points0),
-            _rays_of(camera1, points1),
-        )
-
-    if seen is not None:
-        (rays0, factors0), (rays1, factors1) = seen(0, rays0, factors0), seen(1, rays1, factors1)
-    first, second = covariances
-    min_variance = max(rounding_variance(points0, points1), MIN_VARIANCE)
-
-    def packed(first: np.ndarray, second: np.ndarray) -> Matches:
-        noise, least = (first, second), LEAST_RAD_PER_PX**2
-        matches = _pack(rays0, rays1, factors0, factors1, noise, least, "px")
-        # Made anew only for those on a grid, as few are.
-        same = min_variance == MIN_VARIANCE
-        return matches if same else replace(matches, min_variance=min_variance)
-
-    def with_floor(floor: float) -> Matches:
-        return packed(*((C + floor * ISOTROPIC) / (1.0 + floor) for C in covariances))
-
-    matches = packed(first, second)
-    if first is ISOTROPIC and second is ISOTROPIC:
-        return matches
-    alike = partial(packed, ISOTROPIC, ISOTROPIC)
-    return replace(matches, told=Told(alike=alike, with_floor=with_floor))
+    """As `PixelMatches.of`, of global shutters."""
+    given = points0, points1, camera0, camera1, covariance0_px2, covariance1_px2
+    return PixelMatches.of(*given).matches()
 
 
 def _rays_of(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from farpoint._kernels.noise_floor import floor_likelihoods
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit, judge
 
@@ -38,16 +39,7 @@ def noise_floor(matches: Matches, fit: MovingFit) -> float:
         return 0.0
     squares = judge(matches.told.alike(), fit)[0, right] ** 2
     # The same residual, once in units of the same noise for all and once of that told of it.
-    variances = squares / told[right] ** 2 + FLOORS[:, None]
-    factor = np.mean(squares / variances, axis=1, keepdims=True)
-    for _ in range(ROUNDS):  # EM
-        scaled = squares / (factor * variances)
-        factor *= np.mean((FREEDOM + 1.0) / (FREEDOM + scaled) * scaled, axis=1, keepdims=True)
-    factor = np.maximum(factor, 1e-300)
-    scaled = squares / (factor * variances)
-    log_likelihood = -np.sum(
-        0.5 * np.log(factor * variances) + 0.5 * (FREEDOM + 1.0) * np.log1p(scaled / FREEDOM),
-        axis=1,
-    )
+    variances = squares / told[right] ** 2
+    log_likelihood = floor_likelihoods(squares, variances, FLOORS, FREEDOM, ROUNDS)
     # Of those as likely but for rounding, the least: the same noise told of all has no floor.
     return float(FLOORS[np.argmax(np.round(log_likelihood, 6))])

@@ -4,7 +4,6 @@ both refined together, and a verdict on what the matches can tell.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -22,8 +21,8 @@ from farpoint.pose.conclusion import Course, failed_pose
 from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.lens_uncertainty import View, with_lens_uncertainty
 from farpoint.pose.majority import BETWEEN, majority_motion
-from farpoint.pose.matches import Matches, matches_from_points, matches_from_rays
-from farpoint.pose.moving_fit import fit_moving, refit_moving
+from farpoint.pose.matches import Matches, PixelMatches, matches_from_rays
+from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
 from farpoint.pose.neighbours import doubt_where_alike
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
@@ -32,12 +31,17 @@ from farpoint.pose.quieter import quieter_motion
 from farpoint.pose.result import RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter, shutter_of
 from farpoint.pose.stuck import without_stuck
-from farpoint.pose.turning_fit import turning_when_asked
+from farpoint.pose.turning_fit import fit_turning, turning_when_asked
 from farpoint.pose.verdict import is_plainly_translating, shown_translation
 
-__all__ = ["estimate_relative_pose", "estimate_relative_pose_from_rays"]
+__all__ = [
+    "estimate_from",
+    "estimate_relative_pose",
+    "estimate_relative_pose_from_rays",
+    "rough_motion",
+    "search_motion",
+]
 
-_ROUGH = 200  # matches for a first estimate of a motion under a rolling shutter
 _MOST_PASSES = 4
 _CLOSE = 0.1  # sigma: no pass changes more
 # Five matches fix a motion; a consensus needs a few more that could have disagreed.
@@ -107,28 +111,83 @@ def estimate_relative_pose(
     >>> estimate_relative_pose(np.empty((0, 2)), np.empty((0, 2)), camera).status
     <PoseStatus.FAILED: 'FAILED'>
     """
-    chosen = options or DEFAULTS
-    second = camera1 or camera0
+    given = points0, points1, camera0, camera1 or camera0, covariance0_px2, covariance1_px2
+    return estimate_from(None, *given, options or DEFAULTS, seed, readout_s, interval_s)
 
-    def by(camera0: Camera, camera1: Camera, shutter: Shutter | None) -> RelativePose:
+
+def estimate_from(
+    start: MovingFit | None,
+    points0: np.ndarray,
+    points1: np.ndarray,
+    camera0: Camera,
+    camera1: Camera,
+    covariance0_px2: np.ndarray | None,
+    covariance1_px2: np.ndarray | None,
+    options: RelativePoseOptions,
+    seed: int,
+    readout_s: float | None,
+    interval_s: float | None,
+) -> RelativePose:
+    """As `estimate_relative_pose`, without a search where one has led to this ``start``.
+
+    That of the same matches, before their pixels were corrected.
+    """
+
+    def by(
+        options: RelativePoseOptions, camera0: Camera, camera1: Camera, shutter: Shutter | None
+    ) -> RelativePose:
         """The motion through these lenses and this shutter."""
 
-        def seen(theta: np.ndarray | None) -> Matches:
-            unrolled = None
-            if shutter is not None and theta is not None:
-                unrolled = partial(shutter.unrolled, theta)
-            return matches_from_points(
-                points0, points1, camera0, camera1, covariance0_px2, covariance1_px2, unrolled
-            )
-
+        pixels = PixelMatches.of(
+            points0, points1, camera0, camera1, covariance0_px2, covariance1_px2
+        )
         if shutter is None or shutter.share == 0.0:
-            return _estimate(seen(None), chosen.matching_tolerance_px, chosen, seed)
-        return _rolling(shutter, seen, chosen, seed)
+            tolerance = options.matching_tolerance_px
+            return _estimate(pixels.matches(), tolerance, options, seed, start)
+        return _rolling(shutter, pixels, options, seed, start)
 
     shutter = shutter_of(camera0, points0, points1, readout_s, interval_s)
-    pose = by(camera0, second, shutter)
-    views = View(points0, camera0), View(points1, second)
-    return with_lens_uncertainty(pose, *views, shutter, by, chosen.false_alarm_rate)
+    pose = by(options, camera0, camera1, shutter)
+    views = View(points0, camera0), View(points1, camera1)
+    undealt = partial(by, replace(options, half_deals=0))
+    return with_lens_uncertainty(pose, *views, shutter, undealt, options.false_alarm_rate)
+
+
+def search_motion(
+    points0: np.ndarray,
+    points1: np.ndarray,
+    camera: Camera,
+    covariance_px2: np.ndarray | None,
+    options: RelativePoseOptions,
+    seed: int,
+) -> MovingFit | None:
+    """The motion that a search finds of matches by one camera; None of too few.
+
+    ``covariance_px2`` (N, 2, 2) is that of a point in each image.
+    """
+    noise = covariance_px2, covariance_px2
+    pixels = PixelMatches.of(points0, points1, camera, camera, *noise)
+    return _searched(pixels.matches(), options, seed)
+
+
+def rough_motion(
+    fit: MovingFit, options: RelativePoseOptions
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Rotation, cam1_from_cam0, and direction of a motion that was searched for, if it is shown."""
+    if is_plainly_translating(fit):
+        return fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    matches, tolerance = fit.matches, options.matching_tolerance_px
+    turned = fit_turning(matches, fit.far_rotation_cam1_from_cam0, tolerance)
+    if shown_translation(matches, fit, turned, options.false_alarm_rate) >= 1.0:
+        return fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    return turned.R_cam1_from_cam0, None
+
+
+def _searched(matches: Matches, options: RelativePoseOptions, seed: int) -> MovingFit | None:
+    if len(matches) < MIN_MATCHES:
+        return None
+    with AnnouncedCompilation(fit_motion):
+        return fit_moving(matches, options.matching_tolerance_px, options, _random_state(seed))
 
 
 def estimate_relative_pose_from_rays(
@@ -151,9 +210,10 @@ def estimate_relative_pose_from_rays(
 
 def _rolling(
     shutter: Shutter,
-    seen: Callable[[np.ndarray | None], Matches],
+    pixels: PixelMatches,
     options: RelativePoseOptions,
     seed: int,
+    start: MovingFit | None,
 ) -> RelativePose:
     """The motion whose own rotation, undone in each row, leads to itself.
 
@@ -161,19 +221,35 @@ def _rolling(
     of the time between the rows. That all matches have in common is taken out (Newton); what is
     left shrinks by its spread in every pass.
     """
-    tolerance, theta = options.matching_tolerance_px, np.zeros(3)
-    rough = replace(options, count_sharing=False, half_deals=0)
-    found = _estimate(seen(None).some(_ROUGH), tolerance, rough, seed)
-    if found.rotation_cam1_from_cam0 is not None:
-        theta, _ = _unrolled(shutter, found, theta)
     spread = abs(shutter.share) * float(np.std(shutter.phase1 - shutter.phase0))
+
+    def is_settled(before: np.ndarray, theta: np.ndarray, noise: float, matches: Matches) -> bool:
+        # Of a rotation that all matches tell: what is stated is larger where two motions are met.
+        sigma = noise / float(np.sqrt(np.sum(matches.precision)))
+        return spread * float(np.linalg.norm(theta - before)) <= _CLOSE * sigma
+
+    theta = np.zeros(3)
+    if options.refine:
+        start = start or _searched(pixels.matches(), options, seed)
+    if start is not None:
+        theta, _ = _unrolled(
+            shutter, start.R_cam1_from_cam0, start.matches.used(start.labels), theta
+        )
+        for _ in range(_MOST_PASSES):
+            matches = pixels.matches(partial(shutter.unrolled, theta))
+            start = refit_moving(matches, start)
+            used = matches.used(start.labels)
+            before, (theta, _) = theta, _unrolled(shutter, start.R_cam1_from_cam0, used, theta)
+            if is_settled(before, theta, start.noise.sigma / _CLOSE, matches):
+                break  # what is left of it the next estimate finds
     for _ in range(_MOST_PASSES):
-        matches = seen(theta)
-        pose = _estimate(matches, tolerance, options, seed)
-        R_covariance, C = pose.rotation_covariance, pose.covariance
-        if R_covariance is None:
+        matches = pixels.matches(partial(shutter.unrolled, theta))
+        pose = _estimate(matches, options.matching_tolerance_px, options, seed, start)
+        R, R_covariance, C = pose.rotation_cam1_from_cam0, pose.rotation_covariance, pose.covariance
+        if R is None or R_covariance is None:
             return pose
-        before, (theta, time_between) = theta, _unrolled(shutter, pose, theta)
+        used = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
+        before, (theta, time_between) = theta, _unrolled(shutter, R, used, theta)
         # The rows of a match see the rotation of the time between them.
         by_time = np.diag([1.0 / time_between] * 3 + [1.0, 1.0])
         found = replace(
@@ -183,24 +259,29 @@ def _rolling(
             covariance=None if C is None else by_time @ C @ by_time,
         )
         assert pose.noise_px is not None
-        # Of a rotation that all matches tell: what is stated is larger where two motions are met.
-        sigma = pose.noise_px / float(np.sqrt(np.sum(matches.precision)))
-        if spread * float(np.linalg.norm(theta - before)) <= _CLOSE * sigma:
+        if is_settled(before, theta, pose.noise_px, matches):
             break
     return found
 
 
-def _unrolled(shutter: Shutter, pose: RelativePose, theta: np.ndarray) -> tuple[np.ndarray, float]:
-    """Rotation vector of a motion that was estimated with ``theta`` undone, and rows' mean time."""
-    assert pose.rotation_cam1_from_cam0 is not None
-    used = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
+def _unrolled(
+    shutter: Shutter, R_cam1_from_cam0: np.ndarray, used: np.ndarray, theta: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Rotation vector of a motion that was estimated with ``theta`` undone, and rows' mean time.
+
+    By the matches ``used``, indices.
+    """
     time_between = shutter.time_between(used)
-    found = so3.log(pose.rotation_cam1_from_cam0)
+    found = so3.log(R_cam1_from_cam0)
     return (found + (time_between - 1.0) * theta) / time_between, time_between
 
 
 def _estimate(
-    matches: Matches, tolerance: float, options: RelativePoseOptions, seed: int
+    matches: Matches,
+    tolerance: float,
+    options: RelativePoseOptions,
+    seed: int,
+    start: MovingFit | None = None,
 ) -> RelativePose:
     course = Course()
     if len(matches) < MIN_MATCHES:
@@ -211,7 +292,7 @@ def _estimate(
             course,
         )
     with AnnouncedCompilation(fit_motion):
-        return _find(matches, tolerance, options, _random_state(seed), course)
+        return _find(matches, tolerance, options, _random_state(seed), course, start)
 
 
 def _find(
@@ -220,11 +301,15 @@ def _find(
     options: RelativePoseOptions,
     state: np.ndarray,
     course: Course,
+    start: MovingFit | None,
 ) -> RelativePose:
     if not options.refine:
         rotation = far_rotation(matches, tolerance, state)
         return estimate_closed_form(matches, rotation, tolerance, options, state, course)
-    moving = fit_moving(matches, tolerance, options, state)
+    if start is None:
+        moving = fit_moving(matches, tolerance, options, state)
+    else:
+        moving = refit_moving(matches, start)
     course.iterations = moving.iterations
     moving = overlooked_motion(matches, moving, tolerance, state)
     course.lap("search_s")

@@ -23,6 +23,8 @@ from farpoint.pose.matches import check_camera, checked_rows
 
 __all__ = ["Shutter", "shutter_of"]
 
+_LEAST_ANGLE = 1e-300
+
 
 class Shutter(NamedTuple):
     """Read-out time over the time between two views, and when the rows of the matches are read.
@@ -47,7 +49,10 @@ class Shutter(NamedTuple):
 
     def turns(self, theta: np.ndarray, image: int) -> np.ndarray:
         """What undoes, in each row of image 0 or 1, its share of a rotation vector (N, 3, 3)."""
-        return so3.exp((-self.share * self.phases(image))[:, None] * theta)
+        angle = float(np.linalg.norm(theta))
+        K = so3.skew(theta / max(angle, _LEAST_ANGLE))
+        angles = (-self.share * angle * self.phases(image))[:, None, None]
+        return np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * (K @ K)
 
     def phases(self, image: int) -> np.ndarray:
         """Of the rows (N,) in image 0 or 1."""
@@ -62,7 +67,7 @@ class Shutter(NamedTuple):
         be seen that much later, too.
         """
         turns = self.turns(theta, image)
-        rays, by_pixel = np.einsum("nij,nj->ni", turns, rays), turns @ by_pixel
+        rays, by_pixel = (turns @ rays[:, :, None])[:, :, 0], turns @ by_pixel
         by_pixel[:, :, 1] -= self.share * self.phase_per_px * np.cross(theta, rays)
         return rays, by_pixel
 

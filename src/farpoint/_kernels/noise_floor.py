@@ -1,0 +1,54 @@
+"""How likely residuals are, for each of some floors of their variance."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+__all__ = ["floor_likelihoods"]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def floor_likelihoods(
+    squares: np.ndarray, variances: np.ndarray, floors: np.ndarray, freedom: float, rounds: int
+) -> np.ndarray:
+    """Log likelihood of residuals by Student's distribution, for each floor.
+
+    Parameters
+    ----------
+    squares : ndarray, shape (N,)
+        Of the residuals.
+    variances : ndarray, shape (N,)
+        As given, up to a common factor, which EM estimates in so many ``rounds``.
+    floors : ndarray, shape (F,)
+        What is added to each.
+    freedom : float
+        Degrees of freedom of the distribution.
+
+    Returns
+    -------
+    ndarray, shape (F,)
+    """
+    likelihoods = np.empty(len(floors))
+    n = len(squares)
+    ratios = np.empty(n)
+    for k in range(len(floors)):
+        factor = 0.0
+        for i in range(n):
+            ratios[i] = squares[i] / (variances[i] + floors[k])
+            factor += ratios[i] / n
+        for _ in range(rounds):
+            mean = 0.0
+            for i in range(n):
+                scaled = ratios[i] / factor
+                mean += (freedom + 1.0) / (freedom + scaled) * scaled
+            factor *= mean / n
+        factor = max(factor, 1e-300)
+        total = 0.0
+        for i in range(n):
+            total += math.log(factor * (variances[i] + floors[k]))
+            total += (freedom + 1.0) * math.log1p(ratios[i] / factor / freedom)
+        likelihoods[k] = -0.5 * total
+    return likelihoods
