@@ -23,6 +23,7 @@ from farpoint.pose.moving_fit import MovingFit
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.rivals import Held, doubt_between, hold_against_rivals, likelier_of_plane
+from farpoint.pose.one_object import is_one_object
 from farpoint.pose.small import rotation_vector
 from farpoint.pose.turning_fit import TurningFit
 from farpoint.pose.verdict import is_motion
@@ -32,6 +33,10 @@ __all__ = ["conclude_motion"]
 # Share of a flow too short for a direction that noise makes, about: so far towards that of a turn
 # may the rotation be.
 SHORT_OF_TURN = 0.5
+ONE_OBJECT = (
+    "All matches with parallax lie on one compact part of the image: an object that moves before a "
+    "camera that only turns explains them as well."
+)
 MOSTLY_NOISE = "The flow beyond the rotation is too short: most of it is noise."
 
 
@@ -118,6 +123,9 @@ def _untold(
     if rival is not None and not rival.is_nearby(fit):
         because = _beside(held) if fit.shows_direction else f"{_beside(held)} {MOSTLY_NOISE}"
         return Untold(because, rival.doubt_of_rotation(fit))
+    if is_one_object(fit.matches.rays0, fit.labels):
+        apart = np.array(rotation_vector(turned().R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
+        return Untold(ONE_OBJECT, doubt_between(apart, 0.5))
     is_vague = sigma > MAX_DIRECTION_SIGMA or fit.sign_probability < 1.0 - rate
     if fit.shows_direction and not is_vague:
         return None

@@ -16,22 +16,20 @@ from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.pose.as_motion import conclude_motion
 from farpoint.pose.as_turn import conclude_turn
+from farpoint.pose.candidates import likeliest_motion
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import Course, failed_pose
 from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.lens_uncertainty import View, with_lens_uncertainty
-from farpoint.pose.majority import BETWEEN, majority_motion
 from farpoint.pose.matches import Matches, PixelMatches, matches_from_rays
 from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
 from farpoint.pose.neighbours import doubt_where_alike
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS, RelativePoseOptions
-from farpoint.pose.overlooked import overlooked_motion
-from farpoint.pose.quieter import quieter_motion
 from farpoint.pose.result import RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter, shutter_of
-from farpoint.pose.stuck import without_stuck
 from farpoint.pose.turning_fit import fit_turning, turning_when_asked
+from farpoint.pose.two_motions import CORRELATED, dominant_motion, without_stationary
 from farpoint.pose.verdict import is_plainly_translating, shown_translation
 
 __all__ = [
@@ -137,7 +135,6 @@ def estimate_from(
         options: RelativePoseOptions, camera0: Camera, camera1: Camera, shutter: Shutter | None
     ) -> RelativePose:
         """The motion through these lenses and this shutter."""
-
         pixels = PixelMatches.of(
             points0, points1, camera0, camera1, covariance0_px2, covariance1_px2
         )
@@ -311,7 +308,6 @@ def _find(
     else:
         moving = refit_moving(matches, start)
     course.iterations = moving.iterations
-    moving = overlooked_motion(matches, moving, tolerance, state)
     course.lap("search_s")
     floor = noise_floor(matches, moving)
     if floor and matches.told is not None:
@@ -319,19 +315,19 @@ def _find(
         # What the search made of a plane, it did with noise that was told wrong.
         moving = replace(refit_moving(matches, moving), is_planar=True)
         course.lap("refinement_s")
-    moving = quieter_motion(matches, moving, tolerance, options, state)
+    moving = likeliest_motion(matches, moving, tolerance, options, state)
     given = len(matches)
-    matches, moving = without_stuck(matches, moving, tolerance, options, state)
+    matches, moving = without_stationary(matches, moving, tolerance, options, state)
     if len(matches) < given:
         course.remark(
             f"{given - len(matches)} matches stand still in the image: they go along with the "
             "camera, as dirt on its lens does."
         )
-    moving = majority_motion(matches, moving, tolerance, options, state)
-    if max(moving.coherence, moving.between) > BETWEEN:
+    moving = dominant_motion(matches, moving, tolerance, options, state)
+    if max(moving.coherence, moving.between) > CORRELATED:
         course.remark(
-            "Neighbouring matches are off alike: by the lens or the shutter, or some move by "
-            "themselves or were taken for the next of their kind."
+            "Residuals of neighbouring matches are correlated: lens model, rolling shutter, moving "
+            "objects or repeated structure."
         )
     if options.count_sharing:
         matches, moving = doubt_where_alike(matches, moving)

@@ -18,7 +18,7 @@ from farpoint import (
 )
 from farpoint.geometry import so3
 from farpoint.metrics import chi2_quantile
-from farpoint.pose import majority, moving_fit, relative_pose
+from farpoint.pose import moving_fit, relative_pose, two_motions
 from farpoint.pose.covariance import growth_between_patches
 from farpoint.pose.matches import Matches, matches_from_points
 from farpoint.pose.moving_fit import MovingFit
@@ -68,9 +68,9 @@ def searched_again(*_):
     raise AssertionError("searched again")
 
 
-def majority_of(matches: Matches, fit: MovingFit, tolerance: float = 1.5) -> MovingFit:
+def dominant_of(matches: Matches, fit: MovingFit, tolerance: float = 1.5) -> MovingFit:
     state = np.array([1], np.uint64)
-    return majority.majority_motion(matches, fit, tolerance, DEFAULTS, state)
+    return two_motions.dominant_motion(matches, fit, tolerance, DEFAULTS, state)
 
 
 def far_off(scenes: list[Traffic]) -> int:
@@ -87,7 +87,7 @@ def test_the_camera_moves_as_most_matches_do(monkeypatch, share, shift_px, most,
     """Of 40 poses 5, 9 and 5 are off; of the likeliest, between both motions, 10, 29 and 34."""
     scenes = [traffic(seed, share, shift_px) for seed in range(40)]
     assert far_off(scenes) <= most
-    monkeypatch.setattr(majority, "BETWEEN", 2.0)
+    monkeypatch.setattr(two_motions, "CORRELATED", 2.0)
     assert far_off(scenes) >= between
 
 
@@ -96,7 +96,7 @@ def test_what_moves_is_labelled_and_the_region_holds_the_truth():
     for seed in range(40):
         scene = traffic(seed, 0.3, 6.0)
         matches, fit = fit_of(scene.points0, scene.points1)
-        if majority_of(matches, fit) is fit:
+        if dominant_of(matches, fit) is fit:
             continue
         pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
         assert pose.status is PoseStatus.OK
@@ -113,13 +113,13 @@ def test_what_moves_is_labelled_and_the_region_holds_the_truth():
 @pytest.mark.parametrize("share", [0.0, 0.3])
 def test_noise_is_not_looked_at_again(monkeypatch, share):
     """With or without wrong matches that have nothing in common."""
-    monkeypatch.setattr(majority, "fit_quietly", searched_again)
+    monkeypatch.setattr(two_motions, "fit_quietly", searched_again)
     for seed in range(20):
         scene, rng = traffic(seed, 0.0, 0.0), np.random.default_rng(seed)
         wrong = rng.uniform(size=len(scene.points1)) < share
         points1 = scene.points1 + wrong[:, None] * rng.normal(0.0, 60.0, scene.points1.shape)
         matches, fit = fit_of(scene.points0, points1)
-        assert majority_of(matches, fit) is fit
+        assert dominant_of(matches, fit) is fit
 
 
 def test_smooth_errors_lead_to_no_other_motion():
@@ -129,8 +129,8 @@ def test_smooth_errors_lead_to_no_other_motion():
         scene = traffic(seed, 0.0, 0.0)
         points1 = scene.points1 + smooth_field(seed, scene.points1, 1.0, 60.0)
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += fit.coherence > majority.BETWEEN
-        assert majority_of(matches, fit) is fit
+        were_smooth += fit.coherence > two_motions.CORRELATED
+        assert dominant_of(matches, fit) is fit
     assert were_smooth >= 20
 
 
@@ -144,8 +144,8 @@ def test_wrong_matches_do_not_make_smooth_errors_look_apart(share):
         wrong = rng.uniform(size=len(points1)) < share
         points1[wrong] = rng.uniform((0.0, 0.0), CAMERA.size, (np.count_nonzero(wrong), 2))
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += fit.coherence > majority.BETWEEN
-        assert majority_of(matches, fit) is fit
+        were_smooth += fit.coherence > two_motions.CORRELATED
+        assert dominant_of(matches, fit) is fit
     assert were_smooth >= 10
 
 
@@ -174,53 +174,53 @@ def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
         matches = matches_from_points(scene.points0, points1, camera, camera)
         state = np.array([1], np.uint64)
         fit = moving_fit.fit_moving(matches, 1.5, DEFAULTS, state)
-        were_alike += fit.coherence > majority.BETWEEN
-        assert majority_of(matches, fit) is fit
+        were_alike += fit.coherence > two_motions.CORRELATED
+        assert dominant_of(matches, fit) is fit
     assert were_alike >= least
 
 
 def test_what_neighbours_share_of_a_small_noise_is_not_looked_at_again(monkeypatch):
-    monkeypatch.setattr(majority, "fit_quietly", searched_again)
+    monkeypatch.setattr(two_motions, "fit_quietly", searched_again)
     matches, fit = fit_of(*traffic(1, 0.0, 0.0)[:2])
     small = replace(fit, noise=fit.noise._replace(variance=0.14**2), coherence=0.9)
-    assert majority_of(matches, small) is small
+    assert dominant_of(matches, small) is small
     # A tolerance of less says that less is wrong.
     with pytest.raises(AssertionError, match="searched again"):
-        majority_of(matches, small, tolerance=1.0)
+        dominant_of(matches, small, tolerance=1.0)
 
 
 def test_a_motion_of_few_is_not_that_of_most(monkeypatch):
     matches, fit = fit_of(*traffic(2, 0.4, 6.0)[:2])
-    assert majority_of(matches, fit) is not fit
+    assert dominant_of(matches, fit) is not fit
 
     def of_few(*arguments):
         return replace(moving_fit.refit_moving(*arguments), agreeing=fit.agreeing // 3)
 
-    monkeypatch.setattr(majority, "refit_moving", of_few)
-    assert majority_of(matches, fit) is fit
+    monkeypatch.setattr(two_motions, "refit_moving", of_few)
+    assert dominant_of(matches, fit) is fit
 
 
 def test_the_motion_of_most_is_doubted_as_far_as_the_likelier_one_is_off_alike():
     scene = traffic(2, 0.4, 6.0)
     matches, fit = fit_of(*scene[:2])
-    found = majority_of(matches, fit)
+    found = dominant_of(matches, fit)
     assert (fit.between, found.between) == (0.0, fit.coherence)
-    assert fit.coherence > majority.BETWEEN > found.coherence
+    assert fit.coherence > two_motions.CORRELATED > found.coherence
     assert growth_between_patches(found) == 1.0 + 4.0 * (fit.coherence - 0.25)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
-    assert "some move by themselves" in pose.reason
+    assert "moving objects" in pose.reason
 
 
 def test_neighbours_may_be_off_by_more_than_each_match():
     """The correlation is no more than one on average only."""
     matches, fit = fit_of(*traffic(2, 0.4, 6.0)[:2])
-    found = majority_of(matches, replace(fit, coherence=1.1))
+    found = dominant_of(matches, replace(fit, coherence=1.1))
     assert np.isfinite(found.covariance).all()
 
 
 def test_many_samples_may_be_asked_for():
     scene = traffic(2, 0.4, 6.0)
-    options = RelativePoseOptions(min_iterations=majority.SAMPLES + 200)
+    options = RelativePoseOptions(min_iterations=two_motions.SAMPLES + 200)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA, options=options)
     assert pose.status is PoseStatus.OK
 
@@ -237,19 +237,19 @@ def test_a_likelier_motion_that_the_first_search_missed_is_taken():
             cost=fit.cost + 1.0,
             coherence=0.7,
         )
-        found = majority_of(matches, missed)
+        found = dominant_of(matches, missed)
         assert found is not missed
         assert so3.angle_between(found.R_cam1_from_cam0, fit.R_cam1_from_cam0) < 1e-4
         # One that is as likely stays.
         alike = replace(fit, coherence=0.7)
-        assert majority_of(matches, alike) is alike
+        assert dominant_of(matches, alike) is alike
 
 
 def test_no_more_noise_is_believed_than_each_match_has_of_its_own():
     sigmas = []
     for seed in range(20):
         matches, fit = fit_of(*traffic(seed, 0.4, 6.0)[:2])
-        found = majority_of(matches, fit)
+        found = dominant_of(matches, fit)
         if found is not fit:
             assert found.noise.sigma < fit.noise.sigma
             assert found.noise.poor < 1e-6
@@ -264,12 +264,12 @@ def test_two_of_each_point_are_not_two_motions():
     points0, points1 = np.repeat(scene.points0, 2, axis=0), np.repeat(scene.points1, 2, axis=0)
     matches, fit = fit_of(points0, points1)
     assert fit.coherence > 0.99
-    assert majority_of(matches, fit) is fit
+    assert dominant_of(matches, fit) is fit
 
 
 def test_where_neighbours_are_off_alike_it_is_said(monkeypatch):
-    monkeypatch.setattr(relative_pose, "majority_motion", lambda _matches, fit, *_: fit)
+    monkeypatch.setattr(relative_pose, "dominant_motion", lambda _matches, fit, *_: fit)
     scene = traffic(2, 0.4, 6.0)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
-    assert fit_of(scene.points0, scene.points1)[1].coherence > majority.BETWEEN
-    assert "Neighbouring matches are off alike" in pose.reason
+    assert fit_of(scene.points0, scene.points1)[1].coherence > two_motions.CORRELATED
+    assert "Residuals of neighbouring matches are correlated" in pose.reason
