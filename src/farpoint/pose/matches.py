@@ -113,6 +113,15 @@ class Matches:
     def __len__(self) -> int:
         return len(self.index)
 
+    @property
+    def tempering(self) -> float:
+        """What a difference of log likelihoods is divided by to count.
+
+        A variance that may be misstated by a factor misstates it by the same; and matches with
+        correlated residuals are as many as their number over the design effect.
+        """
+        return max(self.doubt, self.sharing)
+
     def select(self, rows: np.ndarray) -> Matches:
         """The matches of these rows (a mask or indices); wrong ones fill what they filled."""
         rows = np.flatnonzero(rows) if rows.dtype == bool else rows

@@ -105,11 +105,11 @@ class OtherMotion(NamedTuple):
         along = np.concatenate([turn, basis.T @ tilt])
         across = np.concatenate([aside, basis.T @ np.cross(direction, tilt)])
         mixed = ALONG * np.outer(along, along) + (1.0 - ALONG) * np.outer(across, across)
-        return self.probability(fit.matches.doubt, HEARD_BETWEEN) * mixed
+        return self.probability(fit.matches.tempering, HEARD_BETWEEN) * mixed
 
     def doubt_of_rotation(self, fit: MovingFit) -> np.ndarray:
         """Covariance (3, 3), rad^2, of a rotation that this one's may be, or a third."""
-        return doubt_between(self._turn_from(fit), self.probability(fit.matches.doubt))
+        return doubt_between(self._turn_from(fit), self.probability(fit.matches.tempering))
 
     def probability(self, doubt: float, heard: float = HEARD) -> float:
         """Of this motion to be the right one, if the variance of the noise is in so much doubt.
@@ -167,7 +167,7 @@ def hold_against_rivals(
     motions are told apart at this false-alarm ``rate``.
     """
     # Where the variance of the noise may be misstated, so may be the logarithm of a likelihood.
-    limit = -fit.matches.doubt * math.log(rate)
+    limit = -fit.matches.tempering * math.log(rate)
     best, rival, nearby = fit, _within(limit, of_plane), None
     if rival is not None and rival.is_nearby(fit):
         rival, nearby = None, rival
