@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from farpoint.camera import Camera
 from farpoint.frames import Frame
 from farpoint.frames.deinterlace import Deinterlacer
 from farpoint.metrics import SplitHalf, image_cells, split_half
+from farpoint.odometry.angular_velocity import AngularVelocity
 from farpoint.odometry.at_rest import at_rest
 from farpoint.odometry.half_ratios import HalfRatios
 from farpoint.odometry.lens_in_use import LensInUse
@@ -32,9 +32,9 @@ from farpoint.pose import (
     TrackLabel,
     failed_pose,
 )
-from farpoint.pose.moving_fit import MovingFit
 from farpoint.pose.patches import patches_of
-from farpoint.pose.relative_pose import estimate_from, rough_motion, search_motion
+from farpoint.pose.rolling import Searched
+from farpoint.pose.views import Views, estimate_views, rough_motion, search_views
 from farpoint.tracks import Tracker, Tracks, grey_size
 
 __all__ = ["Odometry"]
@@ -106,6 +106,7 @@ class Odometry:
         )
         self._path = PathBuilder(self._estimate, self.options.path, self.options.lens)
         self._lens = LensInUse(camera, self.options.lens)
+        self._angular_velocity = AngularVelocity()
         self._time, self._fields = RisingTime(), Deinterlacer()
         self._next_index = 0
         self._has_seen = False  # an image, which fixed the size
@@ -236,15 +237,18 @@ class Odometry:
             groups = patches_of(self._lens.camera.unproject(tracks.points0))
         else:
             groups = image_cells(tracks.points0, cell_px)
+        seconds, seed = result.timestamp - result.timestamp0, self.options.seed
+
+        def estimate_half(
+            points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray
+        ) -> RelativePose:
+            views = self._views_of(camera, points0, points1, covariance_px2, seconds)
+            return estimate_views(views, options, seed)
+
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
-            partial(
-                self._estimate_by,
-                camera,
-                options,
-                result.timestamp - result.timestamp0,
-            ),
-            seed=result.frame1 + _FRAMES * self.options.seed,
+            estimate_half,
+            seed=result.frame1 + _FRAMES * seed,
             groups=groups,
         )
 
@@ -255,16 +259,9 @@ class Odometry:
         tracks = self._tracker.match(image, self._prediction(reference))
         matched = time.perf_counter()
         seconds = timestamp - reference.timestamp
-        tracks, searched = self._without_perspective(tracks)
-        pose = self._estimate_by(
-            self._lens.camera,
-            self._pose_options(),
-            seconds,
-            tracks.points0,
-            tracks.points1,
-            tracks.covariance_px2,
-            searched,
-        )
+        tracks, searched = self._without_perspective(tracks, seconds, reference.motion)
+        views = self._views(self._lens.camera, tracks, seconds)
+        pose = estimate_views(views, self._pose_options(), self.options.seed, searched)
         self._half_ratios.add(pose.stats.half_ratio)
         estimated = time.perf_counter()
         if pose.status is not PoseStatus.FAILED:
@@ -281,6 +278,7 @@ class Odometry:
             )
             if point.fitting is not None:  # known points are right whatever moves before them
                 is_good |= np.isin(tracks.ids, point.fitting)
+            self._angular_velocity.add(pose, seconds)
             self._tracker.advance(image, tracks.select(is_good))
         elif self._tracker.sees_texture(image):
             # A cut, or a motion too large to follow: what comes next resembles this frame.
@@ -296,31 +294,26 @@ class Odometry:
         self.seconds["path"] += strung - estimated
         return self._result(reference, index, timestamp, pose, tracks, point)
 
-    def _without_perspective(self, tracks: Tracks) -> tuple[Tracks, MovingFit | None]:
-        """Tracks corrected by a first estimate of the motion, and that estimate."""
-        if not self.options.pose.refine:
+    def _without_perspective(
+        self, tracks: Tracks, seconds: float, last: RelativePose | None
+    ) -> tuple[Tracks, Searched | None]:
+        """Tracks corrected by the motion that a search finds, and that."""
+        options = self.options.pose
+        if not options.refine:
             return tracks, None
-        start = search_motion(
-            tracks.points0,
-            tracks.points1,
-            self._lens.camera,
-            0.5 * tracks.covariance_px2,
-            self.options.pose,
-            self.options.seed,
-        )
-        if start is None:
+        views = self._views(self._lens.camera, tracks, seconds)
+        searched = search_views(views, options, self.options.seed, last)
+        if searched is None:
             return tracks, None
-        motion = rough_motion(start, self.options.pose)
-        return without_perspective(tracks, self._lens.camera, *motion), start
+        motion = rough_motion(searched, options)
+        return without_perspective(tracks, self._lens.camera, *motion), searched
 
     def _estimate(
         self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray, seconds: float
     ) -> RelativePose:
-        """The motion behind `Tracks`, for the path: given as arrays so that parts can be given."""
-        options = replace(self._pose_options(), half_deals=0)
-        return self._estimate_by(
-            self._lens.camera, options, seconds, points0, points1, covariance_px2
-        )
+        """The motion between two views that need not follow each other, for the path."""
+        views = self._views_of(self._lens.camera, points0, points1, covariance_px2, seconds)
+        return estimate_views(views, replace(self._pose_options(), half_deals=0), self.options.seed)
 
     def _pose_options(self) -> RelativePoseOptions:
         ratios = self._half_ratios
@@ -330,32 +323,24 @@ class Odometry:
             expected_half_ratio_pairs=ratios.pairs,
         )
 
-    def _estimate_by(
+    def _views(self, camera: Camera, tracks: Tracks, seconds: float) -> Views:
+        """The reference and the frame after it, through a camera."""
+        points = tracks.points0, tracks.points1, tracks.covariance_px2
+        views = self._views_of(camera, *points, seconds)
+        return views._replace(turning=self._angular_velocity.turning(seconds))
+
+    def _views_of(
         self,
         camera: Camera,
-        options: RelativePoseOptions,
-        seconds: float,
         points0: np.ndarray,
         points1: np.ndarray,
         covariance_px2: np.ndarray,
-        start: MovingFit | None = None,
-    ) -> RelativePose:
-        """The motion by a camera, without a search where one has led to a ``start``."""
+        seconds: float,
+    ) -> Views:
         # The covariance is that of the displacement: each end carries half of it.
         half_px2 = 0.5 * covariance_px2
-        return estimate_from(
-            start,
-            points0,
-            points1,
-            camera,
-            camera,
-            half_px2,
-            half_px2,
-            options,
-            self.options.seed,
-            None,
-            self._lens.interval_s(seconds),
-        )
+        interval_s = self._lens.interval_s(seconds)
+        return Views(points0, points1, camera, camera, half_px2, half_px2, None, interval_s)
 
     def _prediction(self, reference: _Reference) -> Callable[[np.ndarray], np.ndarray] | None:
         """Where the tracks of the reference go if the last motion is repeated."""
@@ -373,6 +358,7 @@ class Odometry:
 
     def _restart(self, image: np.ndarray, index: int, timestamp: float) -> None:
         self._tracker.restart(image)
+        self._angular_velocity.break_off()
         self._reference = _Reference(
             index=index, timestamp=timestamp, motion=None, tracks=Tracks.empty()
         )

@@ -121,7 +121,8 @@ class PathBuilder:
         self._first: Sighting | None = None  # by the first keyframe, until a long way from it
         self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
-        self._twist = np.zeros(6)
+        self._twist = self._twist_before = np.zeros(6)
+        self._turned: tuple[Keyframe, np.ndarray, np.ndarray, np.ndarray] | None = None
         self._key_covariance = np.zeros((7, 7))  # of the newest keyframe, as last solved
         self._key_p = self._p  # where it was then
         self._own = np.zeros((6, 6))  # of the pose now, the window's points as they are
@@ -474,11 +475,16 @@ class PathBuilder:
         if seconds > 0.0:
             twist = np.concatenate([so3.log(R @ self._R.T), p - self._p]) / seconds
         keyframe, self._new_keyframe = self._new_keyframe, None
+        if self._turned is not None:
+            turned, before2, before, after = self._turned
+            turned.twist, self._turned = _between(before2, before, after, twist), None
         if keyframe is not None:
             # Its velocity is the mean of those before and after it; the first one has none before.
-            is_first = not keyframe.twist.any()
-            keyframe.twist = twist if is_first else 0.5 * (keyframe.twist + twist)
-        self._R, self._p, self._twist = R, p, twist
+            is_first, last = not keyframe.twist.any(), self._twist
+            keyframe.twist = twist if is_first else 0.5 * (last + twist)
+            if self._twist_before.any():
+                self._turned = keyframe, self._twist_before, last, twist
+        self._R, self._p, self._twist, self._twist_before = R, p, twist, self._twist
 
     # What is told of a frame
 
@@ -535,3 +541,14 @@ class PathBuilder:
             p=self._p,
             covariance=self._covariance(),
         )
+
+
+def _between(
+    before2: np.ndarray, before: np.ndarray, after: np.ndarray, after2: np.ndarray
+) -> np.ndarray:
+    """Velocity at a time from its means over the two intervals before and the two after it.
+
+    Exact for polynomials of third degree. The mean of the inner two alone is smaller than what
+    oscillates; a read-out that explains the same shear by less velocity would be larger.
+    """
+    return (7.0 * (before + after) - (before2 + after2)) / 12.0

@@ -20,10 +20,10 @@ from farpoint.pose.covariance import (
 )
 from farpoint.pose.matches import Matches
 from farpoint.pose.moving_fit import MovingFit
+from farpoint.pose.one_object import is_one_object
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
 from farpoint.pose.rivals import Held, doubt_between, hold_against_rivals, likelier_of_plane
-from farpoint.pose.one_object import is_one_object
 from farpoint.pose.small import rotation_vector
 from farpoint.pose.turning_fit import TurningFit
 from farpoint.pose.verdict import is_motion

@@ -34,6 +34,9 @@ _STEPS = 10
 _NEGLIGIBLE = 0.01
 """Step of an error of the lens, in its sigmas, that ends them (convention)."""
 
+_OF_SHUTTER = 4
+"""Errors of a shutter: its read-out, and the derivative of the angular velocity (3)."""
+
 _LINEAR = 0.5
 """Change of an error of the lens, in its sigmas, up to which rays are linear in it."""
 
@@ -81,7 +84,7 @@ def with_lens_uncertainty(
     RelativePose
         The pose itself where the cameras are exact, or it FAILED.
     """
-    is_sure = shutter is None or shutter.sigma == 0.0
+    is_sure = shutter is None or shutter.sigma == shutter.turning_sigma == 0.0
     if pose.status is PoseStatus.FAILED or (
         is_sure and all(v.camera.uncertainty is None for v in (view0, view1))
     ):
@@ -122,8 +125,9 @@ class _Rays(NamedTuple):
 class _Lenses(NamedTuple):
     """Both cameras as functions of ``z`` (r,), errors of their lenses in units of one sigma.
 
-    ``factors`` are of the parameters (P, r) of ``camera.refinable``. The last error is that of the
-    shutter, which undoes the share of the rotation vector ``theta`` in each row.
+    ``factors`` are of the parameters (P, r) of ``camera.refinable``. The last four errors are those
+    of the read-out and of the derivative of the angular velocity, behind a shutter that undoes the share of
+    the rotation vector ``theta`` in each row.
     """
 
     cameras: tuple[Camera, Camera]
@@ -141,7 +145,7 @@ class _Lenses(NamedTuple):
             second = camera1.parameter_factor
             r0, r1 = first.shape[1], second.shape[1]
             first, second = np.pad(first, ((0, 0), (0, r1))), np.pad(second, ((0, 0), (r0, 0)))
-        last = ((0, 0), (0, 1))
+        last = ((0, 0), (0, _OF_SHUTTER))
         factors = np.pad(first, last), np.pad(second, last)
         return cls((camera0, camera1), factors, shutter, theta)
 
@@ -166,7 +170,11 @@ class _Lenses(NamedTuple):
         """Exact cameras with these errors of the lenses; smaller ones where these make no lens."""
         shutter = self.shutter
         if shutter is not None:
-            shutter = shutter._replace(share=shutter.share + float(z[-1]) * shutter.sigma)
+            readout, derivative = float(z[-_OF_SHUTTER]), z[1 - _OF_SHUTTER :]
+            shutter = shutter._replace(
+                share=shutter.share + readout * shutter.sigma,
+                derivative=shutter.derivative + derivative * shutter.turning_sigma,
+            )
         first = _with_error(self.cameras[0], self.factors[0] @ z)
         if self.cameras[0] is self.cameras[1]:
             return first, first, shutter
@@ -177,7 +185,14 @@ def _unrolled(rays: _Rays, image: int, shutter: Shutter, theta: np.ndarray) -> _
     """Rays with the rotation undone that a rolling shutter has seen by then."""
     seen, by_pixel = shutter.unrolled(theta, image, rays.rays, rays.by_pixel)
     by_lens = shutter.turns(theta, image) @ rays.by_lens
-    by_lens[:, :, -1] = np.cross((-shutter.sigma * shutter.phases(image))[:, None] * theta, seen)
+    phases = shutter.phases(image)[:, None]
+    by_readout = np.cross((-shutter.sigma * phases) * shutter.rate(theta, image), seen)
+    by_lens[:, :, -_OF_SHUTTER] = by_readout
+    if shutter.turning is not None:
+        rate = shutter.turning.by_derivative[image] * shutter.turning.sigma
+        for axis in range(3):
+            turn = -shutter.share * rate * phases * np.eye(3)[axis]
+            by_lens[:, :, 1 - _OF_SHUTTER + axis] = np.cross(turn, seen)
     return _Rays(seen, by_pixel, by_lens)
 
 

@@ -21,9 +21,38 @@ from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.pose.matches import check_camera, checked_rows
 
-__all__ = ["Shutter", "shutter_of"]
+__all__ = ["Shutter", "Turning", "shutter_of"]
 
 _LEAST_ANGLE = 1e-300
+
+
+class Turning(NamedTuple):
+    """What is known of the camera's rotation beside the two views.
+
+    Its angular velocity is linear in time with the mean before image 0, or constant where that is
+    not known. Of a velocity w(t) with means over (-1, 0) and (0, 1), w(0) and w(1) are beside the
+    line through these means by -1/6 and 1/3 of its second derivative, and beside the last mean by
+    -1/2 and 1/2 of the first (Taylor).
+
+    Attributes
+    ----------
+    before : ndarray, shape (3,), or None
+        Rotation vector over the same time before image 0, rad in its axes.
+    sigma : float
+        1-sigma of each coordinate of that derivative, rad in units of the time between the views.
+    """
+
+    before: np.ndarray | None
+    sigma: float
+
+    @property
+    def by_derivative(self) -> tuple[float, float]:
+        """Derivative of the angular velocity at image 0 and 1 by that which is unknown."""
+        return (-0.5, 0.5) if self.before is None else (-1.0 / 6.0, 1.0 / 3.0)
+
+    def largest_error(self) -> float:
+        """1-sigma of the angular velocity at the image where it is known less well."""
+        return self.sigma * max(map(abs, self.by_derivative))
 
 
 class Shutter(NamedTuple):
@@ -39,6 +68,10 @@ class Shutter(NamedTuple):
         Of the rows in each image, -1/2 to 1/2.
     phase_per_px : float
         From one row to the next.
+    turning : Turning or None
+        None: the angular velocity is constant.
+    derivative : ndarray, shape (3,)
+        That of the angular velocity which `Turning` does not know.
     """
 
     share: float
@@ -46,11 +79,28 @@ class Shutter(NamedTuple):
     phase0: np.ndarray
     phase1: np.ndarray
     phase_per_px: float
+    turning: Turning | None = None
+    derivative: np.ndarray = np.zeros(3)
+
+    @property
+    def turning_sigma(self) -> float:
+        """1-sigma of each coordinate of the derivative."""
+        return 0.0 if self.turning is None else self.turning.sigma
+
+    def rate(self, theta: np.ndarray, image: int) -> np.ndarray:
+        """Angular velocity (3,) at the middle row of image 0 or 1, rad in the time between both."""
+        if self.turning is None:
+            return theta
+        rate = theta + self.turning.by_derivative[image] * self.derivative
+        if self.turning.before is None:
+            return rate
+        return rate + (image - 0.5) * (theta - self.turning.before)
 
     def turns(self, theta: np.ndarray, image: int) -> np.ndarray:
         """What undoes, in each row of image 0 or 1, its share of a rotation vector (N, 3, 3)."""
-        angle = float(np.linalg.norm(theta))
-        K = so3.skew(theta / max(angle, _LEAST_ANGLE))
+        rate = self.rate(theta, image)
+        angle = float(np.linalg.norm(rate))
+        K = so3.skew(rate / max(angle, _LEAST_ANGLE))
         angles = (-self.share * angle * self.phases(image))[:, None, None]
         return np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * (K @ K)
 
@@ -68,7 +118,9 @@ class Shutter(NamedTuple):
         """
         turns = self.turns(theta, image)
         rays, by_pixel = (turns @ rays[:, :, None])[:, :, 0], turns @ by_pixel
-        by_pixel[:, :, 1] -= self.share * self.phase_per_px * np.cross(theta, rays)
+        by_pixel[:, :, 1] -= (
+            self.share * self.phase_per_px * np.cross(self.rate(theta, image), rays)
+        )
         return rays, by_pixel
 
     def select(self, rows: np.ndarray) -> Shutter:
@@ -87,6 +139,7 @@ def shutter_of(
     points1: np.ndarray,
     readout_s: float | None,
     interval_s: float | None,
+    turning: Turning | None = None,
 ) -> Shutter | None:
     """The shutter behind matches (N, 2); None where it is global, or nothing is known of it.
 
@@ -127,4 +180,4 @@ def shutter_of(
     per_px = 1.0 / max(camera.size[1] - 1, 1)
     phase0, phase1 = (points[:, 1] * per_px - 0.5 for points in (points0, points1))
     share, sigma = float(readout_s / interval_s), float(sigma_s / interval_s)
-    return Shutter(share, sigma, phase0, phase1, per_px)
+    return Shutter(share, sigma, phase0, phase1, per_px, turning)

@@ -1,0 +1,52 @@
+"""How the camera has turned so far, and how steadily: what a rolling shutter is unrolled by."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from farpoint.geometry import so3
+from farpoint.pose import RelativePose
+from farpoint.pose.shutter import Turning
+
+__all__ = ["AngularVelocity"]
+
+_FRAMES = 30  # whose changes are averaged: a second of most videos
+
+
+class AngularVelocity:
+    """Mean angular velocities between successive frames."""
+
+    def __init__(self) -> None:
+        self._rates: list[np.ndarray] = []  # the last two, rad/s, in the axes of the last frame
+        self._squares: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
+
+    def add(self, motion: RelativePose, seconds: float) -> None:
+        """That of a motion to a frame which the next one is compared with."""
+        R = motion.rotation_cam1_from_cam0
+        if R is None or seconds <= 0.0:
+            self.break_off()
+            return
+        rate, rates = so3.log(R) / seconds, [R @ each for each in self._rates]
+        if len(rates) == 2:
+            first, second = rate - rates[1], rate - 2.0 * rates[1] + rates[0]
+            self._squares.append((float(first @ first) / 3.0, float(second @ second) / 3.0))
+        self._rates = [*rates[-1:], rate]
+
+    def break_off(self) -> None:
+        """What follows does not continue the motion."""
+        self._rates = []
+
+    def turning(self, seconds: float) -> Turning | None:
+        """As the next pair, which takes so long, needs it; None before anything is known.
+
+        The angular velocity is linear in time, or constant where the last one tells nothing of the
+        next: by whichever was less off so far.
+        """
+        if not self._rates or not self._squares:
+            return None
+        change, curvature = np.sqrt(np.mean(self._squares, axis=0)) * seconds
+        linear = Turning(before=self._rates[-1] * seconds, sigma=float(curvature))
+        constant = Turning(before=None, sigma=float(change))
+        return min(linear, constant, key=Turning.largest_error)
