@@ -126,8 +126,8 @@ class _Lenses(NamedTuple):
     """Both cameras as functions of ``z`` (r,), errors of their lenses in units of one sigma.
 
     ``factors`` are of the parameters (P, r) of ``camera.refinable``. The last four errors are those
-    of the read-out and of the derivative of the angular velocity, behind a shutter that undoes the share of
-    the rotation vector ``theta`` in each row.
+    of the read-out and of the derivative of the angular velocity, behind a shutter that undoes the
+    share of the rotation vector ``theta`` in each row.
     """
 
     cameras: tuple[Camera, Camera]
