@@ -32,7 +32,7 @@ from farpoint.metrics import (
     relative_motions,
 )
 from farpoint.metrics.other_frame import fits_better, other_frame
-from farpoint.options import settle_float, settle_int
+from farpoint.options import coerce_float, coerce_int
 from farpoint.sinks.files import replacing
 from farpoint.sinks.halves import read_halves
 from farpoint.sinks.motions import Motions, read_motions
@@ -73,8 +73,8 @@ class EvaluationOptions:
     association: AssociationOptions = field(default_factory=AssociationOptions)
 
     def __post_init__(self) -> None:
-        settle_float(self, "a length, 0 or more", lambda length: length >= 0, "min_translation")
-        settle_int(self, 1, "delta_frames")
+        coerce_float(self, "a length, 0 or more", lambda length: length >= 0, "min_translation")
+        coerce_int(self, 1, "delta_frames")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.frames.bags import open_bag, rows_of
-from farpoint.options import settle_positive
+from farpoint.options import coerce_positive
 from farpoint.regular_files import regular_lines
 
 _LARGEST_BYTES = 1 << 30
@@ -49,7 +49,7 @@ class ImuNoise:
     accel_walk: float = 3.0e-3
 
     def __post_init__(self) -> None:
-        settle_positive(self, *(field.name for field in fields(self)))
+        coerce_positive(self, *(field.name for field in fields(self)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

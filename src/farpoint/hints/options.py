@@ -10,7 +10,7 @@ from farpoint.frames.bags import Bag
 from farpoint.hints.bag_topics import positions_of_topic, speeds_of_topic
 from farpoint.hints.kinds import CameraHeight, GnssPositions, Hint, KnownDistance, KnownSpeed
 from farpoint.hints.tables import read_gnss, read_speeds
-from farpoint.options import settle_positive
+from farpoint.options import coerce_positive
 
 __all__ = ["HeightOptions", "MetricOptions"]
 
@@ -32,7 +32,7 @@ class HeightOptions:
 
     def __post_init__(self) -> None:
         sigmas = (field.name for field in fields(self) if field.name.endswith("_sigma"))
-        settle_positive(self, *sigmas)
+        coerce_positive(self, *sigmas)
 
     def hints(self) -> list[Hint]:
         """The hints.

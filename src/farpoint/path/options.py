@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from farpoint.errors import InputError
-from farpoint.options import settle_float, settle_int, settle_positive
+from farpoint.options import coerce_float, coerce_int, coerce_positive
 
 __all__ = ["LensRefinementOptions", "PathOptions"]
 
@@ -37,10 +37,10 @@ class PathOptions:
     speed_ratio_sigma: float = 0.5
 
     def __post_init__(self) -> None:
-        settle_int(self, 3, "keyframes")
-        settle_int(self, 20, "max_tracks")
-        settle_positive(self, "keyframe_flow_px", "speed_ratio_sigma")
-        settle_float(self, "a share, 0 to 1", lambda share: 0 <= share <= 1, "keyframe_share")
+        coerce_int(self, 3, "keyframes")
+        coerce_int(self, 20, "max_tracks")
+        coerce_positive(self, "keyframe_flow_px", "speed_ratio_sigma")
+        coerce_float(self, "a share, 0 to 1", lambda share: 0 <= share <= 1, "keyframe_share")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +69,9 @@ class LensRefinementOptions:
     readout_ms: float | None = None
 
     def __post_init__(self) -> None:
-        settle_positive(self, "focal_sigma", "center_sigma_px", "distortion_sigma_px")
+        coerce_positive(self, "focal_sigma", "center_sigma_px", "distortion_sigma_px")
         if self.readout_ms is not None:
-            settle_float(self, "0 or more", lambda value: value >= 0, "readout_ms")
+            coerce_float(self, "0 or more", lambda value: value >= 0, "readout_ms")
             if self.readout_ms > 1e6:
                 raise InputError(
                     f"expected 1e6 at most, got {self.readout_ms:g}", field="readout_ms"

@@ -19,7 +19,7 @@ from farpoint.camera import write_camera
 from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
 from farpoint.odometry import LensReport, Odometry, OdometryResult
-from farpoint.options import settle_int
+from farpoint.options import coerce_int
 from farpoint.sinks.files import new_of, part_of, replacing, unwritable
 from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.lens import lens_facts
@@ -79,7 +79,7 @@ class OutputOptions:
     parquet: bool = False
 
     def __post_init__(self) -> None:
-        settle_int(self, 0, "halves_every")
+        coerce_int(self, 0, "halves_every")
         if self.palette not in PALETTES:
             raise InputError(
                 f"expected one of {', '.join(PALETTES)}, got {self.palette!r}", field="palette"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from farpoint.errors import InputError
-from farpoint.options import settle_float, settle_int, settle_positive
+from farpoint.options import coerce_float, coerce_int, coerce_positive
 
 __all__ = ["CornerOptions", "LucasKanadeOptions", "RefinementOptions", "TrackerOptions"]
 
@@ -35,10 +35,10 @@ class CornerOptions:
     min_slope: float = 1.5
 
     def __post_init__(self) -> None:
-        settle_int(self, 4, "cell_px")
-        settle_int(self, 1, "min_distance_px")
-        settle_int(self, 2, "block_px", most=_LARGEST_WINDOW_PX)
-        settle_positive(self, "min_slope")
+        coerce_int(self, 4, "cell_px")
+        coerce_int(self, 1, "min_distance_px")
+        coerce_int(self, 2, "block_px", most=_LARGEST_WINDOW_PX)
+        coerce_positive(self, "min_slope")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,11 +66,11 @@ class LucasKanadeOptions:
     forward_backward_px: float = 1.0
 
     def __post_init__(self) -> None:
-        settle_int(self, 5, "window_px", most=_LARGEST_WINDOW_PX)
-        settle_int(self, 0, "levels")
-        settle_int(self, 1, "max_iterations")
+        coerce_int(self, 5, "window_px", most=_LARGEST_WINDOW_PX)
+        coerce_int(self, 0, "levels")
+        coerce_int(self, 1, "max_iterations")
         _check_odd(self, "window_px")
-        settle_positive(self, "tolerance_px", "forward_backward_px")
+        coerce_positive(self, "tolerance_px", "forward_backward_px")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,12 +111,12 @@ class RefinementOptions:
     min_correlation: float = 0.7
 
     def __post_init__(self) -> None:
-        settle_int(self, 9, "window_px", most=_LARGEST_WINDOW_PX)
-        settle_int(self, 1, "max_iterations")
+        coerce_int(self, 9, "window_px", most=_LARGEST_WINDOW_PX)
+        coerce_int(self, 1, "max_iterations")
         _check_odd(self, "window_px")
-        settle_positive(self, "tolerance_px", "affine_sigma", "gain_sigma", "offset_sigma")
-        settle_positive(self, "noise_floor", "max_shift_px")
-        settle_float(
+        coerce_positive(self, "tolerance_px", "affine_sigma", "gain_sigma", "offset_sigma")
+        coerce_positive(self, "noise_floor", "max_shift_px")
+        coerce_float(
             self, "a correlation in [-1, 1]", lambda value: -1 <= value <= 1, "min_correlation"
         )
 
@@ -143,7 +143,7 @@ class TrackerOptions:
     refinement: RefinementOptions = field(default_factory=RefinementOptions)
 
     def __post_init__(self) -> None:
-        settle_int(self, 1, "max_tracks")
+        coerce_int(self, 1, "max_tracks")
 
 
 def _check_odd(options: object, name: str) -> None:
