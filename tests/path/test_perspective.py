@@ -137,7 +137,9 @@ def test_a_window_where_the_lens_has_no_derivatives_stays(camera, place):
         points0=points,
         points1=points + 1.0,
         covariance_px2=np.tile(np.eye(2), (2, 1, 1)),
-        windows=Windows(warps=np.tile(1.05 * np.eye(2), (2, 1, 1)), bending=np.ones((2, 2, 2, 3))),
+        windows=Windows(
+            warps=np.tile(1.05 * np.eye(2), (2, 1, 1)), quadratic_bias=np.ones((2, 2, 2, 3))
+        ),
     )
     corrected = without_perspective(tracks, camera, np.eye(3), np.array([0.0, 0.0, 1.0]))
     assert np.isfinite(corrected.points1).all()

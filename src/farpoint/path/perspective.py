@@ -63,7 +63,7 @@ def without_perspective(
     motion = _Motion(R_cam1_from_cam0, np.zeros(3) if direction is None else direction)
     planes, contradiction = _planes(tracks, camera, motion)
     bent = _quadratic_part(tracks.points0, camera, motion, planes)
-    shift = np.einsum("nabc,nbc->na", tracks.windows.bending, bent)
+    shift = np.einsum("nabc,nbc->na", tracks.windows.quadratic_bias, bent)
     shift[~(np.abs(shift).max(axis=1, initial=0.0) < _LARGEST_SHIFT_PX)] = 0.0
     doubt_px2 = (_PX_PER_CONTRADICTION * contradiction) ** 2
     return replace(
