@@ -192,11 +192,11 @@ def _notes(
 ) -> tuple[str, ...]:
     """How the truth was taken, and hints at what it rather is."""
     order = options.truth_quaternion or named_order(file)
-    said = "as given" if options.truth_quaternion else "by the names of its columns"
+    source = "as given" if options.truth_quaternion else "by the names of its columns"
     of = "the camera" if body_from_cam is None else "a body that carries the camera"
     notes = [f"true poses are taken for those of {of}, world_from_body"]
     if truth.timestamps is not None:
-        words = f"{' '.join(order)} ({said})" if order else "in the order of the format (assumed)"
+        words = f"{' '.join(order)} ({source})" if order else "in the order of the format (assumed)"
         notes.append(f"true quaternions are {words}")
     estimated = motions.rotation_cam1_from_cam0
     true = _true_rotations(motions, truth, options)

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from farpoint.errors import InputError
 from farpoint.fusion.imu import ImuNoise, ImuSteps
-from farpoint.fusion.models import central_differences, moved, seen_error
+from farpoint.fusion.models import central_differences, motion_error, propagated
 from farpoint.fusion.state import (
     ACCEL_BIAS,
     ATTITUDE,
@@ -142,18 +142,18 @@ class InertialFilter:
     def predict(self, steps: ImuSteps) -> None:
         """Move on by what the IMU felt."""
         for part in steps.parts(_STEPS_AT_ONCE):
-            self._move(part)
+            self._propagate(part)
 
-    def _move(self, steps: ImuSteps) -> None:
-        state, count = moved(self.state, steps), len(steps)
+    def _propagate(self, steps: ImuSteps) -> None:
+        state, count = propagated(self.state, steps), len(steps)
 
         def error_after(step: np.ndarray) -> np.ndarray:
             before = retract(self.state, step[:, :ERROR_SIZE])
             noise = step[:, ERROR_SIZE:].reshape(-1, 2, count, 3)
-            felt = ImuSteps(
+            measured = ImuSteps(
                 gyro=steps.gyro + noise[:, 0], accel=steps.accel + noise[:, 1], dt=steps.dt
             )
-            return difference(moved(before, felt), state)
+            return difference(propagated(before, measured), state)
 
         jacobian = central_differences(error_after, ERROR_SIZE + 6 * count)
         by_state, by_noise = np.hsplit(jacobian, [ERROR_SIZE])
@@ -170,7 +170,7 @@ class InertialFilter:
 
         Whatever the pose gives is used: rotation and direction, rotation alone, or nothing.
         """
-        innovation = self._learn(pose)
+        innovation = self._correct(pose)
         self.state = InertialState.at(
             self.state.world_from_body,
             self.state.velocity,
@@ -197,23 +197,25 @@ class InertialFilter:
         error = difference(truth, self.state)[KNOWN]
         return float(error @ np.linalg.solve(self.covariance[KNOWN, KNOWN], error))
 
-    def _learn(self, pose: RelativePose) -> Innovation:
+    def _correct(self, pose: RelativePose) -> Innovation:
         noise = pose.covariance if pose.covariance is not None else pose.rotation_covariance
         if noise is None:
             return Innovation(dof=0, nis=0.0, used=False)
 
-        def error_seen(step: np.ndarray) -> np.ndarray:
-            return seen_error(retract(self.state, step), pose, self._body_from_cam)
+        def error_measured(step: np.ndarray) -> np.ndarray:
+            return motion_error(retract(self.state, step), pose, self._body_from_cam)
 
         # The prior is the unit ball in x: the covariance is singular, its root is not in the way.
-        root = _root(self.covariance)
+        root = _square_root(self.covariance)
         white = np.linalg.inv(np.linalg.cholesky(noise))
 
         def misfit(x: np.ndarray) -> np.ndarray:
-            return np.concatenate([x, white @ error_seen(root @ x)])
+            return np.concatenate([x, white @ error_measured(root @ x)])
 
         def slope(x: np.ndarray) -> np.ndarray:
-            return np.vstack([np.eye(ERROR_SIZE), white @ _slope(error_seen, root @ x) @ root])
+            return np.vstack(
+                [np.eye(ERROR_SIZE), white @ _derivative(error_measured, root @ x) @ root]
+            )
 
         # The most probable state, not the first step to it (Bell and Cathey, IEEE TAC 38(2), 1993,
         # doi:10.1109/9.250476): a direction is linear in the velocity only where the velocity is
@@ -225,18 +227,18 @@ class InertialFilter:
             return Innovation(dof=dof, nis=nis, used=False)
         step, found = root @ best.x, retract(self.state, root @ best.x)
         # Errors are told from the new state now, no longer from the predicted one.
-        carry = _slope(lambda steps: difference(retract(self.state, steps), found), step)
+        carry = _derivative(lambda steps: difference(retract(self.state, steps), found), step)
         carried = carry @ root
         self.covariance = carried @ np.linalg.inv(best.jac.T @ best.jac) @ carried.T
         self.state = found
         return Innovation(dof=dof, nis=nis, used=True)
 
 
-def _slope(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+def _derivative(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
     return central_differences(lambda steps: function(at + steps), len(at))
 
 
-def _root(covariance: np.ndarray) -> np.ndarray:
+def _square_root(covariance: np.ndarray) -> np.ndarray:
     """A matrix whose square, ``root @ root.T``, is the covariance, be it singular."""
     variances, axes = np.linalg.eigh(covariance)
     return axes * np.sqrt(np.maximum(variances, 0.0))

@@ -98,7 +98,7 @@ class InertialState:
     @property
     def velocity_body(self) -> np.ndarray:
         """Velocity in the body's own axes, m/s, shape (..., 3)."""
-        return _turned(np.swapaxes(self.world_from_body, -1, -2), self.velocity)
+        return _rotate(np.swapaxes(self.world_from_body, -1, -2), self.velocity)
 
 
 def retract(state: InertialState, error: np.ndarray) -> InertialState:
@@ -107,33 +107,33 @@ def retract(state: InertialState, error: np.ndarray) -> InertialState:
     ``R_true = Exp(dtheta) @ R``, ``v_true = Exp(dtheta) @ v + dv`` and the displacement likewise;
     biases add; the last attitude has a ``dtheta`` of its own.
     """
-    turn, last_turn = so3.exp(error[..., ATTITUDE]), so3.exp(error[..., LAST_ATTITUDE])
+    rotation, last_rotation = so3.exp(error[..., ATTITUDE]), so3.exp(error[..., LAST_ATTITUDE])
     return InertialState(
-        world_from_body=turn @ state.world_from_body,
-        velocity=_turned(turn, state.velocity) + error[..., VELOCITY],
+        world_from_body=rotation @ state.world_from_body,
+        velocity=_rotate(rotation, state.velocity) + error[..., VELOCITY],
         gyro_bias=state.gyro_bias + error[..., GYRO_BIAS],
         accel_bias=state.accel_bias + error[..., ACCEL_BIAS],
-        displacement=_turned(turn, state.displacement) + error[..., DISPLACEMENT],
-        last_world_from_body=last_turn @ state.last_world_from_body,
+        displacement=_rotate(rotation, state.displacement) + error[..., DISPLACEMENT],
+        last_world_from_body=last_rotation @ state.last_world_from_body,
     )
 
 
 def difference(truth: InertialState, estimate: InertialState) -> np.ndarray:
     """The error (..., 18) that `retract` takes from the estimate to the truth."""
-    turn = truth.world_from_body @ np.swapaxes(estimate.world_from_body, -1, -2)
-    last_turn = truth.last_world_from_body @ np.swapaxes(estimate.last_world_from_body, -1, -2)
+    rotation = truth.world_from_body @ np.swapaxes(estimate.world_from_body, -1, -2)
+    last_rotation = truth.last_world_from_body @ np.swapaxes(estimate.last_world_from_body, -1, -2)
     return np.concatenate(
         [
-            so3.log(turn),
-            truth.velocity - _turned(turn, estimate.velocity),
+            so3.log(rotation),
+            truth.velocity - _rotate(rotation, estimate.velocity),
             truth.gyro_bias - estimate.gyro_bias,
             truth.accel_bias - estimate.accel_bias,
-            truth.displacement - _turned(turn, estimate.displacement),
-            so3.log(last_turn),
+            truth.displacement - _rotate(rotation, estimate.displacement),
+            so3.log(last_rotation),
         ],
         axis=-1,
     )
 
 
-def _turned(R: np.ndarray, v: np.ndarray) -> np.ndarray:
+def _rotate(R: np.ndarray, v: np.ndarray) -> np.ndarray:
     return (R @ v[..., None])[..., 0]

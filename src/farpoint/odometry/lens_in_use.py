@@ -12,7 +12,7 @@ from farpoint.path.options import LensRefinementOptions
 
 __all__ = ["LensInUse"]
 
-_SHOWN_SIGMAS = 3.0  # a lens that is farther off is wrong
+_SIGNIFICANT_SIGMAS = 3.0  # a lens that is farther off is wrong
 
 
 class LensInUse:
@@ -42,13 +42,13 @@ class LensInUse:
         if lens is None:
             return
         moved = lens.z if self._z is None else lens.z - self._z
-        if lens.size and lens.moved_px(moved) > _SHOWN_SIGMAS * lens.sigma_px():
+        if lens.size and lens.moved_px(moved) > _SIGNIFICANT_SIGMAS * lens.sigma_px():
             self._z, found = lens.z, lens.report().camera
             # Of a camera whose doubt was given, what is left of it counts; else it was exact.
-            doubt = None if self.camera.uncertainty is None else found.uncertainty
-            self.camera = replace(self.camera, model=found.model, uncertainty=doubt)
+            uncertainty = None if self.camera.uncertainty is None else found.uncertainty
+            self.camera = replace(self.camera, model=found.model, uncertainty=uncertainty)
         sigma_s = lens.readout_sigma_s
-        if not self._is_shutter_known and lens.readout_s > _SHOWN_SIGMAS * sigma_s:
+        if not self._is_shutter_known and lens.readout_s > _SIGNIFICANT_SIGMAS * sigma_s:
             self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
 
     def interval_s(self, seconds: float) -> float | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint.hints import MetricEstimate
+from farpoint.aiding import MetricEstimate
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.metric_files import metric_covariance
 

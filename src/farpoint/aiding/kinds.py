@@ -9,7 +9,7 @@ import numpy as np
 from farpoint.errors import InputError
 from farpoint.options import coerce_positive
 
-__all__ = ["CameraHeight", "GnssPositions", "Hint", "KnownDistance", "KnownSpeed"]
+__all__ = ["AidingMeasurement", "CameraHeight", "GnssPositions", "KnownDistance", "KnownSpeed"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,7 +118,7 @@ class GnssPositions:
         coerce_positive(self, "sigma_m")
 
 
-Hint = KnownSpeed | CameraHeight | KnownDistance | GnssPositions
+AidingMeasurement = KnownSpeed | CameraHeight | KnownDistance | GnssPositions
 
 
 def _check_table(times: np.ndarray, values: np.ndarray, name: str, rest: tuple[int, ...]) -> None:
