@@ -123,7 +123,7 @@ def run_bench(
     for name in options.tables:
         for make in _MAKERS[name]:
             before = report
-            for report in _growing(before, name, lambda make=make: make(options, progress)):
+            for report in _scaling(before, name, lambda make=make: make(options, progress)):
                 for table in report.tables[len(before.tables) :]:
                     _write_table(out, table)
                 _write(out, "bench.txt", report.to_text())
@@ -134,7 +134,7 @@ def run_bench(
     return report
 
 
-def _growing(
+def _scaling(
     report: BenchReport, name: TableName, make: Callable[[], Iterable[Table]]
 ) -> Iterator[BenchReport]:
     """The report with each table, or more of its rows; at last with the reason if there is none."""

@@ -29,13 +29,13 @@ def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
         return pose
     turn = so3.log(rest.rotation_cam1_from_cam0)
     squared = turn @ np.linalg.pinv(rest.rotation_covariance, hermitian=True) @ turn
-    turned = bool(squared > _TURN_CHI2)
+    is_rotating = bool(squared > _TURN_CHI2)
     return replace(
         pose,
-        status=PoseStatus.ROTATION_ONLY if turned else PoseStatus.STATIC,
+        status=PoseStatus.ROTATION_ONLY if is_rotating else PoseStatus.STATIC,
         reason=(
             f"{rest.points} points of known distance stand still: what moves is in front of the "
-            f"camera, which {'only turned' if turned else 'is at rest'}."
+            f"camera, which {'only is_rotating' if is_rotating else 'is at rest'}."
         ),
         rotation_cam1_from_cam0=rest.rotation_cam1_from_cam0,
         rotation_covariance=rest.rotation_covariance,

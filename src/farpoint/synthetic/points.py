@@ -277,7 +277,7 @@ def _onto_epipolar_line(
 ) -> np.ndarray:
     """Nearest point, as an angle, on the epipolar line of ``pixels0`` for each of ``pixels1``."""
     R = so3.exp(np.array(options.rotation_vector_rad))
-    turned = options.camera.unproject(pixels0) @ R.T
-    normals = sphere.normalize(np.cross(np.array(options.translation_m), turned))
+    rotated = options.camera.unproject(pixels0) @ R.T
+    normals = sphere.normalize(np.cross(np.array(options.translation_m), rotated))
     rays1 = options.camera.unproject(pixels1)
     return options.camera.project(rays1 - normals * np.sum(rays1 * normals, 1, keepdims=True))

@@ -59,8 +59,8 @@ def with_mover(
     middle, angle = views.points0[rng.integers(len(views.points0))], rng.uniform(0.0, 2 * math.pi)
     nearest = np.argsort(np.linalg.norm(views.points0 - middle, axis=1))
     points1 = views.points1.copy()
-    moving = nearest[: round(share * len(nearest))]
-    points1[moving] += shift_px * np.array([math.cos(angle), math.sin(angle)])
+    displaced = nearest[: round(share * len(nearest))]
+    points1[displaced] += shift_px * np.array([math.cos(angle), math.sin(angle)])
     return replace(views, points1=points1)
 
 

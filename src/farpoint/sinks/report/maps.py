@@ -18,8 +18,8 @@ _CHI2_95 = 5.991  # of two degrees of freedom
 
 def path_map(paths: Paths, unit: LengthUnit) -> str:
     """The path from above, x to the right and z up the page, with a grid of round lengths."""
-    shown = paths.x_z if paths.true_x_z is None else np.vstack([paths.x_z, paths.true_x_z])
-    low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
+    points = paths.x_z if paths.true_x_z is None else np.vstack([paths.x_z, paths.true_x_z])
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     extent = max(float((high - low).max()), 1e-6)
     step = nice_step(extent / 6.0)
     left, bottom = np.floor(low / step - 0.5) * step
