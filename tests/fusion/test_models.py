@@ -86,7 +86,7 @@ def test_the_state_predicts_the_motion_that_the_camera_makes():
     np.testing.assert_allclose(t, t_true, atol=2e-4)
 
 
-def test_the_seen_error_of_the_truth_is_the_error_of_the_pose():
+def test_the_motion_error_of_the_truth_is_the_error_of_the_pose():
     flight, rng = fly(winding_path(), seed=3), np.random.default_rng(4)
     R_true, t_true = flight.motions[5]
     # The world has the axes of camera 1, which is the body.
@@ -105,7 +105,7 @@ def test_the_seen_error_of_the_truth_is_the_error_of_the_pose():
     np.testing.assert_allclose(whitened, np.eye(5), atol=0.12)
 
 
-def test_the_seen_error_has_the_sides_and_signs_of_the_poses_covariance():
+def test_the_motion_error_has_the_sides_and_signs_of_the_poses_covariance():
     pose = seen_pose(*fly(winding_path(), seed=3).motions[5], np.random.default_rng(5))
     R, d, B = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0, pose.direction_basis
     error = np.array([0.01, -0.02, 0.03, 1e-5, -2e-5])

@@ -40,12 +40,12 @@ PATIENCE_S = 60.0
 PROGRAM = """
 import pickle, sys
 from pathlib import Path
-from farpoint.sinks import OutputFolder, start_film
+from farpoint.sinks import OutputFolder, start_video_process
 results, image, run = pickle.loads(Path(sys.argv[1]).read_bytes())
 while True:
-    with start_film() as film:
-        print(film.pid, flush=True)
-        with OutputFolder(sys.argv[2], run, film_process=film) as folder:
+    with start_video_process() as video:
+        print(video.pid, flush=True)
+        with OutputFolder(sys.argv[2], run, video_process=video) as folder:
             for result in results:
                 put(folder, result, image)
 """

@@ -216,12 +216,12 @@ def test_a_film_that_cannot_be_made_is_refused_at_once(
 SCRIPT = """
 import pickle, sys, time
 from pathlib import Path
-from farpoint.sinks.overlay import open_film
+from farpoint.sinks.overlay import open_video
 results, image, camera = pickle.loads(Path({results!r}).read_bytes())
 print("once", flush=True)
-film = open_film(Path({film!r}), camera)
+video = open_video(Path({video!r}), camera)
 for result in results:
-    film.write(result, image)
+    video.write(result, image)
 {end}
 """
 
@@ -231,7 +231,7 @@ def start_script(
 ) -> subprocess.Popen[str]:
     (folder / "results").write_bytes(pickle.dumps((results, IMAGE, camera)))
     script = folder / "program.py"
-    names = {"results": str(folder / "results"), "film": str(folder / "overlay.mp4")}
+    names = {"results": str(folder / "results"), "video": str(folder / "overlay.mp4")}
     script.write_text(SCRIPT.format(**names, end=end))
     return subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
 
@@ -250,7 +250,7 @@ def _part(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-@pytest.mark.parametrize("end", ["", "film.close()"])
+@pytest.mark.parametrize("end", ["", "video.close()"])
 def test_a_program_that_forgets_to_close_ends_and_the_film_too(
     tmp_path: Path, camera: Camera, make_result: MakeResult, end: str
 ):

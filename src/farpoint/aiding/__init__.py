@@ -1,4 +1,4 @@
-"""What somebody knows of lengths: it puts a trajectory on the scale of metres."""
+"""Aiding measurements of length, which give a trajectory its metric scale."""
 
 from farpoint.aiding.kinds import (
     AidingMeasurement,

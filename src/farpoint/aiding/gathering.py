@@ -1,4 +1,4 @@
-"""Readings from hints and the results of the odometry, as they come."""
+"""Online readings of the scale from aiding measurements and odometry results."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from farpoint.odometry import OdometryResult
 
 __all__ = ["Accumulator", "accumulator_for"]
 
-_WINDOW_S = 1.0  # readings nearer together would share their errors
-_LEAST_SPEED = 0.5  # m/s: slower, the error of the hint is no longer relative
+_WINDOW_S = 1.0  # averaging time: errors of shorter readings are correlated
+_LEAST_SPEED = 0.5  # m/s: below it the error of a speed is not relative
 _LEAST_SIGMA = 0.002
-_GNSS_SIGMAS = 10.0  # positions are compared when so many sigma apart
-_HEIGHT_SIGMA = 0.05  # relative, of single readings: the road is not a plane
+_GNSS_SIGMAS = 10.0  # least distance of compared positions, in sigma
+_HEIGHT_SIGMA = 0.05  # relative 1-sigma of a reading: the road is not a plane
 
 
 class Accumulator(Protocol):
-    """Watches the results of a run."""
+    """Accumulates results of a run into readings."""
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
         """Readings that have become complete with this result."""
@@ -38,7 +38,7 @@ class Accumulator(Protocol):
 
 
 def accumulator_for(measurement: AidingMeasurement) -> Accumulator:
-    """What makes readings of a hint."""
+    """Accumulator for a kind of aiding measurement."""
     match measurement:
         case KnownSpeed():
             return _Speeds(measurement)
@@ -186,7 +186,7 @@ class _Distance:
 
 
 class _Gnss:
-    """Distances between positions that are far enough apart to tell a length."""
+    """Distances between positions at least 10 sigma apart."""
 
     def __init__(self, measurement: GnssPositions) -> None:
         self._measurement = measurement

@@ -1,4 +1,4 @@
-"""The kinds of hints: what is known, and how sure that is."""
+"""Kinds of aiding measurements with their 1-sigma."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Metres for a unit of the trajectory, from readings of which some may be wrong."""
+"""Robust smoothing of the metric scale from readings with outliers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _DOF = 3.0  # of the t distribution of readings: heavy tails
 _ROUNDS = 40
 _TOLERANCE = 1e-7
 _CONTRADICTS = 3.0  # sigma
-_EXCLUDED_FACTOR = 1e6  # times its variance: as good as not there, and the equations stay regular
+_EXCLUDED_FACTOR = 1e6  # variance factor of an excluded reading: regular equations
 _EXCLUSIONS = 4  # rounds until the same readings contradict as before
 _LEAST_DRIFT = 1e-8  # variance between readings: a scale that could not drift at all has no inverse
 
@@ -28,13 +28,13 @@ class Contradiction:
     Attributes
     ----------
     kind : str
-        The hint they come from.
+        Kind of aiding measurement.
     start_s, end_s : float
         Times, s.
     readings : int
         How many.
     ratio : float
-        What they say over what the fit says, their median: 1.3 for lengths 30 % too large.
+        Median of reading over fit: 1.3 for lengths 30 % too large.
     """
 
     kind: str
@@ -90,14 +90,13 @@ class MetricFit:
 
 
 def fit_readings(readings: list[Reading]) -> MetricFit:
-    """Most likely scale over time.
+    """Maximum-likelihood scale over time.
 
     The logarithm of metres for a unit walks at random from reading to reading, by as much as the
-    scale of the trajectory may have drifted. A reading deviates from it by an error of its own,
-    t-distributed with 3 degrees of freedom so that wrong ones count little, and by one that all of
-    its kind share, normal. Begun from the weighted median, so that a wrong minority has no say in
-    where. Readings that then contradict are left out: a little pull of each, all one way, would
-    bend the end of a long drive.
+    scale of the trajectory may have drifted. A reading has an independent error, Student's t with 3
+    degrees of freedom, and a normal error common to its kind. The iteration starts from the
+    weighted median. Readings beyond 3 sigma are then excluded, since outliers of one sign would
+    bias the scale.
 
     Parameters
     ----------

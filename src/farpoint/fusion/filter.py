@@ -1,4 +1,4 @@
-"""An error-state Kalman filter that fuses seen motions, each with its covariance, with an IMU."""
+"""Error-state Kalman filter that fuses two-view motions, each with its covariance, with an IMU."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ _STEPS_AT_ONCE = 20  # every step's noise has a column of its own in the derivat
 
 @dataclass(frozen=True, kw_only=True)
 class StartSigmas:
-    """1-sigma of the state that a filter starts from, of each axis.
+    """1-sigma of the initial state, per axis.
 
     Attributes
     ----------
     tilt_rad, heading_rad : float
-        Attitude, about the horizontal axes and about the vertical. The heading is a choice of the
-        map until something tells it.
+        Attitude, about the horizontal axes and about the vertical. The heading is unobservable: a
+        choice of the map.
     velocity : float
-        m/s. Where it is much more than a third of the speed, the first directions make the filter
-        surer of the speed than it can be.
+        m/s. Above about 0.33 of the speed, the first updates make the filter overconfident of the
+        speed.
     gyro_bias : float
         rad/s.
     accel_bias : float
@@ -59,7 +59,7 @@ class StartSigmas:
     accel_bias: float = 0.1
 
     def covariance(self) -> np.ndarray:
-        """Covariance (18, 18) of the error at an image: the last attitude is the present one."""
+        """Covariance (18, 18) of the error at an image: last attitude = current attitude."""
         sigmas = np.zeros(ERROR_SIZE)
         sigmas[ATTITUDE] = (self.tilt_rad, self.tilt_rad, self.heading_rad)
         sigmas[VELOCITY] = self.velocity
@@ -70,16 +70,16 @@ class StartSigmas:
 
 @dataclass(frozen=True, kw_only=True)
 class Innovation:
-    """What a seen motion said that the filter had not expected.
+    """Innovation of a two-view motion.
 
     Attributes
     ----------
     dof : int
-        5 for rotation and direction, 3 for rotation alone, 0 where nothing was seen.
+        5 for rotation and direction, 3 for rotation alone, 0 without a measurement.
     nis : float
-        Normalised innovation squared; `dof` on average where filter and covariance are honest.
+        Normalised innovation squared; its mean is `dof` for a consistent filter.
     used : bool
-        False where it was too unlikely, or nothing was seen: then the filter ignored it.
+        False where the gate rejected it, or without a measurement.
     """
 
     dof: int
@@ -90,28 +90,27 @@ class Innovation:
 class InertialFilter:
     """Attitude, velocity and biases of a body from its IMU and a camera on it.
 
-    The camera gives the rotation between two images and the direction of travel, each with its
-    covariance. The gyroscope's bias shows in the rotations; the speed, which no direction tells,
-    in how the direction turns under the accelerations that are felt.
+    The camera measures the rotation between two images and the direction of travel, each with its
+    covariance. Rotations make the gyroscope's bias observable; changes of direction under measured
+    acceleration make the speed observable.
 
     Parameters
     ----------
     state : InertialState
         At the time of the first image.
     start : StartSigmas
-        How sure the state is.
+        Initial 1-sigma.
     noise : ImuNoise
         Of the IMU.
     body_from_cam : ndarray, shape (4, 4)
         Pose of the camera on the IMU (Kalibr's and EuRoC's ``T_BS`` of the camera).
     gate : float
-        A motion that an honest filter would see less often than once in ``1 / (1 - gate)`` times
-        is ignored; 1 ignores none.
+        Probability of the chi-square gate on innovations; 1 rejects none.
 
     Attributes
     ----------
     state : InertialState
-        The estimate now.
+        Current estimate.
     covariance : ndarray, shape (18, 18)
         Of its error, in the order of `farpoint.fusion.state`.
 
@@ -140,7 +139,7 @@ class InertialFilter:
         self._noise, self._body_from_cam, self._gate = noise, np.asarray(body_from_cam), gate
 
     def predict(self, steps: ImuSteps) -> None:
-        """Move on by what the IMU felt."""
+        """Propagate by IMU measurements."""
         for part in steps.parts(_STEPS_AT_ONCE):
             self._propagate(part)
 
@@ -166,9 +165,9 @@ class InertialFilter:
         self.state, self.covariance = state, covariance
 
     def update(self, pose: RelativePose) -> Innovation:
-        """Learn from the motion since the last image; the next motion starts now.
+        """Update with the motion since the last image, and clone the attitude.
 
-        Whatever the pose gives is used: rotation and direction, rotation alone, or nothing.
+        Uses what the pose contains: rotation and direction, rotation alone, or nothing.
         """
         innovation = self._correct(pose)
         self.state = InertialState.at(
@@ -183,7 +182,7 @@ class InertialFilter:
     def travel_direction(self) -> tuple[np.ndarray, np.ndarray]:
         """Direction of travel in the body's axes, a unit vector (3,), and its covariance (3, 3).
 
-        Means nothing while the speed is not known to be more than 0.
+        Undefined unless the speed is significantly above 0.
         """
 
         def direction(step: np.ndarray) -> np.ndarray:

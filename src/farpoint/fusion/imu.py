@@ -1,4 +1,4 @@
-"""What an inertial measurement unit says: rates and forces over time, and how noisy they are."""
+"""IMU measurements, angular rates and specific forces, and their noise."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ class ImuNoise:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImuSteps:
-    """Stretches of time, one after the other, and what was felt in each on average.
+    """Consecutive time steps, each with its mean measurement.
 
     Attributes
     ----------
     gyro : ndarray, shape (N, 3)
-        Mean angular rate, rad/s. In a stack of what may have been felt, shape (..., N, 3).
+        Mean angular rate, rad/s. Stacked, shape (..., N, 3).
     accel : ndarray, shape (N, 3)
         Mean specific force, m/s^2; stacked likewise.
     dt : ndarray, shape (N,)

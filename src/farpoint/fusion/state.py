@@ -1,10 +1,10 @@
-"""What the filter knows: attitude, velocity, biases, and how the body moved since the last image.
+"""State of the filter: attitude, velocity, biases, and displacement since the last image.
 
 Errors of attitude, velocity and displacement are those of the right-invariant filter (Barrau and
 Bonnabel, "The Invariant Extended Kalman Filter as a Stable Observer", IEEE TAC 62(4), 2017,
-doi:10.1109/TAC.2016.2594085): they turn the whole world. What no measurement can tell, the heading
-on the map, is then the same step of the error at every state, and linearising at different states
-cannot make the filter believe that it has learnt it.
+doi:10.1109/TAC.2016.2594085): they rotate the whole world. The unobservable heading is then the
+same error direction at every state, and linearising at different states adds no spurious
+information on it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ATTITUDE, VELOCITY, GYRO_BIAS, ACCEL_BIAS = (slice(k, k + 3) for k in (0, 3, 6, 
 DISPLACEMENT, LAST_ATTITUDE = slice(12, 15), slice(15, 18)
 KNOWN = slice(0, 12)
 ERROR_SIZE = 18
-"""Order of the error: the first 12 are what users ask for, the others serve the next image."""
+"""Order of the error: the first 12 are the user's state, the others serve the next update."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,11 +47,11 @@ class InertialState:
     velocity : ndarray, shape (..., 3)
         Of the IMU in the world, m/s.
     gyro_bias : ndarray, shape (..., 3)
-        What the gyroscope says too much, rad/s.
+        Bias of the gyroscope, rad/s.
     accel_bias : ndarray, shape (..., 3)
-        What the accelerometer says too much, m/s^2.
+        Bias of the accelerometer, m/s^2.
     displacement : ndarray, shape (..., 3)
-        How the IMU moved since the last image, in the world, m.
+        Displacement of the IMU since the last image, in the world, m.
     last_world_from_body : ndarray, shape (..., 3, 3)
         Its attitude at the last image.
     """
@@ -83,7 +83,7 @@ class InertialState:
 
     @classmethod
     def at_rest(cls, accel: np.ndarray) -> InertialState:
-        """State of a body that stands still and feels this force (3,), m/s^2: level, heading 0.
+        """State of a body at rest with this specific force (3,), m/s^2: level, heading 0.
 
         A bias of the accelerometer tilts it: by 0.1 rad for 1 m/s^2.
         """

@@ -1,4 +1,4 @@
-"""The sink that puts a run's files in metres at its end, where hints tell the scale."""
+"""Sink that converts a run's files to metres at its end, with aiding measurements."""
 
 from __future__ import annotations
 

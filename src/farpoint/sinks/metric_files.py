@@ -1,4 +1,4 @@
-"""The files of a run in metres, once hints have told the scale."""
+"""The files of a run in metres, given the metric scale."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def metric_covariance(
     stretch[3:6] = factor
     metric = covariance * np.outer(stretch, stretch)
     along = np.concatenate([np.zeros(3), position, [1.0]])
-    metric[6, :] = metric[:, 6] = 0.0  # the hints have told the scale
+    metric[6, :] = metric[:, 6] = 0.0  # the scale is measured
     return metric + sigma**2 * np.outer(along, along)
 
 

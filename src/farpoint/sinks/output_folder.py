@@ -100,8 +100,8 @@ class OutputFolder:
     run : RunDescription
         What is run.
     options : OutputOptions, optional
-    film_process : Popen, optional
-        Draws the overlay; from `start_film`, where it was started beforehand.
+    video_process : Popen, optional
+        Draws the overlay; from `start_video_process`, where it was started beforehand.
     lock : FolderLock, optional
         Of the folder, where the caller holds it already, and releases it.
 

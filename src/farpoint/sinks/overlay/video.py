@@ -174,7 +174,7 @@ def open_video(
     """An `OverlayVideo` in a process of its own, with the same errors.
 
     They are found here as far as that needs no waiting for the process. It comes from
-    `start_film`, where it was started beforehand.
+    `start_video_process`, where it was started beforehand.
     """
     require_libraries()
     check_writable(path)
