@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import farpoint as fp
+from farpoint.aiding import CameraHeight, KnownSpeed, MetricScale
 from farpoint.camera.arctangent import Arctangent
 from farpoint.camera.division import Division
 from farpoint.camera.double_sphere import DoubleSphere
@@ -27,7 +28,6 @@ from farpoint.cli.demo import Demo
 from farpoint.evaluate import evaluate_folder
 from farpoint.fusion import ImuNoise, InertialFilter, InertialState, StartSigmas
 from farpoint.geometry import so3
-from farpoint.hints import CameraHeight, KnownSpeed, MetricScale
 from farpoint.metrics import to_json
 from farpoint.sinks import OutputOptions
 from farpoint.synthetic import (
