@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from farpoint.errors import InputError
-from farpoint.options import settle_float, settle_int, settle_positive
+from farpoint.options import coerce_float, coerce_int, coerce_positive
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,9 @@ class Sample:
     count: object = 3
 
     def __post_init__(self) -> None:
-        settle_float(self, "a share, 0 to 1", lambda share: 0 <= share <= 1, "share")
-        settle_positive(self, "length")
-        settle_int(self, 2, "count")
+        coerce_float(self, "a share, 0 to 1", lambda share: 0 <= share <= 1, "share")
+        coerce_positive(self, "length")
+        coerce_int(self, 2, "count")
 
 
 @pytest.mark.parametrize("value", [1, np.float32(0.25), np.int64(1), Fraction(1, 4), 0.75])

@@ -1,4 +1,4 @@
-"""The two errors a user can cause, and what their one line must say."""
+"""Errors that a user can cause; each message is one line."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ __all__ = ["InputError", "MissingExtraError", "optional_import", "printable", "r
 
 
 class InputError(ValueError):
-    """Something given to farpoint cannot be used: says which, where, and what was expected.
+    """An argument, option or file cannot be used; the message names it and what was expected.
 
     Parameters
     ----------
     problem : str
-        What was found and what was expected, without a full stop.
+        The given and the expected value, without a full stop.
     file : str or Path, optional
-        The file the problem lies in; named first in the message.
+        The file at fault; named first in the message.
     field : str, optional
-        The argument, key, line or column the problem lies in; named after the file.
+        The argument, key, line or column at fault; named after the file.
     """
 
     def __init__(self, problem: str, *, file: str | Path | None = None, field: str | None = None):
@@ -32,7 +32,7 @@ class InputError(ValueError):
 
 
 def printable(text: str) -> str:
-    r"""Text in one line that changes no terminal: what cannot be printed is shown as an escape.
+    r"""Escape every character that cannot be printed, so that text stays on one line.
 
     File names and the contents of files may hold newlines, control characters and escape sequences.
 
@@ -48,11 +48,11 @@ def printable(text: str) -> str:
 
 
 class MissingExtraError(ImportError):
-    """An optional library is absent: names the extra that brings it."""
+    """An optional library is absent; the message names the extra that installs it."""
 
 
 def optional_import(module: str, *, extra: str, purpose: str) -> ModuleType:
-    """Import an optional library on use, or say in one line how to get it.
+    """Import an optional library on use; `MissingExtraError` where it is absent.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def optional_import(module: str, *, extra: str, purpose: str) -> ModuleType:
     extra : str
         The extra of farpoint that installs it, such as ``"video"``.
     purpose : str
-        What it is needed for, as the subject of a sentence, such as ``"reading video"``.
+        Its use, as the subject of a sentence, such as ``"reading video"``.
     """
     try:
         return importlib.import_module(module)
@@ -70,7 +70,7 @@ def optional_import(module: str, *, extra: str, purpose: str) -> ModuleType:
 
 
 def require(module: str, *, extra: str, purpose: str) -> None:
-    """Raise what `optional_import` would where a library is absent, without loading it."""
+    """Raise `MissingExtraError` where a library is absent, without loading it."""
     if importlib.util.find_spec(module) is None:
         raise _missing(module, extra, purpose)
 

@@ -32,7 +32,7 @@ from farpoint.metrics import (
     relative_motions,
 )
 from farpoint.metrics.other_frame import fits_better, other_frame
-from farpoint.options import settle_float, settle_int
+from farpoint.options import coerce_float, coerce_int
 from farpoint.sinks.files import replacing
 from farpoint.sinks.halves import read_halves
 from farpoint.sinks.motions import Motions, read_motions
@@ -73,8 +73,8 @@ class EvaluationOptions:
     association: AssociationOptions = field(default_factory=AssociationOptions)
 
     def __post_init__(self) -> None:
-        settle_float(self, "a length, 0 or more", lambda length: length >= 0, "min_translation")
-        settle_int(self, 1, "delta_frames")
+        coerce_float(self, "a length, 0 or more", lambda length: length >= 0, "min_translation")
+        coerce_int(self, 1, "delta_frames")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -192,11 +192,11 @@ def _notes(
 ) -> tuple[str, ...]:
     """How the truth was taken, and hints at what it rather is."""
     order = options.truth_quaternion or named_order(file)
-    said = "as given" if options.truth_quaternion else "by the names of its columns"
+    source = "as given" if options.truth_quaternion else "by the names of its columns"
     of = "the camera" if body_from_cam is None else "a body that carries the camera"
     notes = [f"true poses are taken for those of {of}, world_from_body"]
     if truth.timestamps is not None:
-        words = f"{' '.join(order)} ({said})" if order else "in the order of the format (assumed)"
+        words = f"{' '.join(order)} ({source})" if order else "in the order of the format (assumed)"
         notes.append(f"true quaternions are {words}")
     estimated = motions.rotation_cam1_from_cam0
     true = _true_rotations(motions, truth, options)

@@ -1,4 +1,4 @@
-"""What a user may give as an option: a number of the declared kind, in its range."""
+"""Validation of options: a number of the declared kind, in its range."""
 
 from __future__ import annotations
 
@@ -9,64 +9,62 @@ from typing import Any
 
 from farpoint.errors import InputError
 
-__all__ = ["settle_float", "settle_int", "settle_positive"]
+__all__ = ["coerce_float", "coerce_int", "coerce_positive"]
 
-# No option of this program is meaningful beyond: squares and products of a few stay finite.
-_LARGEST = 1e9
-_LEAST = 1e-15  # of a positive number
+_LARGEST = 1e9  # so that squares and products of a few options stay finite
+_LEAST = 1e-15  # smallest positive number
 
 
-def settle_float(
-    options: object, expected: str, holds: Callable[[float], bool], *names: str
+def coerce_float(
+    options: object, expected: str, is_valid: Callable[[float], bool], *names: str
 ) -> None:
-    """Make the named fields of a record of options numbers up to 1e9, of Python's ``float``.
+    """Coerce the named fields of a record of options to Python's ``float`` and validate them.
 
-    Whatever was given for it, a ``2`` or a number of NumPy's: to a compiled kernel these would be
-    other types.
+    Integers and NumPy scalars are converted, because a compiled kernel has one argument type. The
+    magnitude is at most 1e9.
 
     Parameters
     ----------
     options : object
         A dataclass, frozen or not; called from its ``__post_init__``.
     expected : str
-        What is expected of the fields, for the message.
-    holds : callable
-        Whether a number is that.
+        The valid range in words, for the message.
+    is_valid : callable
+        Whether a number is valid.
     *names : str
-        The fields.
+        Names of the fields.
 
     Raises
     ------
     InputError
-        With the field, and what was expected there.
+        With the field and the expected range.
     """
-    _settle(options, names, float, Real, expected, holds)
+    _coerce(options, names, float, Real, expected, is_valid)
 
 
-def settle_positive(options: object, *names: str) -> None:
-    """Make the named fields positive numbers, 1e-15 to 1e9, as `settle_float` does."""
-    settle_float(options, "a positive number", lambda number: number >= _LEAST, *names)
+def coerce_positive(options: object, *names: str) -> None:
+    """Coerce the named fields to positive numbers, 1e-15 to 1e9."""
+    coerce_float(options, "a positive number", lambda number: number >= _LEAST, *names)
 
 
-def settle_int(options: object, least: int, *names: str, most: float = math.inf) -> None:
-    """Make the named fields whole numbers of ``least`` or more, as `settle_float` does floats."""
+def coerce_int(options: object, least: int, *names: str, most: float = math.inf) -> None:
+    """Coerce the named fields to whole numbers in ``[least, most]``."""
     expected = f"a whole number, {least} " + ("or more" if math.isinf(most) else f"to {most}")
-    _settle(options, names, int, Integral, expected, lambda number: least <= number <= most)
+    _coerce(options, names, int, Integral, expected, lambda number: least <= number <= most)
 
 
-def _settle(
+def _coerce(
     options: object,
     names: tuple[str, ...],
     kind: type,
     given_as: type,
     expected: str,
-    holds: Callable[[Any], bool],
+    is_valid: Callable[[Any], bool],
 ) -> None:
     for name in names:
         value = getattr(options, name)
         number = _number(value, kind, given_as)
-        # Not of NaN either.
-        if number is None or not holds(number):
+        if number is None or not is_valid(number):  # NaN fails every comparison
             raise InputError(f"expected {expected}, got {value!r}", field=name)
         if not abs(number) <= _LARGEST:
             raise InputError(f"expected {expected}, got {value!r}, more than 1e9", field=name)
@@ -74,10 +72,14 @@ def _settle(
 
 
 def _number(value: object, kind: type, given_as: type) -> Any:
-    """The value as Python's own number of a ``kind``; None of what is no such number."""
+    """Convert to Python's ``float`` or ``int``; None where the value is not of that kind."""
     if isinstance(value, bool) or not isinstance(value, given_as):
         return None
     try:
         return kind(value)
     except OverflowError:  # a whole number too large for a float
         return None
+
+
+# Names that `farpoint.pose` still imports.
+settle_float, settle_int, settle_positive = coerce_float, coerce_int, coerce_positive

@@ -1,7 +1,6 @@
-"""Files that are read up to a size and only where they are regular, however they are named.
+"""Reading of regular files up to a size limit; FIFOs, devices and folders are refused.
 
-A FIFO or a device never ends, and a link may lead to one; what the system says of a file's size
-need not hold for what is read from it.
+A FIFO or a device never ends. The size in a file's metadata is not trusted: bytes read are counted.
 """
 
 from __future__ import annotations
@@ -32,22 +31,22 @@ _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 def open_regular_file(
     path: Path, *, limit_bytes: int, what: str
 ) -> Iterator[io.BufferedReader[_UpTo]]:
-    """Open a regular file for reading bytes, as many of them as the limit allows.
+    """Open a regular file for reading, up to a number of bytes.
 
     Parameters
     ----------
     path : Path
         Links are followed.
     limit_bytes : int
-        Reading more than that is an error, whatever the system says of the file's size.
+        Reading more bytes is an error, whatever the file's metadata.
     what : str
-        What is expected there, such as ``"a calibration"``, for the message.
+        The expected content, such as ``"a calibration"``, for the message.
 
     Raises
     ------
     InputError
-        If there is no such file, it is a folder, a device or a FIFO, too large, or cannot be read;
-        also while it is being read, within the block.
+        Where the file is absent, a folder, a device, a FIFO, too large or unreadable; also raised
+        within the block, while the file is read.
     """
     try:
         descriptor = os.open(path, _FLAGS)
@@ -72,11 +71,11 @@ def read_regular_file(path: Path, *, limit_bytes: int, what: str) -> bytes:
 def regular_lines(
     path: Path, *, limit_bytes: int, what: str, newline: str | None = None
 ) -> Iterator[str]:
-    """Lines of a regular text file, with their ends; one after the other.
+    """Lines of a regular text file, with their line ends.
 
-    The text is UTF-8, or UTF-16 where a byte order mark says so. Parameters and errors are as of
-    `open_regular_file`; ``newline`` is that of `open`. A file that is no text, or with a line of
-    more than 65,536 characters, is an InputError too.
+    The text is UTF-8, or UTF-16 with a byte order mark. Parameters and errors are as of
+    `open_regular_file`; ``newline`` as of `open`. Binary content, or a line of more than 65,536
+    characters, is an InputError too.
     """
     with open_regular_file(path, limit_bytes=limit_bytes, what=what) as file:
         encoding = "utf-16" if file.peek(2)[:2] in _UTF_16 else "utf-8-sig"
@@ -97,11 +96,11 @@ def regular_lines(
 
 
 class _UpTo(io.RawIOBase):
-    """The bytes of a file; more than the limit is an error, and so is what cannot be read."""
+    """Bytes of a file; an InputError beyond the limit or where reading fails."""
 
     def __init__(self, descriptor: int, path: Path, limit_bytes: int, what: str) -> None:
         self._descriptor, self._path, self._what = descriptor, path, what
-        self._limit_bytes = self._left = limit_bytes
+        self._limit_bytes = self._remaining = limit_bytes
 
     def readable(self) -> bool:
         return True
@@ -109,14 +108,14 @@ class _UpTo(io.RawIOBase):
     def readinto(self, buffer: WriteableBuffer, /) -> int:
         """Fill a buffer, and count the bytes; an InputError beyond the limit."""
         # One byte beyond the limit tells whether the file ends there.
-        view = memoryview(buffer)[: self._left + 1]
+        view = memoryview(buffer)[: self._remaining + 1]
         try:
             data = os.read(self._descriptor, len(view))
         except OSError as error:
             raise _unreadable(self._path, error, self._what) from None
         view[: len(data)] = data
-        self._left -= len(data)
-        if self._left < 0:
+        self._remaining -= len(data)
+        if self._remaining < 0:
             raise InputError(
                 f"is too large for {self._what}: more than {_size(self._limit_bytes)}",
                 file=self._path,

@@ -7,15 +7,15 @@ import pytest
 from bench_kit import estimator_of, silent, some_views
 
 from farpoint.bench.accuracy import Errors, bound_ratios, errors_of, ratio_cells
-from farpoint.bench.race import Course
+from farpoint.bench.interleaved import EstimatorRun
 from farpoint.bench.views import TwoViews
 from farpoint.geometry import so3, sphere
 
 TRUTH = some_views(1)[0]
 
 
-def course_of(rotations: np.ndarray, directions: np.ndarray) -> Course:
-    return Course(
+def course_of(rotations: np.ndarray, directions: np.ndarray) -> EstimatorRun:
+    return EstimatorRun(
         estimator=estimator_of("any", silent),
         rotations=rotations,
         directions=directions,
@@ -24,7 +24,7 @@ def course_of(rotations: np.ndarray, directions: np.ndarray) -> Course:
     )
 
 
-def off_by(dtheta: np.ndarray, dbeta: np.ndarray) -> Course:
+def off_by(dtheta: np.ndarray, dbeta: np.ndarray) -> EstimatorRun:
     """Answers that differ from the truth by these errors (V, 3) and (V, 2)."""
     direction = sphere.normalize(TRUTH.translation_cam1_from_cam0)
     basis = sphere.tangent_basis(direction)
@@ -41,23 +41,23 @@ def test_errors_as_large_as_the_bound_have_ratio_one(factor: float):
     bound = root @ root.T
     n = 20000
     errors = factor * rng.multivariate_normal(np.zeros(5), bound, n)
-    course = off_by(errors[:, :3], errors[:, 3:])
-    ratios = bound_ratios(course, [TRUTH] * n, np.broadcast_to(bound, (n, 5, 5)))
+    run = off_by(errors[:, :3], errors[:, 3:])
+    ratios = bound_ratios(run, [TRUTH] * n, np.broadcast_to(bound, (n, 5, 5)))
     assert ratios == pytest.approx((factor, factor), rel=0.02)
 
 
 def test_missing_answers_count_as_infinitely_wrong():
-    course = off_by(np.full((5, 3), 1e-4), np.full((5, 2), 1e-4))
-    course.rotations[:3] = np.nan
-    course.directions[:2] = np.nan
-    rotation, direction = bound_ratios(course, [TRUTH] * 5, np.array([np.eye(5) * 1e-8] * 5))
+    run = off_by(np.full((5, 3), 1e-4), np.full((5, 2), 1e-4))
+    run.rotations[:3] = np.nan
+    run.directions[:2] = np.nan
+    rotation, direction = bound_ratios(run, [TRUTH] * 5, np.array([np.eye(5) * 1e-8] * 5))
     assert math.isinf(rotation)
     assert direction < 2.0
 
 
 def test_errors_are_angles_to_the_truth():
-    course = off_by(np.array([[0.0, 0.02, 0.0]]), np.array([[math.tan(0.1), 0.0]]))
-    errors = errors_of(course, [TRUTH])
+    run = off_by(np.array([[0.0, 0.02, 0.0]]), np.array([[math.tan(0.1), 0.0]]))
+    errors = errors_of(run, [TRUTH])
     assert errors.rotation_deg[0] == pytest.approx(math.degrees(0.02))
     assert errors.direction_deg[0] == pytest.approx(math.degrees(0.1))
     # R_true = Exp(dtheta) @ R_est: what the truth is off the estimate.
@@ -65,13 +65,13 @@ def test_errors_are_angles_to_the_truth():
 
 
 def test_failures_silence_and_gross_errors_are_counted_apart():
-    course = off_by(
+    run = off_by(
         np.array([[0, 0, 0], [0, 0, 0], [0, 0, 0.05], [0, 0, 0]], dtype=float),
         np.array([[0, 0], [0, 0], [0, 0], [1.0, 0]], dtype=float),
     )
-    course.rotations[0] = course.directions[0] = np.nan
-    course.directions[1] = np.nan
-    errors = errors_of(course, [TRUTH] * 4)
+    run.rotations[0] = run.directions[0] = np.nan
+    run.directions[1] = np.nan
+    errors = errors_of(run, [TRUTH] * 4)
     assert (errors.failed, errors.undecided, errors.gross) == (1, 1, 2)
 
 
@@ -83,11 +83,11 @@ def test_short_true_translations_have_no_direction():
         rotation_cam1_from_cam0=TRUTH.rotation_cam1_from_cam0,
         translation_cam1_from_cam0=np.array([0.004, 0.0, 0.0]),
     )
-    course = off_by(np.zeros((1, 3)), np.zeros((1, 2)))
-    errors = errors_of(course, [short], min_translation=0.005)
+    run = off_by(np.zeros((1, 3)), np.zeros((1, 2)))
+    errors = errors_of(run, [short], min_translation=0.005)
     assert np.isnan(errors.direction_deg[0])
     assert errors.undecided == 0
-    assert not np.isnan(errors_of(course, [short], min_translation=0.003).direction_deg[0])
+    assert not np.isnan(errors_of(run, [short], min_translation=0.003).direction_deg[0])
 
 
 def turned_by(angles_deg: np.ndarray) -> Errors:

@@ -21,24 +21,26 @@ def test_what_moves_is_one_region_and_moves_as_one():
     assert moves.sum() == round(0.3 * len(views.points0))
     np.testing.assert_allclose(np.linalg.norm(shift[moves], axis=1), 4.0)
     assert np.ptp(shift[moves], axis=0).max() < 1e-9
-    spread = [np.std(views.points0[which], axis=0).mean() for which in (moves, ~moves)]
-    assert spread[0] < spread[1]
+    evenly_spaced = [np.std(views.points0[which], axis=0).mean() for which in (moves, ~moves)]
+    assert evenly_spaced[0] < evenly_spaced[1]
 
 
 def test_dirt_is_anywhere_and_stands_still_but_for_the_noise():
     views, rng = some_views(1)[0], np.random.default_rng(1)
-    moved = movers.with_stuck(views, 0.3, rng)
-    stuck = np.any(moved.points1 != views.points1, axis=1)
-    assert stuck.sum() == round(0.3 * len(views.points0))
-    flow = moved.points1[stuck] - views.points0[stuck]
+    moved = movers.with_stationary(views, 0.3, rng)
+    stationary = np.any(moved.points1 != views.points1, axis=1)
+    assert stationary.sum() == round(0.3 * len(views.points0))
+    flow = moved.points1[stationary] - views.points0[stationary]
     assert 0.15 < np.std(flow) < 0.3
-    spread = [np.std(views.points0[which], axis=0).mean() for which in (stuck, ~stuck)]
-    assert spread[0] > 0.7 * spread[1]
+    evenly_spaced = [
+        np.std(views.points0[which], axis=0).mean() for which in (stationary, ~stationary)
+    ]
+    assert evenly_spaced[0] > 0.7 * evenly_spaced[1]
 
 
 def test_a_cell_has_a_row_for_each_estimator(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(movers, "_SHARES", (0.2,))
-    monkeypatch.setattr(movers, "_MOVES", {"with the camera": movers.with_stuck})
+    monkeypatch.setattr(movers, "_MOVES", {"with the camera": movers.with_stationary})
     (table,) = movers.movers_table(BenchOptions(tables=("movers",), pairs=3), silent)
     rows = [dict(zip((c.name for c in table.columns), row, strict=True)) for row in table.rows]
     assert rows[0]["estimator"] == "farpoint"

@@ -10,7 +10,7 @@ from bench_kit import silent
 
 from farpoint.bench.options import BenchOptions
 from farpoint.bench.run import run_bench
-from farpoint.bench.sequences import filmed, find_sequences
+from farpoint.bench.sequences import find_sequences, posed_sequence
 from farpoint.bench.tables import steps
 from farpoint.camera import Camera
 from farpoint.synthetic.sequence import render_drive
@@ -37,13 +37,15 @@ def drive(tmp_path: Path):
 def test_a_film_has_the_images_whose_poses_are_known(drive):
     rendered, folder = drive
     (sequence,) = find_sequences((folder,))
-    film = filmed(sequence)
-    assert film is not None
-    assert len(film.images) == len(film.world_from_cam) == LAST
-    assert film.camera.size == CAMERA.size
-    np.testing.assert_allclose(film.cam1_from_cam0(1, 3), rendered.cam1_from_cam0(1, 3), atol=1e-12)
+    recording = posed_sequence(sequence)
+    assert recording is not None
+    assert len(recording.images) == len(recording.world_from_cam) == LAST
+    assert recording.camera.size == CAMERA.size
+    np.testing.assert_allclose(
+        recording.cam1_from_cam0(1, 3), rendered.cam1_from_cam0(1, 3), atol=1e-12
+    )
     (folder / "poses.txt").unlink()
-    assert filmed(sequence) is None
+    assert posed_sequence(sequence) is None
 
 
 def test_every_kind_and_step_has_a_row_for_every_estimator(drive, monkeypatch):

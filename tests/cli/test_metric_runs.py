@@ -31,8 +31,8 @@ def test_a_speed_puts_every_file_in_metres(
     rows = "".join(f"{0.05 + 0.1 * k},{10.0 * step}\n" for k, step in enumerate(truth))
     table.write_text("timestamp,wheel\n" + rows)
     quick = ("--camera", calibration, "--out", out, "--no-overlay", "--no-report")
-    hints = ("--metric.speed", table, "--metric.speed-column", "wheel")
-    outcome = farpoint("run", shots, *quick, *hints)
+    measurements = ("--metric.speed", table, "--metric.speed-column", "wheel")
+    outcome = farpoint("run", shots, *quick, *measurements)
     assert outcome.code == 0
     poses = read_tum(out / "trajectory.tum").world_from_body
     assert steps_of(poses).sum() == pytest.approx(truth.sum(), rel=0.02)

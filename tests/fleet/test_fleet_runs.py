@@ -24,8 +24,8 @@ def test_every_drive_is_run_once(tmp_path: Path, shots: Path):
     drives, out = write_drives(tmp_path / "in", shots, DRIVES), tmp_path / "out"
     write_folder(drives / "drive-broken", [b"no image"])
     process = start_fleet(drives, out)
-    _, told = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 1, told
+    _, headers = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1, headers
     before = finished(out)
     assert len(before) == DRIVES
     rows = rows_of_fleet(out)
@@ -44,8 +44,8 @@ def test_every_drive_is_run_once(tmp_path: Path, shots: Path):
         file.unlink()
     (out / "drives" / lost).rmdir()
     process = start_fleet(drives, out)
-    _, told = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 1, told
+    _, headers = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1, headers
     after = finished(out)
     assert len(after) == DRIVES
     del before[lost], after[lost]
@@ -71,11 +71,11 @@ def test_killed_workers_and_an_interruption_lose_nothing(
         worker.kill()  # while it works: one of them at the endless drive
     before = wait_for(lambda: len(finished(out)) == DRIVES and finished(out), process)
     process.send_signal(ending)
-    _, told = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 130, told
-    *progress, last = told.splitlines()
+    _, headers = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130, headers
+    *progress, last = headers.splitlines()
     assert last.startswith("farpoint: interrupted")
-    assert all("drives" in line for line in progress), told
+    assert all("drives" in line for line in progress), headers
     states = {name: row["state"] for name, row in rows_of_fleet(out).items()}
     assert states.pop("drive-endless") == "waiting"
     assert set(states.values()) == {"done"}
@@ -84,8 +84,8 @@ def test_killed_workers_and_an_interruption_lose_nothing(
     for image in sorted(endless.iterdir())[len(images) :]:
         image.unlink()
     process = start_fleet(drives, out)
-    _, told = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 0, told
+    _, headers = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, headers
     after = finished(out)
     assert len(after) == DRIVES + 1
     assert after.items() >= before.items()

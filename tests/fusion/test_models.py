@@ -18,7 +18,7 @@ from fusion_kit import (
 
 from farpoint.errors import InputError
 from farpoint.fusion import ImuNoise, InertialState
-from farpoint.fusion.models import central_differences, moved, predicted_motion, seen_error
+from farpoint.fusion.models import central_differences, motion_error, predicted_motion, propagated
 from farpoint.fusion.state import ERROR_SIZE, difference, retract
 from farpoint.geometry import so3, sphere
 from farpoint.synthetic import InertialPath, SimulatedImu
@@ -43,7 +43,7 @@ def test_a_perfect_imu_retraces_the_path():
     path, times = winding_path(), np.arange(0.0, 3.0, 0.005)
     bias = np.array([0.01, -0.02, 0.03])
     imu = SimulatedImu.on(path, times, TINY, gyro_bias=bias, accel_bias=10.0 * bias, seed=0)
-    end = moved(imu.true_state(path, 0), imu.steps)
+    end = propagated(imu.true_state(path, 0), imu.steps)
     truth = imu.true_state(path, len(times) - 1)
     np.testing.assert_allclose(difference(truth, end)[:6], 0.0, atol=2e-4)
     travelled = path.pose(times[-1])[:3, 3] - path.pose(times[0])[:3, 3]
@@ -54,7 +54,7 @@ def test_the_imus_noise_is_as_large_as_its_density_says():
     path, times = winding_path(), np.arange(0.0, 10.0, 0.005)
     noise = ImuNoise(gyro_density=0.01, gyro_walk=1e-9, accel_density=0.2, accel_walk=1e-9)
     imu = SimulatedImu.on(path, times, noise, gyro_bias=np.zeros(3), accel_bias=np.zeros(3), seed=1)
-    perfect = path.felt(times)
+    perfect = path.measured(times)
     for noisy, clean, density in (
         (imu.steps.gyro, perfect.gyro, 0.01),
         (imu.steps.accel, perfect.accel, 0.2),
@@ -79,14 +79,14 @@ def test_error_and_state_are_inverses(seed: int):
 
 def test_the_state_predicts_the_motion_that_the_camera_makes():
     flight = fly(winding_path(), seed=3)
-    here = moved(flight.start, flight.steps[0])
+    here = propagated(flight.start, flight.steps[0])
     R, t = predicted_motion(here, BODY_FROM_CAM)
     R_true, t_true = flight.motions[0]
     assert so3.angle_between(R, R_true) < 1e-3
     np.testing.assert_allclose(t, t_true, atol=2e-4)
 
 
-def test_the_seen_error_of_the_truth_is_the_error_of_the_pose():
+def test_the_motion_error_of_the_truth_is_the_error_of_the_pose():
     flight, rng = fly(winding_path(), seed=3), np.random.default_rng(4)
     R_true, t_true = flight.motions[5]
     # The world has the axes of camera 1, which is the body.
@@ -96,16 +96,16 @@ def test_the_seen_error_of_the_truth_is_the_error_of_the_pose():
     errors = []
     for _ in range(2000):
         pose = seen_pose(R_true, t_true, rng)
-        error = seen_error(state, pose, np.eye(4))
+        error = motion_error(state, pose, np.eye(4))
         assert sphere.angle_between(pose.direction_cam1_from_cam0, sphere.normalize(t_true)) < 0.1
         errors.append(error)
-        np.testing.assert_array_equal(seen_error(state, turned_only(pose), np.eye(4)), error[:3])
+        np.testing.assert_array_equal(motion_error(state, turned_only(pose), np.eye(4)), error[:3])
     found = np.mean(np.einsum("ni,nj->nij", errors, errors), axis=0)
     whitened = found / np.sqrt(np.outer(np.diag(SEEN), np.diag(SEEN)))
     np.testing.assert_allclose(whitened, np.eye(5), atol=0.12)
 
 
-def test_the_seen_error_has_the_sides_and_signs_of_the_poses_covariance():
+def test_the_motion_error_has_the_sides_and_signs_of_the_poses_covariance():
     pose = seen_pose(*fly(winding_path(), seed=3).motions[5], np.random.default_rng(5))
     R, d, B = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0, pose.direction_basis
     error = np.array([0.01, -0.02, 0.03, 1e-5, -2e-5])
@@ -115,7 +115,7 @@ def test_the_seen_error_has_the_sides_and_signs_of_the_poses_covariance():
         displacement=-0.2 * sphere.retract(d, B, error[3:]),
         last_world_from_body=so3.exp(error[:3]) @ R,
     )
-    np.testing.assert_allclose(seen_error(state, pose, np.eye(4)), error, rtol=1e-8)
+    np.testing.assert_allclose(motion_error(state, pose, np.eye(4)), error, rtol=1e-8)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -123,13 +123,17 @@ def test_the_heading_on_the_map_is_the_same_unknown_at_every_state(seed: int):
     """Turning the world about the vertical changes nothing that is felt or seen."""
     flight = fly(winding_path(), seed=seed)
     start = uncertain_start(flight.start, seed)
-    turn = np.zeros(ERROR_SIZE)
-    turn[[2, 17]] = 0.7
-    here, turned = (moved(state, flight.steps[0]) for state in (start, retract(start, turn)))
-    np.testing.assert_allclose(difference(turned, here), turn, atol=1e-12)
+    rotation = np.zeros(ERROR_SIZE)
+    rotation[[2, 17]] = 0.7
+    here, turned = (
+        propagated(state, flight.steps[0]) for state in (start, retract(start, rotation))
+    )
+    np.testing.assert_allclose(difference(turned, here), rotation, atol=1e-12)
     pose = seen_pose(*flight.motions[0], np.random.default_rng(seed))
     np.testing.assert_allclose(
-        seen_error(turned, pose, BODY_FROM_CAM), seen_error(here, pose, BODY_FROM_CAM), atol=1e-12
+        motion_error(turned, pose, BODY_FROM_CAM),
+        motion_error(here, pose, BODY_FROM_CAM),
+        atol=1e-12,
     )
 
 
@@ -143,7 +147,7 @@ def test_a_state_that_moves_the_other_way_is_half_a_turn_off():
             displacement=off * pose.direction_cam1_from_cam0 + 1e-9,
             last_world_from_body=R_true,
         )
-        across = seen_error(state, pose, np.eye(4))[3:]
+        across = motion_error(state, pose, np.eye(4))[3:]
         assert np.linalg.norm(across) == pytest.approx(expected, abs=1e-6)
 
 

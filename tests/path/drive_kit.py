@@ -115,9 +115,9 @@ class Cloud:
             X1 = (points - pose1[:3, 3]) @ pose1[:3, :3]
             pixels0, pixels1 = _seen(X0), _seen(X1)
             both = np.isfinite(pixels0).all(axis=1) & np.isfinite(pixels1).all(axis=1)
-            begun = both & ~alive
-            ids[begun] = next_id + np.arange(begun.sum())
-            next_id += begun.sum()
+            zeros = both & ~alive
+            ids[zeros] = next_id + np.arange(zeros.sum())
+            next_id += zeros.sum()
             rows = np.flatnonzero(both)
             noise = self.noise_px * rng.normal(size=(len(rows), 2))
             found = pixels1[rows] + noise

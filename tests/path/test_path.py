@@ -107,9 +107,9 @@ def test_slow_motion_is_measured_from_a_keyframe():
     found = np.array([point.world_from_cam[:3, 3] for point in points])
     assert {point.segment for point in points} == {0}
     # A step moves the points by a fifth of a pixel; over a hundred of them the way is known.
-    way, half = found[-1] - found[20], found[70] - found[20]
-    assert np.linalg.norm(way) / np.linalg.norm(half) == pytest.approx(2.0, rel=0.06)
-    assert math.degrees(math.acos(abs(way[0]) / np.linalg.norm(way))) < 1.5
+    displacement, half = found[-1] - found[20], found[70] - found[20]
+    assert np.linalg.norm(displacement) / np.linalg.norm(half) == pytest.approx(2.0, rel=0.06)
+    assert math.degrees(math.acos(abs(displacement[0]) / np.linalg.norm(displacement))) < 1.5
 
 
 def test_turning_on_the_spot_carries_the_scale_across():
@@ -139,8 +139,8 @@ def test_turning_until_nothing_known_is_in_view_the_last_speed_carries_the_scale
     points, poses = turned_out_of_view(1.0)
     assert {point.segment for point in points} == {0}
     assert [k for k, point in enumerate(points) if point.scale_is_guessed] == [46]
-    turned = points[-1].world_from_cam[:3, :3].T @ poses[-1, :3, :3]
-    assert math.degrees(math.acos(min(1.0, (np.trace(turned) - 1.0) / 2.0))) < 0.3
+    rotated = points[-1].world_from_cam[:3, :3].T @ poses[-1, :3, :3]
+    assert math.degrees(math.acos(min(1.0, (np.trace(rotated) - 1.0) / 2.0))) < 0.3
     assert points[46].scale == pytest.approx(points[15].scale, rel=0.05)
     # The guess and all that is measured by it are as unsure as stated; what was before is not.
     for point in points[46:]:
@@ -241,9 +241,9 @@ def test_a_translation_that_known_points_deny_moves_the_camera_as_far_as_these_s
     still = dataclasses.replace(pairs[8], points1=pairs[8].points0 * 0.9995 + 0.15)
     point = drive.add(still, lie)
     assert point.segment == 0
-    way = point.world_from_cam[:3, 3] - before.world_from_cam[:3, 3]
-    assert np.linalg.norm(way) < 0.02
-    assert way[2] < 0.0
+    displacement = point.world_from_cam[:3, 3] - before.world_from_cam[:3, 3]
+    assert np.linalg.norm(displacement) < 0.02
+    assert displacement[2] < 0.0
     for tracks in pairs[9:]:
         after = drive.add(tracks)
     assert after.segment == 0

@@ -27,17 +27,17 @@ def plane_drive(camera: Camera, normal, translation, seed: int):
     scene = Waves(seed, SIZE[::-1])
     homography = TURN + np.outer(translation, normal)
 
-    def moved(pixels, matrix):
+    def updated(pixels, matrix):
         return camera.project(camera.unproject(pixels) @ matrix.T)
 
     grid = np.stack(np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1])), axis=2).reshape(-1, 2)
-    back = moved(grid / 1.0, np.linalg.inv(homography))
+    back = updated(grid / 1.0, np.linalg.inv(homography))
     rng = np.random.default_rng(seed)
     image0 = photo(scene.grey(), 1.0, rng)
     image1 = photo(np.nan_to_num(scene.at(back)).reshape(SIZE[::-1]), 1.0, rng)
     corners = find_corners(image0, np.empty((0, 2)), 150, 16, CornerOptions())
     points0 = corners + rng.uniform(-0.5, 0.5, corners.shape)
-    truth = moved(points0, homography)
+    truth = updated(points0, homography)
     options = RefinementOptions(max_iterations=30, tolerance_px=1e-3)
     points1, covariance_px2, found, windows = refine(image0, image1, points0, truth, options)
     tracks = Tracks(
@@ -104,7 +104,7 @@ def test_a_window_that_no_plane_explains_is_doubted(camera):
     along /= np.linalg.norm(along, axis=1)[:, None]
     across = along[:, ::-1] * [-1.0, 1.0]
 
-    def doubt_px2(change: np.ndarray) -> np.ndarray:
+    def misfit_px2(change: np.ndarray) -> np.ndarray:
         warps = tracks.windows.warps + change[:, :, None] * np.array([0.6, 0.8])
         windows = replace(tracks.windows, warps=warps)
         judged = without_perspective(replace(tracks, windows=windows), camera, TURN, direction)
@@ -112,11 +112,11 @@ def test_a_window_that_no_plane_explains_is_doubted(camera):
         np.testing.assert_allclose(extra, extra[:, :1, :1] * np.eye(2), atol=1e-12)
         return extra[:, 0, 0]
 
-    plain = doubt_px2(0.0 * along)
+    plain = misfit_px2(0.0 * along)
     assert (plain > 0).all()
     assert np.median(plain) < 0.03**2
-    np.testing.assert_allclose(np.median(doubt_px2(0.1 * along)), np.median(plain), rtol=0.1)
-    assert np.median(doubt_px2(0.1 * across)) == pytest.approx((1.2 * 0.1) ** 2, rel=0.2)
+    np.testing.assert_allclose(np.median(misfit_px2(0.1 * along)), np.median(plain), rtol=0.1)
+    assert np.median(misfit_px2(0.1 * across)) == pytest.approx((1.2 * 0.1) ** 2, rel=0.2)
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,9 @@ def test_a_window_where_the_lens_has_no_derivatives_stays(camera, place):
         points0=points,
         points1=points + 1.0,
         covariance_px2=np.tile(np.eye(2), (2, 1, 1)),
-        windows=Windows(warps=np.tile(1.05 * np.eye(2), (2, 1, 1)), bending=np.ones((2, 2, 2, 3))),
+        windows=Windows(
+            warps=np.tile(1.05 * np.eye(2), (2, 1, 1)), quadratic_bias=np.ones((2, 2, 2, 3))
+        ),
     )
     corrected = without_perspective(tracks, camera, np.eye(3), np.array([0.0, 0.0, 1.0]))
     assert np.isfinite(corrected.points1).all()

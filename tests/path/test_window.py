@@ -50,7 +50,7 @@ def normal_of(window: Window) -> Normal:
 def test_the_gradient_is_the_derivative_of_the_cost(camera):
     window = window_of(camera)
     window.lens.relinearise()  # what its derivatives leave out is of second order in its change
-    window.landmarks.take_rays()
+    window.landmarks.update_rays()
     normal = normal_of(window)
     still = normal._replace(point_h=np.ones_like(normal.point_h), point_g=0.0 * normal.point_g)
     still = still._replace(coupling=0.0 * normal.coupling)
@@ -109,7 +109,7 @@ def test_a_keyframe_that_leaves_leaves_what_it_told():
     window.solve(1)
     window._linear = None  # taken anew, at the lens as it is
     reduced = normal_of(window).reduced(0.0)
-    whole = window._whole(reduced, window._deviation(), window._baseline())
+    whole = window._with_prior(reduced, window._deviation(), window._baseline())
     window.remove(0, np.empty(0, np.int64))
     kept = np.linalg.inv(window._prior.at(window._deviation()).H)
     np.testing.assert_allclose(kept, np.linalg.inv(whole.H)[6:, 6:], rtol=1e-3, atol=1e-12)
@@ -130,7 +130,7 @@ def test_the_relative_pose_of_two_keyframes_is_surer_than_either():
     np.testing.assert_allclose(second.R @ motion[:3, 3] + second.p, first.p, atol=1e-9)
     assert np.linalg.eigvalsh(covariance).min() > 0.0
     # Keyframes have left since the last solution: the rows are those of the ones that stayed.
-    assert window.has_forgotten
+    assert window.has_marginalised
     assert len(window.covariance) == 6 * len(window) + 1
     error = np.linalg.inv(poses[frames[-1]]) @ poses[frames[-2]]
     scale = np.linalg.norm(motion[:3, 3]) / np.linalg.norm(error[:3, 3])
@@ -149,8 +149,8 @@ def test_memory_and_time_do_not_grow_with_the_drive():
         drive.add(tracks)
         marks = drive.builder._window.landmarks
         sizes.append((len(marks.ids), len(marks.point)))
-    early, late = np.max(sizes[25:45], axis=0), np.max(sizes[70:], axis=0)
-    assert (late < 1.3 * early).all()
+    early, delay_s = np.max(sizes[25:45], axis=0), np.max(sizes[70:], axis=0)
+    assert (delay_s < 1.3 * early).all()
 
 
 def test_a_lens_that_is_believed_has_no_unknowns():

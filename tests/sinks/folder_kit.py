@@ -20,7 +20,7 @@ from farpoint.trajectory.files import iter_tum
 def put(folder: OutputFolder, result: OdometryResult, image: np.ndarray | None) -> None:
     """Write a result, and its pose as one that is settled."""
     folder.write(result, image)
-    folder.settle([result])
+    folder.write_final_poses([result])
 
 
 LINES = ("motions.csv", "trajectory.tum", "trajectory.kitti", "positions.csv", "halves.csv")
@@ -56,13 +56,13 @@ def check_whole(folder: Path) -> None:
     ], left
 
 
-def pictures_in(film: Path) -> int:
+def pictures_in(video: Path) -> int:
     """Pictures that can be decoded; the boxes of the file are whole (ISO/IEC 14496-12)."""
-    data, at = film.read_bytes(), 0
+    data, at = video.read_bytes(), 0
     while at < len(data):
         at += int.from_bytes(data[at : at + 4], "big")
     assert at == len(data)
-    with av.open(str(film)) as container:
+    with av.open(str(video)) as container:
         return sum(1 for _ in container.decode(video=0))
 
 

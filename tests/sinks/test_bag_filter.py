@@ -11,10 +11,10 @@ from localization_filter import ANGLES, ANGULAR, LINEAR, POSITION, LocalizationF
 from rosbags.highlevel import AnyReader
 from scipy.stats import chi2
 
+from farpoint.aiding import KnownSpeed, MetricEstimate, MetricScale
 from farpoint.camera import load_camera
 from farpoint.frames import open_frames
 from farpoint.geometry import so3
-from farpoint.hints import KnownSpeed, MetricEstimate, MetricScale
 from farpoint.odometry import Odometry
 from farpoint.sinks.bag import BagSink
 from farpoint.sinks.bag.axes import odom_from_body

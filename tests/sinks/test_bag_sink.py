@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 from scipy.linalg import expm
 
+from farpoint.aiding import MetricEstimate
 from farpoint.camera import Camera, DoubleSphere, KannalaBrandt, Pinhole
 from farpoint.errors import InputError, MissingExtraError
 from farpoint.frames.bags import open_bag
 from farpoint.geometry import so3
-from farpoint.hints import MetricEstimate
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus, RelativePose, TrackLabel, estimate_relative_pose, failed_pose
 from farpoint.sinks.bag import BagSink

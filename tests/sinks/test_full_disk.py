@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from folder_kit import check_whole, pictures_in, put, record_in
 
+from farpoint.aiding import MetricFit
 from farpoint.camera import Camera
 from farpoint.errors import InputError
-from farpoint.hints import MetricFit
 from farpoint.metrics import SplitHalf
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus
@@ -101,18 +101,18 @@ def test_a_file_without_room_for_its_head_is_not_made(tmp_path: Path):
 
 @pytest.mark.parametrize("size", [1000, 120_000, 199_999])
 def test_a_film_plays_up_to_there(size: int, tmp_path: Path, results: list[OdometryResult]):
-    film, written = OverlayVideo(tmp_path / "overlay.mp4", CAMERA), 0
+    video, written = OverlayVideo(tmp_path / "overlay.mp4", CAMERA), 0
 
     def fill() -> None:
         nonlocal written
         for k in range(1000):
-            film.write(replace(results[k % 12], timestamp=float(k)), IMAGE)
+            video.write(replace(results[k % 12], timestamp=float(k)), IMAGE)
             written += 1
 
     with files_up_to(size), pytest.raises(InputError, match=r"overlay\.mp4: cannot be written"):
         fill()
-    film.write(results[0], IMAGE)  # told once
-    film.close()
+    video.write(results[0], IMAGE)  # told once
+    video.close()
     if size == 1000:
         assert list(tmp_path.iterdir()) == []
     else:

@@ -24,7 +24,7 @@ from farpoint.odometry import OdometryResult
 from farpoint.sinks import lock as lock_module
 from farpoint.sinks.lock import LOCK_NAME, FolderLock
 from farpoint.sinks.output_folder import OutputFolder, OutputOptions
-from farpoint.sinks.overlay import start_film
+from farpoint.sinks.overlay import start_video_process
 from farpoint.sinks.overlay.fragments import FragmentFile
 from farpoint.sinks.process import wait_until_loaded
 from farpoint.sinks.run_record import RunDescription
@@ -40,12 +40,12 @@ PATIENCE_S = 60.0
 PROGRAM = """
 import pickle, sys
 from pathlib import Path
-from farpoint.sinks import OutputFolder, start_film
+from farpoint.sinks import OutputFolder, start_video_process
 results, image, run = pickle.loads(Path(sys.argv[1]).read_bytes())
 while True:
-    with start_film() as film:
-        print(film.pid, flush=True)
-        with OutputFolder(sys.argv[2], run, film_process=film) as folder:
+    with start_video_process() as video:
+        print(video.pid, flush=True)
+        with OutputFolder(sys.argv[2], run, video_process=video) as folder:
             for result in results:
                 put(folder, result, image)
 """
@@ -83,16 +83,16 @@ def test_a_run_killed_at_any_moment_leaves_files_that_can_be_read(
         command = [sys.executable, "-c", PROGRAM, str(tmp_path / "results"), str(out)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
-            film = int(process.stdout.readline())
+            video = int(process.stdout.readline())
             time.sleep(chance.uniform(0.0, 2.0))
             process.kill()
             later = process.stdout.read().split()
-        film = int(later[-1]) if later else film
-        if turn % 2 and is_running(film):
-            os.kill(film, signal.SIGKILL)
+        video = int(later[-1]) if later else video
+        if turn % 2 and is_running(video):
+            os.kill(video, signal.SIGKILL)
         check_readable(out)
         end = time.monotonic() + PATIENCE_S
-        while is_running(film):
+        while is_running(video):
             assert time.monotonic() < end
             time.sleep(0.02)
         check_readable(out)
@@ -201,16 +201,16 @@ def test_a_late_film_of_a_killed_run_leaves_that_of_the_next_alone(tmp_path: Pat
 def test_what_stops_all_processes_does_not_stop_the_drawing(
     name: str, tmp_path: Path, make_result: MakeResult
 ):
-    with start_film() as film:
-        folder = OutputFolder(tmp_path, RUN, OutputOptions(report=False), film_process=film)
-        wait_until_loaded(film)
+    with start_video_process() as video:
+        folder = OutputFolder(tmp_path, RUN, OutputOptions(report=False), video_process=video)
+        wait_until_loaded(video)
         for result in results_of(make_result, 12):
             put(folder, result, IMAGE)
-        film.send_signal(getattr(signal, name))
+        video.send_signal(getattr(signal, name))
         time.sleep(0.1)
         with pytest.raises(KeyboardInterrupt), folder:
             raise KeyboardInterrupt
     check_whole(tmp_path)
     assert record_in(tmp_path / "run.json")["state"] == "interrupted"
     assert pictures_in(tmp_path / "overlay.mp4") == 12
-    assert film.returncode == 0
+    assert video.returncode == 0

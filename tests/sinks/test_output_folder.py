@@ -18,7 +18,7 @@ from farpoint.pose import PoseStatus
 from farpoint.sinks.background import WAITING, BackgroundSink
 from farpoint.sinks.motions import MotionsFile, read_motions
 from farpoint.sinks.output_folder import OutputFolder, OutputOptions
-from farpoint.sinks.overlay import start_film
+from farpoint.sinks.overlay import start_video_process
 from farpoint.sinks.run_record import RunDescription
 from farpoint.trajectory.files import read_tum
 
@@ -56,8 +56,8 @@ def check_files(folder: Path, frames: int, state: str) -> None:
     assert {path.name for path in folder.iterdir()} == NAMES
     assert len(read_motions(folder / "motions.csv")) == frames - 1
     assert len(read_tum(folder / "trajectory.tum")) == frames
-    with av.open(str(folder / "overlay.mp4")) as film:
-        assert len(list(film.decode(video=0))) == frames
+    with av.open(str(folder / "overlay.mp4")) as video:
+        assert len(list(video.decode(video=0))) == frames
     run = json.loads((folder / "run.json").read_text())
     assert run["state"] == state
     assert run["frames"] == frames
@@ -137,8 +137,8 @@ def test_a_second_ctrl_c_while_closing_does_not_stop_the_closing(
 def test_the_other_outputs_survive_the_process_that_draws(
     tmp_path: Path, run: RunDescription, make_result: MakeResult
 ) -> None:
-    with start_film() as process:
-        folder = OutputFolder(tmp_path, run, film_process=process)
+    with start_video_process() as process:
+        folder = OutputFolder(tmp_path, run, video_process=process)
         drawn = WAITING + 5  # as many waited for the process as do not find room
         write_frames(folder, make_result, drawn)
         process.kill()
@@ -154,8 +154,8 @@ def test_the_other_outputs_survive_the_process_that_draws(
     assert {path.name for path in tmp_path.iterdir()} == NAMES
     rows = len(read_motions(tmp_path / "motions.csv"))
     assert rows >= drawn - 1
-    with av.open(str(tmp_path / "overlay.mp4")) as film:
-        assert 0 < sum(1 for _ in film.decode(video=0)) <= drawn
+    with av.open(str(tmp_path / "overlay.mp4")) as video:
+        assert 0 < sum(1 for _ in video.decode(video=0)) <= drawn
     # The result that met the dead process is written, its pose is not: it may still change.
     assert len(read_tum(tmp_path / "trajectory.tum")) in (rows, rows + 1)
     record = json.loads((tmp_path / "run.json").read_text())

@@ -22,7 +22,7 @@ MakeResult = Callable[..., OdometryResult]
 IMAGE = np.tile(np.arange(640, dtype=np.uint16) // 3, (480, 1)).astype(np.uint8)
 
 
-def film(path: Path, camera: Camera, results: list[OdometryResult]) -> None:
+def video(path: Path, camera: Camera, results: list[OdometryResult]) -> None:
     video = OverlayVideo(path, camera)
     for result in results:
         video.write(result, IMAGE)
@@ -40,7 +40,7 @@ def test_it_is_what_browsers_play_with_the_times_of_the_frames(
 ) -> None:
     uneven = [100.0, 100.033, 100.1, 103.5, 103.6]
     results = [replace(make_result(k), timestamp=stamp) for k, stamp in enumerate(uneven)]
-    film(tmp_path / "overlay.mp4", camera, results)
+    video(tmp_path / "overlay.mp4", camera, results)
     with av.open(str(tmp_path / "overlay.mp4")) as container:
         codec = container.streams.video[0].codec_context
         layout = Layout.of_image(640, 480)
@@ -53,7 +53,7 @@ def test_it_is_what_browsers_play_with_the_times_of_the_frames(
 def test_the_film_shows_the_picture(
     tmp_path: Path, camera: Camera, make_result: MakeResult
 ) -> None:
-    film(tmp_path / "overlay.mp4", camera, [make_result(k) for k in range(3)])
+    video(tmp_path / "overlay.mp4", camera, [make_result(k) for k in range(3)])
     decoded = frames_of(tmp_path / "overlay.mp4")[2].to_ndarray(format="rgb24").astype(float)
     drawn = draw_overlay(IMAGE, make_result(2), camera).astype(float)
     assert np.abs(decoded - drawn).mean() < 4.0
@@ -64,7 +64,7 @@ def test_clocks_that_stand_or_run_back_do_not_stop_it(
 ) -> None:
     stamps = [5.0, 5.0, 4.0, 5.2]
     results = [replace(make_result(k), timestamp=stamp) for k, stamp in enumerate(stamps)]
-    film(tmp_path / "overlay.mp4", camera, results)
+    video(tmp_path / "overlay.mp4", camera, results)
     times = [frame.time for frame in frames_of(tmp_path / "overlay.mp4")]
     assert len(times) == 4
     assert np.all(np.diff(times) > 0)
@@ -86,8 +86,8 @@ def test_a_killed_run_leaves_all_but_the_last_fragment(
 
 def test_same_frames_same_bytes(tmp_path: Path, camera: Camera, make_result: MakeResult) -> None:
     results = [make_result(k) for k in range(20)]
-    film(tmp_path / "a.mp4", camera, results)
-    film(tmp_path / "b.mp4", camera, results)
+    video(tmp_path / "a.mp4", camera, results)
+    video(tmp_path / "b.mp4", camera, results)
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
@@ -107,7 +107,7 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, camera: Camera)
 
 
 def test_an_empty_run_closes(tmp_path: Path, camera: Camera) -> None:
-    film(tmp_path / "overlay.mp4", camera, [])
+    video(tmp_path / "overlay.mp4", camera, [])
 
 
 def boxes(path: Path) -> list[str]:
@@ -133,9 +133,9 @@ def test_a_finished_film_has_one_index_in_front_and_the_same_pictures(
     assert "moof" not in packed
     assert packed.index("moov") < packed.index("mdat")
     assert {path.name for path in tmp_path.iterdir()} == {"overlay.mp4", "killed.mp4"}
-    with av.open(str(tmp_path / "overlay.mp4")) as film:
-        assert film.duration is not None
-        assert film.duration / av.time_base == pytest.approx(2 * KEYFRAME_INTERVAL / 10, abs=0.11)
+    with av.open(str(tmp_path / "overlay.mp4")) as video:
+        assert video.duration is not None
+        assert video.duration / av.time_base == pytest.approx(2 * KEYFRAME_INTERVAL / 10, abs=0.11)
     before, after = frames_of(tmp_path / "killed.mp4"), frames_of(tmp_path / "overlay.mp4")
     assert len(before) == 2 * KEYFRAME_INTERVAL
     for old, new in zip(before, after, strict=False):

@@ -22,7 +22,7 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError, MissingExtraError
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.background import WAITING, BackgroundSink
-from farpoint.sinks.overlay import OverlayVideo, open_film
+from farpoint.sinks.overlay import OverlayVideo, open_video
 from farpoint.sinks.process import SinkProcess, start_process
 
 MakeResult = Callable[..., OdometryResult]
@@ -76,7 +76,7 @@ def test_results_arrive_as_they_are(tmp_path: Path, camera: Camera, make_result:
     """The film is the same bytes, whoever draws it."""
     results = [make_result(k) for k in range(20)]
     here = OverlayVideo(tmp_path / "here.mp4", camera)
-    there = open_film(tmp_path / "there.mp4", camera)
+    there = open_video(tmp_path / "there.mp4", camera)
     for result in results:
         for sink in (here, there):
             sink.write(result, IMAGE)
@@ -195,9 +195,9 @@ def test_a_film_is_written_where_it_was_wanted(
     monkeypatch.chdir(tmp_path)
     with start_process() as early:
         monkeypatch.chdir(tmp_path / "elsewhere")
-        film = open_film(Path("overlay.mp4"), camera, process=early)
-        film.write(make_result(0), IMAGE)
-        film.close()
+        video = open_video(Path("overlay.mp4"), camera, process=early)
+        video.write(make_result(0), IMAGE)
+        video.close()
     assert pictures_in(tmp_path / "elsewhere" / "overlay.mp4") == 1
 
 
@@ -205,10 +205,10 @@ def test_a_film_that_cannot_be_made_is_refused_at_once(
     tmp_path: Path, camera: Camera, monkeypatch: pytest.MonkeyPatch
 ):
     with pytest.raises(InputError, match=r"gone.overlay\.mp4: cannot be written"):
-        open_film(tmp_path / "gone" / "overlay.mp4", camera)
+        open_video(tmp_path / "gone" / "overlay.mp4", camera)
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(MissingExtraError, match=r"writing overlay\.mp4 needs av: .*\[video\]"):
-        open_film(tmp_path / "overlay.mp4", camera)
+        open_video(tmp_path / "overlay.mp4", camera)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -216,12 +216,12 @@ def test_a_film_that_cannot_be_made_is_refused_at_once(
 SCRIPT = """
 import pickle, sys, time
 from pathlib import Path
-from farpoint.sinks.overlay import open_film
+from farpoint.sinks.overlay import open_video
 results, image, camera = pickle.loads(Path({results!r}).read_bytes())
 print("once", flush=True)
-film = open_film(Path({film!r}), camera)
+video = open_video(Path({video!r}), camera)
 for result in results:
-    film.write(result, image)
+    video.write(result, image)
 {end}
 """
 
@@ -231,14 +231,14 @@ def start_script(
 ) -> subprocess.Popen[str]:
     (folder / "results").write_bytes(pickle.dumps((results, IMAGE, camera)))
     script = folder / "program.py"
-    names = {"results": str(folder / "results"), "film": str(folder / "overlay.mp4")}
+    names = {"results": str(folder / "results"), "video": str(folder / "overlay.mp4")}
     script.write_text(SCRIPT.format(**names, end=end))
     return subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
 
 
 def pictures_in(path: Path) -> int:
-    with av.open(str(path)) as film:
-        return sum(1 for _ in film.decode(video=0))
+    with av.open(str(path)) as video:
+        return sum(1 for _ in video.decode(video=0))
 
 
 def is_finished(path: Path) -> bool:
@@ -250,7 +250,7 @@ def _part(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-@pytest.mark.parametrize("end", ["", "film.close()"])
+@pytest.mark.parametrize("end", ["", "video.close()"])
 def test_a_program_that_forgets_to_close_ends_and_the_film_too(
     tmp_path: Path, camera: Camera, make_result: MakeResult, end: str
 ):
@@ -258,9 +258,9 @@ def test_a_program_that_forgets_to_close_ends_and_the_film_too(
     process = start_script(tmp_path, camera, [make_result(k) for k in range(count)], end)
     said, _ = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, said) == (0, "once\n")
-    film = tmp_path / "overlay.mp4"
-    wait_until(lambda: is_finished(film) and film.stat().st_size > 0)
-    assert count - WAITING <= pictures_in(film) <= count
+    video = tmp_path / "overlay.mp4"
+    wait_until(lambda: is_finished(video) and video.stat().st_size > 0)
+    assert count - WAITING <= pictures_in(video) <= count
 
 
 def test_the_death_of_the_program_closes_the_film(
@@ -271,13 +271,13 @@ def test_the_death_of_the_program_closes_the_film(
     process = start_script(tmp_path, camera, [make_result(k) for k in range(count)], end)
     wait_until(lambda: len(children_of(process.pid)) == 1)
     (drawing,) = children_of(process.pid)
-    film = tmp_path / "overlay.mp4"
-    wait_until(lambda: film.exists() and film.stat().st_size > 20_000)
+    video = tmp_path / "overlay.mp4"
+    wait_until(lambda: video.exists() and video.stat().st_size > 20_000)
     process.kill()
     process.communicate(timeout=PATIENCE_S)
     wait_until(lambda: not is_running(drawing))
-    assert is_finished(film)
-    assert 0 < pictures_in(film) <= count
+    assert is_finished(video)
+    assert 0 < pictures_in(video) <= count
 
 
 def children_of(pid: int) -> list[int]:

@@ -41,7 +41,7 @@ from farpoint.sinks.report.lens import lens_section
 from farpoint.sinks.report.maps import path_map
 from farpoint.sinks.report.moments import MomentSeeker
 from farpoint.sinks.report.paths import Paths, paths_from_above
-from farpoint.sinks.report.stills import spread_key_packets, stills_at, thumbs_of
+from farpoint.sinks.report.stills import evenly_spaced_key_packets, stills_at, thumbs_of
 from farpoint.sinks.run_record import RunDescription
 from farpoint.trajectory.files import Trajectory, read_tum, write_tum
 
@@ -500,8 +500,8 @@ def test_without_a_film_there_are_no_pictures(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("keys", [2, 9, 40, 5000])
 def test_few_packets_are_held_and_they_are_spread_over_the_film(keys: int) -> None:
-    film = (SimpleNamespace(is_keyframe=pts % 15 == 0, pts=pts) for pts in range(15 * keys))
-    chosen = np.array([packet.pts / 15 for packet in spread_key_packets(film, 8)])
+    video = (SimpleNamespace(is_keyframe=pts % 15 == 0, pts=pts) for pts in range(15 * keys))
+    chosen = np.array([packet.pts / 15 for packet in evenly_spaced_key_packets(video, 8)])
     assert len(chosen) == min(8, keys - 1)
     steps = np.diff([0.0, *chosen, keys])
     assert steps.max() <= 2.6 * max(1.0, keys / 8)

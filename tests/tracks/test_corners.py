@@ -43,10 +43,11 @@ def test_corners_cover_all_cells_evenly(image):
 
 
 def test_new_corners_go_to_the_cells_that_hold_fewest(image):
-    held = find_corners(image, NONE, 96, 10, OPTIONS)
-    held = held[held[:, 0] < 160]  # two in nearly every cell of the left half, with room for more
-    assert len(find_corners(image, held, 1000, 10, OPTIONS)) > 150
-    new = find_corners(image, held, 40, 10, OPTIONS)
+    existing = find_corners(image, NONE, 96, 10, OPTIONS)
+    # Two in nearly every cell of the left half, which offers more corners.
+    existing = existing[existing[:, 0] < 160]
+    assert len(find_corners(image, existing, 1000, 10, OPTIONS)) > 150
+    new = find_corners(image, existing, 40, 10, OPTIONS)
     assert len(new) == 40
     assert np.mean(new[:, 0] >= 159) >= 0.9
 
@@ -96,6 +97,6 @@ def test_noise_alone_is_no_corner():
 
 def test_thinning_keeps_the_first_of_points_that_meet():
     points = np.array([[5.0, 5.0], [7.0, 5.0], [5.0, 9.0], [0.0, 0.0]])
-    taken = np.zeros((12, 12), bool)
-    assert thin_out(points, taken, 2).tolist() == [0, 2, 3]
-    assert thin_out(points, taken, 2).tolist() == []
+    occupied = np.zeros((12, 12), bool)
+    assert thin_out(points, occupied, 2).tolist() == [0, 2, 3]
+    assert thin_out(points, occupied, 2).tolist() == []

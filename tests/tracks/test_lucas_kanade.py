@@ -8,7 +8,7 @@ import pytest
 from tracks_textures import Waves, photo
 
 from farpoint.tracks import LucasKanadeOptions
-from farpoint.tracks.lucas_kanade import follow
+from farpoint.tracks.lucas_kanade import track_points
 from farpoint.tracks.pyramid import Pyramid, build_pyramid
 
 OPTIONS = LucasKanadeOptions()
@@ -42,7 +42,7 @@ def opencv(start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def followed(start: np.ndarray, moved: np.ndarray = MOVED) -> tuple[np.ndarray, np.ndarray]:
     still, other = build_pyramid(STILL, OPTIONS), build_pyramid(moved, OPTIONS)
-    return follow(still, other, POINTS, start, OPTIONS)
+    return track_points(still, other, POINTS, start, OPTIONS)
 
 
 def test_levels_are_opencvs_and_their_borders_repeat_what_is_within():

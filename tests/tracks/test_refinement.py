@@ -174,9 +174,9 @@ def oracle(image0, image1, point0, start, options, warp):
     nu = min(0.15 * template.size * noise, np.linalg.eigvalsh(D)[0] / 3)
     S = np.linalg.solve(D - nu * np.eye(2), D)
     pull = (P @ J)[:, None, None] * J[None, :2, None]
-    bending = np.sum(pull * np.stack([u * u, u * v, v * v]).reshape(1, 1, 3, -1), axis=3)
+    quadratic_bias = np.sum(pull * np.stack([u * u, u * v, v * v]).reshape(1, 1, 3, -1), axis=3)
     shape = np.eye(2) + theta[2:6].reshape(2, 2)
-    return start + theta[:2], S @ covariance @ S.T + 0.01**2 * np.eye(2), shape, bending
+    return start + theta[:2], S @ covariance @ S.T + 0.01**2 * np.eye(2), shape, quadratic_bias
 
 
 @pytest.mark.parametrize("warp", [np.eye(2), np.array([[1.06, 0.03], [-0.02, 1.01]])])
@@ -191,11 +191,11 @@ def test_the_kernel_computes_what_plain_numpy_computes(warp):
     warps = np.tile(warp, (len(points0), 1, 1))
     points1, covariance_px2, _, windows = refine(image0, image1, points0, start, options, warps)
     for k in range(len(points0)):
-        point, covariance, shape, bending = oracle(
+        point, covariance, shape, quadratic_bias = oracle(
             image0 / 1.0, image1 / 1.0, points0[k], start[k], options, warp
         )
         np.testing.assert_allclose(windows.warps[k], shape, atol=1e-3)
-        np.testing.assert_allclose(windows.bending[k], bending, rtol=2e-3, atol=0.02)
+        np.testing.assert_allclose(windows.quadratic_bias[k], quadratic_bias, rtol=2e-3, atol=0.02)
         np.testing.assert_allclose(points1[k], point, atol=1e-3)
         np.testing.assert_allclose(
             covariance_px2[k], covariance, rtol=0.01, atol=0.01 * np.trace(covariance)

@@ -9,7 +9,7 @@ import pytest
 from farpoint.tracks import Tracker, Tracks
 from farpoint.tracks.options import LucasKanadeOptions
 from farpoint.tracks.pyramid import build_pyramid
-from farpoint.tracks.row_brightness import even_rows, row_gains, with_row_gains
+from farpoint.tracks.row_brightness import normalize_rows, remove_row_gains, row_gains
 
 TEXTURE = cv2.GaussianBlur(
     np.random.default_rng(2).integers(0, 255, (200, 300)).astype(np.uint8), (0, 0), 1.5
@@ -35,7 +35,7 @@ def test_bands_are_found_and_taken_back():
     inside = slice(15, -15)
     ratio = (gains / BANDS)[inside]
     assert np.std(ratio) < 0.02 * np.mean(ratio)
-    restored = with_row_gains(banded, gains)[inside] * np.mean(ratio)
+    restored = remove_row_gains(banded, gains)[inside] * np.mean(ratio)
     assert np.median(np.abs(restored - TEXTURE[inside])) < 3.0
 
 
@@ -59,5 +59,5 @@ def test_rows_without_tracks_and_dark_images_tell_nothing():
 
 def test_even_rows_are_blind_to_bands():
     banded = np.rint(TEXTURE * BANDS[:, None]).astype(np.uint8)
-    assert np.abs(even_rows(banded).astype(int) - even_rows(TEXTURE)).mean() < 2.0
-    assert even_rows(np.zeros((20, 30), np.uint8)).max() == 0
+    assert np.abs(normalize_rows(banded).astype(int) - normalize_rows(TEXTURE)).mean() < 2.0
+    assert normalize_rows(np.zeros((20, 30), np.uint8)).max() == 0

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from farpoint.aiding import MetricOptions
 from farpoint.errors import InputError
 from farpoint.fusion import read_euroc_imu
-from farpoint.hints import MetricOptions
 from farpoint.sinks.motions import read_motions
 from farpoint.trajectory.files import Trajectory, read_trajectory, write_kitti, write_tum
 from fuzz import fuzz_count, mutant

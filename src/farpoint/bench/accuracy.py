@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint.bench.race import Course
+from farpoint.bench.interleaved import EstimatorRun
 from farpoint.bench.table import Cell, Column
 from farpoint.bench.views import TwoViews
 from farpoint.geometry import sphere
@@ -88,20 +88,22 @@ class Errors:
     gross: int
 
 
-def errors_of(course: Course, views: Sequence[TwoViews], *, min_translation: float = 0.0) -> Errors:
+def errors_of(
+    run: EstimatorRun, views: Sequence[TwoViews], *, min_translation: float = 0.0
+) -> Errors:
     """Compare with the truth, which has no direction where it moves less than `min_translation`."""
     R_true, directions_true = _truth(views, min_translation)
-    dtheta = rotation_error(course.rotations, R_true)
+    dtheta = rotation_error(run.rotations, R_true)
     rotation_deg = np.degrees(np.linalg.norm(dtheta, axis=1))
-    direction_deg = np.degrees(sphere.angle_between(course.directions, directions_true))
-    failed = np.isnan(course.rotations[:, 0, 0])
+    direction_deg = np.degrees(sphere.angle_between(run.directions, directions_true))
+    failed = np.isnan(run.rotations[:, 0, 0])
     gross = (rotation_deg > GROSS_ROTATION_DEG) | (direction_deg > GROSS_DIRECTION_DEG)
     return Errors(
         dtheta_rad=dtheta,
         rotation_deg=rotation_deg,
         direction_deg=direction_deg,
         failed=int(np.count_nonzero(failed)),
-        undecided=int(np.count_nonzero(~failed & np.isnan(course.directions[:, 0]))),
+        undecided=int(np.count_nonzero(~failed & np.isnan(run.directions[:, 0]))),
         gross=int(np.count_nonzero(gross)),
     )
 
@@ -113,9 +115,9 @@ def error_cells(errors: Errors) -> tuple[Cell, ...]:
     return *middle, errors.failed, errors.undecided, errors.gross
 
 
-def real_cells(courses: Sequence[Course], views: Sequence[TwoViews]) -> list[tuple[Cell, ...]]:
+def real_cells(runs: Sequence[EstimatorRun], views: Sequence[TwoViews]) -> list[tuple[Cell, ...]]:
     """What a table of real images tells of each course, in `REAL_COLUMNS`; farpoint's is first."""
-    errors = [errors_of(course, views, min_translation=MIN_TRANSLATION_M) for course in courses]
+    errors = [errors_of(run, views, min_translation=MIN_TRANSLATION_M) for run in runs]
     return [(*error_cells(each), *ratio_cells(each, errors[0])) for each in errors]
 
 
@@ -143,7 +145,7 @@ def _over(pairs: np.ndarray) -> np.ndarray:
 
 
 def bound_ratios(
-    course: Course, views: Sequence[TwoViews], bounds: np.ndarray
+    run: EstimatorRun, views: Sequence[TwoViews], bounds: np.ndarray
 ) -> tuple[float, float]:
     """Errors of rotation and direction over their Cramer-Rao bounds: 1 is the best possible.
 
@@ -159,9 +161,9 @@ def bound_ratios(
     """
     R_true, directions_true = _truth(views, 0.0)
     # The bound lives in the tangent space of the truth, so the truth takes the estimate's place.
-    dtheta = rotation_error(R_true, course.rotations)
+    dtheta = rotation_error(R_true, run.rotations)
     bases = sphere.tangent_basis(directions_true)
-    dbeta = direction_error(directions_true, bases, course.directions)
+    dbeta = direction_error(directions_true, bases, run.directions)
     return _ratio(dtheta, bounds[:, :3, :3]), _ratio(dbeta, bounds[:, 3:, 3:])
 
 

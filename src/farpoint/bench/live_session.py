@@ -160,7 +160,7 @@ def _claims(
     written = run["live"]
     poses = len(read_tum(session.path / "trajectory.tum"))
     report = (session.path / "report.html").read_text(encoding="utf-8").rstrip()
-    shown = account.taken - state.not_drawn
+    drawn = account.taken - state.not_drawn
     return (
         Claim("frames delivered", playback.delivered, account.captured),
         Claim("frames used, dropped or broken", account.captured, _accounted(written)),
@@ -169,7 +169,7 @@ def _claims(
         Claim("pairs counted", account.taken - 1, session.counts.total()),
         Claim("rows of motions.csv", account.taken - 1, len(read_motions(_motions(session)))),
         Claim("poses of trajectory.tum", account.taken, poses),
-        Claim("pictures in the recording", shown, _recorded_pictures(recording)),
+        Claim("pictures in the recording", drawn, _recorded_pictures(recording)),
         Claim("run.json says done", 1, int(run["state"] == "done")),
         Claim("report.html is whole", 1, int(report.endswith("</html>"))),
     )

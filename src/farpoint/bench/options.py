@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from farpoint.errors import InputError
-from farpoint.options import settle_int
+from farpoint.options import coerce_int
 
 __all__ = ["TABLES", "BenchOptions", "CoverageGrid", "Progress", "TableName"]
 
@@ -75,7 +75,7 @@ class CoverageGrid:
         _check_each(self, "noises_px", 0.0, math.inf)
         _check_each(self, "outlier_shares", 0.0, 1.0)
         _check_each(self, "matches", 1, math.inf)
-        settle_int(self, 1, "trials")
+        coerce_int(self, 1, "trials")
 
     @classmethod
     def whole(cls) -> CoverageGrid:
@@ -134,8 +134,8 @@ class BenchOptions:
                 field="tables",
             )
         if self.pairs is not None:
-            settle_int(self, 1, "pairs")
-        settle_int(self, 0, "seed")
+            coerce_int(self, 1, "pairs")
+        coerce_int(self, 0, "seed")
         if self.full and self.grid != CoverageGrid():
             raise InputError("expected the whole grid or parts of it, got both", field="full")
 

@@ -15,7 +15,6 @@ from farpoint.bench.table import Table
 from farpoint.bench.tables.accuracy import accuracy_table
 from farpoint.bench.tables.coverage import coverage_table
 from farpoint.bench.tables.drawing import drawing_table
-from farpoint.bench.tables.growth import growth_tables
 from farpoint.bench.tables.halves import halves_table
 from farpoint.bench.tables.lens import lens_table
 from farpoint.bench.tables.lenses import unprojection_table, wide_table
@@ -26,6 +25,7 @@ from farpoint.bench.tables.pairs import pairs_table
 from farpoint.bench.tables.paper import paper_table
 from farpoint.bench.tables.path import path_tables
 from farpoint.bench.tables.pipeline import pipeline_table
+from farpoint.bench.tables.scaling import scaling_tables
 from farpoint.bench.tables.start import start_table
 from farpoint.bench.tables.steps import steps_table
 from farpoint.bench.tables.timing import timing_table
@@ -39,7 +39,7 @@ _Maker = Callable[[BenchOptions, Progress], Iterable[Table]]
 _MAKERS: dict[TableName, tuple[_Maker, ...]] = {
     "paper": (paper_table,),
     "accuracy": (accuracy_table,),
-    "time": (timing_table, growth_tables, start_table),
+    "time": (timing_table, scaling_tables, start_table),
     "coverage": (coverage_table,),
     "pairs": (pairs_table,),
     "movers": (movers_table,),
@@ -123,7 +123,7 @@ def run_bench(
     for name in options.tables:
         for make in _MAKERS[name]:
             before = report
-            for report in _growing(before, name, lambda make=make: make(options, progress)):
+            for report in _scaling(before, name, lambda make=make: make(options, progress)):
                 for table in report.tables[len(before.tables) :]:
                     _write_table(out, table)
                 _write(out, "bench.txt", report.to_text())
@@ -134,7 +134,7 @@ def run_bench(
     return report
 
 
-def _growing(
+def _scaling(
     report: BenchReport, name: TableName, make: Callable[[], Iterable[Table]]
 ) -> Iterator[BenchReport]:
     """The report with each table, or more of its rows; at last with the reason if there is none."""

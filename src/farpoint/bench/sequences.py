@@ -18,12 +18,12 @@ from farpoint.synthetic.sequence import render_drive
 from farpoint.trajectory.files import Trajectory, read_trajectory, read_tum
 
 __all__ = [
-    "Film",
+    "PosedSequence",
     "Recording",
     "Sequence",
-    "filmed",
     "find_sequences",
     "find_trajectories",
+    "posed_sequence",
     "recorded",
     "rendered_sequence",
 ]
@@ -82,7 +82,7 @@ class Recording:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Film:
+class PosedSequence:
     """Images of a sequence, where it is known from where they were taken.
 
     Attributes
@@ -102,7 +102,7 @@ class Film:
         return np.linalg.inv(self.world_from_cam[index1]) @ self.world_from_cam[index0]
 
 
-def filmed(sequence: Sequence) -> Film | None:
+def posed_sequence(sequence: Sequence) -> PosedSequence | None:
     """The whole sequence; None without a file of true poses among its images."""
     recording = recorded(sequence, _TRUTHS)
     if recording is None:
@@ -111,7 +111,7 @@ def filmed(sequence: Sequence) -> Film | None:
     seen = [k for k, frame in enumerate(frames) if frame.image is not None]
     known = [k for k in seen if np.isfinite(poses[k, 0, 0])]
     images = [image for k in known if (image := frames[k].image) is not None]
-    return Film(camera=recording.camera, images=images, world_from_cam=poses[known])
+    return PosedSequence(camera=recording.camera, images=images, world_from_cam=poses[known])
 
 
 def recorded(

@@ -66,7 +66,10 @@ class Table:
         """Title, command, aligned columns (words left, numbers right) and notes."""
         cells = [[column.name for column in self.columns]]
         cells += [
-            [_shown(cell, column.decimals) for cell, column in zip(row, self.columns, strict=True)]
+            [
+                _formatted(cell, column.decimals)
+                for cell, column in zip(row, self.columns, strict=True)
+            ]
             for row in self.rows
         ]
         widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
@@ -95,7 +98,7 @@ def _written(cell: Cell) -> str:
     return f"{cell:.6g}" if isinstance(cell, float) else str(cell)
 
 
-def _shown(cell: Cell, decimals: int) -> str:
+def _formatted(cell: Cell, decimals: int) -> str:
     if cell is None or cell != cell:
         return ""
     return f"{cell:.{decimals}f}" if isinstance(cell, float) else str(cell)

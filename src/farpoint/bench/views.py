@@ -9,7 +9,7 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.synthetic import PointScene
 
-__all__ = ["TwoViews", "spread", "views_of_scene"]
+__all__ = ["TwoViews", "evenly_spaced", "views_of_scene"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +45,6 @@ def views_of_scene(scene: PointScene) -> TwoViews:
     )
 
 
-def spread(total: int, most: int) -> np.ndarray:
+def evenly_spaced(total: int, most: int) -> np.ndarray:
     """At most so many of the numbers from 0 to ``total - 1``, evenly spread."""
     return np.unique(np.linspace(0, total - 1, min(most, total)).astype(int))

@@ -81,11 +81,11 @@ class Arctangent(FocalModel):
         # d angle / d radius = slope z, d angle / dz = -slope radius.
         slope = self._stretch / (z * z + self._stretch**2 * square)
         scale = np.where(off_axis, angle / radius, self._stretch / z) / self.omega
-        bend = np.where(off_axis, (slope * z / self.omega - scale) / square, 0.0)
-        cross, fall = x * y * bend, -slope / self.omega
+        curvature = np.where(off_axis, (slope * z / self.omega - scale) / square, 0.0)
+        cross, fall = x * y * curvature, -slope / self.omega
         return (
-            (scale + x * x * bend, cross, x * fall),
-            (cross, scale + y * y * bend, y * fall),
+            (scale + x * x * curvature, cross, x * fall),
+            (cross, scale + y * y * curvature, y * fall),
         )
 
     def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
@@ -94,8 +94,8 @@ class Arctangent(FocalModel):
         angle = np.arctan2(self._stretch * radius, z)
         scale = np.where(radius > 0.0, angle / radius, self._stretch / z)
         # d stretch / d omega = 1 + stretch^2 / 4, d angle / d stretch = z radius / (...).
-        growth = z * (1.0 + 0.25 * self._stretch**2) / (z * z + self._stretch**2 * square)
-        by_omega = (growth - scale / self.omega) / self.omega
+        slope_by_radius = z * (1.0 + 0.25 * self._stretch**2) / (z * z + self._stretch**2 * square)
+        by_omega = (slope_by_radius - scale / self.omega) / self.omega
         return [(x * by_omega, y * by_omega)]
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-__all__ = ["GrowingCurve", "first_positive_root"]
+__all__ = ["MonotonicCurve", "first_positive_root"]
 
 NODES = 1024
 TOLERANCE = 1e-10
@@ -16,7 +16,7 @@ ITERATIONS = 20
 
 
 @dataclass(frozen=True)
-class GrowingCurve:
+class MonotonicCurve:
     """A function of one variable that grows from 0 to `end`.
 
     Attributes

@@ -94,7 +94,7 @@ class Division(FocalModel):
         return quotient_derivatives(x, y, divisor, (-(x * x + y * y) / s,))
 
     def _from_plane(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        bend = self.k * (a * a + b * b)
+        radial_term = self.k * (a * a + b * b)
         # With k > 0 the angle off the axis stops growing there.
-        depth = np.where(bend < 1.0, 1.0 + bend, np.nan)
+        depth = np.where(radial_term < 1.0, 1.0 + radial_term, np.nan)
         return rays_from_plane(a, b, depth)

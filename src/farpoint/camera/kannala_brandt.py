@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from farpoint.camera.curve import GrowingCurve, first_positive_root
+from farpoint.camera.curve import MonotonicCurve, first_positive_root
 from farpoint.camera.focal import FocalModel, PlaneDerivatives, PlaneJacobian, rays_from_plane
 from farpoint.camera.values import finite
 
@@ -69,9 +69,9 @@ class KannalaBrandt(FocalModel):
         return super().parameters | {"k1": self.k1, "k2": self.k2, "k3": self.k3, "k4": self.k4}
 
     @cached_property
-    def _curve(self) -> GrowingCurve:
-        growth = np.array([1.0, 3 * self.k1, 5 * self.k2, 7 * self.k3, 9 * self.k4])
-        return GrowingCurve(self._height, min(np.sqrt(first_positive_root(growth)), np.pi))
+    def _curve(self) -> MonotonicCurve:
+        slope = np.array([1.0, 3 * self.k1, 5 * self.k2, 7 * self.k3, 9 * self.k4])
+        return MonotonicCurve(self._height, min(np.sqrt(first_positive_root(slope)), np.pi))
 
     def _height(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Image height in focal lengths, and its slope by the angle off the axis."""
@@ -98,11 +98,11 @@ class KannalaBrandt(FocalModel):
         height, slope = self._height(np.arctan2(radius, z))
         off_axis = radius > 0.0
         scale = np.where(off_axis, height / radius, 1.0 / z)
-        bend = np.where(off_axis, (slope * z / distance2 - scale) / square, 0.0)
-        cross, fall = x * y * bend, -slope / distance2
+        curvature = np.where(off_axis, (slope * z / distance2 - scale) / square, 0.0)
+        cross, fall = x * y * curvature, -slope / distance2
         return (
-            (scale + x * x * bend, cross, x * fall),
-            (cross, scale + y * y * bend, y * fall),
+            (scale + x * x * curvature, cross, x * fall),
+            (cross, scale + y * y * curvature, y * fall),
         )
 
     def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:

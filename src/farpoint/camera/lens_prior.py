@@ -141,8 +141,8 @@ def _at_constant_scale(model: CameraModel, name: str) -> Direction:
     beside = np.array([[AXIS_STEP, 0.0, 1.0], [-AXIS_STEP, 0.0, 1.0]])
     width = np.subtract(*model.project(beside)[:, 0])
     column = list(model.parameters).index(name)
-    growth = np.subtract(*model.project_parameter_jacobian(beside)[:, 0, column]) / width
-    direction = _scaled(model.roles.scale, -growth)
+    slope = np.subtract(*model.project_parameter_jacobian(beside)[:, 0, column]) / width
+    direction = _scaled(model.roles.scale, -slope)
     return direction | {name: direction.get(name, 0.0) + 1.0}
 
 

@@ -51,19 +51,19 @@ def project_path(camera: Camera, rays: np.ndarray) -> np.ndarray:
     with np.errstate(invalid="ignore", divide="ignore"):
         rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     pixels = _seen(camera, rays)
-    torn = np.ones(max(len(rays) - 1, 0), bool)
+    split = np.ones(max(len(rays) - 1, 0), bool)
     for _ in range(_HALVINGS):
-        torn, middles, middles_px = _unsettled(camera, rays, pixels, torn)
-        if not torn.any():
+        split, middles, middles_px = _to_bisect(camera, rays, pixels, split)
+        if not split.any():
             break
-        after = np.flatnonzero(torn) + 1
+        after = np.flatnonzero(split) + 1
         rays = np.insert(rays, after, middles, axis=0)
         pixels = np.insert(pixels, after, middles_px, axis=0)
-        torn = np.repeat(torn, 1 + torn)
+        split = np.repeat(split, 1 + split)
     return _pieces(rays, pixels)
 
 
-def _unsettled(
+def _to_bisect(
     camera: Camera, rays: np.ndarray, pixels: np.ndarray, suspect: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which of the suspect arcs need their middle, with the middles' rays and pixels."""

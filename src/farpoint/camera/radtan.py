@@ -198,8 +198,8 @@ class RadialTangential:
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
         gain, loss = Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6])
         # Numerator of d(r gain / loss) / dr as a polynomial of r^2.
-        growth = gain * loss + Polynomial([0, 2]) * (gain.deriv() * loss - gain * loss.deriv())
-        end = np.sqrt(min(first_positive_root(growth.coef), first_positive_root(loss.coef)))
+        slope = gain * loss + Polynomial([0, 2]) * (gain.deriv() * loss - gain * loss.deriv())
+        end = np.sqrt(min(first_positive_root(slope.coef), first_positive_root(loss.coef)))
         # Short of a pole, where the denominator vanishes; at a fold the height does not change.
         return float(end * (1.0 - 1e-9))
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from farpoint.camera.curve import GrowingCurve, first_positive_root
+from farpoint.camera.curve import MonotonicCurve, first_positive_root
 from farpoint.camera.focal import rays_from_plane
 from farpoint.camera.lens_model import LensModel
 from farpoint.camera.roles import ParameterRoles
@@ -123,10 +123,10 @@ class Scaramuzza(LensModel):
         return self._depth.deriv()
 
     @cached_property
-    def _curve(self) -> GrowingCurve:
+    def _curve(self) -> MonotonicCurve:
         """The angle off the axis, rad, by the radius in focal lengths."""
-        growth = self._depth - Polynomial([0.0, 1.0]) * self._depth_slope
-        return GrowingCurve(self._angle, min(first_positive_root(growth.coef), FARTHEST))
+        slope = self._depth - Polynomial([0.0, 1.0]) * self._depth_slope
+        return MonotonicCurve(self._angle, min(first_positive_root(slope.coef), FARTHEST))
 
     def _angle(self, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         depth, slope = self._depth(radius), self._depth_slope(radius)
@@ -156,10 +156,10 @@ class Scaramuzza(LensModel):
         radius = self._curve.invert(np.arctan2(off_axis, z))
         by_angle = 1.0 / self._angle(radius)[1]
         scale = np.where(off_axis > 0.0, radius / off_axis, 1.0 / z)
-        bend = np.where(off_axis > 0.0, (by_angle * z / distance2 - scale) / square, 0.0)
-        cross, fall = x * y * bend, -by_angle / distance2
-        p = np.column_stack([scale + x * x * bend, cross, x * fall])
-        q = np.column_stack([cross, scale + y * y * bend, y * fall])
+        curvature = np.where(off_axis > 0.0, (by_angle * z / distance2 - scale) / square, 0.0)
+        cross, fall = x * y * curvature, -by_angle / distance2
+        p = np.column_stack([scale + x * x * curvature, cross, x * fall])
+        q = np.column_stack([cross, scale + y * y * curvature, y * fall])
         flat = self._focal * np.hstack([p + self.e * q, self.d * p + self.c * q])
         # Also at a point of no distance, which has an angle but no pixel.
         flat[np.isnan(flat).any(axis=1)] = np.nan

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import tyro
 
+from farpoint.aiding import MetricOptions
 from farpoint.cli.lens import LensOptions
 from farpoint.frames.decode import MAX_MEGAPIXELS
-from farpoint.hints import MetricOptions
 from farpoint.odometry import OdometryOptions
 from farpoint.sinks import OutputOptions
 

@@ -117,7 +117,7 @@ _INSIDE = "in 95 of 100 frames the true place is inside the ellipse around it"
 # A hand's velocities are not constant from frame to frame, which two views take them to be.
 _INSIDE_BY_HAND = """in how many frames the true place is inside the ellipse around it,
 the row "direction" above tells: a hand that shakes makes it less than the 95 of 100 it should be"""
-_IN_THE_BEND = """In the bend the 1-sigma of the direction rises: farpoint is less sure there, and
+_IN_THE_CURVE = """In the bend the 1-sigma of the direction rises: farpoint is less sure there, and
 says so. """
 
 
@@ -132,9 +132,9 @@ Open {out / "overlay.mp4"}: points so far away that only the rotation moves them
 is left of the flow points away from the circle with the cross, the epipole. The camera
 travels there; {_INSIDE_BY_HAND if handheld else _INSIDE}.""")
     if output.report:
-        bend = "" if handheld else _IN_THE_BEND
+        curve = "" if handheld else _IN_THE_CURVE
         words.append(f"""
 Open {out / "report.html"} in a browser: point at a curve to see the frame of that
-moment. {bend}"Path from above" shows the true path beside the estimated one.""")
+moment. {curve}"Path from above" shows the true path beside the estimated one.""")
     words.append(f"\nEvery motion with its covariance is a row of {out / 'motions.csv'}.")
     return "\n".join(words)

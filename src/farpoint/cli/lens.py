@@ -46,7 +46,7 @@ class LensOptions:
             return None
         return load_camera(self.camera, self.name)
 
-    def told_by(self, frames: object, source: str) -> Camera | CameraGuess:
+    def from_source(self, frames: object, source: str) -> Camera | CameraGuess:
         """What the source's own files tell of it: a bag always, others if that was asked for.
 
         Parameters

@@ -9,23 +9,23 @@ from typing import Annotated
 
 import tyro
 
+from farpoint.aiding import HeightOptions
 from farpoint.cli.common import ImageOptions
 from farpoint.cli.progress import Progress
 from farpoint.cli.run import in_words, warn
 from farpoint.errors import InputError, printable
 from farpoint.frames.live import Playback, open_live
-from farpoint.hints import HeightOptions
 from farpoint.live import LiveSession, LiveState
 from farpoint.sinks import OutputOptions, ViewerOptions
 
 __all__ = ["Live"]
 
 
-def _no_film() -> OutputOptions:
+def _no_video() -> OutputOptions:
     return OutputOptions(overlay=False)
 
 
-def _shown() -> ViewerOptions:
+def _viewer_shown() -> ViewerOptions:
     return ViewerOptions(show=True)
 
 
@@ -53,8 +53,8 @@ class Live(ImageOptions):
     out: Path | None = None
     duration_s: float | None = None
     loop: bool = False
-    output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=_no_film)
-    viewer: Annotated[ViewerOptions, tyro.conf.arg(name="")] = field(default_factory=_shown)
+    output: Annotated[OutputOptions, tyro.conf.arg(name="")] = field(default_factory=_no_video)
+    viewer: Annotated[ViewerOptions, tyro.conf.arg(name="")] = field(default_factory=_viewer_shown)
     metric: HeightOptions = field(default_factory=HeightOptions)
 
     def __call__(self) -> None:
@@ -73,12 +73,12 @@ class Live(ImageOptions):
             session = LiveSession(
                 live,
                 self.source,
-                known or self.lens.told_by(recording, self.source),
+                known or self.lens.from_source(recording, self.source),
                 self.out,
                 odometry=self.odometry,
                 output=self.output,
                 viewer=self.viewer,
-                hints=self.metric.hints(),
+                measurements=self.metric.measurements(),
                 mask_file=self.mask,
                 warn=warn,
             )

@@ -33,7 +33,7 @@ class Progress:
         self._terminal = self._stream.isatty()
         self._done, self._note = 0, ""
         self._shown_any = False
-        self._start = self._shown = time.monotonic()
+        self._start = self._last_shown = time.monotonic()
 
     def step(self) -> None:
         """One more is done."""
@@ -43,8 +43,8 @@ class Progress:
         """So many are done, with a word on how it goes."""
         self._done, self._note = done, note
         now = time.monotonic()
-        if now - self._shown >= (_TERMINAL_S if self._terminal else _LOG_S):
-            self._shown = now
+        if now - self._last_shown >= (_TERMINAL_S if self._terminal else _LOG_S):
+            self._last_shown = now
             self._show(now)
 
     def __enter__(self) -> Self:

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import tyro
 
+from farpoint.aiding import AidingMeasurement
 from farpoint.camera import Camera, CameraGuess, camera_for
 from farpoint.cli.common import RecordedOptions
 from farpoint.cli.progress import Progress
@@ -21,7 +22,6 @@ from farpoint.errors import InputError, printable
 from farpoint.frames import Frame, FrameSource, open_frames
 from farpoint.frames.bags import BagImages
 from farpoint.frames.mask import read_mask
-from farpoint.hints import Hint
 from farpoint.odometry import Odometry, OdometryOptions
 from farpoint.pose import PoseStatus
 from farpoint.sinks import (
@@ -70,7 +70,7 @@ class Run(RecordedOptions):
             follow_playlists=self.follow_playlists,
             topic=self.topic,
         )
-        camera = known or self.lens.told_by(frames, self.source)
+        camera = known or self.lens.from_source(frames, self.source)
         out = self.out or Path("farpoint-out") / frames.name
         with self.lens.naming_file():
             process_frames(
@@ -81,7 +81,7 @@ class Run(RecordedOptions):
                 self.odometry,
                 self.output,
                 self.viewer,
-                self.metric.hints(frames.bag if isinstance(frames, BagImages) else None),
+                self.metric.measurements(frames.bag if isinstance(frames, BagImages) else None),
                 mask_file=self.mask,
                 bag_file=self.bag,
             )
@@ -95,7 +95,7 @@ def process_frames(
     options: OdometryOptions,
     output: OutputOptions,
     viewer: ViewerOptions | None = None,
-    hints: Sequence[Hint] = (),
+    measurements: Sequence[AidingMeasurement] = (),
     lock: FolderLock | None = None,
     mask_file: Path | None = None,
     bag_file: Path | None = None,
@@ -145,7 +145,7 @@ def process_frames(
         bag = None
         if bag_file is not None:
             _refuse_source(bag_file, source)
-            metres = (lambda: metric.now if metric else None) if hints else None
+            metres = (lambda: metric.now if metric else None) if measurements else None
             bag = BagSink(bag_file, lambda: odometry.lens.camera, metres, lambda: timed.time_ns)
             opened.callback(bag.close)
         folder = opened.enter_context(OutputFolder(out, description, output, lock=lock))
@@ -153,8 +153,8 @@ def process_frames(
             warn(note)
         if display is not None:
             folder.add("viewer", display)
-        if hints:
-            metric = MetricSink(list(hints), camera, warn, folder.put)
+        if measurements:
+            metric = MetricSink(list(measurements), camera, warn, folder.put)
             folder.add("metric", metric)
             folder.at_end(metric.finish)
         if bag is not None:
@@ -188,7 +188,7 @@ def _run_into(
                 folder.add_time("read", seconds)
                 result = odometry.process(frame.image, frame.timestamp, fault=frame.fault)
                 folder.write(result, frame.image)
-                folder.settle(odometry.settled())
+                folder.write_final_poses(odometry.settled())
                 folder.check_halves(result, odometry)
                 if result.pose is not None:
                     counts[result.pose.status] += 1

@@ -136,8 +136,8 @@ def open_cluster(options: ClusterOptions) -> Iterator[Cluster]:
         opened.enter_context(dask.config.set(_CONFIG))
         _check_size(dask, options.memory)
         distributed = optional_import("distributed", extra="dask", purpose="running a fleet")
-        for talker in ("distributed", "tornado", "asyncio"):  # of what ends while it is used
-            logging.getLogger(talker).setLevel(logging.CRITICAL)
+        for logger_name in ("distributed", "tornado", "asyncio"):  # of what ends while it is used
+            logging.getLogger(logger_name).setLevel(logging.CRITICAL)
         if options.scheduler is not None:
             try:
                 client = distributed.Client(options.scheduler, timeout=10)
@@ -149,7 +149,7 @@ def open_cluster(options: ClusterOptions) -> Iterator[Cluster]:
             _compile_on_machines(client)
             yield Cluster(client)
         else:
-            with _deaf_to_ctrl_c():
+            with _ignoring_ctrl_c():
                 local = opened.enter_context(_local(distributed, options))
             client = opened.enter_context(distributed.Client(local))
             cluster = Cluster(client, local, options.workers or _cores(), options.memory)
@@ -184,7 +184,7 @@ def _cores() -> int:
 
 
 @contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
+def _ignoring_ctrl_c() -> Iterator[None]:
     """Keep Ctrl-C from threads and processes that begin here, and from all that those begin.
 
     A terminal sends it to every process; it is for the one that leads, which ends the workers.

@@ -45,11 +45,11 @@ class Drive:
     def name(self) -> str:
         """Name of its folder: the same whatever other drives there are."""
         whole = self.source if "://" in self.source else str(Path(self.source).absolute())
-        told_apart = json.dumps([whole, self.own_options])
+        identity = json.dumps([whole, self.own_options])
         stem = PurePosixPath(urlsplit(whole).path.rstrip("/")).stem if "://" in whole else ""
         stem = stem or Path(whole).stem or "drive"
         plain = re.sub(r"[^\w.-]+", "-", stem)[:80]
-        return f"{plain}-{_digest(told_apart)[:8]}"
+        return f"{plain}-{_digest(identity)[:8]}"
 
     def key(self) -> str:
         """Digest of inputs, options and version: a folder that has it need not be made again."""

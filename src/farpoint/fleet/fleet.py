@@ -17,12 +17,12 @@ from farpoint.fleet.table import Row, row_of, write_tables
 from farpoint.fleet.work import Work, do_drive, one_line
 from farpoint.sinks import FolderLock
 
-__all__ = ["FleetOutcome", "Teller", "run_fleet"]
+__all__ = ["FleetOutcome", "Reporter", "run_fleet"]
 
 _LOOK_S = 0.2
 
 
-class Teller(Protocol):
+class Reporter(Protocol):
     """What shows how far it is."""
 
     def reach(self, done: int, note: str = "") -> None:
@@ -50,7 +50,7 @@ def run_fleet(
     drives: Sequence[Drive],
     out: Path,
     cluster: ClusterOptions,
-    telling: Callable[[int], Any],
+    reporting: Callable[[int], Any],
     parquet: bool = False,
 ) -> FleetOutcome:
     """Run all drives that are not finished, and write the tables; after Ctrl-C, too.
@@ -81,8 +81,8 @@ def run_fleet(
         errors: dict[str, str] = {}
         try:
             if waiting:
-                with open_cluster(cluster) as opened, telling(len(waiting)) as teller:
-                    _run(opened, waiting, errors, teller, look)
+                with open_cluster(cluster) as opened, reporting(len(waiting)) as reporter:
+                    _run(opened, waiting, errors, reporter, look)
         finally:
             clear_unfinished(out / DRIVES)  # of workers that were killed
             rows = [_row(work, errors) for work in every]
@@ -96,7 +96,7 @@ def _run(
     cluster: Cluster,
     waiting: Sequence[Work],
     errors: dict[str, str],
-    teller: Teller,
+    reporter: Reporter,
     look: Callable[[], None],
 ) -> None:
     from distributed import KilledWorker, as_completed
@@ -122,7 +122,7 @@ def _run(
             if error is not None:
                 errors[name] = error
             count += 1
-            teller.reach(count, f"{len(errors)} failed" if errors else "")
+            reporter.reach(count, f"{len(errors)} failed" if errors else "")
 
 
 def _row(work: Work, errors: dict[str, str]) -> Row:

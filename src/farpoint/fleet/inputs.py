@@ -14,8 +14,8 @@ from farpoint.frames.remote import is_remote, remote_place
 
 __all__ = ["size_of_input", "state_of_input"]
 
-_PATIENCE_S = 10.0
-_TELLING = ("size", "mtime", "ETag", "etag", "md5Hash", "LastModified", "updated", "created")
+_TIMEOUT_S = 10.0
+_STATE_KEYS = ("size", "mtime", "ETag", "etag", "md5Hash", "LastModified", "updated", "created")
 """What file systems of fsspec tell of a file, where its contents decide it."""
 
 State = list[list[Any]]
@@ -63,7 +63,10 @@ def _remote_state(url: str) -> State:
     except Exception:  # each file system has errors of its own
         return [[url]]
     return [
-        [name, *(str(info[key]) if key != "size" else info[key] for key in _TELLING if key in info)]
+        [
+            name,
+            *(str(info[key]) if key != "size" else info[key] for key in _STATE_KEYS if key in info),
+        ]
         for name, info in sorted(files.items())
     ] or [[url]]
 
@@ -73,9 +76,9 @@ def _web_state(url: str) -> State:
         return [[url]]
     try:
         request = urllib.request.Request(url, method="HEAD")
-        with urllib.request.urlopen(request, timeout=_PATIENCE_S) as answer:
-            told = answer.headers
-            size = int(told.get("Content-Length") or 0)
-            return [[url, size, told.get("ETag", ""), told.get("Last-Modified", "")]]
+        with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as answer:
+            headers = answer.headers
+            size = int(headers.get("Content-Length") or 0)
+            return [[url, size, headers.get("ETag", ""), headers.get("Last-Modified", "")]]
     except (OSError, ValueError):
         return [[url]]

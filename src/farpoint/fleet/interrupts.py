@@ -32,24 +32,24 @@ def lasting_interrupts() -> Iterator[Callable[[], None]]:
         yield look
         return
     before: dict[int, Any] = {}
-    told = sys.unraisablehook
+    previous_hook = sys.unraisablehook
 
     def note(number: int, frame: FrameType | None) -> None:
         came.set()
         before[number](number, frame)
 
-    def tell(lost: Any) -> None:
+    def hook(lost: Any) -> None:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
-            told(lost)
+            previous_hook(lost)
 
     for name in _SIGNALS:
         number = getattr(signal, name, None)  # Windows has no SIGHUP
         if number is not None and callable(signal.getsignal(number)):
             before[number] = signal.signal(number, note)
-    sys.unraisablehook = tell
+    sys.unraisablehook = hook
     try:
         yield look
     finally:
-        sys.unraisablehook = told
+        sys.unraisablehook = previous_hook
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -89,7 +89,7 @@ def write_page(out: Path, rows: Sequence[Row]) -> None:
         )
 
 
-def _is_doubtful(row: Row) -> bool:
+def _is_suspicious(row: Row) -> bool:
     return (row.halves_high is not None and (row.halves or 0.0) > row.halves_high) or (
         _failed_share(row) > 0.5
     )
@@ -107,7 +107,7 @@ def _failed_share(row: Row) -> float:
 
 
 def _line(out: Path, row: Row) -> str:
-    kind = "doubtful" if row.state == "done" and _is_doubtful(row) else row.state
+    kind = "doubtful" if row.state == "done" and _is_suspicious(row) else row.state
     cells = "".join(_cell(out, row, name) for name in _HEADINGS)
     return f'<tr class="{kind}">{cells}</tr>'
 

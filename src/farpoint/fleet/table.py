@@ -168,9 +168,9 @@ def _honesty(folder: Path) -> dict[str, float | None]:
 
 def _lens(run: dict[str, Any]) -> tuple[str, str]:
     """The lens as found and its sigma, from the key ``lens`` or that of the camera."""
-    told = run.get("lens") or {}
-    found = told.get("found") or run["camera"].get("parameters")
-    return _words(found), _words(told.get("sigma") or run["camera"].get("sigma"))
+    lens = run.get("lens") or {}
+    found = lens.get("found") or run["camera"].get("parameters")
+    return _words(found), _words(lens.get("sigma") or run["camera"].get("sigma"))
 
 
 def _words(parameters: Any) -> str:

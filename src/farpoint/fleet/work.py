@@ -32,8 +32,8 @@ def do_drive(work: Work) -> str | None:
         return None
     try:
         optional_import("cv2", extra="video", purpose="reading images").setNumThreads(1)
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
             finish_folder(work.folder, work.key, partial(_run, work.drive))
     except Exception as error:  # whatever it is, the other drives go on
         return one_line(error)

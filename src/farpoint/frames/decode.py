@@ -90,7 +90,7 @@ def decode_samples(data: bytes, max_megapixels: float = MAX_MEGAPIXELS) -> np.nd
         raise UnreadableImageError(damage)
     if (size := image_size(data)) is not None:
         check_megapixels(*size, max_megapixels)
-    with silent_opencv(), _silent_codecs as said:
+    with silent_opencv(), _silent_codecs as messages:
         samples = np.frombuffer(data, np.uint8)
         try:
             image = cv2.imdecode(samples, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
@@ -98,7 +98,7 @@ def decode_samples(data: bytes, max_megapixels: float = MAX_MEGAPIXELS) -> np.nd
                 image = cv2.imdecode(samples, cv2.IMREAD_GRAYSCALE)
         except cv2.error:  # raised for absurd sizes, instead of returning None
             image = None
-        if data.startswith(JPEG_START) and _JPEG_DAMAGE.search(said()):
+        if data.startswith(JPEG_START) and _JPEG_DAMAGE.search(messages()):
             raise UnreadableImageError("the JPEG is damaged: a part of it is not what was seen")
     if image is None:
         raise UnreadableImageError("cannot be decoded as an image")
@@ -135,15 +135,14 @@ class _SilentCodecs:
 
     def __init__(self) -> None:
         self._lock, self._saved = threading.RLock(), -1
-        self._heard = b""
 
     def __enter__(self) -> Callable[[], bytes]:
         self._lock.acquire()
         self._file = tempfile.TemporaryFile()
         self._saved = _replace_stderr(self._file.fileno())
-        return self._said
+        return self._messages
 
-    def _said(self) -> bytes:
+    def _messages(self) -> bytes:
         """What was said so far."""
         self._file.seek(0)
         return self._file.read(_LONGEST_WORDS)

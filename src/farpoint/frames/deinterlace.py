@@ -63,10 +63,10 @@ def comb_share(image: np.ndarray) -> float:
     middle = 2 * lines[2:-2]
     by_next = _in_blocks((middle - lines[1:-3] - lines[3:-1]) ** 2 // 4)
     by_second = _in_blocks((middle - lines[:-4] - lines[4:]) ** 2 // 4)
-    telling = np.maximum(by_next, by_second) > _TEXTURE_GREY2
-    if not telling.any():
+    textured = np.maximum(by_next, by_second) > _TEXTURE_GREY2
+    if not textured.any():
         return 0.0
-    return float(np.mean(by_next[telling] > _COMB_RATIO * by_second[telling]))
+    return float(np.mean(by_next[textured] > _COMB_RATIO * by_second[textured]))
 
 
 def one_field(image: np.ndarray) -> np.ndarray:

@@ -27,7 +27,7 @@ _SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt"
 _LARGEST_COPY_BYTES = 1 << 32
 """Of a recording from a server without ranges (convention)."""
 
-_PATIENCE_S = 10.0
+_TIMEOUT_S = 10.0
 """How long a server may keep silent, at the start or later, before it counts as gone."""
 
 
@@ -90,7 +90,7 @@ def open_url(url: str) -> NetworkVideo:
     options = {"rtsp_transport": "tcp"} if parts.scheme.startswith("rtsp") else {}
     copied = _copy_of(url, public) if parts.scheme.startswith("http") else None
     try:
-        container = open_container(copied or url, options=options, timeout=_PATIENCE_S)
+        container = open_container(copied or url, options=options, timeout=_TIMEOUT_S)
     except av.FFmpegError as error:
         if copied is not None:
             copied.close()
@@ -120,7 +120,7 @@ def _copy_of(url: str, public: str) -> IO[bytes] | None:
         Where the recording is too large to be copied.
     """
     try:
-        with urllib.request.urlopen(url, timeout=_PATIENCE_S) as answer:
+        with urllib.request.urlopen(url, timeout=_TIMEOUT_S) as answer:
             size = int(answer.headers.get("Content-Length") or 0)
             if size == 0 or answer.headers.get("Accept-Ranges", "none").lower() == "bytes":
                 return None

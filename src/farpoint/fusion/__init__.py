@@ -1,4 +1,4 @@
-"""Seen motions in a Kalman filter with an IMU."""
+"""Fusion of two-view motions with an IMU in a Kalman filter."""
 
 from farpoint.fusion.filter import InertialFilter, Innovation, StartSigmas
 from farpoint.fusion.imu import ImuNoise, ImuSamples, ImuSteps, read_bag_imu, read_euroc_imu

@@ -1,4 +1,4 @@
-"""An error-state Kalman filter that fuses seen motions, each with its covariance, with an IMU."""
+"""Error-state Kalman filter that fuses two-view motions, each with its covariance, with an IMU."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from farpoint.errors import InputError
 from farpoint.fusion.imu import ImuNoise, ImuSteps
-from farpoint.fusion.models import central_differences, moved, seen_error
+from farpoint.fusion.models import central_differences, motion_error, propagated
 from farpoint.fusion.state import (
     ACCEL_BIAS,
     ATTITUDE,
@@ -36,16 +36,16 @@ _STEPS_AT_ONCE = 20  # every step's noise has a column of its own in the derivat
 
 @dataclass(frozen=True, kw_only=True)
 class StartSigmas:
-    """1-sigma of the state that a filter starts from, of each axis.
+    """1-sigma of the initial state, per axis.
 
     Attributes
     ----------
     tilt_rad, heading_rad : float
-        Attitude, about the horizontal axes and about the vertical. The heading is a choice of the
-        map until something tells it.
+        Attitude, about the horizontal axes and about the vertical. The heading is unobservable: a
+        choice of the map.
     velocity : float
-        m/s. Where it is much more than a third of the speed, the first directions make the filter
-        surer of the speed than it can be.
+        m/s. Above about 0.33 of the speed, the first updates make the filter overconfident of the
+        speed.
     gyro_bias : float
         rad/s.
     accel_bias : float
@@ -59,7 +59,7 @@ class StartSigmas:
     accel_bias: float = 0.1
 
     def covariance(self) -> np.ndarray:
-        """Covariance (18, 18) of the error at an image: the last attitude is the present one."""
+        """Covariance (18, 18) of the error at an image: last attitude = current attitude."""
         sigmas = np.zeros(ERROR_SIZE)
         sigmas[ATTITUDE] = (self.tilt_rad, self.tilt_rad, self.heading_rad)
         sigmas[VELOCITY] = self.velocity
@@ -70,16 +70,16 @@ class StartSigmas:
 
 @dataclass(frozen=True, kw_only=True)
 class Innovation:
-    """What a seen motion said that the filter had not expected.
+    """Innovation of a two-view motion.
 
     Attributes
     ----------
     dof : int
-        5 for rotation and direction, 3 for rotation alone, 0 where nothing was seen.
+        5 for rotation and direction, 3 for rotation alone, 0 without a measurement.
     nis : float
-        Normalised innovation squared; `dof` on average where filter and covariance are honest.
+        Normalised innovation squared; its mean is `dof` for a consistent filter.
     used : bool
-        False where it was too unlikely, or nothing was seen: then the filter ignored it.
+        False where the gate rejected it, or without a measurement.
     """
 
     dof: int
@@ -90,28 +90,27 @@ class Innovation:
 class InertialFilter:
     """Attitude, velocity and biases of a body from its IMU and a camera on it.
 
-    The camera gives the rotation between two images and the direction of travel, each with its
-    covariance. The gyroscope's bias shows in the rotations; the speed, which no direction tells,
-    in how the direction turns under the accelerations that are felt.
+    The camera measures the rotation between two images and the direction of travel, each with its
+    covariance. Rotations make the gyroscope's bias observable; changes of direction under measured
+    acceleration make the speed observable.
 
     Parameters
     ----------
     state : InertialState
         At the time of the first image.
     start : StartSigmas
-        How sure the state is.
+        Initial 1-sigma.
     noise : ImuNoise
         Of the IMU.
     body_from_cam : ndarray, shape (4, 4)
         Pose of the camera on the IMU (Kalibr's and EuRoC's ``T_BS`` of the camera).
     gate : float
-        A motion that an honest filter would see less often than once in ``1 / (1 - gate)`` times
-        is ignored; 1 ignores none.
+        Probability of the chi-square gate on innovations; 1 rejects none.
 
     Attributes
     ----------
     state : InertialState
-        The estimate now.
+        Current estimate.
     covariance : ndarray, shape (18, 18)
         Of its error, in the order of `farpoint.fusion.state`.
 
@@ -140,20 +139,20 @@ class InertialFilter:
         self._noise, self._body_from_cam, self._gate = noise, np.asarray(body_from_cam), gate
 
     def predict(self, steps: ImuSteps) -> None:
-        """Move on by what the IMU felt."""
+        """Propagate by IMU measurements."""
         for part in steps.parts(_STEPS_AT_ONCE):
-            self._move(part)
+            self._propagate(part)
 
-    def _move(self, steps: ImuSteps) -> None:
-        state, count = moved(self.state, steps), len(steps)
+    def _propagate(self, steps: ImuSteps) -> None:
+        state, count = propagated(self.state, steps), len(steps)
 
         def error_after(step: np.ndarray) -> np.ndarray:
             before = retract(self.state, step[:, :ERROR_SIZE])
             noise = step[:, ERROR_SIZE:].reshape(-1, 2, count, 3)
-            felt = ImuSteps(
+            measured = ImuSteps(
                 gyro=steps.gyro + noise[:, 0], accel=steps.accel + noise[:, 1], dt=steps.dt
             )
-            return difference(moved(before, felt), state)
+            return difference(propagated(before, measured), state)
 
         jacobian = central_differences(error_after, ERROR_SIZE + 6 * count)
         by_state, by_noise = np.hsplit(jacobian, [ERROR_SIZE])
@@ -166,11 +165,11 @@ class InertialFilter:
         self.state, self.covariance = state, covariance
 
     def update(self, pose: RelativePose) -> Innovation:
-        """Learn from the motion since the last image; the next motion starts now.
+        """Update with the motion since the last image, and clone the attitude.
 
-        Whatever the pose gives is used: rotation and direction, rotation alone, or nothing.
+        Uses what the pose contains: rotation and direction, rotation alone, or nothing.
         """
-        innovation = self._learn(pose)
+        innovation = self._correct(pose)
         self.state = InertialState.at(
             self.state.world_from_body,
             self.state.velocity,
@@ -183,7 +182,7 @@ class InertialFilter:
     def travel_direction(self) -> tuple[np.ndarray, np.ndarray]:
         """Direction of travel in the body's axes, a unit vector (3,), and its covariance (3, 3).
 
-        Means nothing while the speed is not known to be more than 0.
+        Undefined unless the speed is significantly above 0.
         """
 
         def direction(step: np.ndarray) -> np.ndarray:
@@ -197,23 +196,25 @@ class InertialFilter:
         error = difference(truth, self.state)[KNOWN]
         return float(error @ np.linalg.solve(self.covariance[KNOWN, KNOWN], error))
 
-    def _learn(self, pose: RelativePose) -> Innovation:
+    def _correct(self, pose: RelativePose) -> Innovation:
         noise = pose.covariance if pose.covariance is not None else pose.rotation_covariance
         if noise is None:
             return Innovation(dof=0, nis=0.0, used=False)
 
-        def error_seen(step: np.ndarray) -> np.ndarray:
-            return seen_error(retract(self.state, step), pose, self._body_from_cam)
+        def error_measured(step: np.ndarray) -> np.ndarray:
+            return motion_error(retract(self.state, step), pose, self._body_from_cam)
 
         # The prior is the unit ball in x: the covariance is singular, its root is not in the way.
-        root = _root(self.covariance)
+        root = _square_root(self.covariance)
         white = np.linalg.inv(np.linalg.cholesky(noise))
 
         def misfit(x: np.ndarray) -> np.ndarray:
-            return np.concatenate([x, white @ error_seen(root @ x)])
+            return np.concatenate([x, white @ error_measured(root @ x)])
 
         def slope(x: np.ndarray) -> np.ndarray:
-            return np.vstack([np.eye(ERROR_SIZE), white @ _slope(error_seen, root @ x) @ root])
+            return np.vstack(
+                [np.eye(ERROR_SIZE), white @ _derivative(error_measured, root @ x) @ root]
+            )
 
         # The most probable state, not the first step to it (Bell and Cathey, IEEE TAC 38(2), 1993,
         # doi:10.1109/9.250476): a direction is linear in the velocity only where the velocity is
@@ -225,18 +226,18 @@ class InertialFilter:
             return Innovation(dof=dof, nis=nis, used=False)
         step, found = root @ best.x, retract(self.state, root @ best.x)
         # Errors are told from the new state now, no longer from the predicted one.
-        carry = _slope(lambda steps: difference(retract(self.state, steps), found), step)
+        carry = _derivative(lambda steps: difference(retract(self.state, steps), found), step)
         carried = carry @ root
         self.covariance = carried @ np.linalg.inv(best.jac.T @ best.jac) @ carried.T
         self.state = found
         return Innovation(dof=dof, nis=nis, used=True)
 
 
-def _slope(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+def _derivative(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
     return central_differences(lambda steps: function(at + steps), len(at))
 
 
-def _root(covariance: np.ndarray) -> np.ndarray:
+def _square_root(covariance: np.ndarray) -> np.ndarray:
     """A matrix whose square, ``root @ root.T``, is the covariance, be it singular."""
     variances, axes = np.linalg.eigh(covariance)
     return axes * np.sqrt(np.maximum(variances, 0.0))

@@ -1,4 +1,4 @@
-"""What an inertial measurement unit says: rates and forces over time, and how noisy they are."""
+"""IMU measurements, angular rates and specific forces, and their noise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from farpoint.errors import InputError
 from farpoint.frames.bags import open_bag, rows_of
-from farpoint.options import settle_positive
+from farpoint.options import coerce_positive
 from farpoint.regular_files import regular_lines
 
 _LARGEST_BYTES = 1 << 30
@@ -49,17 +49,17 @@ class ImuNoise:
     accel_walk: float = 3.0e-3
 
     def __post_init__(self) -> None:
-        settle_positive(self, *(field.name for field in fields(self)))
+        coerce_positive(self, *(field.name for field in fields(self)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImuSteps:
-    """Stretches of time, one after the other, and what was felt in each on average.
+    """Consecutive time steps, each with its mean measurement.
 
     Attributes
     ----------
     gyro : ndarray, shape (N, 3)
-        Mean angular rate, rad/s. In a stack of what may have been felt, shape (..., N, 3).
+        Mean angular rate, rad/s. Stacked, shape (..., N, 3).
     accel : ndarray, shape (N, 3)
         Mean specific force, m/s^2; stacked likewise.
     dt : ndarray, shape (N,)

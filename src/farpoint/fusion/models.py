@@ -1,4 +1,4 @@
-"""The two models of the filter: how the body moves, and what a camera on it sees of that.
+"""Process and measurement model of the filter.
 
 Both are plain functions of states, which may be stacked; their derivatives are central differences.
 """
@@ -15,10 +15,10 @@ from farpoint.fusion.state import InertialState
 from farpoint.geometry import so3
 from farpoint.pose import RelativePose
 
-__all__ = ["GRAVITY", "central_differences", "moved", "predicted_motion", "seen_error"]
+__all__ = ["GRAVITY", "central_differences", "motion_error", "predicted_motion", "propagated"]
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-"""Acceleration of free fall in the world, m/s^2; over the Earth it varies by a quarter per cent."""
+"""Acceleration of free fall in the world, m/s^2; it varies by 0.25 % over the Earth."""
 
 _STEP = 1e-5
 
@@ -29,18 +29,18 @@ def central_differences(function: Callable[[np.ndarray], np.ndarray], size: int)
     return ((values[:size] - values[size:]) / (2.0 * _STEP)).T
 
 
-def moved(state: InertialState, steps: ImuSteps) -> InertialState:
-    """The state after these steps, if what was felt in them has no error but the state's biases."""
-    # The force turns with the body: its attitude in the middle of a step is good to dt^3.
-    half_turns = so3.exp(0.5 * steps.dt[:, None] * (steps.gyro - state.gyro_bias[..., None, :]))
+def propagated(state: InertialState, steps: ImuSteps) -> InertialState:
+    """State propagated by measurements without errors other than the state's biases."""
+    # Midpoint attitude: the error is of order dt^3.
+    half_rotations = so3.exp(0.5 * steps.dt[:, None] * (steps.gyro - state.gyro_bias[..., None, :]))
     forces = steps.accel - state.accel_bias[..., None, :]
     R, v, p = state.world_from_body, state.velocity, state.displacement
     for k, dt in enumerate(steps.dt):
-        middle = R @ half_turns[..., k, :, :]
+        middle = R @ half_rotations[..., k, :, :]
         acceleration = (middle @ forces[..., k, :, None])[..., 0] + GRAVITY
         p = p + dt * v + 0.5 * dt**2 * acceleration
         v = v + dt * acceleration
-        R = middle @ half_turns[..., k, :, :]
+        R = middle @ half_rotations[..., k, :, :]
     return replace(state, world_from_body=R, velocity=v, displacement=p)
 
 
@@ -52,7 +52,7 @@ def predicted_motion(
     Parameters
     ----------
     state : InertialState
-        Now, at camera 1; its displacement and last attitude tell where camera 0 was.
+        Current state, at camera 1; displacement and last attitude give camera 0.
     body_from_cam : ndarray, shape (4, 4)
         Pose of the camera on the body.
     """
@@ -63,17 +63,21 @@ def predicted_motion(
     return cam1_from_world @ world_from_cam0, -(cam1_from_world @ travel[..., None])[..., 0]
 
 
-def seen_error(state: InertialState, pose: RelativePose, body_from_cam: np.ndarray) -> np.ndarray:
-    """``[dtheta, dbeta]`` (..., 5), rad, from the motion seen to the state's.
+def motion_error(state: InertialState, pose: RelativePose, body_from_cam: np.ndarray) -> np.ndarray:
+    """``[dtheta, dbeta]`` (..., 5), rad, from the measured motion to the state's.
 
     For the true state that is the error whose covariance the pose gives, but for ``dbeta`` being
     an angle here and not its tangent, so that it is finite for a state that moves the other way.
     ``dtheta`` alone (..., 3) where no direction was seen.
     """
-    R_seen, d, B = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0, pose.direction_basis
-    assert R_seen is not None
+    R_measured, d, B = (
+        pose.rotation_cam1_from_cam0,
+        pose.direction_cam1_from_cam0,
+        pose.direction_basis,
+    )
+    assert R_measured is not None
     R, t = predicted_motion(state, body_from_cam)
-    dtheta = so3.log(R @ R_seen.T)
+    dtheta = so3.log(R @ R_measured.T)
     if d is None or B is None:
         return dtheta
     across = t @ B

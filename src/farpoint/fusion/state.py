@@ -1,10 +1,10 @@
-"""What the filter knows: attitude, velocity, biases, and how the body moved since the last image.
+"""State of the filter: attitude, velocity, biases, and displacement since the last image.
 
 Errors of attitude, velocity and displacement are those of the right-invariant filter (Barrau and
 Bonnabel, "The Invariant Extended Kalman Filter as a Stable Observer", IEEE TAC 62(4), 2017,
-doi:10.1109/TAC.2016.2594085): they turn the whole world. What no measurement can tell, the heading
-on the map, is then the same step of the error at every state, and linearising at different states
-cannot make the filter believe that it has learnt it.
+doi:10.1109/TAC.2016.2594085): they rotate the whole world. The unobservable heading is then the
+same error direction at every state, and linearising at different states adds no spurious
+information on it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ATTITUDE, VELOCITY, GYRO_BIAS, ACCEL_BIAS = (slice(k, k + 3) for k in (0, 3, 6, 
 DISPLACEMENT, LAST_ATTITUDE = slice(12, 15), slice(15, 18)
 KNOWN = slice(0, 12)
 ERROR_SIZE = 18
-"""Order of the error: the first 12 are what users ask for, the others serve the next image."""
+"""Order of the error: the first 12 are the user's state, the others serve the next update."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,11 +47,11 @@ class InertialState:
     velocity : ndarray, shape (..., 3)
         Of the IMU in the world, m/s.
     gyro_bias : ndarray, shape (..., 3)
-        What the gyroscope says too much, rad/s.
+        Bias of the gyroscope, rad/s.
     accel_bias : ndarray, shape (..., 3)
-        What the accelerometer says too much, m/s^2.
+        Bias of the accelerometer, m/s^2.
     displacement : ndarray, shape (..., 3)
-        How the IMU moved since the last image, in the world, m.
+        Displacement of the IMU since the last image, in the world, m.
     last_world_from_body : ndarray, shape (..., 3, 3)
         Its attitude at the last image.
     """
@@ -83,7 +83,7 @@ class InertialState:
 
     @classmethod
     def at_rest(cls, accel: np.ndarray) -> InertialState:
-        """State of a body that stands still and feels this force (3,), m/s^2: level, heading 0.
+        """State of a body at rest with this specific force (3,), m/s^2: level, heading 0.
 
         A bias of the accelerometer tilts it: by 0.1 rad for 1 m/s^2.
         """
@@ -98,7 +98,7 @@ class InertialState:
     @property
     def velocity_body(self) -> np.ndarray:
         """Velocity in the body's own axes, m/s, shape (..., 3)."""
-        return _turned(np.swapaxes(self.world_from_body, -1, -2), self.velocity)
+        return _rotate(np.swapaxes(self.world_from_body, -1, -2), self.velocity)
 
 
 def retract(state: InertialState, error: np.ndarray) -> InertialState:
@@ -107,33 +107,33 @@ def retract(state: InertialState, error: np.ndarray) -> InertialState:
     ``R_true = Exp(dtheta) @ R``, ``v_true = Exp(dtheta) @ v + dv`` and the displacement likewise;
     biases add; the last attitude has a ``dtheta`` of its own.
     """
-    turn, last_turn = so3.exp(error[..., ATTITUDE]), so3.exp(error[..., LAST_ATTITUDE])
+    rotation, last_rotation = so3.exp(error[..., ATTITUDE]), so3.exp(error[..., LAST_ATTITUDE])
     return InertialState(
-        world_from_body=turn @ state.world_from_body,
-        velocity=_turned(turn, state.velocity) + error[..., VELOCITY],
+        world_from_body=rotation @ state.world_from_body,
+        velocity=_rotate(rotation, state.velocity) + error[..., VELOCITY],
         gyro_bias=state.gyro_bias + error[..., GYRO_BIAS],
         accel_bias=state.accel_bias + error[..., ACCEL_BIAS],
-        displacement=_turned(turn, state.displacement) + error[..., DISPLACEMENT],
-        last_world_from_body=last_turn @ state.last_world_from_body,
+        displacement=_rotate(rotation, state.displacement) + error[..., DISPLACEMENT],
+        last_world_from_body=last_rotation @ state.last_world_from_body,
     )
 
 
 def difference(truth: InertialState, estimate: InertialState) -> np.ndarray:
     """The error (..., 18) that `retract` takes from the estimate to the truth."""
-    turn = truth.world_from_body @ np.swapaxes(estimate.world_from_body, -1, -2)
-    last_turn = truth.last_world_from_body @ np.swapaxes(estimate.last_world_from_body, -1, -2)
+    rotation = truth.world_from_body @ np.swapaxes(estimate.world_from_body, -1, -2)
+    last_rotation = truth.last_world_from_body @ np.swapaxes(estimate.last_world_from_body, -1, -2)
     return np.concatenate(
         [
-            so3.log(turn),
-            truth.velocity - _turned(turn, estimate.velocity),
+            so3.log(rotation),
+            truth.velocity - _rotate(rotation, estimate.velocity),
             truth.gyro_bias - estimate.gyro_bias,
             truth.accel_bias - estimate.accel_bias,
-            truth.displacement - _turned(turn, estimate.displacement),
-            so3.log(last_turn),
+            truth.displacement - _rotate(rotation, estimate.displacement),
+            so3.log(last_rotation),
         ],
         axis=-1,
     )
 
 
-def _turned(R: np.ndarray, v: np.ndarray) -> np.ndarray:
+def _rotate(R: np.ndarray, v: np.ndarray) -> np.ndarray:
     return (R @ v[..., None])[..., 0]

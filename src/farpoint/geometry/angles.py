@@ -1,4 +1,4 @@
-"""Motions as a person reads them: degrees with their 1-sigma.
+"""Motions in degrees with their 1-sigma, for display.
 
 Everything works on stacks: leading axes are kept, and NaN in gives NaN out.
 """
@@ -51,7 +51,7 @@ def heading_angles_deg(
     level = np.hypot(x, z)
     angles = np.stack([np.arctan2(x, z), np.arctan2(-y, level)], axis=-1)
     zero = np.zeros_like(x)
-    # Straight up or down every azimuth is as good as any other: its sigma grows without bound.
+    # The azimuth is undefined straight up or down: its sigma is infinite.
     with np.errstate(divide="ignore", invalid="ignore"):
         across = np.stack([z, zero, -x], axis=-1) / np.square(level)[..., None]
         up = np.stack([zero, -1.0 / level, zero], axis=-1)

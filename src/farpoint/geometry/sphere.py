@@ -41,7 +41,7 @@ def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def confidence_ring(
     direction: np.ndarray, covariance: np.ndarray, confidence: float, points: int = 256
 ) -> np.ndarray:
-    """Boundary of the region that holds a direction with this probability: unit rays (points, 3).
+    """Boundary of a confidence region of a direction: unit rays (points, 3).
 
     The last is the first. It is drawn on the sphere, from the tangent plane, so that any lens can
     project it.
@@ -51,7 +51,7 @@ def confidence_ring(
     direction : ndarray, shape (3,)
         Unit vector.
     covariance : ndarray, shape (3, 3)
-        Of the direction, rad^2; what lies along the direction is not looked at.
+        Of the direction, rad^2; its component along the direction is ignored.
     confidence : float
         Between 0 and 1.
     points : int

@@ -12,11 +12,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from farpoint.aiding import AidingMeasurement
 from farpoint.camera import Camera, CameraGuess, camera_for
 from farpoint.errors import InputError
 from farpoint.frames.live import Capture, LiveAccount, LiveFrame, LiveSource
 from farpoint.frames.mask import read_mask
-from farpoint.hints import Hint
 from farpoint.live.rehearsal import rehearse
 from farpoint.odometry import Odometry, OdometryOptions, OdometryResult, SettledPose
 from farpoint.pose import PoseStatus
@@ -28,8 +28,8 @@ from farpoint.sinks import (
     OutputOptions,
     RunDescription,
     ViewerOptions,
-    start_film,
     start_live_viewer,
+    start_video_process,
     wait_until_loaded,
 )
 
@@ -40,7 +40,7 @@ _TICK_S = 0.25  # how long to wait for a frame before looking at the clock again
 _SILENT_S = 1.0  # a source is called silent when it has been for so long
 
 
-def _unheard(words: str) -> None:
+def _discard(words: str) -> None:
     del words
 
 
@@ -118,9 +118,9 @@ class LiveSession:
         odometry: OdometryOptions | None = None,
         output: OutputOptions | None = None,
         viewer: ViewerOptions | None = None,
-        hints: Sequence[Hint] = (),
+        measurements: Sequence[AidingMeasurement] = (),
         mask_file: Path | None = None,
-        warn: Callable[[str], object] = _unheard,
+        warn: Callable[[str], object] = _discard,
     ) -> None:
         self.counts: Counter[PoseStatus] = Counter()
         output, viewer = output or OutputOptions(), viewer or ViewerOptions()
@@ -130,9 +130,9 @@ class LiveSession:
         with ExitStack() as opened:
             # These load while this process does.
             display = opened.enter_context(start_live_viewer()) if viewer.wanted else None
-            film = opened.enter_context(start_film()) if output.overlay else None
+            video = opened.enter_context(start_video_process()) if output.overlay else None
             rehearse(camera)
-            for process in (display, film):
+            for process in (display, video):
                 if process is not None:
                     wait_until_loaded(process)
             self._capture = opened.enter_context(Capture(live))
@@ -164,14 +164,14 @@ class LiveSession:
                 notes=notes,
                 mask=mask,
             )
-            folder = OutputFolder(self.path, description, output, film, lock)
+            folder = OutputFolder(self.path, description, output, video, lock)
             self._folder = opened.enter_context(folder)
             for note in self._folder.notes:
                 warn(note)
             if self._display is not None:
                 self._folder.add("viewer", self._display)
-            if hints:
-                metric = MetricSink(list(hints), camera, warn, self._folder.put)
+            if measurements:
+                metric = MetricSink(list(measurements), camera, warn, self._folder.put)
                 self._folder.add("metric", metric)
                 self._folder.at_end(metric.finish)
             self._opened = opened.pop_all()
@@ -209,7 +209,7 @@ class LiveSession:
             state = self.state
             self._record(state)
             if self._display is not None:
-                self._display.tell_link(state.link)
+                self._display.set_link(state.link)
             if notice is not None:
                 notice(state)
 
@@ -225,8 +225,8 @@ class LiveSession:
         # The source first: what still waits counts as dropped in the account of the files.
         self._capture.close()
         self._record(self.state)
-        self._settle(self._odometry.remaining())
-        self._folder.tell(self._odometry)
+        self._write_final_poses(self._odometry.remaining())
+        self._folder.write_lens_and_notes(self._odometry)
         self._opened.__exit__(kind, error, trace)
 
     def _first_size(self) -> tuple[int, int]:
@@ -244,23 +244,25 @@ class LiveSession:
             self._odometry.process(frame.image, frame.timestamp, fault=frame.fault), frame.index
         )
         self._folder.write(result, frame.image)
-        self._settle(self._odometry.settled())
+        self._write_final_poses(self._odometry.settled())
         self._latency_s = time.monotonic() - taken.arrived_s
         self._longest_latency_s = max(self._longest_latency_s, self._latency_s)
         self._folder.check_halves(result, self._odometry)
         if result.pose is not None:
             self.counts[result.pose.status] += 1
         if self._display is not None:
-            self._display.tell(self._latency_s, taken.dropped)
+            self._display.set_status(self._latency_s, taken.dropped)
 
     def _numbered(self, found: OdometryResult, index: int) -> OdometryResult:
         """The result with its frames counted as the source delivered them: gaps were dropped."""
         self._indices[found.frame1], self._compared_with = index, found.frame0
         return replace(found, frame0=self._indices[found.frame0], frame1=index)
 
-    def _settle(self, poses: list[SettledPose]) -> None:
+    def _write_final_poses(self, poses: list[SettledPose]) -> None:
         """Write poses, counted as `_numbered` does; those of earlier frames are told no more."""
-        self._folder.settle(replace(pose, frame1=self._indices[pose.frame1]) for pose in poses)
+        self._folder.write_final_poses(
+            replace(pose, frame1=self._indices[pose.frame1]) for pose in poses
+        )
         if poses:
             done = min(poses[-1].frame1, self._compared_with)
             self._indices = {k: v for k, v in self._indices.items() if k >= done}

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from farpoint.errors import InputError
-from farpoint.options import settle_float
+from farpoint.options import coerce_float
 
 __all__ = ["AssociationOptions", "poses_at_frames", "poses_at_times"]
 
@@ -29,7 +29,7 @@ class AssociationOptions:
     max_gap_s: float = 0.2
 
     def __post_init__(self) -> None:
-        settle_float(self, "seconds, 0 or more", lambda s: s >= 0, "tolerance_s", "max_gap_s")
+        coerce_float(self, "seconds, 0 or more", lambda s: s >= 0, "tolerance_s", "max_gap_s")
 
 
 def poses_at_times(

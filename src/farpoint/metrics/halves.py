@@ -162,10 +162,12 @@ def split_half(
         raise InputError(f"expected arrays of one length, got {lengths}", field="matches")
     if groups is not None and np.shape(groups) != (lengths[0],):
         raise InputError(f"expected shape ({lengths[0]},), got {np.shape(groups)}", field="groups")
-    dealt = np.arange(lengths[0]) if groups is None else np.unique(groups, return_inverse=True)[1]
+    assigned = (
+        np.arange(lengths[0]) if groups is None else np.unique(groups, return_inverse=True)[1]
+    )
     # A mask leaves the rows in their order: an estimator that looks at it sees nothing unusual.
     half = np.empty(lengths[0], np.int64)
-    deal(dealt.ravel(), np.array([seed % 2**64], np.uint64), half)
+    deal(assigned.ravel(), np.array([seed % 2**64], np.uint64), half)
     return pose_difference(
         estimate(*(rows[half == 0] for rows in matches)),
         estimate(*(rows[half == 1] for rows in matches)),

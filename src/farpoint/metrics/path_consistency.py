@@ -200,7 +200,7 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
         unit = float(np.linalg.norm(true_ways[row]) / np.linalg.norm(ways[row]))
     if not unit > 0.0:
         return None
-    turned = so3.log(
+    rotation_errors = so3.log(
         turn @ s.truth[rows, :3, :3] @ np.swapaxes(s.world_from_cam[rows, :3, :3], 1, 2)
     )
     covariances = s.covariances[rows, :6, :6]
@@ -210,7 +210,7 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
     log_errors, log_variances = _length_errors(samples, rows, unit)
     return _Segment(
         unit_is_given=unit_is_given,
-        errors=np.hstack([turned, true_ways / unit - ways])[known],
+        errors=np.hstack([rotation_errors, true_ways / unit - ways])[known],
         covariances=covariances[known],
         ways=ways[known],
         true_ways=true_ways[known],

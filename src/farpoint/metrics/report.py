@@ -98,8 +98,8 @@ def _motion_lines(motions: MotionEvaluation) -> list[str]:
         ("claimed rotation, deg", motions.rotation_sigma_rad),
         ("claimed direction, deg", motions.direction_sigma_rad),
     ]
-    shown = errors + claims if motions.pairs_with_truth else claims
-    rows = [(name, *_summary_cells(figures.scaled(DEG))) for name, figures in shown]
+    figure_rows = errors + claims if motions.pairs_with_truth else claims
+    rows = [(name, *_summary_cells(figures.scaled(DEG))) for name, figures in figure_rows]
     return [*lines, "", *_table(("error", *_SUMMARY_HEAD), rows)]
 
 

@@ -168,11 +168,11 @@ def _turn_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarra
     between, true_between = (
         np.swapaxes(R[first], 1, 2) @ R[last] for R in (part.rotations, part.true_rotations)
     )
-    turned = so3.log(true_between @ np.swapaxes(between, 1, 2))
-    turned = np.einsum("nij,nj->ni", part.rotations[first], turned)
+    rotation_errors = so3.log(true_between @ np.swapaxes(between, 1, 2))
+    rotation_errors = np.einsum("nij,nj->ni", part.rotations[first], rotation_errors)
     C = (part.carried[last] - part.carried[first] + part.own[last] + part.own[first])[:, :3, :3]
     C = C + _LEAST_TURN_SIGMA**2 * np.eye(3)
-    return np.sum(turned * np.linalg.solve(C, turned[..., None])[..., 0], axis=1)
+    return np.sum(rotation_errors * np.linalg.solve(C, rotation_errors[..., None])[..., 0], axis=1)
 
 
 def _length_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarray:

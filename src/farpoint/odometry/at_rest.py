@@ -1,4 +1,4 @@
-"""A motion of two views, where points of known distance tell that the camera stands."""
+"""Two-view motion of a camera at rest, by landmarks of known distance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from farpoint.pose import PoseStatus, RelativePose
 
 __all__ = ["at_rest"]
 
-_TURN_CHI2 = 11.3  # 0.99 of the rotations of a camera that does not turn (3 degrees of freedom)
+_TURN_CHI2 = 11.3  # 0.99 quantile, 3 degrees of freedom
 
 
 def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
@@ -21,21 +21,21 @@ def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
     Parameters
     ----------
     pose : RelativePose
-        Of two views.
+        Two-view estimate.
     rest : Rest or None
-        None: the motion stays what the two views say.
+        None: the motion is returned unchanged.
     """
     if rest is None:
         return pose
     turn = so3.log(rest.rotation_cam1_from_cam0)
     squared = turn @ np.linalg.pinv(rest.rotation_covariance, hermitian=True) @ turn
-    turned = bool(squared > _TURN_CHI2)
+    is_rotating = bool(squared > _TURN_CHI2)
     return replace(
         pose,
-        status=PoseStatus.ROTATION_ONLY if turned else PoseStatus.STATIC,
+        status=PoseStatus.ROTATION_ONLY if is_rotating else PoseStatus.STATIC,
         reason=(
             f"{rest.points} points of known distance stand still: what moves is in front of the "
-            f"camera, which {'only turned' if turned else 'is at rest'}."
+            f"camera, which {'only is_rotating' if is_rotating else 'is at rest'}."
         ),
         rotation_cam1_from_cam0=rest.rotation_cam1_from_cam0,
         rotation_covariance=rest.rotation_covariance,

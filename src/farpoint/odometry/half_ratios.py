@@ -1,4 +1,4 @@
-"""What halves of the tracks show over a video of how far covariances hold."""
+"""Mean split-half ratio over a video: squared differences of halves over their covariances."""
 
 from __future__ import annotations
 
@@ -6,32 +6,32 @@ from farpoint.pose.covariance import mean_half_ratio
 
 __all__ = ["HalfRatios"]
 
-# Pairs of frames that the ratio expected at the beginning counts as.
+# Weight of the initial ratio, in pairs of frames.
 BEFORE = 2
-# Pairs after which those long ago are forgotten: a video may come to quite another scene.
+# Largest weight, in pairs: older pairs are forgotten exponentially.
 MEMORY = 100
 
 
 class HalfRatios:
     """Mean of `PoseStats.half_ratio` over a video so far.
 
-    That of one pair is rough, and what it tells beside chance is mostly what the camera, the
-    tracker and the scene do in every pair: on real video, ratios of neighbouring pairs are no more
-    alike than those of any two, but their means differ between videos by a factor of two.
+    The ratio of one pair has a large sampling error. On real video, ratios of neighbouring pairs
+    are not more correlated than those of any two pairs, but means of videos differ by a factor of
+    2.
 
     Parameters
     ----------
     expected : float
-        Of the first pair.
+        Initial ratio.
     pairs : int
-        Number of pairs that this counts as.
+        Weight of the initial ratio, in pairs.
 
     Attributes
     ----------
     mean : float
-        Squared differences of halves over what covariances expect of them, without a unit.
+        Squared differences of halves over their expectation by the covariances.
     pairs : int
-        Number of pairs in the mean, up to `MEMORY`, with those that ``expected`` counts as.
+        Number of pairs in the mean, up to `MEMORY`, with the weight of ``expected``.
     """
 
     def __init__(self, expected: float, pairs: int = BEFORE) -> None:
@@ -39,7 +39,7 @@ class HalfRatios:
         self.pairs = pairs
 
     def add(self, ratio: float | None) -> None:
-        """Count that of another pair, if it has one."""
+        """Add the ratio of a pair; None is ignored."""
         if ratio is not None:
             before = min(self.pairs, MEMORY - 1)
             self.mean = mean_half_ratio(ratio, self.mean, before)

@@ -1,4 +1,4 @@
-"""Lens and shutter that motions of two frames are estimated with."""
+"""Lens and shutter of the two-view estimates."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ from farpoint.path.options import LensRefinementOptions
 
 __all__ = ["LensInUse"]
 
-_SHOWN_SIGMAS = 3.0  # a lens that is farther off is wrong
+_SIGNIFICANT_SIGMAS = 3.0  # deviation from the lens in use that replaces it
 
 
 class LensInUse:
-    """The camera that motions are estimated with: as given, unless the path has shown it wrong.
+    """The camera of two-view estimates: as given, until the path's estimate differs by 3 sigma.
 
-    It changes where the lens found is more than three of its own sigmas from it: below that it
-    would follow noise, and each change costs tables of the lens. A shutter that is not known is
-    global until its read-out time stands out as much.
+    Smaller differences are noise, and each change recomputes tables of the lens. An unknown shutter
+    is global until its read-out time exceeds 3 sigma.
 
     Parameters
     ----------
@@ -38,21 +37,21 @@ class LensInUse:
         self._z: np.ndarray | None = None
 
     def follow(self, lens: LensEstimate | None) -> None:
-        """Take what the path has found, where it is plainly something else."""
+        """Adopt the path's estimate where it differs by more than 3 sigma."""
         if lens is None:
             return
         moved = lens.z if self._z is None else lens.z - self._z
-        if lens.size and lens.moved_px(moved) > _SHOWN_SIGMAS * lens.sigma_px():
+        if lens.size and lens.moved_px(moved) > _SIGNIFICANT_SIGMAS * lens.sigma_px():
             self._z, found = lens.z, lens.report().camera
-            # Of a camera whose doubt was given, what is left of it counts; else it was exact.
-            doubt = None if self.camera.uncertainty is None else found.uncertainty
-            self.camera = replace(self.camera, model=found.model, uncertainty=doubt)
+            # The posterior uncertainty where the given camera has one; else exact.
+            uncertainty = None if self.camera.uncertainty is None else found.uncertainty
+            self.camera = replace(self.camera, model=found.model, uncertainty=uncertainty)
         sigma_s = lens.readout_sigma_s
-        if not self._is_shutter_known and lens.readout_s > _SHOWN_SIGMAS * sigma_s:
+        if not self._is_shutter_known and lens.readout_s > _SIGNIFICANT_SIGMAS * sigma_s:
             self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
 
     def interval_s(self, seconds: float) -> float | None:
-        """Time between two views, in which the first one was read out; None where it is unknown."""
+        """Time between two views, at least the read-out time; None where unknown."""
         if seconds <= 0.0 or self.camera.readout_s is None:
             return None
         return max(seconds, self.camera.readout_s)

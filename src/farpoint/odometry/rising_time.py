@@ -1,4 +1,4 @@
-"""Time stamps that never fall, whatever a recording's own do."""
+"""Monotonic time stamps."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ _INTERVAL_S = 0.1
 
 
 class RisingTime:
-    """Moves the time stamps behind a fall so that they follow the ones before it.
+    """Shifts time stamps after a decrease, so that they never decrease.
 
-    Recordings joined one behind the other begin their time anew: what comes after the fall goes on
-    one frame interval after what came before.
+    Concatenated recordings restart their time: frames after the decrease continue one frame
+    interval after the last one.
 
     Attributes
     ----------
     falls : int
-        How often time has fallen.
+        Number of decreases.
     """
 
     def __init__(self) -> None:
@@ -26,7 +26,7 @@ class RisingTime:
         self._last_s: float | None = None
 
     def follow(self, timestamp: float) -> tuple[float, bool]:
-        """The time stamp as it goes on, s, and whether time has fallen before it."""
+        """The monotonic time stamp, s, and whether time has decreased before it."""
         seconds, last_s = timestamp + self._shift_s, self._last_s
         fell = last_s is not None and seconds < last_s
         if last_s is not None and fell:

@@ -1,4 +1,4 @@
-"""From one pose of the camera in the world to the next, by a motion."""
+"""Composition of a camera pose with a relative motion."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ __all__ = ["chain", "parts_of"]
 
 
 def chain(world_from_cam0: np.ndarray, pose: RelativePose, scale: float | None) -> np.ndarray:
-    """``world_from_cam1`` (4, 4) of ``world_from_cam0`` (4, 4) and the motion between the two.
+    """``world_from_cam1`` (4, 4) from ``world_from_cam0`` (4, 4) and the relative motion.
 
     Parameters
     ----------
     world_from_cam0 : ndarray, shape (4, 4)
         Rigid motion.
     pose : RelativePose
-        What cannot be observed is taken not to have happened: FAILED leaves the camera where it
-        was.
+        Unobservable parts are taken as zero: FAILED leaves the camera pose unchanged.
     scale : float or None
-        Length of the translation in units of the world; None for none.
+        Length of the translation in units of the world; None: no translation.
     """
     if pose.rotation_cam1_from_cam0 is None:
         return world_from_cam0
@@ -35,10 +34,7 @@ def chain(world_from_cam0: np.ndarray, pose: RelativePose, scale: float | None) 
 
 
 def parts_of(motion: RelativePose) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and direction (3,) cam1_from_cam0, and the basis (3, 2) of its tangent plane.
-
-    Of a motion of status OK, which has all three.
-    """
+    """Rotation (3, 3), direction (3,) and its tangent basis (3, 2) of a motion of status OK."""
     R, t = motion.rotation_cam1_from_cam0, motion.direction_cam1_from_cam0
     basis = motion.direction_basis
     assert R is not None

@@ -1,4 +1,4 @@
-"""Normal equations: solved, and inverted into covariances."""
+"""Solution and inversion of normal equations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from farpoint._kernels.positive import factorise, invert, solve
 
 __all__ = ["System", "inverse", "solution"]
 
-_RIDGE = 1e-12  # relative, of a diagonal: what rounding makes of zero
+_RIDGE = 1e-12  # relative to the diagonal: rounding error of zero
 
 
 class System(NamedTuple):
@@ -21,7 +21,7 @@ class System(NamedTuple):
 
 
 def solution(system: System, damping: float) -> np.ndarray:
-    """Step (D,) of a system whose diagonal is damped by a share; zero where there is none."""
+    """Levenberg-Marquardt step (D,) with relative damping; zero where the system is singular."""
     unit, factor = np.empty(len(system.g)), np.empty_like(system.H)
     step = np.zeros(len(system.g))
     if factorise(system.H, damping, unit, factor):
@@ -30,7 +30,7 @@ def solution(system: System, damping: float) -> np.ndarray:
 
 
 def inverse(H: np.ndarray) -> np.ndarray:
-    """Of an information matrix whose diagonal spans many orders."""
+    """Covariance: inverse of an information matrix, diagonally scaled."""
     unit, factor, found = np.empty(len(H)), np.empty_like(H), np.empty_like(H)
     if factorise(H, _RIDGE, unit, factor):
         invert(factor, unit, np.empty_like(H), found)

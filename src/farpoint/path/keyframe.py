@@ -1,4 +1,4 @@
-"""A keyframe: a pose that the window may still change."""
+"""A keyframe: a pose optimised in the window."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["Keyframe"]
 
 @dataclass(kw_only=True, eq=False)
 class Keyframe:
-    """A frame whose observations are compared with those of others.
+    """A frame whose pose is an unknown of the window.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class Keyframe:
     p : ndarray, shape (3,)
         Position in the world.
     twist : ndarray, shape (6,)
-        Velocities in the world when it was taken: of rotation, rad/s, and of the position.
+        Angular velocity, rad/s, and linear velocity, both in world axes.
     """
 
     frame: int

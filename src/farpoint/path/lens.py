@@ -1,4 +1,4 @@
-"""Lens and shutter as the window believes them, and as its derivatives have them."""
+"""Estimates of lens and shutter, and their linearisation point."""
 
 from __future__ import annotations
 
@@ -14,25 +14,24 @@ from farpoint.path.vectors import products
 
 __all__ = ["LensEstimate", "LensReport", "given_lens", "with_prior"]
 
-# Change of a pixel beyond which derivatives are taken anew: what they leave out is its square over
-# the focal length, a hundredth of a pixel.
+# Pixel displacement beyond which derivatives are recomputed: the linearisation error is its square
+# over the focal length, about 0.01 px.
 _STALE_PX = 2.0
-# One sigma of an unknown read-out time, in units of the time between frames (a frame cannot be read
-# out for longer than that).
+# 1-sigma of an unknown read-out time, in units of the time between frames, its upper limit.
 _READOUT_SIGMA = 0.5
-# Sigma of a read-out time that is known, s: as good as exact, and the equations stay regular.
+# 1-sigma of a known read-out time, s: small, for regular equations.
 _EXACT_S = 1e-9
-_GRID = (9, 7)  # pixels at which the reach of an error is taken
+_GRID = (9, 7)  # columns and rows of pixels at which displacements are computed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensReport:
-    """What was found of lens and shutter.
+    """Estimates of lens and shutter.
 
     Attributes
     ----------
     camera : Camera
-        As found, with the covariance of its parameters.
+        Estimated camera with the covariance of its parameters.
     given : Camera
         As given.
     sigma : dict of str to float
@@ -40,9 +39,9 @@ class LensReport:
     readout_s, readout_sigma_s : float
         Read-out time of a frame, first row to last, and its 1-sigma, s.
     moved_px : float
-        How far the image moved at most: between the lens as given and as found.
+        Largest displacement of a pixel between the given and the estimated lens, px.
     refined : bool
-        Whether anything of the lens was free.
+        Whether any lens parameter was free.
     """
 
     camera: Camera
@@ -55,7 +54,7 @@ class LensReport:
 
 
 def given_lens(camera: Camera) -> LensReport:
-    """The report of a camera that was not looked into."""
+    """Report of a camera without estimation."""
     return LensReport(
         camera=camera,
         given=camera,
@@ -68,7 +67,7 @@ def given_lens(camera: Camera) -> LensReport:
 
 
 def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
-    """The camera with the sigmas of its calibration, or those of the options where it has none."""
+    """The camera with sigmas: of its calibration, or of the options where it has none."""
     if not options.refine:
         return camera.with_uncertainty()
     if camera.uncertainty is not None:
@@ -81,7 +80,7 @@ def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
 
 
 class LensEstimate:
-    """Parameters ``given + factor @ z``, whose z have a prior of zero and one.
+    """Lens parameters ``given + factor @ z`` with the prior ``z ~ N(0, I)``, and read-out time.
 
     Parameters
     ----------
@@ -94,7 +93,7 @@ class LensEstimate:
     Attributes
     ----------
     z : ndarray, shape (r,)
-        Change of the lens, in sigmas of independent errors.
+        Change of the lens, in prior sigmas along independent directions.
     readout_s : float
         Read-out time.
     """
@@ -113,7 +112,7 @@ class LensEstimate:
 
     @property
     def size(self) -> int:
-        """Number of directions in which the lens may change."""
+        """Number of free directions of the lens."""
         return len(self.z)
 
     @property
@@ -123,15 +122,15 @@ class LensEstimate:
 
     @property
     def change(self) -> np.ndarray:
-        """Change (r,) since the derivatives were taken."""
+        """Change (r,) from the linearisation point."""
         return self.z - self._linear_z
 
     def moved_px(self, z: np.ndarray) -> float:
-        """How far a change ``z`` moves pixels, at most."""
+        """Largest displacement of a pixel by a change ``z``, px."""
         return float(np.max(np.linalg.norm(self._reach @ z, axis=1), initial=0.0))
 
     def sigma_px(self) -> float:
-        """1-sigma of a pixel by what is unknown of the lens, where it is largest."""
+        """Largest 1-sigma displacement of a pixel by the uncertainty of the lens, px."""
         lens = self.covariance[: self.size, : self.size]
         variance = np.einsum("nqi,ij,nqj->n", self._reach, lens, self._reach)
         return float(np.sqrt(np.max(variance, initial=0.0)))
@@ -142,17 +141,17 @@ class LensEstimate:
         return float(np.sqrt(self.covariance[-1, -1]))
 
     def step(self, change: np.ndarray) -> None:
-        """Change lens and read-out time; a lens moves by no more than its derivatives hold for."""
+        """Change lens and read-out time; the lens by at most 10 px, for its linearisation."""
         lens = change[:-1]
         share = min(1.0, 5.0 * _STALE_PX / max(self.moved_px(lens), 1e-12))
         self.z, self.readout_s = self.z + share * lens, self.readout_s + float(change[-1])
 
     def is_stale(self) -> bool:
-        """Whether the lens has moved too far from where its derivatives were taken."""
+        """Whether the lens is more than 2 px from its linearisation point."""
         return self.moved_px(self.change) > _STALE_PX
 
     def relinearise(self) -> None:
-        """Take derivatives at the lens as it is; a lens that cannot be is left as it was."""
+        """Move the linearisation point to the current lens; an invalid lens is reset."""
         try:
             self._model = self._refinable.with_parameters(self.parameters())
         except InputError:
@@ -161,7 +160,7 @@ class LensEstimate:
             self._linear_z = self.z
 
     def parameters(self) -> np.ndarray:
-        """Of the model's ``refinable()``, as found (P,)."""
+        """Estimated parameters (P,) of the model's ``refinable()``."""
         return np.array(list(self._refinable.parameters.values())) + self.factor @ self.z
 
     def rays_of(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -187,13 +186,13 @@ class LensEstimate:
         return found
 
     def found(self) -> Camera:
-        """The camera as found, without uncertainty."""
+        """The estimated camera, without uncertainty."""
         return replace(
             self.given, model=self._refinable.with_parameters(self.parameters()), uncertainty=None
         )
 
     def report(self) -> LensReport:
-        """What was found so far."""
+        """Current estimates of lens and shutter."""
         lens = self.covariance[: self.size, : self.size]
         covariance = self.factor @ lens @ self.factor.T
         readout_s = max(self.readout_s, 0.0)
@@ -212,7 +211,7 @@ class LensEstimate:
         )
 
     def _reach_px(self) -> np.ndarray:
-        """Change (N, 2, r) of pixels all over the image by a sigma of each direction."""
+        """Displacements (N, 2, r) of a grid of pixels by 1 sigma of each direction."""
         assert self.given.size is not None
         width, height = self.given.size
         u, v = np.meshgrid(
@@ -229,7 +228,7 @@ class LensEstimate:
 def _shutter(
     camera: Camera, options: LensRefinementOptions, interval_s: float
 ) -> tuple[float, float]:
-    """Read-out time and its 1-sigma, s, before anything was seen."""
+    """Prior read-out time and its 1-sigma, s."""
     if options.readout_ms is not None:
         return 1e-3 * options.readout_ms, _EXACT_S
     if camera.readout_s is not None:

@@ -1,33 +1,32 @@
-"""What a user can choose about the path, and about the lens that is found along it."""
+"""Options of the path and of the lens refinement."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from farpoint.errors import InputError
-from farpoint.options import settle_float, settle_int, settle_positive
+from farpoint.options import coerce_float, coerce_int, coerce_positive
 
 __all__ = ["LensRefinementOptions", "PathOptions"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathOptions:
-    """The window over keyframes.
+    """Options of the keyframe window.
 
     Attributes
     ----------
     keyframes : int
-        How many the window holds; time for a frame grows with it.
+        Number of keyframes in the window.
     keyframe_flow_px : float
-        A frame becomes a keyframe when tracks have moved by this since the last one, px, median.
+        Median flow since the last keyframe that makes a keyframe, px.
     keyframe_share : float
-        Or when a smaller share of the keyframe's tracks, 0 to 1, is left.
+        Share of the last keyframe's tracks, 0 to 1, below which a frame becomes a keyframe.
     max_tracks : int
-        Tracks that the window takes of each frame, at most.
+        Largest number of tracks of each keyframe in the window.
     speed_ratio_sigma : float
-        1-sigma of the logarithm of the ratio of two speeds, before and after a turn on the spot
-        from which no known point is left in view: that ratio is taken to be 1, and the error of
-        the scale grows by this.
+        1-sigma of the log ratio of two speeds, before and after a pure rotation that leaves no
+        landmark in view: the ratio is taken as 1, and the scale error grows by this.
     """
 
     keyframes: int = 12
@@ -37,26 +36,26 @@ class PathOptions:
     speed_ratio_sigma: float = 0.5
 
     def __post_init__(self) -> None:
-        settle_int(self, 3, "keyframes")
-        settle_int(self, 20, "max_tracks")
-        settle_positive(self, "keyframe_flow_px", "speed_ratio_sigma")
-        settle_float(self, "a share, 0 to 1", lambda share: 0 <= share <= 1, "keyframe_share")
+        coerce_int(self, 3, "keyframes")
+        coerce_int(self, 20, "max_tracks")
+        coerce_positive(self, "keyframe_flow_px", "speed_ratio_sigma")
+        coerce_float(self, "a share, 0 to 1", lambda share: 0 <= share <= 1, "keyframe_share")
 
 
 @dataclass(frozen=True, kw_only=True)
 class LensRefinementOptions:
-    """How far lens and shutter may be from what the calibration says; its own sigmas come first.
+    """Priors of lens and shutter; sigmas of the calibration take precedence.
 
     Attributes
     ----------
     refine : bool
-        Estimate lens and shutter along the path; otherwise the calibration is believed.
+        Estimate lens and shutter along the path; otherwise they are fixed.
     focal_sigma : float
-        Relative 1-sigma of the focal length, of a calibration without sigmas.
+        Relative 1-sigma of the focal length, for a calibration without sigmas.
     center_sigma_px : float
-        1-sigma of each coordinate of the principal point, px, of such a calibration.
+        1-sigma of each coordinate of the principal point, px.
     distortion_sigma_px : float
-        1-sigma of the displacement by distortion at the corner of the image, px, of such a one.
+        1-sigma of the displacement by distortion at the image corner, px.
     readout_ms : float or None
         Read-out time of a frame, first row to last, ms; 0 for a global shutter. None: that of the
         calibration, or estimated.
@@ -69,9 +68,9 @@ class LensRefinementOptions:
     readout_ms: float | None = None
 
     def __post_init__(self) -> None:
-        settle_positive(self, "focal_sigma", "center_sigma_px", "distortion_sigma_px")
+        coerce_positive(self, "focal_sigma", "center_sigma_px", "distortion_sigma_px")
         if self.readout_ms is not None:
-            settle_float(self, "0 or more", lambda value: value >= 0, "readout_ms")
+            coerce_float(self, "0 or more", lambda value: value >= 0, "readout_ms")
             if self.readout_ms > 1e6:
                 raise InputError(
                     f"expected 1e6 at most, got {self.readout_ms:g}", field="readout_ms"

@@ -1,4 +1,4 @@
-"""The path of the camera: frames are located by known points, keyframes are solved together."""
+"""The camera path: resection of frames, bundle adjustment of keyframes."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.geometry import so3
 from farpoint.geometry.sphere import tangent_basis
-from farpoint.path.history import Sighting, TrackHistory
+from farpoint.path.history import TrackHistory, TrackObservations
 from farpoint.path.information import inverse
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.lens import LensEstimate, LensReport
 from farpoint.path.options import LensRefinementOptions, PathOptions
+from farpoint.path.pending import PendingPoses, pose_matrix
 from farpoint.path.point import PathPoint, Rest, SettledPose
 from farpoint.path.resection import Located, locate_frame
-from farpoint.path.selection import least_useful, some_of
-from farpoint.path.waiting import WaitingPoses, pose_matrix
+from farpoint.path.selection import redundant_keyframe, select_tracks
 from farpoint.path.window import Window
 from farpoint.pose import PoseStatus, RelativePose, TrackLabel
 from farpoint.tracks import Tracks
@@ -29,14 +29,16 @@ __all__ = ["Pair", "PathBuilder"]
 
 Estimate = Callable[[np.ndarray, np.ndarray, np.ndarray, float], RelativePose]
 
-_FIRST_ITERATIONS = 6  # of the first solutions, which start from two views
-_ITERATIONS = 1  # afterwards: each keyframe moves the others little
-_UNKNOWN_WAY = 2.0  # 1-sigma of a way before the first length, in units of that
-_FIRM_FLOW = 0.5  # of what makes a keyframe: the window begins anew with a way of that flow
-_FIT_CHI2 = 13.8  # squared residual that 0.999 of right matches stay below (2 degrees of freedom)
-_EVIDENCE = 2.0  # log likelihood, by which one of two motions must be likelier to be the right one
-_AGREE_CHI2 = 20.5  # squared difference of poses that 0.999 stay below (5 degrees of freedom)
-_REST_CHI2 = 11.3  # the same for 0.99 of displacements of a camera at rest (3 of them)
+_FIRST_ITERATIONS = 6  # of the first solutions, initialised from two views
+_ITERATIONS = 1  # of later solutions: a new keyframe changes the others little
+_UNKNOWN_LENGTH = (
+    2.0  # 1-sigma of a displacement before initialisation, in units of the first length
+)
+_RELIABLE_FLOW = 0.5  # of the keyframe flow: the window is reinitialised at this flow
+_FIT_CHI2 = 13.8  # 0.999 quantile, 2 degrees of freedom
+_EVIDENCE = 2.0  # log-likelihood ratio that decides between two motions
+_AGREE_CHI2 = 20.5  # 0.999 quantile, 5 degrees of freedom
+_REST_CHI2 = 11.3  # 0.99 quantile, 3 degrees of freedom
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,44 +60,45 @@ class Pair:
 
     @property
     def seconds(self) -> float:
-        """Time between the two."""
+        """Time between the two frames."""
         return self.time1 - self.time0
 
 
 class _Step(NamedTuple):
-    """A motion, and its tracks in both frames; ``is_good`` marks those that are not outliers."""
+    """A motion and its tracks in both frames; ``is_inlier`` marks the inliers."""
 
-    before: Sighting
-    now: Sighting
-    is_good: np.ndarray
+    before: TrackObservations
+    now: TrackObservations
+    is_inlier: np.ndarray
     motion: RelativePose
     pair: Pair
 
     @property
-    def good(self) -> Sighting:
-        """The good tracks in the second frame."""
-        return self.now.select(self.is_good)
+    def inliers(self) -> TrackObservations:
+        """Inlier tracks in the second frame."""
+        return self.now.select(self.is_inlier)
 
 
 class PathBuilder:
-    """Strings motions of consecutive frames together, on one scale.
+    """Chains motions of consecutive frames on one scale.
 
-    The first observable motion sets the unit. From then on a frame is located by the points whose
-    distances the window knows; where tracks have moved far, or are lost, it becomes a keyframe, and
-    all keyframes of the window, the distances, lens and shutter are solved together. Where nothing
-    known is in view the camera's last speed carries the scale, which is then as unsure as that.
+    The first observable motion sets the unit. Later frames are located by resection from the
+    window's landmarks. A frame whose tracks have moved far, or are lost, becomes a keyframe, and
+    the window's keyframes, landmarks, lens and shutter are optimised jointly. Without landmarks in
+    view the scale is extrapolated from the last speed, with `PathOptions.speed_ratio_sigma` added
+    to its error.
 
     Cost and memory for a frame do not depend on the number of frames.
 
     Parameters
     ----------
     estimate : callable
-        Motion of the camera from matches of two frames: pixels (N, 2) in each, and covariances
-        (N, 2, 2), px^2, of their displacements; and seconds between the two.
+        Two-view motion from pixels (N, 2) in each frame, covariances (N, 2, 2) of the
+        displacements, px^2, and the seconds between the frames.
     options : PathOptions
-        Of the window.
+        Options of the window.
     lens_options : LensRefinementOptions
-        How far the lens may be off.
+        Priors of lens and shutter.
     """
 
     def __init__(
@@ -103,34 +106,36 @@ class PathBuilder:
     ) -> None:
         self._estimate, self._options, self._lens_options = estimate, options, lens_options
         self._lens: LensEstimate | None = None
-        self._waiting = WaitingPoses()
+        self._pending = PendingPoses()
         self._segment = 0
         self._R, self._p = np.eye(3), np.zeros(3)
-        self._speed: float | None = None  # units a second
+        self._speed: float | None = None  # path units per second
         self._begin_segment()
 
     def _begin_segment(self) -> None:
         self._history = TrackHistory()
-        # Covariance (7, 7) of where the window begins, the scale that is guessed there included.
+        # Covariance (7, 7) at the window's start, including that of an extrapolated scale.
         self._base, self._base_p = np.zeros((7, 7)), self._p
-        self._forget_window()
+        self._reset_window()
 
-    def _forget_window(self) -> None:
+    def _reset_window(self) -> None:
         self._window: Window | None = None
-        self._key_sighting: Sighting | None = None
-        self._first: Sighting | None = None  # by the first keyframe, until a long way from it
+        self._key_tracks: TrackObservations | None = None
+        self._first: TrackObservations | None = (
+            None  # tracks of the first keyframe, until reinitialisation
+        )
         self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
         self._twist = self._twist_before = np.zeros(6)
         self._turned: tuple[Keyframe, np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._key_covariance = np.zeros((7, 7))  # of the newest keyframe, as last solved
-        self._key_p = self._p  # where it was then
-        self._own = np.zeros((6, 6))  # of the pose now, the window's points as they are
-        self._step = np.zeros((6, 6))  # of the last step, which a solution has not changed
+        self._key_covariance = np.zeros((7, 7))  # of the newest keyframe at the last solution
+        self._key_p = self._p  # its position then
+        self._own = np.zeros((6, 6))  # of the current pose relative to the newest keyframe
+        self._step = np.zeros((6, 6))  # of the last resection
 
     @property
     def now(self) -> PathPoint:
-        """Where the camera was last seen; without a motion."""
+        """The last pose, without a motion."""
         return PathPoint(
             world_from_cam=pose_matrix(self._R, self._p),
             covariance=self._covariance(),
@@ -139,33 +144,33 @@ class PathBuilder:
 
     @property
     def lens(self) -> LensEstimate | None:
-        """What was found of the lens; None before the first motion."""
+        """Estimate of the lens; None before the first motion."""
         return self._lens
 
     def report(self) -> LensReport | None:
-        """The same, for a person; None before the first motion."""
+        """Report of the lens; None before the first motion."""
         return None if self._lens is None else self._lens.report()
 
     def break_off(self) -> PathPoint:
-        """Begin a new segment where the last one ended: nothing connects the two."""
-        self._waiting.settle_all()
+        """Begin a new segment at the last pose, without a constraint between the two."""
+        self._pending.freeze_all()
         self._segment += 1
         self._begin_segment()
         return self.now
 
     def pass_over(self, frame: int, timestamp: float) -> None:
-        """A frame of which nothing is known: the camera is where it was."""
-        self._wait(frame, timestamp)
+        """Add a frame without a motion, at the last pose."""
+        self._add_pending(frame, timestamp)
 
     def relative_pose(self, frame0: int, frame1: int) -> tuple[np.ndarray, np.ndarray] | None:
-        """Motion between two keyframes of the window and its covariance; None where one is not.
+        """Motion between two keyframes and its covariance; None where one has left the window.
 
         Returns
         -------
         cam1_from_cam0 : ndarray, shape (4, 4)
         covariance : ndarray, shape (6, 6)
-            Of ``[dtheta, dt]`` in camera 1: ``R_true = Exp(dtheta) R``, ``t_true = t + dt``, in rad
-            and units of the path, the errors of lens and shutter included.
+            Of ``[dtheta, dt]`` in camera 1: ``R_true = Exp(dtheta) R``, ``t_true = t + dt``, rad
+            and units of the path, including errors of lens and shutter.
         """
         if self._window is None:
             return None
@@ -180,31 +185,31 @@ class PathBuilder:
         Parameters
         ----------
         camera : Camera
-            As given, of all frames.
+            The given camera of all frames.
         tracks : Tracks
-            The matches behind the motion.
+            Matches of the motion.
         motion : RelativePose
-            What they say.
+            Two-view estimate.
         pair : Pair
             The two frames.
         """
-        before, now = self._history.follow(tracks)
+        before, now = self._history.update(tracks)
         window = self._window_of(camera, pair)
         self._complete_keyframe(window, before)
-        is_good = (motion.labels != TrackLabel.OUTLIER)[self._history.order]
-        step = _Step(before, now, is_good, motion, pair)
-        return self._go_on(window, step) if self._has_scale else self._start(window, step)
+        is_inlier = (motion.labels != TrackLabel.OUTLIER)[self._history.order]
+        step = _Step(before, now, is_inlier, motion, pair)
+        return self._track(window, step) if self._has_scale else self._initialise(window, step)
 
     def settled(self) -> list[SettledPose]:
-        """Poses that change no more, in the order of their frames, each given once."""
-        return self._waiting.settled()
+        """Final poses in the order of their frames, each returned once."""
+        return self._pending.settled()
 
     def remaining(self) -> list[SettledPose]:
-        """All poses that have not been given yet, as they are now."""
-        self._waiting.settle_all()
-        return self._waiting.settled()
+        """All poses not yet returned, at their current values."""
+        self._pending.freeze_all()
+        return self._pending.settled()
 
-    # The beginning
+    # Initialisation
 
     def _window_of(self, camera: Camera, pair: Pair) -> Window:
         if self._window is None:
@@ -218,16 +223,16 @@ class PathBuilder:
             self._is_key = True
         return self._window
 
-    def _start(self, window: Window, step: _Step) -> PathPoint:
-        """Until a motion since the last keyframe is observable: its length is the unit."""
+    def _initialise(self, window: Window, step: _Step) -> PathPoint:
+        """Add frames until the motion since the last keyframe is observable, of unit length."""
         motion, pair, now = step.motion, step.pair, step.now
         assert motion.rotation_cam1_from_cam0 is not None
-        key, good = window.frames[-1], step.good
+        key, inliers = window.frames[-1], step.inliers
         seconds = pair.time1 - key.timestamp
         since_key = motion
         if key.frame != pair.frame0:
-            assert self._key_sighting is not None
-            since_key = self._since(self._key_sighting, good, seconds)
+            assert self._key_tracks is not None
+            since_key = self._since(self._key_tracks, inliers, seconds)
         R, p = self._R @ motion.rotation_cam1_from_cam0.T, self._p
         last_p = p
         if since_key.status is PoseStatus.OK:
@@ -239,69 +244,77 @@ class PathBuilder:
         rotation = motion.rotation_covariance
         self._own[:3, :3] += R @ (np.zeros((3, 3)) if rotation is None else rotation) @ R.T
         if self._has_scale:
-            if not self._has_moved(self._key_sighting, now, _FIRM_FLOW):
-                self._first = self._key_sighting
-            self._add_keyframe(window, good, pair)
+            if not self._has_moved(self._key_tracks, now, _RELIABLE_FLOW):
+                self._first = self._key_tracks
+            self._add_keyframe(window, inliers, pair)
             window.set_unit()
             window.triangulate()
             self._solve(window, motion)
-            # The unit itself has no error.
+            # The unit has no error by definition.
             self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
         elif motion.status is not PoseStatus.STATIC:
-            # Nobody knows how far the camera went.
-            self._own[3:, 3:] += (_UNKNOWN_WAY * self._unit(pair.seconds)) ** 2 * np.eye(3)
-        if not self._has_scale and self._has_moved(self._key_sighting, now, 2.0):
-            self._add_keyframe(window, good, pair)
-            window.expect_rest(_UNKNOWN_WAY)
+            # The displacement is unknown.
+            self._own[3:, 3:] += (_UNKNOWN_LENGTH * self._unit(pair.seconds)) ** 2 * np.eye(3)
+        if not self._has_scale and self._has_moved(self._key_tracks, now, 2.0):
+            self._add_keyframe(window, inliers, pair)
+            window.add_rest_prior(_UNKNOWN_LENGTH)
             while len(window) > self._options.keyframes:
-                self._waiting.settle(window.remove(0, good.ids))
+                self._pending.freeze(window.remove(0, inliers.ids))
         return self._point(pair, motion, None, last_p)
 
     def _unit(self, seconds: float) -> float:
-        """Length of a segment's first way: the unit, or what the last segment's speed suggests."""
+        """Length of a segment's first displacement: the unit, or last speed x time."""
         return 1.0 if self._speed is None or seconds <= 0.0 else self._speed * seconds
 
-    def _since(self, before: Sighting, seen: Sighting, seconds: float) -> RelativePose:
-        """Motion since tracks were seen, by those that are still seen."""
-        rows = before.rows_of(seen.ids)
-        both = seen.select(rows >= 0)
-        uu, uv, vv = both.travelled.T
+    def _since(
+        self, before: TrackObservations, observed: TrackObservations, seconds: float
+    ) -> RelativePose:
+        """Two-view motion since an earlier frame, from common tracks."""
+        rows = before.rows_of(observed.ids)
+        both = observed.select(rows >= 0)
+        uu, uv, vv = both.accumulated.T
         covariances = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2)
         return self._estimate(before.pixels[rows[rows >= 0]], both.pixels, covariances, seconds)
 
-    def _begin_firmly(self, window: Window, step: _Step) -> None:
-        """Begin the window anew with two views of firm flow, where these deny the path so far.
+    def _reinitialise(self, window: Window, step: _Step) -> None:
+        """Reinitialise the window from two views with larger flow, if these contradict the path.
 
-        The first motion that seems observable may be a wrong one of two that short flow allows.
-        Both are tried on these views, with the lens and the shutter free: if the later one is not
-        the less likely, and is another than the path's, it counts.
-        The length stays as found, and its error is one of the scale.
+        Short flow may have two modes of the motion, and the path may have started from the wrong
+        one. Both are optimised on two views with larger flow, lens and shutter free. The new motion
+        replaces the path's if its log likelihood is at least that of the path's less 2, and it
+        differs from the path's. The length is kept; its error is one of the scale.
         """
         before, self._first = self._first, None
         first = window.frames[0]
         assert before is not None
-        since = self._since(before, step.good, step.pair.time1 - first.timestamp)
-        way = self._p - first.p
-        length = float(np.linalg.norm(way))
-        if window.has_forgotten or length == 0.0 or since.status is not PoseStatus.OK:
+        since = self._since(before, step.inliers, step.pair.time1 - first.timestamp)
+        displacement = self._p - first.p
+        length = float(np.linalg.norm(displacement))
+        if window.has_marginalised or length == 0.0 or since.status is not PoseStatus.OK:
             return
         assert since.rotation_cam1_from_cam0 is not None
         R = first.R @ since.rotation_cam1_from_cam0.T
         p = first.p + length * (first.R @ since.heading_cam0)
-        so_far, anew = (
+        current, alternative = (
             self._two_views(window, before, step, pose) for pose in ((self._R, self._p), (R, p))
         )
-        if anew.cost > so_far.cost + _EVIDENCE or self._agrees(anew):
+        if alternative.cost > current.cost + _EVIDENCE or self._is_consistent(alternative):
             return
-        self._base[6, 6] += way @ self._covariance_within()[3:6, 3:6] @ way / length**4
-        self._waiting.settle_all()
-        self._window, self._lens = anew, anew.lens
-        self._key_sighting, self._new_keyframe, self._is_key = step.good, anew.frames[-1], True
-        self._solve(anew, step.motion)
+        self._base[6, 6] += (
+            displacement @ self._covariance_within()[3:6, 3:6] @ displacement / length**4
+        )
+        self._pending.freeze_all()
+        self._window, self._lens = alternative, alternative.lens
+        self._key_tracks, self._new_keyframe, self._is_key = (
+            step.inliers,
+            alternative.frames[-1],
+            True,
+        )
+        self._solve(alternative, step.motion)
         self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
 
-    def _agrees(self, views: Window) -> bool:
-        """Whether the motion of two views, whose length is held, is that of the path."""
+    def _is_consistent(self, views: Window) -> bool:
+        """Whether the two-view motion, its length fixed, is consistent with the path (chi^2)."""
         motion, covariance = views.relative_pose(0, 1)
         first, length = views.frames[0], float(np.linalg.norm(motion[:3, 3]))
         turn = so3.log(self._R.T @ first.R @ motion[:3, :3].T)
@@ -312,39 +325,43 @@ class PathBuilder:
         return bool(off @ inverse(across @ covariance @ across.T) @ off < _AGREE_CHI2)
 
     def _two_views(
-        self, window: Window, before: Sighting, step: _Step, pose: tuple[np.ndarray, np.ndarray]
+        self,
+        window: Window,
+        before: TrackObservations,
+        step: _Step,
+        pose: tuple[np.ndarray, np.ndarray],
     ) -> Window:
-        """A window of the first keyframe and this frame alone, solved from a pose of the latter."""
+        """Optimised window of the first keyframe and this frame, from a pose of this frame."""
         first, pair, most = window.frames[0], step.pair, self._options.max_tracks
         lens = LensEstimate(window.lens.given, self._lens_options, pair.seconds)
         views = Window(lens, window.size)
-        for frame, time, at, twist, seen in (
+        for frame, time, at, twist, observed in (
             (first.frame, first.timestamp, (first.R, first.p), first.twist, before),
-            (pair.frame1, pair.time1, pose, self._twist, step.good),
+            (pair.frame1, pair.time1, pose, self._twist, step.inliers),
         ):
             views.add(frame, time, *at, twist)
-            views.see(some_of(seen, views.landmarks, most))
+            views.observe(select_tracks(observed, views.landmarks, most))
         views.set_unit()
         views.triangulate()
         views.solve(_FIRST_ITERATIONS)
         return views
 
-    # Afterwards
+    # Tracking
 
-    def _go_on(self, window: Window, step: _Step) -> PathPoint:
-        motion, pair, now, is_good = step.motion, step.pair, step.now, step.is_good
+    def _track(self, window: Window, step: _Step) -> PathPoint:
+        motion, pair, now, is_inlier = step.motion, step.pair, step.now, step.is_inlier
         assert motion.rotation_cam1_from_cam0 is not None
         R = self._R @ motion.rotation_cam1_from_cam0.T
-        # From where the last motion leads: ten sigma of doubt reach back to where it began.
-        goes_on = motion.status is PoseStatus.OK
-        start = self._p + self._twist[3:] * pair.seconds if goes_on else self._p
+        # Initial position by constant velocity; resection converges from 10 sigma.
+        continues = motion.status is PoseStatus.OK
+        start = self._p + self._twist[3:] * pair.seconds if continues else self._p
         last = self._R, self._p
         located = locate_frame(window, now, last, R, start, pair.seconds)
         if located is None or not self._carries_scale(window, located, pair.seconds):
             if motion.status is PoseStatus.OK and self._speed is not None and pair.seconds > 0.0:
-                return self._guess(window, step)
+                return self._extrapolate_scale(window, step)
             located = None
-        is_key = self._has_moved(self._key_sighting, now, 1.0)
+        is_key = self._has_moved(self._key_tracks, now, 1.0)
         p = self._p
         if located is not None:
             R, p = located.R, located.p
@@ -352,63 +369,65 @@ class PathBuilder:
         self._move_to(R, p, pair.seconds)
         if is_key:
             fits = (
-                is_good
+                is_inlier
                 if located is None
-                else is_good | np.isin(now.ids, located.fitting(_FIT_CHI2))
+                else is_inlier | np.isin(now.ids, located.fitting(_FIT_CHI2))
             )
             self._add_keyframe(window, now.select(fits), pair)
             if located is None:
-                window.expect_rest(max((self._speed or 1.0) * max(pair.seconds, 0.0), 1e-3))
+                window.add_rest_prior(max((self._speed or 1.0) * max(pair.seconds, 0.0), 1e-3))
             window.triangulate()
             self._solve(window, motion)
         elif located is not None:
             self._own = located.covariance
         else:
-            self._own = self._lost(motion, pair.seconds)
-        if self._first is not None and self._has_moved(self._first, now, _FIRM_FLOW):
-            self._begin_firmly(window, step)
+            self._own = self._dead_reckoned(motion, pair.seconds)
+        if self._first is not None and self._has_moved(self._first, now, _RELIABLE_FLOW):
+            self._reinitialise(window, step)
         point = self._point(pair, motion, located, last[1])
         return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
 
     def _carries_scale(self, window: Window, located: Located, seconds: float) -> bool:
-        """Whether known points tell a way better than the last speed would."""
-        ways = [float(np.linalg.norm(frame.p - self._p)) for frame in window.frames]
-        known = max(*ways, (self._speed or 0.0) * seconds)
+        """Whether landmarks determine the displacement better than the last speed does."""
+        lengths = [float(np.linalg.norm(frame.p - self._p)) for frame in window.frames]
+        known = max(*lengths, (self._speed or 0.0) * seconds)
         sigma = float(np.sqrt(np.trace(located.covariance[3:, 3:]) / 3.0))
         return sigma < self._options.speed_ratio_sigma * known
 
-    def _guess(self, window: Window, step: _Step) -> PathPoint:
-        """Go on from the last frame in a window of its own, whose unit the last speed suggests."""
-        self._waiting.settle_all()
+    def _extrapolate_scale(self, window: Window, step: _Step) -> PathPoint:
+        """Start a new window at the last frame, its unit extrapolated from the last speed."""
+        self._pending.freeze_all()
         self._base, self._base_p = self._covariance(), self._p
         self._base[6, 6] += self._options.speed_ratio_sigma**2
-        self._forget_window()
+        self._reset_window()
         fresh = self._window_of(window.lens.given, step.pair)
         self._complete_keyframe(fresh, step.before)
-        return replace(self._start(fresh, step), scale_is_guessed=True)
+        return replace(self._initialise(fresh, step), scale_is_guessed=True)
 
-    def _lost(self, motion: RelativePose, seconds: float) -> np.ndarray:
-        """Covariance (6, 6) of the pose since the keyframe, where the last step is not known."""
-        own, way = self._own.copy(), (self._speed or 0.0) * seconds
+    def _dead_reckoned(self, motion: RelativePose, seconds: float) -> np.ndarray:
+        """Covariance (6, 6) of the pose relative to the keyframe, without resection."""
+        own, displacement = self._own.copy(), (self._speed or 0.0) * seconds
         if motion.rotation_covariance is not None:
             own[:3, :3] += self._R @ motion.rotation_covariance @ self._R.T
-        own[3:, 3:] += way**2 * np.eye(3)
+        own[3:, 3:] += displacement**2 * np.eye(3)
         return own
 
     def _rest(
-        self, window: Window, now: Sighting, motion: RelativePose, located: Located
+        self, window: Window, now: TrackObservations, motion: RelativePose, located: Located
     ) -> Rest | None:
-        """What known points tell where they deny a way that other matches make up.
+        """Rest of the camera, where landmarks contradict the translation of the two-view estimate.
 
-        Most of the matches with a parallax are then of things that move by themselves: they have no
-        known place, or do not fit it.
+        Most NEAR matches are then on moving objects: they have no landmark, or do not fit it.
         """
         if motion.status is not PoseStatus.OK:
             return None
-        way = located.p - self._p
-        # Of this frame and the last one, as if no errors were alike: a doubt is no rest.
+        displacement = located.p - self._p
+        # Covariance of two frames for independent errors: conservative in favour of motion.
         spread = 2.0 / window.design_effect * located.covariance
-        if way @ np.linalg.pinv(spread[3:, 3:], hermitian=True) @ way > _REST_CHI2:
+        if (
+            displacement @ np.linalg.pinv(spread[3:, 3:], hermitian=True) @ displacement
+            > _REST_CHI2
+        ):
             return None
         near = now.ids[motion.labels[self._history.order] == TrackLabel.NEAR]
         fitting = located.fitting(_FIT_CHI2)
@@ -426,8 +445,10 @@ class PathBuilder:
 
     # Keyframes
 
-    def _has_moved(self, before: Sighting | None, now: Sighting, share: float) -> bool:
-        """Whether tracks have moved by a share of what makes a keyframe, or too many are lost."""
+    def _has_moved(
+        self, before: TrackObservations | None, now: TrackObservations, share: float
+    ) -> bool:
+        """Whether the median flow exceeds ``share`` keyframe flows, or too many tracks are lost."""
         assert before is not None
         rows = before.rows_of(now.ids)
         both = rows >= 0
@@ -436,37 +457,39 @@ class PathBuilder:
         flow = np.linalg.norm(now.pixels[both] - before.pixels[rows[both]], axis=1)
         return bool(np.median(flow) > share * self._options.keyframe_flow_px)
 
-    def _add_keyframe(self, window: Window, seen: Sighting, pair: Pair) -> None:
+    def _add_keyframe(self, window: Window, observed: TrackObservations, pair: Pair) -> None:
         keyframe = window.add(pair.frame1, pair.time1, self._R, self._p, self._twist)
-        window.see(some_of(seen, window.landmarks, self._options.max_tracks))
-        self._key_sighting, self._new_keyframe, self._is_key = seen, keyframe, True
+        window.observe(select_tracks(observed, window.landmarks, self._options.max_tracks))
+        self._key_tracks, self._new_keyframe, self._is_key = observed, keyframe, True
 
-    def _complete_keyframe(self, window: Window, before: Sighting) -> None:
-        """Give the last keyframe the tracks that begin there: its next match tells them."""
+    def _complete_keyframe(self, window: Window, before: TrackObservations) -> None:
+        """Add tracks that begin in the last keyframe, known from its next match."""
         if not self._is_key:
             return
         self._is_key = False
-        key = self._key_sighting
+        key = self._key_tracks
         fresh = before if key is None else before.select(key.rows_of(before.ids) < 0)
         if not len(fresh.ids):
             return
-        window.see(some_of(fresh, window.landmarks, self._options.max_tracks))
+        window.observe(select_tracks(fresh, window.landmarks, self._options.max_tracks))
         if key is not None:
-            joined = Sighting(*(np.concatenate(parts) for parts in zip(key, fresh, strict=True)))
+            joined = TrackObservations(
+                *(np.concatenate(parts) for parts in zip(key, fresh, strict=True))
+            )
             fresh = joined.select(np.argsort(joined.ids))
-        self._key_sighting = fresh
+        self._key_tracks = fresh
 
     def _solve(self, window: Window, motion: RelativePose) -> None:
-        window.solve(_ITERATIONS if window.has_forgotten else _FIRST_ITERATIONS)
+        window.solve(_ITERATIONS if window.has_marginalised else _FIRST_ITERATIONS)
         self._key_covariance = window.pose_covariance()
         while len(window) > self._options.keyframes:
             alive = self._history.now.ids
-            self._waiting.settle(window.remove(least_useful(window, alive), alive))
+            self._pending.freeze(window.remove(redundant_keyframe(window, alive), alive))
         newest = window.frames[-1]
         seconds = newest.timestamp - window.frames[-2].timestamp
-        way, is_seen = window.last_way()
-        if is_seen and seconds > 0.0 and motion.status is PoseStatus.OK:
-            self._speed = way / seconds
+        displacement, is_significant = window.last_length()
+        if is_significant and seconds > 0.0 and motion.status is PoseStatus.OK:
+            self._speed = displacement / seconds
         self._R, self._p, self._own = newest.R, newest.p, np.zeros((6, 6))
         self._key_p = newest.p
 
@@ -479,14 +502,14 @@ class PathBuilder:
             turned, before2, before, after = self._turned
             turned.twist, self._turned = _between(before2, before, after, twist), None
         if keyframe is not None:
-            # Its velocity is the mean of those before and after it; the first one has none before.
+            # Mean of the velocities before and after it; the first keyframe has only the latter.
             is_first, last = not keyframe.twist.any(), self._twist
             keyframe.twist = twist if is_first else 0.5 * (last + twist)
             if self._twist_before.any():
                 self._turned = keyframe, self._twist_before, last, twist
         self._R, self._p, self._twist, self._twist_before = R, p, twist, self._twist
 
-    # What is told of a frame
+    # Output of a frame
 
     def _point(
         self,
@@ -496,12 +519,12 @@ class PathBuilder:
         last_p: np.ndarray,
     ) -> PathPoint:
         before, self._step = self._step, np.zeros((6, 6)) if located is None else located.covariance
-        self._wait(pair.frame1, pair.time1)
+        self._add_pending(pair.frame1, pair.time1)
         covariance, scale, sigma = self._covariance(), None, None
         if self._has_scale and motion.status is PoseStatus.OK:
-            way = self._p - last_p
-            scale = float(np.linalg.norm(way))
-            axis = way / max(scale, 1e-300)
+            displacement = self._p - last_p
+            scale = float(np.linalg.norm(displacement))
+            axis = displacement / max(scale, 1e-300)
             own = float(axis @ (before + self._step)[3:, 3:] @ axis)
             sigma = math.sqrt(own + scale**2 * float(covariance[6, 6]))
         return PathPoint(
@@ -514,25 +537,25 @@ class PathBuilder:
         )
 
     def _covariance(self) -> np.ndarray:
-        """Covariance (7, 7) of the pose: of the window's beginning, and within the window.
+        """Covariance (7, 7) of the pose: of the window's start, propagated, plus that within it.
 
-        The way since the window began errs by what its unit does.
+        The scale error of the start multiplies the displacement since then.
         """
-        way = self._p - self._base_p
+        displacement = self._p - self._base_p
         by_base = np.eye(7)
-        by_base[3:6, :3], by_base[3:6, 6] = -so3.skew(way), way
+        by_base[3:6, :3], by_base[3:6, 6] = -so3.skew(displacement), displacement
         return self._covariance_within() + by_base @ self._base @ by_base.T
 
     def _covariance_within(self) -> np.ndarray:
-        """Covariance (7, 7) of the pose in its window: of the newest keyframe, and its own."""
+        """Covariance (7, 7) of the pose within its window: newest keyframe plus resection."""
         by_key = np.eye(7)
         by_key[3:6, :3] = -so3.skew(self._p - self._key_p)
         covariance = by_key @ self._key_covariance @ by_key.T
         covariance[:6, :6] += self._own
         return covariance
 
-    def _wait(self, frame: int, timestamp: float) -> None:
-        self._waiting.add(
+    def _add_pending(self, frame: int, timestamp: float) -> None:
+        self._pending.add(
             None if self._window is None else self._window.frames[-1],
             frame=frame,
             timestamp=timestamp,

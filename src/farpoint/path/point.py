@@ -1,4 +1,4 @@
-"""A point of the path."""
+"""Records of camera poses along the path."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ __all__ = ["PathPoint", "Rest", "SettledPose"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rest:
-    """What known points tell of a camera that stands, whatever moves before it.
+    """Evidence of landmarks that the camera is at rest, in spite of moving objects.
 
     Attributes
     ----------
     rotation_cam1_from_cam0 : ndarray, shape (3, 3)
-        Since the last frame.
+        From the previous frame to this one.
     rotation_covariance : ndarray, shape (3, 3)
         Of ``dtheta`` in camera 1, rad^2.
     points : int
-        How many points tell it.
+        Number of landmarks that fit.
     """
 
     rotation_cam1_from_cam0: np.ndarray
@@ -30,7 +30,7 @@ class Rest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathPoint:
-    """Where the camera is, as far as is known now.
+    """Current estimate of the camera pose.
 
     Attributes
     ----------
@@ -39,16 +39,16 @@ class PathPoint:
     covariance : ndarray, shape (7, 7)
         Of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the segment.
     segment : int
-        Counts the parts of the path between which the scale, or everything, was lost.
+        Number of the path segment; scale or tracking was lost between segments.
     scale, scale_sigma : float or None
-        Length of the last motion, frame to frame, and its 1-sigma; None where it has none.
+        Length of the last frame-to-frame translation and its 1-sigma; None where unobservable.
     scale_is_guessed : bool
-        Whether that length is what the last speed suggests, for want of any known point: later
-        lengths are measured by it.
+        Whether the length is extrapolated from the last speed, for lack of landmarks; later lengths
+        are relative to it.
     rest : Rest or None
-        Where known points stand still though the two views tell of a motion.
+        Set where landmarks are static although the two-view estimate has a translation.
     fitting : ndarray of int64, shape (N,)
-        Tracks of known points that fit the pose, ascending.
+        Tracks of landmarks that fit the pose, ascending.
     """
 
     world_from_cam: np.ndarray
@@ -63,16 +63,16 @@ class PathPoint:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SettledPose:
-    """A pose that changes no more.
+    """A final pose.
 
     Attributes
     ----------
     frame1 : int
-        Index of the frame, named as in a result.
+        Index of the frame.
     timestamp : float
         Seconds.
     segment : int
-        Of the path.
+        Segment of the path.
     world_from_cam : ndarray, shape (4, 4)
         Camera axes to world; the first frame is the world.
     world_covariance : ndarray, shape (7, 7)

@@ -1,4 +1,4 @@
-"""Where tracks go next if the camera moves on as it did."""
+"""Prediction of tracks by constant motion."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ __all__ = ["inverse_depths", "point_predictor"]
 def inverse_depths(
     rays0: np.ndarray, rays1: np.ndarray, R_cam1_from_cam0: np.ndarray, direction: np.ndarray
 ) -> np.ndarray:
-    """Inverse distances (N,) from camera 1, in units of the translation, of matched rays (N, 3).
+    """Inverse distances (N,) in camera 1, per unit translation, of matched rays (N, 3).
 
     From ``l1 b = l0 R a + t`` and its cross product with ``R a``; negative behind the camera.
     """
-    turned = rays0 @ R_cam1_from_cam0.T
-    plane_of_motion = cross(direction, turned)
-    plane_of_match = cross(rays1, turned)
+    rotated = rays0 @ R_cam1_from_cam0.T
+    plane_of_motion = cross(direction, rotated)
+    plane_of_match = cross(rays1, rotated)
     square = np.maximum(np.sum(plane_of_motion**2, axis=1), 1e-12)
     return np.sum(plane_of_match * plane_of_motion, axis=1) / square
 
@@ -31,27 +31,27 @@ def inverse_depths(
 def point_predictor(
     camera: Camera, motion: RelativePose, tracks: Tracks, ids: np.ndarray, points: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """What tells where the tracks ``ids`` go if the same motion comes once more.
+    """Predictor of the tracks ``ids`` under a repeated motion.
 
     Parameters
     ----------
     camera : Camera
         Of both images.
     motion : RelativePose
-        The last motion; one that FAILED predicts nothing.
+        The last motion; FAILED predicts no displacement.
     tracks : Tracks
-        The matches behind it; they give the depths. A track without is taken to be as far as its
-        neighbour in the image.
+        Matches of that motion, which give the depths. A track without depth takes that of its
+        nearest neighbour in the image.
     ids : ndarray of int64, shape (N,)
         Ascending.
     points : ndarray, shape (N, 2)
-        Their pixels now.
+        Current pixels of the tracks.
 
     Returns
     -------
     callable
-        Takes their pixels now, or others (N, 2) as far away, and returns those to come (N, 2); NaN
-        rows where the lens sees none.
+        Maps current pixels (N, 2) of the tracks, or pixels near them, to expected pixels (N, 2);
+        NaN rows outside the lens' field.
     """
     R, direction = motion.rotation_cam1_from_cam0, motion.direction_cam1_from_cam0
     if R is None:
@@ -70,6 +70,6 @@ def point_predictor(
 
 
 def _nearest(points: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """For each of the points (N, 2), which of the others (M, 2), at least one, is nearest."""
-    # Squared distances, less what is the same for all of a row.
+    """Index of the nearest of the others (M, 2) for each point (N, 2)."""
+    # Squared distances up to a constant of each row.
     return np.argmin(np.sum(others**2, axis=1) - 2.0 * points @ others.T, axis=1)

@@ -1,4 +1,4 @@
-"""What is known of the window's unknowns besides its observations: a quadratic about a point."""
+"""Quadratic prior of the window's unknowns, from marginalised keyframes."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from farpoint.path.residuals import Poses
 
 __all__ = ["Prior", "by_position_change"]
 
-_RANK = 1e-12  # relative, of eigenvalues: the rest is what rounding makes of zero
+_RANK = 1e-12  # relative to the largest eigenvalue: rounding error of zero
 
 
 class Prior:
-    """Information about poses and common unknowns, and its gradient, at a fixed point.
+    """Information and gradient of poses and common unknowns at a fixed linearisation point.
 
     Poses deviate from it by ``R' = Exp(theta) R``, ``p' = Exp(theta) p + rho``.
 
     Parameters
     ----------
     common : ndarray, shape (G,)
-        Lens and read-out time as expected.
+        Mean of lens and read-out time.
     covariance : ndarray, shape (G, G)
-        Of these.
+        Covariance of ``common``.
     """
 
     def __init__(self, common: np.ndarray, covariance: np.ndarray) -> None:
@@ -35,7 +35,7 @@ class Prior:
         self._H, self._g = np.linalg.inv(covariance), np.zeros(len(common))
 
     def add_pose(self, frame: Keyframe) -> None:
-        """Another pose, of which nothing is known."""
+        """Append a pose without prior information."""
         at = [6 * len(self._R)] * 6
         self._H = np.insert(np.insert(self._H, at, 0.0, axis=0), at, 0.0, axis=1)
         self._g = np.insert(self._g, at, 0.0)
@@ -43,23 +43,23 @@ class Prior:
         self._p = np.concatenate([self._p, frame.p[None]])
 
     def fix_first(self, sigma: float) -> None:
-        """The first pose is known to this 1-sigma, rad and units."""
+        """Fix the first pose with this 1-sigma, rad and units."""
         self._H[:6, :6] += np.eye(6) / sigma**2
 
     def add(self, row: np.ndarray, residual: float, sigma: float, deviation: np.ndarray) -> None:
-        """A linear measurement: its derivatives (D,), residual and 1-sigma at a deviation."""
+        """Add a linear measurement: derivatives (D,), residual and 1-sigma at a deviation."""
         self._H += np.outer(row, row) / sigma**2
         self._g += row * (residual - row @ deviation) / sigma**2
 
     def deviation(self, poses: Poses, common: np.ndarray) -> np.ndarray:
-        """Of poses and common unknowns (D,) from the point at which the prior is known."""
+        """Deviation (D,) of poses and common unknowns from the linearisation point."""
         turns = poses.R @ self._R.transpose(0, 2, 1)
         shifts = poses.p - np.einsum("kij,kj->ki", turns, self._p)
-        moved = np.concatenate([_rotation_vectors(turns), shifts], axis=1)
-        return np.concatenate([moved.ravel(), common - self._common])
+        updated = np.concatenate([_rotation_vectors(turns), shifts], axis=1)
+        return np.concatenate([updated.ravel(), common - self._common])
 
     def cost(self, deviation: np.ndarray) -> float:
-        """Half of the squared deviation, but for a constant."""
+        """``g.d + d.H.d / 2`` up to a constant."""
         return float(self._g @ deviation + 0.5 * deviation @ self._H @ deviation)
 
     def at(self, deviation: np.ndarray) -> System:
@@ -67,9 +67,9 @@ class Prior:
         return System(self._H, self._g + self._H @ deviation)
 
     def replace(self, system: System, slot: int, poses: Poses, common: np.ndarray) -> None:
-        """Take all that is known, but of the pose in a slot, which is eliminated.
+        """Replace the prior by a system, with the pose in a slot marginalised.
 
-        ``poses`` are those that remain, where the system was made.
+        ``poses`` are the remaining poses, the linearisation point of the system.
         """
         H, g = system
         out = np.arange(6 * slot, 6 * slot + 6)
@@ -85,7 +85,7 @@ class Prior:
 
 
 def _rotation_vectors(R: np.ndarray) -> np.ndarray:
-    """Of rotations (K, 3, 3) by less than half a turn."""
+    """Rotation vectors (K, 3) of rotations (K, 3, 3) below pi."""
     sines = 0.5 * np.stack(
         [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
     )

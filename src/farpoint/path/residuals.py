@@ -1,7 +1,7 @@
-"""Residuals of a window's observations, in pixels: their derivatives, likelihood and information.
+"""Reprojection residuals of a window, px: derivatives, likelihood and information.
 
-Errors of a track add up from match to match, so that what is compared is the change of its residual
-from keyframe to keyframe, by Student's t with the covariances of its matches.
+Errors of a track accumulate from match to match. Therefore the change of a track's residual between
+keyframes is weighted, by Student's t with the covariances of the matches in between.
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ from farpoint.path.lens import LensEstimate
 
 __all__ = ["NOISE", "Linear", "Normal", "Poses", "Residuals", "WindowNoise", "row_phase"]
 
-_PATCHES = 4  # across the longer side of an image
+_PATCHES = 4  # along the longer side of an image
 
 
 class WindowNoise(NamedTuple):
-    """What residuals are made of.
+    """Covariance model of residual changes.
 
     Attributes
     ----------
-    last, travelled : float
-        Shares of the covariance of the last match, and of those since the last keyframe, summed.
+    last, accumulated : float
+        Weights of the last match's covariance, and of the sum since the last keyframe.
     floor_px2 : float
-        Added to both variances: repeated frames match without an error.
+        Added to both variances, since identical frames match without error.
     """
 
     last: float = 0.5
-    travelled: float = 0.5
+    accumulated: float = 0.5
     floor_px2: float = 0.03**2
 
-    def covariances(self, last: np.ndarray, travelled: np.ndarray) -> np.ndarray:
-        """Of residuals (N, 3), from those of the last match and of the ones since a keyframe."""
+    def covariances(self, last: np.ndarray, accumulated: np.ndarray) -> np.ndarray:
+        """Covariances (N, 3) of residuals: ``last``, and the sum since a keyframe."""
         floor = self.floor_px2 * np.array([1.0, 0.0, 1.0])
-        return self.last * last + self.travelled * travelled + floor
+        return self.last * last + self.accumulated * accumulated + floor
 
 
 NOISE = WindowNoise()
@@ -63,7 +63,7 @@ class Poses(NamedTuple):
 
     @classmethod
     def of(cls, frames: Sequence[Keyframe]) -> Poses:
-        """Of keyframes, as they are."""
+        """Current poses of keyframes."""
         return cls(
             np.array([frame.R for frame in frames]).reshape(-1, 3, 3),
             np.array([frame.p for frame in frames]).reshape(-1, 3),
@@ -72,7 +72,7 @@ class Poses(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """Residuals of all observations with their derivatives."""
+    """Residuals of all observations and their derivatives."""
 
     residuals: np.ndarray
     by_pose: np.ndarray
@@ -81,11 +81,11 @@ class Linear(NamedTuple):
 
 
 class Normal(NamedTuple):
-    """Normal equations of the observations: of poses and common unknowns, and of the points.
+    """Normal equations of the observations, with separate blocks for the points.
 
-    ``squares`` is the sum of the weighted ones of so many ``residuals``, and ``likeness`` how many
-    times larger sums of residuals over patches of images, and over tracks, vary than independent
-    ones would.
+    ``squares`` is the sum of weighted squared residuals, ``residuals`` their number.
+    ``design_effect`` is the variance of residual sums over image patches and tracks, relative to
+    independent residuals.
     """
 
     H: np.ndarray
@@ -95,22 +95,22 @@ class Normal(NamedTuple):
     point_g: np.ndarray
     squares: float
     residuals: int
-    likeness: float
+    design_effect: float
 
     def reduced(self, damping: float) -> System:
-        """Of poses and common unknowns alone, the points eliminated."""
+        """Schur complement: poses and common unknowns, the points eliminated."""
         H, g = self.H.copy(), self.g.copy()
         eliminate_points(self.coupling, self.point_h, self.point_g, damping, H, g)
         return System(H, g)
 
 
 def row_phase(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """When the rows of pixels (N, 2) are read: from -1/2 to 1/2 of the read-out time."""
+    """Read-out phase of pixels (N, 2), -1/2 to 1/2 of the read-out time."""
     return pixels[:, 1] / max(size[1] - 1, 1) - 0.5
 
 
 class Residuals:
-    """Of all observations of a window; the lens is taken once, where points are expected.
+    """Residuals of a window; the lens is linearised once, at the expected points.
 
     Parameters
     ----------
@@ -119,9 +119,9 @@ class Residuals:
     size : (int, int)
         Width and height of the images, px.
     poses : Poses
-        About where they will be asked for.
+        Linearisation point of the lens.
     variance_factor, design_effect : float
-        Of the residuals' variances, and how many observations count as one.
+        Factor on the residual variances; number of observations per independent one.
     """
 
     def __init__(
@@ -141,8 +141,8 @@ class Residuals:
         self._first = poses
 
     @cached_property
-    def _lens_there(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Rays along which points are expected, pixels less the found ones, and derivatives."""
+    def _lens_linearisation(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Expected rays, expected minus observed pixels, and derivatives."""
         marks, lens = self._marks, self._lens
         rays = np.empty((len(marks.point), 3))
         expected_rays(
@@ -160,7 +160,7 @@ class Residuals:
         return rays, offsets, by_ray, by_lens
 
     def linear(self, poses: Poses) -> Linear:
-        """At poses, and at lens and points as they are now."""
+        """Residuals and derivatives at poses, with the current lens and points."""
         marks, lens, count = self._marks, self._lens, len(self._marks.point)
         linear = Linear(
             np.empty((count, 2)), np.empty((count, 2, 6)), np.empty((count, 2, lens.size + 1)),
@@ -168,42 +168,42 @@ class Residuals:
         )  # fmt: skip
         pixel_residuals(
             *poses, lens.readout_s, lens.change, marks.slot, marks.point, self._row_phase,
-            marks.rays, marks.ray_by_lens, *self._lens_there, marks.anchor, marks.s,
+            marks.rays, marks.ray_by_lens, *self._lens_linearisation, marks.anchor, marks.s,
             marks.has_depth, *linear,
         )  # fmt: skip
         return linear
 
     def cost(self, linear: Linear) -> float:
-        """Negative log likelihood, but for a constant."""
+        """Negative log likelihood up to a constant."""
         marks = self._marks
         cost = robust_cost(
-            marks.point, marks.last, marks.travelled, marks.anchor, marks.has_depth, self._noise,
+            marks.point, marks.last, marks.accumulated, marks.anchor, marks.has_depth, self._noise,
             linear.residuals, self._scratch,
         )  # fmt: skip
         return cost / self._design_effect
 
     def normal(self, linear: Linear, used: np.ndarray) -> Normal:
-        """Normal equations of the observations of the points that a mask (M,) marks."""
+        """Normal equations of the observations of the points selected by a mask (M,)."""
         marks, points = self._marks, len(self._marks.ids)
         count = 6 * self._keyframes + self._lens.size + 1
         H, g, coupling = np.zeros((count, count)), np.zeros(count), np.zeros((points, count))
         point_h, point_g = np.zeros(points), np.zeros(points)
         patches, patch = self._patches()
         patch_sums, point_sums = np.zeros((patches, 2)), np.zeros((points, 2))
-        squares, influence, taken = gather_information(
-            marks.slot, marks.point, marks.last, marks.travelled, marks.anchor, used, self._noise,
+        squares, influence, observed = gather_information(
+            marks.slot, marks.point, marks.last, marks.accumulated, marks.anchor, used, self._noise,
             *linear, patch, self._scratch, H, g, coupling, point_h, point_g, patch_sums, point_sums,
         )  # fmt: skip
         for array in (H, g, coupling, point_h, point_g):
             array *= 1.0 / self._design_effect
-        likeness = 1.0
+        design_effect = 1.0
         if influence > 0.0:
             along = max(float(np.vdot(point_sums, point_sums)) / influence, 1.0)
-            likeness = along * max(float(np.vdot(patch_sums, patch_sums)) / influence, 1.0)
-        return Normal(H, g, coupling, point_h, point_g, squares, taken, likeness)
+            design_effect = along * max(float(np.vdot(patch_sums, patch_sums)) / influence, 1.0)
+        return Normal(H, g, coupling, point_h, point_g, squares, observed, design_effect)
 
     def _patches(self) -> tuple[int, np.ndarray]:
-        """How many patches all images have, and in which the observations (N,) are."""
+        """Number of patches in all images, and the patch of each observation (N,)."""
         width, height = self._size
         side = max(width, height) / _PATCHES
         across, down = math.ceil(width / side), math.ceil(height / side)

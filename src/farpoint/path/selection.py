@@ -1,47 +1,49 @@
-"""What the window takes: which tracks of a frame, and which keyframes stay."""
+"""Selection of the window's tracks and keyframes."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from farpoint.path.history import Sighting
+from farpoint.path.history import TrackObservations
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.window import Window
 
-__all__ = ["least_useful", "some_of"]
+__all__ = ["redundant_keyframe", "select_tracks"]
 
-_GOLDEN = 0.6180339887498949  # reciprocal of the golden ratio: its multiples spread evenly
-_LEAST_SHARE = 0.05  # of a keyframe's points still in view; with fewer it goes first
-_NEWEST = 2  # keyframes that stay in any case: later frames are measured from them
-# Distance, in units of the median distance of points, below which keyframes are at one place.
+_GOLDEN = 0.6180339887498949  # reciprocal of the golden ratio: low-discrepancy sampling
+_LEAST_SHARE = 0.05  # least share of a keyframe's points still in view
+_NEWEST = 2  # newest keyframes, never removed
+# Added to keyframe distances, in units of the points' median distance.
 _SAME_PLACE = 0.02
 
 
-def some_of(seen: Sighting, landmarks: Landmarks, most: int) -> Sighting:
-    """Tracks that have a point, and as many others, spread over the image, as there is room for."""
-    known = landmarks.rows_of(seen.ids) >= 0
-    room = max(most - int(known.sum()), 0)
+def select_tracks(
+    observed: TrackObservations, landmarks: Landmarks, most: int
+) -> TrackObservations:
+    """Tracks with a landmark, filled up to ``most`` with evenly sampled others."""
+    known = landmarks.rows_of(observed.ids) >= 0
+    free_slots = max(most - int(known.sum()), 0)
     fresh = np.flatnonzero(~known)
-    if len(fresh) > room:
-        order = np.argsort((seen.ids[fresh] * _GOLDEN) % 1.0, kind="stable")
-        known[fresh[order[:room]]] = True
-        return seen.select(known)
-    return seen
+    if len(fresh) > free_slots:
+        order = np.argsort((observed.ids[fresh] * _GOLDEN) % 1.0, kind="stable")
+        known[fresh[order[:free_slots]]] = True
+        return observed.select(known)
+    return observed
 
 
-def least_useful(window: Window, alive: np.ndarray) -> int:
-    """Slot of the keyframe to take out: of which nothing is in view, or that stands in a crowd.
+def redundant_keyframe(window: Window, alive: np.ndarray) -> int:
+    """Slot of the keyframe to marginalise: fewest points in view, or most crowded position.
 
-    The score is that of Engel, Koltun and Cremers, "Direct Sparse Odometry", 2018, section 3.1: the
-    root of the distance to the newest times the sum of the inverse distances to the others. So the
-    window keeps a baseline when the camera turns on the spot.
+    The score of Engel, Koltun and Cremers, "Direct Sparse Odometry", 2018, section 3.1: the root of
+    the distance to the newest keyframe times the sum of inverse distances to the others. The window
+    keeps a baseline under pure rotation.
 
     Parameters
     ----------
     window : Window
-        With more than two keyframes.
+        A window of more than two keyframes.
     alive : ndarray of int64, shape (N,)
-        Tracks that are in view.
+        Tracks in view.
     """
     marks, count = window.landmarks, len(window.frames) - _NEWEST
     in_view = np.isin(marks.ids, alive)[marks.point]
@@ -53,5 +55,5 @@ def least_useful(window: Window, alive: np.ndarray) -> int:
     known = marks.s[marks.has_depth]
     nearness = float(np.median(known)) if len(known) else 1.0
     distances = nearness * np.linalg.norm(p[:, None] - p, axis=2) + _SAME_PLACE
-    crowd = np.sum(1.0 / distances[:count, :count], axis=1)
-    return int(np.argmax(np.sqrt(distances[:count, -1]) * crowd))
+    density = np.sum(1.0 / distances[:count, :count], axis=1)
+    return int(np.argmax(np.sqrt(distances[:count, -1]) * density))

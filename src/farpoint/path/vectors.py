@@ -1,4 +1,4 @@
-"""Arithmetic of many small vectors and matrices, which NumPy takes one by one."""
+"""Batched arithmetic of small vectors and matrices, faster than NumPy's."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Matrix products (N, I, K) of (N, I, J) and (N, J, K), with J of two or three."""
+    """Matrix products (N, I, K) of (N, I, J) and (N, J, K), for J = 2 or 3."""
     total = a[:, :, 0, None] * b[:, 0, None, :]
     for j in range(1, a.shape[2]):
         total += a[:, :, j, None] * b[:, j, None, :]

@@ -1,6 +1,6 @@
-"""A window over keyframes: their poses, the distances of points, lens and shutter, all together.
+"""Sliding-window bundle adjustment over keyframe poses, inverse distances, lens and shutter.
 
-Distances are eliminated; keyframes that leave become a prior for those that stay.
+Inverse distances are eliminated; removed keyframes are marginalised into a prior.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 from farpoint._kernels.positive import point_variances
 from farpoint._kernels.window import UNSEEN_PX, point_steps
 from farpoint.geometry import so3
-from farpoint.path.history import Sighting
+from farpoint.path.history import TrackObservations
 from farpoint.path.information import System, inverse, solution
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
@@ -22,58 +22,58 @@ from farpoint.path.vectors import cross
 __all__ = ["Window"]
 
 LEAST_INVERSE_DEPTH = 1e-6
-"""Of points that are as good as infinitely far, in units of the path."""
+"""Least inverse distance of points, in inverse units of the path."""
 
-_GAUGE_SIGMA = 1e-4  # relative, of the length that is the unit: small against all that is measured
-_POSE_SIGMA = 1e-6  # of the first pose, which is the world
-_FARTHEST_GROWTH = 10.0  # of an inverse distance in one step
-_FACTOR_RANGE = (0.1, 100.0)  # of the variance
+_GAUGE_SIGMA = 1e-4  # relative, of the baseline that fixes the scale gauge
+_POSE_SIGMA = 1e-6  # of the first pose, the pose gauge
+_MAX_STEP_RATIO = 10.0  # of an inverse distance in one step
+_FACTOR_RANGE = (0.1, 100.0)  # of the variance factor
 _EFFECT_RANGE = (1.0, 50.0)  # of the design effect
-_FIRST_EFFECT = 4.0  # before any was seen: of handheld and driving recordings 3 to 6
-# Information that noise makes: derivatives are taken where noisy estimates are. Of tracks with
-# independent errors, squared errors of lens and shutter are so many times their variances.
+_FIRST_EFFECT = 4.0  # initial value: handheld and driving recordings have 3 to 6
+# Spurious information from linearising at noisy estimates: ratio of squared errors of lens and
+# shutter to their variances, for tracks with independent errors.
 _LINEARISATION_EFFECT = 3.0
-_MEMORY = 0.8  # share of either that stays from keyframe to keyframe
-_FEWEST_RESIDUALS = 50  # which tell it
+_MEMORY = 0.8  # exponential smoothing from keyframe to keyframe
+_FEWEST_RESIDUALS = 50  # for an update of the variance factor
 _FIRST_DAMPING, _DAMPING_STEP, _TRIES = 1e-6, 100.0, 3
-_DEPTH_DAMPING = 1e-3  # of a point's information, over that of the median distance squared
-# New points whose parallax does not tell: about as far as others, 1-sigma in units of that.
+_DEPTH_DAMPING = 1e-3  # of a point's information, relative to the median inverse distance^-2
+# Prior 1-sigma of a new point's inverse distance, in units of the median.
 _DEPTH_SIGMA = 2.0
-_FIRM_PARALLAX = 5.0  # sigma
-_SEEN_SIGMAS = 3.0  # a way that is not longer may be none
-_PLACED_SIGMA = 0.25  # relative, of the distance of a point that others are measured by: 4 sigma
-_FAR_SIGMA = 0.1  # of the inverse distance of a far one, in units of the median
+_SIGNIFICANT_PARALLAX = 5.0  # sigma
+_SIGNIFICANT_SIGMAS = 3.0  # threshold of a significant displacement
+_RELIABLE_SIGMA = 0.25  # relative, largest of a reliable point's inverse distance
+_FAR_SIGMA = 0.1  # largest of a far point's, in units of the median
 
 
 class Window:
-    """Poses of keyframes, points, lens and shutter.
+    """Joint estimate of keyframe poses, landmarks, lens and shutter.
 
     Parameters
     ----------
     lens : LensEstimate
-        Changed as it is found.
+        Updated in place.
     size : (int, int)
         Width and height of the images, px.
 
     Attributes
     ----------
     frames : list of Keyframe
-        In their order.
+        Ascending in time.
     landmarks : Landmarks
-        What they see.
+        Landmarks and observations.
     covariance : ndarray, shape (D, D)
-        Of all poses, 6 each as in `Prior`, and the common unknowns, as last solved.
+        Of all poses, 6 each as in `Prior`, and the common unknowns, at the last solution.
     size : (int, int)
         Of the images.
     origin : ndarray, shape (3,)
-        Where the first keyframe is, which is taken as true.
+        Position of the first keyframe, the gauge.
     cost : float
-        Negative log likelihood, but for a constant, as last solved.
+        Negative log likelihood up to a constant, at the last solution.
     variance_factor : float
-        Of the residuals' variances, as found.
+        Estimated factor on the residual variances.
     design_effect : float
-        How many observations count as one, for their errors are alike: neighbours lie on the same
-        things, and a track errs the same way again and again.
+        Observations per independent observation: errors are correlated between neighbours and along
+        a track.
     """
 
     def __init__(self, lens: LensEstimate, size: tuple[int, int]) -> None:
@@ -83,10 +83,10 @@ class Window:
         self.variance_factor = 1.0
         self.design_effect = _LINEARISATION_EFFECT * _FIRST_EFFECT
         self._prior = Prior(lens.common, lens.covariance)
-        # Keyframes between which the unit lies, until the prior holds the scale.
+        # Slots of the baseline of unit length, until the prior fixes the scale.
         self._unit: tuple[int, int] | None = None
         self._unit_variance = self._scale_variance = 0.0
-        self._has_forgotten = False
+        self._has_marginalised = False
         self.origin = np.zeros(3)
         self.covariance = lens.covariance
         self.cost = 0.0
@@ -96,36 +96,36 @@ class Window:
         return len(self.frames)
 
     @property
-    def has_forgotten(self) -> bool:
-        """Whether a keyframe has left."""
-        return self._has_forgotten
+    def has_marginalised(self) -> bool:
+        """Whether a keyframe has been marginalised."""
+        return self._has_marginalised
 
-    # Keyframes and what is known of them
+    # Keyframes and priors
 
     def add(
         self, frame: int, timestamp: float, R: np.ndarray, p: np.ndarray, twist: np.ndarray
     ) -> Keyframe:
-        """A new keyframe at a pose that is about right."""
+        """Append a keyframe with an initial pose."""
         keyframe = Keyframe(frame=frame, timestamp=timestamp, R=R, p=p, twist=twist)
         self._prior.add_pose(keyframe)
-        if not self.frames:  # the first one: a window always keeps its newest
+        if not self.frames:  # the first keyframe of the window fixes the gauge
             self._prior.fix_first(_POSE_SIGMA)
             self.origin = p
         self.frames.append(keyframe)
         self._linear = None
         return keyframe
 
-    def see(self, sighting: Sighting) -> None:
-        """What the newest keyframe sees."""
-        self.landmarks.observe(len(self.frames) - 1, *sighting)
+    def observe(self, tracks: TrackObservations) -> None:
+        """Add the newest keyframe's observations."""
+        self.landmarks.observe(len(self.frames) - 1, *tracks)
 
-    def expect_rest(self, sigma: float) -> None:
-        """The last two keyframes are at one place, to a 1-sigma in the unit of the path."""
-        way = self.frames[-1].p - self.frames[-2].p
+    def add_rest_prior(self, sigma: float) -> None:
+        """Add a zero-displacement prior between the last two keyframes, 1-sigma in path units."""
+        displacement = self.frames[-1].p - self.frames[-2].p
         for axis in np.eye(3):
-            self._measure(axis, float(axis @ way), sigma)
+            self._add_measurement(axis, float(axis @ displacement), sigma)
 
-    def _measure(self, axis: np.ndarray, residual: float, sigma: float) -> None:
+    def _add_measurement(self, axis: np.ndarray, residual: float, sigma: float) -> None:
         deviation = self._deviation()
         last = len(self.frames) - 1
         row = by_position_change(self.frames, last - 1, last, axis, len(deviation))
@@ -135,100 +135,102 @@ class Window:
         return self._prior.deviation(Poses.of(self.frames), self.lens.common)
 
     def set_unit(self) -> None:
-        """The way between the last two keyframes is the unit of the path."""
+        """Take the distance of the last two keyframes as the unit of the path."""
         self._unit = (len(self.frames) - 2, len(self.frames) - 1)
 
     def _baseline(self) -> tuple[int, int] | None:
-        """The longest way from the first keyframe: holding it fixed keeps steps small.
+        """Slots of the longest baseline from the first keyframe, the scale gauge of a solution.
 
-        None once the prior holds the scale, and as long as nothing has moved.
+        None once the prior fixes the scale, and without any displacement.
         """
         if self._unit is None:
             return None
-        ways = [float(np.linalg.norm(frame.p - self.frames[0].p)) for frame in self.frames]
-        return (0, int(np.argmax(ways))) if max(ways) > 0.0 else None
+        lengths = [float(np.linalg.norm(frame.p - self.frames[0].p)) for frame in self.frames]
+        return (0, int(np.argmax(lengths))) if max(lengths) > 0.0 else None
 
     # Points
 
-    def places(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def homogeneous_points(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Homogeneous points ``X = R b + s p`` (N, 3), and their derivatives by s (N, 3)."""
         marks, poses = self.landmarks, Poses.of(self.frames)
         at = marks.anchor[rows]
         slot = marks.slot[at]
         rays = marks.rays[rows] + marks.ray_by_lens[rows] @ self.lens.change
         world = np.einsum("nij,nj->ni", poses.R[slot], rays)
-        late, twist = self._late(at)[:, None], poses.twist[slot]
-        base = poses.p[slot] + late * twist[:, 3:]
-        world = world + late * cross(twist[:, :3], world)
+        delay_s, twist = self._row_delay_s(at)[:, None], poses.twist[slot]
+        base = poses.p[slot] + delay_s * twist[:, 3:]
+        world = world + delay_s * cross(twist[:, :3], world)
         return world + marks.s[rows, None] * base, base
 
     def row_phase(self, pixels: np.ndarray) -> np.ndarray:
-        """When the rows of pixels (N, 2) are read: from -1/2 to 1/2 of the read-out time."""
+        """Read-out phase of pixels (N, 2), -1/2 to 1/2 of the read-out time."""
         return row_phase(pixels, self.size)
 
-    def _late(self, observations: np.ndarray) -> np.ndarray:
-        """When the rows of observations (N,) were read, s from the middle one."""
+    def _row_delay_s(self, observations: np.ndarray) -> np.ndarray:
+        """Read-out times of observations (N,), s from the middle row."""
         return self.row_phase(self.landmarks.pixels[observations]) * self.lens.readout_s
 
     def triangulate(self) -> None:
-        """Distances of points that the newest keyframe sees a second time."""
+        """Initialise the distances of points with a second observation in the newest keyframe."""
         marks, frame = self.landmarks, self.frames[-1]
-        seen = marks.seen_from(len(self.frames) - 1)
+        seen = marks.observations_of(len(self.frames) - 1)
         rows = marks.point[seen]
         new = ~marks.has_depth[rows] & (marks.anchor[rows] != seen)
         if not new.any():
             return
         seen, rows = seen[new], rows[new]
-        far, base = self.places(rows)  # without a distance they are rays
-        late = self._late(seen)[:, None]
-        rays = (far - late * cross(np.broadcast_to(frame.twist[:3], far.shape), far)) @ frame.R
+        far, base = self.homogeneous_points(rows)  # rays: inverse distance zero
+        delay_s = self._row_delay_s(seen)[:, None]
+        rays = (far - delay_s * cross(np.broadcast_to(frame.twist[:3], far.shape), far)) @ frame.R
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-        by_s = (base - frame.p - late * frame.twist[3:]) @ frame.R
+        by_s = (base - frame.p - delay_s * frame.twist[3:]) @ frame.R
         pixels, by_ray, by_lens = self.lens.pixels_of(rays)
         residual = pixels + by_lens @ self.lens.change - marks.pixels[seen]
         slope = np.einsum("nqi,ni->nq", by_ray, by_s)
         usable = np.isfinite(residual).all(axis=1) & np.isfinite(slope).all(axis=1)
         residual, slope = np.where(usable[:, None], (residual, slope), 0.0)
         variance = self._variances(
-            marks.last[seen], marks.travelled[seen] - marks.travelled[marks.anchor[rows]]
+            marks.last[seen], marks.accumulated[seen] - marks.accumulated[marks.anchor[rows]]
         )
         information = np.sum(slope**2, axis=1) / (0.5 * (variance[:, 0] + variance[:, 2]))
         with np.errstate(divide="ignore", invalid="ignore"):
-            likely = -np.sum(slope * residual, axis=1) / np.sum(slope**2, axis=1)
-        likely = np.where(information > 0.0, likely, 0.0)
-        typical = self._typical_inverse_depth(likely, information)
+            estimate = -np.sum(slope * residual, axis=1) / np.sum(slope**2, axis=1)
+        estimate = np.where(information > 0.0, estimate, 0.0)
+        typical = self._typical_inverse_depth(estimate, information)
         ridge = 1.0 / (_DEPTH_SIGMA * typical) ** 2
-        found = (information * likely + ridge * typical) / (information + ridge)
+        found = (information * estimate + ridge * typical) / (information + ridge)
         marks.s[rows] = np.maximum(found, LEAST_INVERSE_DEPTH)
         marks.s_variance[rows] = 1.0 / (information + ridge)
         marks.has_depth[rows] = True
 
-    def _typical_inverse_depth(self, likely: np.ndarray, information: np.ndarray) -> float:
+    def _typical_inverse_depth(self, estimate: np.ndarray, information: np.ndarray) -> float:
         marks = self.landmarks
         known = marks.s[marks.has_depth & (marks.s > LEAST_INVERSE_DEPTH)]
         if len(known) < 20:
-            known = likely[(likely > 0.0) & (likely**2 * information > _FIRM_PARALLAX**2)]
+            known = estimate[
+                (estimate > 0.0) & (estimate**2 * information > _SIGNIFICANT_PARALLAX**2)
+            ]
         if len(known) >= 8:
             return float(np.median(known))
         return 0.05 / max(float(np.linalg.norm(self.frames[-1].p - self.frames[-2].p)), 1e-9)
 
-    def _variances(self, last: np.ndarray, travelled: np.ndarray) -> np.ndarray:
+    def _variances(self, last: np.ndarray, accumulated: np.ndarray) -> np.ndarray:
         """Covariances (N, 3) of residuals."""
-        return self.variance_factor * NOISE.covariances(last, travelled)
+        return self.variance_factor * NOISE.covariances(last, accumulated)
 
     def variances_since(
-        self, observations: np.ndarray, last: np.ndarray, travelled: np.ndarray
+        self, observations: np.ndarray, last: np.ndarray, accumulated: np.ndarray
     ) -> np.ndarray:
-        """Covariances (N, 3), px^2, of what residuals change by since earlier observations (N,)."""
-        return self._variances(last, travelled - self.landmarks.travelled[observations])
+        """Covariances (N, 3), px^2, of residual changes since earlier observations (N,)."""
+        return self._variances(last, accumulated - self.landmarks.accumulated[observations])
 
     # The solution
 
     def solve(self, iterations: int) -> None:
-        """Move everything to where it is likelier, by steps of Gauss and Newton."""
+        """Minimise the negative log likelihood by Levenberg-Marquardt."""
         if self.lens.is_stale():
             self.lens.relinearise()
-            self.landmarks.take_rays()
+            self.landmarks.update_rays()
         poses = Poses.of(self.frames)
         residuals = self._residuals(poses)
         linear, deviation = residuals.linear(poses), self._prior.deviation(poses, self.lens.common)
@@ -242,24 +244,29 @@ class Window:
                 before = self._state()
                 self._move(solution(system, damping), normal)
                 poses = Poses.of(self.frames)
-                moved = residuals.linear(poses)
-                moved_by = self._prior.deviation(poses, self.lens.common)
-                moved_cost = residuals.cost(moved) + self._prior.cost(moved_by)
-                if moved_cost <= cost:
-                    linear, deviation, cost, damping = moved, moved_by, moved_cost, 0.1 * damping
+                updated = residuals.linear(poses)
+                updated_deviation = self._prior.deviation(poses, self.lens.common)
+                updated_cost = residuals.cost(updated) + self._prior.cost(updated_deviation)
+                if updated_cost <= cost:
+                    linear, deviation, cost, damping = (
+                        updated,
+                        updated_deviation,
+                        updated_cost,
+                        0.1 * damping,
+                    )
                     break
                 self._restore(before)
                 damping *= _DAMPING_STEP
         self.cost = cost
-        self._remember(linear, normal, system)
+        self._store_solution(linear, normal, system)
 
     def _equations(
         self, residuals: Residuals, linear: Linear, deviation: np.ndarray
     ) -> tuple[Normal, System]:
-        """Of the observations, and of all that is known with the points eliminated."""
+        """Normal equations of the observations, and the reduced system with the prior."""
         normal = residuals.normal(linear, self.landmarks.has_depth)
         reduced = normal.reduced(self._depth_damping())
-        return normal, self._whole(reduced, deviation, self._baseline())
+        return normal, self._with_prior(reduced, deviation, self._baseline())
 
     def _residuals(self, poses: Poses) -> Residuals:
         return Residuals(
@@ -269,8 +276,8 @@ class Window:
     def pose_covariance(self) -> np.ndarray:
         """Covariance (7, 7) of ``[dtheta, dp, dlog_scale]`` of the newest keyframe, in the world.
 
-        ``p_true = p + dp``; the scale is that of the baseline to it which is known best, or, where
-        none stands out of its errors, as after a turn on the spot, of the last one that did.
+        ``p_true = p + dp``. The scale variance is the least of all baselines to this keyframe;
+        where no baseline is significant, as under pure rotation, the last significant one is kept.
         """
         count, newest = len(self.covariance), len(self.frames) - 1
         frame, at = self.frames[newest], 6 * newest
@@ -280,14 +287,14 @@ class Window:
         rows[3:6, at : at + 3] = -so3.skew(frame.p)
         least = np.inf
         for slot, other in enumerate(self.frames[:-1]):
-            way = frame.p - other.p
-            length = float(np.linalg.norm(way))
+            displacement = frame.p - other.p
+            length = float(np.linalg.norm(displacement))
             if length > 0.0:
-                row = by_position_change(self.frames, slot, newest, way / length**2, count)
+                row = by_position_change(self.frames, slot, newest, displacement / length**2, count)
                 variance = float(row @ self.covariance @ row)
                 if variance < least:
                     least, rows[6] = variance, row
-        is_measured = least < 1.0 / _SEEN_SIGMAS**2
+        is_measured = least < 1.0 / _SIGNIFICANT_SIGMAS**2
         if is_measured:
             self._scale_variance = least
         else:
@@ -298,20 +305,22 @@ class Window:
             covariance[6, 6] += self._scale_variance
         return covariance
 
-    def last_way(self) -> tuple[float, bool]:
-        """Length between the last two keyframes, and whether it stands out of its errors."""
-        way = self.frames[-1].p - self.frames[-2].p
-        length, last = float(np.linalg.norm(way)), len(self.frames) - 1
+    def last_length(self) -> tuple[float, bool]:
+        """Distance of the last two keyframes, and whether it exceeds 3 sigma."""
+        displacement = self.frames[-1].p - self.frames[-2].p
+        length, last = float(np.linalg.norm(displacement)), len(self.frames) - 1
         if length == 0.0:
             return 0.0, False
-        row = by_position_change(self.frames, last - 1, last, way / length, len(self.covariance))
-        return length, length**2 > _SEEN_SIGMAS**2 * float(row @ self.covariance @ row)
+        row = by_position_change(
+            self.frames, last - 1, last, displacement / length, len(self.covariance)
+        )
+        return length, length**2 > _SIGNIFICANT_SIGMAS**2 * float(row @ self.covariance @ row)
 
     def _variance_of_unit(self) -> float:
-        """Variance of the logarithm of the way that is the unit, another one held fixed."""
+        """Variance of the log length of the unit baseline, given the gauge."""
         if self._unit is None:
             return 0.0
-        row = self._by_way(self._unit)
+        row = self._by_log_length(self._unit)
         return float(row @ self.covariance @ row)
 
     def relative_pose(self, slot0: int, slot1: int) -> tuple[np.ndarray, np.ndarray]:
@@ -327,11 +336,11 @@ class Window:
         for slot, sign in ((slot0, 1.0), (slot1, -1.0)):
             rows[:, 6 * slot : 6 * slot + 6] += sign * np.eye(6)
             rows[3:, 6 * slot : 6 * slot + 3] -= sign * so3.skew(first.p)
-        turned = np.kron(np.eye(2), second.R.T) @ rows
-        return motion, turned @ self.covariance @ turned.T
+        rotated = np.kron(np.eye(2), second.R.T) @ rows
+        return motion, rotated @ self.covariance @ rotated.T
 
-    def _remember(self, linear: Linear, normal: Normal, system: System) -> None:
-        """Residuals as they are after a solution, and covariances as in its last step."""
+    def _store_solution(self, linear: Linear, normal: Normal, system: System) -> None:
+        """Store residuals at the solution, and covariances of its last iteration."""
         marks, self._linear = self.landmarks, linear
         unseen = linear.residuals[:, :1] == UNSEEN_PX
         marks.residuals = np.where(unseen, 0.0, linear.residuals)
@@ -341,54 +350,58 @@ class Window:
         self.lens.covariance = self.covariance[-common:, -common:]
         with np.errstate(divide="ignore"):
             marks.s_variance = np.where(marks.has_depth, 1.0 / normal.point_h, np.inf)
-        self._place_points(normal)
+        self._mark_reliable(normal)
         free = 2 * normal.residuals - len(normal.g) - int(marks.has_depth.sum())
         if normal.residuals > _FEWEST_RESIDUALS:
             ratio = normal.squares / max(free, _FEWEST_RESIDUALS)
             factor = self.variance_factor * (_MEMORY + (1.0 - _MEMORY) * ratio)
             self.variance_factor = float(np.clip(factor, *_FACTOR_RANGE))
-            seen = _LINEARISATION_EFFECT * normal.likeness
+            seen = _LINEARISATION_EFFECT * normal.design_effect
             effect = _MEMORY * self.design_effect + (1.0 - _MEMORY) * seen
             self.design_effect = float(np.clip(effect, *_EFFECT_RANGE))
 
-    def _place_points(self, normal: Normal) -> None:
-        """Tell of the points in view whether their distances stand out of their errors, or are far.
+    def _mark_reliable(self, normal: Normal) -> None:
+        """Mark points in view with a small error of the inverse distance.
 
-        With the errors of the poses, but for that of the scale: it may be a guess, by which
-        distances are measured alike.
+        Errors of the poses are included, except that of the scale, which is common to all
+        distances.
         """
         marks, newest = self.landmarks, len(self.frames) - 1
         spread = self.covariance
-        ways = [float(np.linalg.norm(f.p - self.frames[-1].p)) for f in self.frames]
-        if max(ways) > 0.0:
-            # As if the longest way to the newest keyframe were known.
-            row = self._by_way((int(np.argmax(ways)), newest))
-            by_way = spread @ row
-            spread = spread - np.outer(by_way, by_way) / (_GAUGE_SIGMA**2 + row @ by_way)
-        rows = marks.point[marks.seen_from(newest)]
+        lengths = [float(np.linalg.norm(f.p - self.frames[-1].p)) for f in self.frames]
+        if max(lengths) > 0.0:
+            # Condition on the longest baseline to the newest keyframe.
+            row = self._by_log_length((int(np.argmax(lengths)), newest))
+            by_length = spread @ row
+            spread = spread - np.outer(by_length, by_length) / (_GAUGE_SIGMA**2 + row @ by_length)
+        rows = marks.point[marks.observations_of(newest)]
         rows = rows[normal.point_h[rows] > 0.0]
         variances = np.empty(len(rows))
         point_variances(rows, normal.coupling, normal.point_h, spread, variances)
         known = marks.s[marks.has_depth]
         typical = float(np.median(known)) if len(known) else 0.0
-        largest = np.maximum(_PLACED_SIGMA * marks.s[rows], _FAR_SIGMA * typical)
-        marks.is_placed[:] = False
-        marks.is_placed[rows] = variances / self.design_effect < largest**2
+        largest = np.maximum(_RELIABLE_SIGMA * marks.s[rows], _FAR_SIGMA * typical)
+        marks.is_reliable[:] = False
+        marks.is_reliable[rows] = variances / self.design_effect < largest**2
 
-    def _whole(self, system: System, deviation: np.ndarray, held: tuple[int, int] | None) -> System:
-        """With the prior, and a way between two keyframes held: the scale is free else."""
+    def _with_prior(
+        self, system: System, deviation: np.ndarray, gauge: tuple[int, int] | None
+    ) -> System:
+        """Add the prior, and a scale gauge: a fixed baseline between two keyframes."""
         known = self._prior.at(deviation)
         H = system.H + known.H
-        if held is not None:
-            row = self._by_way(held) / _GAUGE_SIGMA
+        if gauge is not None:
+            row = self._by_log_length(gauge) / _GAUGE_SIGMA
             H += np.outer(row, row)
         return System(H, system.g + known.g)
 
-    def _by_way(self, slots: tuple[int, int]) -> np.ndarray:
-        """Derivatives (D,) of the logarithm of the way between two keyframes."""
-        way = self.frames[slots[1]].p - self.frames[slots[0]].p
+    def _by_log_length(self, slots: tuple[int, int]) -> np.ndarray:
+        """Derivatives (D,) of the log distance of two keyframes."""
+        displacement = self.frames[slots[1]].p - self.frames[slots[0]].p
         count = 6 * len(self.frames) + self.lens.size + 1
-        return by_position_change(self.frames, *slots, way / float(way @ way), count)
+        return by_position_change(
+            self.frames, *slots, displacement / float(displacement @ displacement), count
+        )
 
     def _depth_damping(self) -> float:
         known = self.landmarks.s[self.landmarks.has_depth]
@@ -408,9 +421,9 @@ class Window:
             normal.coupling, normal.point_h, normal.point_g, step, self._depth_damping(), changes
         )
         typical = float(np.median(marks.s[marks.has_depth]))
-        largest = _FARTHEST_GROWTH * np.maximum(marks.s, typical)
-        moved = np.clip(marks.s + changes, LEAST_INVERSE_DEPTH, largest)
-        marks.s = np.where(marks.has_depth, moved, marks.s)
+        largest = _MAX_STEP_RATIO * np.maximum(marks.s, typical)
+        updated = np.clip(marks.s + changes, LEAST_INVERSE_DEPTH, largest)
+        marks.s = np.where(marks.has_depth, updated, marks.s)
 
     def _state(self) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray, np.ndarray, float]:
         poses = [(frame.R, frame.p) for frame in self.frames]
@@ -423,14 +436,14 @@ class Window:
             frame.R, frame.p = R, p
         self.landmarks.s, self.lens.z, self.lens.readout_s = state[1:]
 
-    # What leaves
+    # Marginalisation
 
     def remove(self, slot: int, alive: np.ndarray) -> Keyframe:
-        """Take a keyframe out; what it tells of the others stays as a prior.
+        """Marginalise a keyframe into the prior.
 
-        With it go the points that have their rays there and are not ``alive`` (ids, ascending);
-        those that are get their rays from the next keyframe that sees them. So do those that were
-        seen once and are not alive: they tell nothing.
+        Its anchored points that are not ``alive`` (ids, ascending) are marginalised too; points
+        alive are re-anchored in the next keyframe that observes them. Points with a single
+        observation that are not alive carry no information and are dropped.
         """
         marks, frame = self.landmarks, self.frames[slot]
         if self._unit is not None:
@@ -442,27 +455,27 @@ class Window:
         is_alive = np.isin(marks.ids, alive)
         ended = is_anchored & ~is_alive
         reduced = residuals.normal(linear, ended & marks.has_depth).reduced(0.0)
-        system = self._whole(reduced, self._deviation(), self._baseline())
+        system = self._with_prior(reduced, self._deviation(), self._baseline())
         gone = ended | ~is_alive & (np.bincount(marks.point, minlength=len(marks.ids)) < 2)
         gone[self._change_anchors(np.flatnonzero(is_anchored & ~ended), slot)] = True
-        marks.leave_out(gone, slot)
+        marks.remove(gone, slot)
         del self.frames[slot]
         out = slice(6 * slot, 6 * slot + 6)
         self.covariance = np.delete(np.delete(self.covariance, out, axis=0), out, axis=1)
         self._prior.replace(system, slot, Poses.of(self.frames), self.lens.common)
-        self._has_forgotten, self._unit, self._linear = True, None, None
+        self._has_marginalised, self._unit, self._linear = True, None, None
         return frame
 
     def _change_anchors(self, rows: np.ndarray, slot: int) -> np.ndarray:
-        """Give points their rays from another keyframe; those (rows) that get none."""
+        """Re-anchor points in another keyframe; rows of the points without one."""
         marks = self.landmarks
         new = marks.next_anchors(rows, slot)
-        rays, by_lens, seen = marks.seen_along(marks.pixels[new])
+        rays, by_lens, seen = marks.rays_at(marks.pixels[new])
         seen &= new >= 0
         rest, rows, new = rows[~seen], rows[seen], new[seen]
-        X, _ = self.places(rows)
+        X, _ = self.homogeneous_points(rows)
         poses, at = Poses.of(self.frames), marks.slot[new]
-        base = poses.p[at] + self._late(new)[:, None] * poses.twist[at, 3:]
+        base = poses.p[at] + self._row_delay_s(new)[:, None] * poses.twist[at, 3:]
         away = X - marks.s[rows, None] * base
         length = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
         marks.s[rows] = np.maximum(marks.s[rows] / length, LEAST_INVERSE_DEPTH)
@@ -472,14 +485,14 @@ class Window:
             rays[seen],
             by_lens[seen],
         )
-        # Residuals are counted from the new ray on.
-        moved = np.full(len(marks.ids), -1)
-        moved[rows] = np.arange(len(rows))
-        which = moved[marks.point]
-        of_moved = which >= 0
-        first = new[which[of_moved]]
-        marks.residuals[of_moved] -= marks.residuals[first]
-        marks.by_s[of_moved] = (marks.by_s[of_moved] - marks.by_s[first]) * length[
-            which[of_moved], None
+        # Residuals are relative to the new anchor.
+        updated = np.full(len(marks.ids), -1)
+        updated[rows] = np.arange(len(rows))
+        which = updated[marks.point]
+        is_reanchored = which >= 0
+        first = new[which[is_reanchored]]
+        marks.residuals[is_reanchored] -= marks.residuals[first]
+        marks.by_s[is_reanchored] = (marks.by_s[is_reanchored] - marks.by_s[first]) * length[
+            which[is_reanchored], None
         ]
         return rest

@@ -5,7 +5,7 @@ from farpoint.sinks.lock import FolderLock
 from farpoint.sinks.metric import MetricSink
 from farpoint.sinks.motions import Motions, read_motions
 from farpoint.sinks.output_folder import OutputFolder, OutputOptions
-from farpoint.sinks.overlay import draw_overlay, start_film
+from farpoint.sinks.overlay import draw_overlay, start_video_process
 from farpoint.sinks.process import wait_until_loaded
 from farpoint.sinks.report import write_report
 from farpoint.sinks.run_record import RunDescription, RunState, read_run
@@ -27,8 +27,8 @@ __all__ = [
     "open_viewer",
     "read_motions",
     "read_run",
-    "start_film",
     "start_live_viewer",
+    "start_video_process",
     "wait_until_loaded",
     "write_report",
 ]

@@ -38,7 +38,7 @@ class BackgroundSink:
         self._sink = sink
         # The bound is a semaphore of its own, so that closing never waits for room.
         self._steps: SimpleQueue[tuple[_Step, _Step] | None] = SimpleQueue()
-        self._room = threading.Semaphore(WAITING)
+        self._free_slots = threading.Semaphore(WAITING)
         self._problem: BaseException | None = None
         self._failed = self._closed = False
         # A program that forgets to close its sinks ends nevertheless.
@@ -47,12 +47,12 @@ class BackgroundSink:
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
         """Queue one frame; neither result nor image may be changed afterwards."""
-        self._room.acquire()
+        self._free_slots.acquire()
         self._add(result, image)
 
     def offer(self, result: OdometryResult, image: np.ndarray | None) -> bool:
         """Queue one frame as `write` does if there is room; whether there was."""
-        if not self._room.acquire(blocking=False):
+        if not self._free_slots.acquire(blocking=False):
             return False
         self._add(result, image)
         return True
@@ -72,7 +72,7 @@ class BackgroundSink:
         self._raise_problem()
 
     def _add(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        self._steps.put((partial(self._sink.write, result, image), self._room.release))
+        self._steps.put((partial(self._sink.write, result, image), self._free_slots.release))
         self._raise_problem()
 
     def _work(self) -> None:

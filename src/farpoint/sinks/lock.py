@@ -27,7 +27,7 @@ NO_LOCKS = (
     "two runs into one folder at the same time would mix their files"
 )
 
-_HELD = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK}
+_LOCKED = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK}
 
 
 class FolderLock:
@@ -91,7 +91,7 @@ class FolderLock:
             try:
                 _lock(file.fileno())
             except OSError as error:
-                if error.errno in _HELD:
+                if error.errno in _LOCKED:
                     file.close()
                     raise InputError(
                         "another run is writing into this folder", file=folder

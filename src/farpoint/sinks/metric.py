@@ -1,4 +1,4 @@
-"""The sink that puts a run's files in metres at its end, where hints tell the scale."""
+"""Sink that converts a run's files to metres at its end, with aiding measurements."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from farpoint.aiding import AidingMeasurement, MetricEstimate, MetricFit, MetricScale
 from farpoint.camera import Camera
-from farpoint.hints import Hint, MetricEstimate, MetricFit, MetricScale
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.metric_files import put_in_metres
 
@@ -39,14 +39,14 @@ class MetricSink:
 
     def __init__(
         self,
-        hints: list[Hint],
+        measurements: list[AidingMeasurement],
         camera: Camera,
-        say: Callable[[str], object],
+        warn: Callable[[str], object],
         put: Callable[[str, object], object],
     ) -> None:
-        self._scale = MetricScale(hints)
+        self._scale = MetricScale(measurements)
         self._camera = camera
-        self._say, self._put = say, put
+        self._warn, self._put = warn, put
         self.now: MetricEstimate | None = None
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
@@ -61,12 +61,12 @@ class MetricSink:
         """Put the files of ``folder`` in metres; they must be complete."""
         fit = self._scale.fit()
         if fit is None:
-            self._say(NO_READING)
+            self._warn(NO_READING)
             self._put("metric", {"unit": "that of the trajectory", "note": NO_READING})
             return
         put_in_metres(folder, fit)
         for contradiction in fit.contradictions:
-            self._say(str(contradiction))
+            self._warn(str(contradiction))
         self._put("metric", _facts(fit))
 
 

@@ -1,4 +1,4 @@
-"""The files of a run in metres, once hints have told the scale."""
+"""The files of a run in metres, given the metric scale."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from farpoint.aiding import MetricFit
 from farpoint.errors import InputError
-from farpoint.hints import MetricFit
 from farpoint.sinks.files import replacing, text_output
 from farpoint.sinks.motions import COLUMNS as MOTIONS_COLUMNS
 from farpoint.sinks.positions import COLUMNS, PositionRow, iter_position_rows, position_line
@@ -76,7 +76,7 @@ def metric_covariance(
     stretch[3:6] = factor
     metric = covariance * np.outer(stretch, stretch)
     along = np.concatenate([np.zeros(3), position, [1.0]])
-    metric[6, :] = metric[:, 6] = 0.0  # the hints have told the scale
+    metric[6, :] = metric[:, 6] = 0.0  # the scale is measured
     return metric + sigma**2 * np.outer(along, along)
 
 
@@ -85,9 +85,9 @@ def _motions_in_metres(path: Path, fit: MetricFit, segments: dict[int, int]) -> 
         cells = line.split(",")
         if number and cells[_SCALE]:
             length, sigma = float(cells[_SCALE]), float(cells[_SCALE + 1] or 0.0)
-            factor, doubt = fit.at(float(cells[1]), segments.get(int(cells[3]), 0))
+            factor, scale_sigma = fit.at(float(cells[1]), segments.get(int(cells[3]), 0))
             cells[_SCALE] = repr(factor * length)
-            cells[_SCALE + 1] = repr(factor * math.hypot(sigma, doubt * length))
+            cells[_SCALE + 1] = repr(factor * math.hypot(sigma, scale_sigma * length))
         yield ",".join(cells)
 
 

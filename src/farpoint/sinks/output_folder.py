@@ -19,13 +19,13 @@ from farpoint.camera import write_camera
 from farpoint.errors import InputError
 from farpoint.metrics import SplitHalf
 from farpoint.odometry import LensReport, Odometry, OdometryResult
-from farpoint.options import settle_int
+from farpoint.options import coerce_int
 from farpoint.sinks.files import new_of, part_of, replacing, unwritable
 from farpoint.sinks.halves import HalvesFile
 from farpoint.sinks.lens import lens_facts
 from farpoint.sinks.lock import FolderLock
 from farpoint.sinks.motions import MotionsFile
-from farpoint.sinks.overlay import PALETTES, PaletteName, open_film, require_libraries
+from farpoint.sinks.overlay import PALETTES, PaletteName, open_video, require_libraries
 from farpoint.sinks.positions import PositionsFile, load_pyarrow, write_positions_parquet
 from farpoint.sinks.report import REPORT_NAME, write_report
 from farpoint.sinks.run_record import RunDescription, RunRecord, RunState
@@ -40,14 +40,14 @@ _PATH_FILES: dict[str, tuple[Callable[[Path], PathFile], str]] = {
     "positions": (PositionsFile, "positions.csv"),
 }
 _MOTIONS_NAME, _CAMERA_NAME = "motions.csv", "camera.yaml"
-_RECORD_NAME, _HALVES_NAME, _FILM_NAME = "run.json", "halves.csv", "overlay.mp4"
+_RECORD_NAME, _HALVES_NAME, _VIDEO_NAME = "run.json", "halves.csv", "overlay.mp4"
 _OUTPUTS = (
     REPORT_NAME,
     _MOTIONS_NAME,
     *(file for _, file in _PATH_FILES.values()),
     _CAMERA_NAME,
     _HALVES_NAME,
-    _FILM_NAME,
+    _VIDEO_NAME,
     "positions.parquet",
 )
 
@@ -79,7 +79,7 @@ class OutputOptions:
     parquet: bool = False
 
     def __post_init__(self) -> None:
-        settle_int(self, 0, "halves_every")
+        coerce_int(self, 0, "halves_every")
         if self.palette not in PALETTES:
             raise InputError(
                 f"expected one of {', '.join(PALETTES)}, got {self.palette!r}", field="palette"
@@ -100,8 +100,8 @@ class OutputFolder:
     run : RunDescription
         What is run.
     options : OutputOptions, optional
-    film_process : Popen, optional
-        Draws the overlay; from `start_film`, where it was started beforehand.
+    video_process : Popen, optional
+        Draws the overlay; from `start_video_process`, where it was started beforehand.
     lock : FolderLock, optional
         Of the folder, where the caller holds it already, and releases it.
 
@@ -125,7 +125,7 @@ class OutputFolder:
         folder: str | Path,
         run: RunDescription,
         options: OutputOptions | None = None,
-        film_process: subprocess.Popen[bytes] | None = None,
+        video_process: subprocess.Popen[bytes] | None = None,
         lock: FolderLock | None = None,
     ) -> None:
         self.path = Path(folder)
@@ -147,15 +147,15 @@ class OutputFolder:
             try:
                 self._record.reserve_room()
                 _remove_outputs(self.path)
-                self._open_sinks(run, film_process)
+                self._open_sinks(run, video_process)
             except BaseException as error:
                 with contextlib.suppress(InputError):  # the error that ended the run matters more
                     self._record.finish(*_verdict(error))
                 raise
-            self._held = opened.pop_all()
+            self._open_outputs = opened.pop_all()
 
     def _open_sinks(
-        self, run: RunDescription, film_process: subprocess.Popen[bytes] | None
+        self, run: RunDescription, video_process: subprocess.Popen[bytes] | None
     ) -> None:
         self._sinks: dict[str, Sink] = {}
         self._path_files: dict[str, PathFile] = {}
@@ -170,9 +170,9 @@ class OutputFolder:
                 self._halves = HalvesFile(self.path / _HALVES_NAME)
                 opened.callback(self._halves.close)
             if self._options.overlay:
-                film = self.path / _FILM_NAME
-                self._sinks["overlay"] = open_film(
-                    film, run.camera, self._options.palette, film_process, run.mask
+                video = self.path / _VIDEO_NAME
+                self._sinks["overlay"] = open_video(
+                    video, run.camera, self._options.palette, video_process, run.mask
                 )
             opened.pop_all()
 
@@ -193,7 +193,7 @@ class OutputFolder:
         self._last_frame = result.frame1
         self._record.write(result, image)
 
-    def settle(self, poses: Iterable[Posed]) -> None:
+    def write_final_poses(self, poses: Iterable[Posed]) -> None:
         """Add poses of the path that change no more: `Odometry.settled`, at the end `remaining`.
 
         Those of frames whose result was not written, since Ctrl-C came between, are left out.
@@ -208,10 +208,10 @@ class OutputFolder:
 
     def finish_path(self, odometry: Odometry) -> None:
         """Add what a run ends with, however it ends: the last poses, and what `tell` tells."""
-        self.settle(odometry.remaining())
-        self.tell(odometry)
+        self.write_final_poses(odometry.remaining())
+        self.write_lens_and_notes(odometry)
 
-    def tell(self, odometry: Odometry) -> None:
+    def write_lens_and_notes(self, odometry: Odometry) -> None:
         """Add the lens as found, times and notes."""
         if odometry.camera.size is not None:
             self.put_lens(odometry.lens)
@@ -265,16 +265,16 @@ class OutputFolder:
         if self._closed:
             return
         self._closed = True
-        with self._held:
-            met = [problem for step in self._last_of_all() if (problem := _attempt(step))]
-            state, error = _with_problems(state, error, met)
-            met += filter(None, [_attempt(partial(self._record.finish, state, error))])
+        with self._open_outputs:
+            problems = [problem for step in self._last_of_all() if (problem := _attempt(step))]
+            state, error = _with_problems(state, error, problems)
+            problems += filter(None, [_attempt(partial(self._record.finish, state, error))])
             if self._options.report and (problem := _attempt(partial(write_report, self.path))):
-                met.append(problem)
+                problems.append(problem)
                 state, error = _with_problems(state, error, [problem])
                 _attempt(partial(self._record.finish, state, error))
-        if met:
-            raise met[0]
+        if problems:
+            raise problems[0]
 
     def _last_of_all(self) -> list[Callable[[], object]]:
         """Steps that finish every output but the record and the report, which tell of them."""
@@ -334,10 +334,10 @@ def _verdict(error: BaseException) -> tuple[RunState, str | None]:
 
 
 def _with_problems(
-    state: RunState, error: str | None, met: list[BaseException]
+    state: RunState, error: str | None, problems: list[BaseException]
 ) -> tuple[RunState, str | None]:
     """The same where outputs could not be finished; Ctrl-C meanwhile does not keep them from it."""
-    problem = next((problem for problem in met if isinstance(problem, Exception)), None)
+    problem = next((problem for problem in problems if isinstance(problem, Exception)), None)
     if problem is None or error is not None:
         return state, error
     return RunState.FAILED if state is RunState.DONE else state, _one_line(problem)

@@ -59,7 +59,7 @@ class SinkProcess:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._calls, self._answers = self._process.stdin, self._process.stdout
-        self._unheard = 2  # answers to come: that it is loaded, and that the sink is made
+        self._outstanding = 2  # answers to come: that it is loaded, and that the sink is made
         self._lost = self._closed = False
         self._send(make)
 
@@ -90,8 +90,8 @@ class SinkProcess:
             self._process.wait()
 
     def _wait_until_open(self) -> None:
-        while self._unheard:
-            self._unheard -= 1
+        while self._outstanding:
+            self._outstanding -= 1
             self._receive()
 
     def _send(self, message: object) -> None:

@@ -33,7 +33,7 @@ def main() -> NoReturn:
     _answer(answers, None)  # all is loaded
     worker = _Worker()
     while (step := _next(messages)) is not None:
-        _answer(answers, _attempt(partial(worker.follow, step)))
+        _answer(answers, _attempt(partial(worker.handle, step)))
         del step  # an image that need not wait for the next one
     _answer(answers, _attempt(worker.close))
     # All is closed. The sink is not taken apart: a library that could not write would wait.
@@ -53,7 +53,7 @@ class _Worker:
     def __init__(self) -> None:
         self._sink: Sink | None = None
 
-    def follow(self, message: Any) -> None:
+    def handle(self, message: Any) -> None:
         if isinstance(message, tuple):
             method, arguments = message
             getattr(self._sink, method)(*arguments)

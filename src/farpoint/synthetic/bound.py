@@ -36,12 +36,12 @@ def cramer_rao_bound(scene: PointScene) -> np.ndarray:
         raise InputError("expected a scene with translation", field="scene")
     true = ~scene.is_outlier
     rays0, inverse_depth = scene.true_rays0[true], 1.0 / scene.depths[true]
-    turned = rays0 @ scene.rotation_cam1_from_cam0.T
+    rotated = rays0 @ scene.rotation_cam1_from_cam0.T
     # Everything is divided by the depth, so points at infinity take part.
     shift = np.linalg.norm(scene.translation_cam1_from_cam0) * inverse_depth[:, None]
-    project1 = scene.camera.model.project_jacobian(turned + shift * direction)
+    project1 = scene.camera.model.project_jacobian(rotated + shift * direction)
     by_direction = shift[:, :, None] * sphere.tangent_basis(direction)
-    by_pose = project1 @ np.concatenate([_cross_matrices(-turned), by_direction], axis=2)
+    by_pose = project1 @ np.concatenate([_cross_matrices(-rotated), by_direction], axis=2)
     # A point is its ray (two angles) and its inverse depth: finite for every depth.
     basis = sphere.tangent_basis(rays0)
     by_ray1 = scene.rotation_cam1_from_cam0 @ basis
@@ -65,10 +65,10 @@ def rotation_cramer_rao_bound(scene: PointScene) -> np.ndarray:
     if scene.direction_cam1_from_cam0 is not None:
         raise InputError("expected a scene without translation", field="scene")
     rays0 = scene.true_rays0[~scene.is_outlier]
-    turned = rays0 @ scene.rotation_cam1_from_cam0.T
+    rotated = rays0 @ scene.rotation_cam1_from_cam0.T
     basis = sphere.tangent_basis(rays0)
-    project1 = scene.camera.model.project_jacobian(turned)
-    by_pose = project1 @ _cross_matrices(-turned)
+    project1 = scene.camera.model.project_jacobian(rotated)
+    by_pose = project1 @ _cross_matrices(-rotated)
     by_ray1 = project1 @ scene.rotation_cam1_from_cam0 @ basis
     by_ray0 = scene.camera.model.project_jacobian(rays0) @ basis
     return _invert(_information(by_pose, by_ray1, by_ray0), scene.noise_px)

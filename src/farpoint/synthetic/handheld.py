@@ -10,7 +10,7 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
-from farpoint.options import settle_float, settle_int, settle_positive
+from farpoint.options import coerce_float, coerce_int, coerce_positive
 from farpoint.tracks import Tracks
 
 __all__ = ["HandheldTracks"]
@@ -51,10 +51,10 @@ class HandheldTracks:
     def __post_init__(self) -> None:
         if self.camera.size is None:
             raise InputError("expected a camera of known image size", field="camera")
-        settle_int(self, 1, "frames", "points")
-        settle_int(self, 0, "seed")
-        settle_positive(self, "noise_px", "fps")
-        settle_float(self, "0 or more", lambda value: value >= 0, "readout_s")
+        coerce_int(self, 1, "frames", "points")
+        coerce_int(self, 0, "seed")
+        coerce_positive(self, "noise_px", "fps")
+        coerce_float(self, "0 or more", lambda value: value >= 0, "readout_s")
 
     def __len__(self) -> int:
         return self.frames

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.errors import InputError
-from farpoint.options import settle_float, settle_int
+from farpoint.options import coerce_float, coerce_int
 
 __all__ = ["ImagingOptions"]
 
@@ -39,10 +39,10 @@ class ImagingOptions:
     exposure_samples: int = 5
 
     def __post_init__(self) -> None:
-        settle_float(self, "0 to 100", lambda grey: 0 <= grey <= 100, "noise_grey")
-        settle_float(self, "0 to 0.5", lambda share: 0 <= share <= 0.5, "exposure_swing")
-        settle_float(self, "0 to 1", lambda time: 0 <= time <= 1, "readout_s", "exposure_s")
-        settle_int(self, 1, "exposure_samples", most=99)
+        coerce_float(self, "0 to 100", lambda grey: 0 <= grey <= 100, "noise_grey")
+        coerce_float(self, "0 to 0.5", lambda share: 0 <= share <= 0.5, "exposure_swing")
+        coerce_float(self, "0 to 1", lambda time: 0 <= time <= 1, "readout_s", "exposure_s")
+        coerce_int(self, 1, "exposure_samples", most=99)
         if self.exposure_samples % 2 == 0:
             raise InputError(
                 f"expected an odd number, got {self.exposure_samples}", field="exposure_samples"

@@ -52,7 +52,7 @@ class InertialPath:
         """Velocity (3,) in the world, m/s."""
         return self._position(time_s, 1)
 
-    def felt(self, times_s: np.ndarray) -> ImuSteps:
+    def measured(self, times_s: np.ndarray) -> ImuSteps:
         """What a perfect IMU feels in the N steps between N + 1 times, s from the start."""
         dt = np.diff(times_s)[:, None]
         attitudes = self._attitude(times_s).as_matrix()
@@ -95,24 +95,24 @@ class SimulatedImu:
     ) -> SimulatedImu:
         """Feel a path at these times, from these first biases; the same seed feels the same."""
         rng = np.random.default_rng(seed)
-        felt = path.felt(times_s)
-        dt = felt.dt[:, None]
+        measured = path.measured(times_s)
+        dt = measured.dt[:, None]
 
         def walk(start: np.ndarray, density: float) -> np.ndarray:
-            steps = density * np.sqrt(dt) * rng.normal(size=felt.gyro.shape)
+            steps = density * np.sqrt(dt) * rng.normal(size=measured.gyro.shape)
             return start + np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
 
         def white(density: float) -> np.ndarray:
-            return density / np.sqrt(dt) * rng.normal(size=felt.gyro.shape)
+            return density / np.sqrt(dt) * rng.normal(size=measured.gyro.shape)
 
         gyro_biases = walk(gyro_bias, noise.gyro_walk)
         accel_biases = walk(accel_bias, noise.accel_walk)
         return cls(
             times_s=times_s,
             steps=ImuSteps(
-                gyro=felt.gyro + gyro_biases[:-1] + white(noise.gyro_density),
-                accel=felt.accel + accel_biases[:-1] + white(noise.accel_density),
-                dt=felt.dt,
+                gyro=measured.gyro + gyro_biases[:-1] + white(noise.gyro_density),
+                accel=measured.accel + accel_biases[:-1] + white(noise.accel_density),
+                dt=measured.dt,
             ),
             gyro_bias=gyro_biases,
             accel_bias=accel_biases,

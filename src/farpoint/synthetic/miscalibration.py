@@ -8,7 +8,7 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.errors import InputError
-from farpoint.options import settle_float, settle_int
+from farpoint.options import coerce_float, coerce_int
 
 __all__ = ["Miscalibration"]
 
@@ -42,9 +42,9 @@ class Miscalibration:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        settle_float(self, "-0.5 to 0.5", lambda share: -0.5 <= share <= 0.5, "focal_share")
-        settle_float(self, "0 or more px", lambda moved: moved >= 0, "distortion_px")
-        settle_int(self, 0, "seed")
+        coerce_float(self, "-0.5 to 0.5", lambda share: -0.5 <= share <= 0.5, "focal_share")
+        coerce_float(self, "0 or more px", lambda moved: moved >= 0, "distortion_px")
+        coerce_int(self, 0, "seed")
         if np.shape(self.center_px) != (2,) or not np.isfinite(self.center_px).all():
             raise InputError(f"expected two numbers, got {self.center_px!r}", field="center_px")
 

@@ -12,7 +12,7 @@ import numpy as np
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3, sphere
-from farpoint.options import settle_float, settle_int
+from farpoint.options import coerce_float, coerce_int
 
 __all__ = ["OutlierKind", "PointScene", "PointSceneOptions", "make_point_scene"]
 
@@ -76,12 +76,12 @@ class PointSceneOptions:
     def __post_init__(self) -> None:
         if self.camera.size is None:
             raise InputError("expected a camera of known image size", field="camera")
-        settle_int(self, 1, "matches")
-        settle_int(self, 0, "outliers")
+        coerce_int(self, 1, "matches")
+        coerce_int(self, 0, "outliers")
         if self.outliers > self.matches:
             raise InputError(f"expected 0 to {self.matches}, got {self.outliers}", field="outliers")
-        settle_float(self, "0 to 1", lambda share: 0 <= share <= 1, "far_share")
-        settle_float(self, "0 or more px", lambda noise: noise >= 0, "noise_px")
+        coerce_float(self, "0 to 1", lambda share: 0 <= share <= 1, "far_share")
+        coerce_float(self, "0 or more px", lambda noise: noise >= 0, "noise_px")
         for name in ("near_range_m", "far_range_m"):
             low, high = getattr(self, name)
             if not 0.0 < low <= high or (math.isinf(high) and not math.isinf(low)):
@@ -277,7 +277,7 @@ def _onto_epipolar_line(
 ) -> np.ndarray:
     """Nearest point, as an angle, on the epipolar line of ``pixels0`` for each of ``pixels1``."""
     R = so3.exp(np.array(options.rotation_vector_rad))
-    turned = options.camera.unproject(pixels0) @ R.T
-    normals = sphere.normalize(np.cross(np.array(options.translation_m), turned))
+    rotated = options.camera.unproject(pixels0) @ R.T
+    normals = sphere.normalize(np.cross(np.array(options.translation_m), rotated))
     rays1 = options.camera.unproject(pixels1)
     return options.camera.project(rays1 - normals * np.sum(rays1 * normals, 1, keepdims=True))

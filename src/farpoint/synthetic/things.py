@@ -108,10 +108,10 @@ def line_street(
     def place(along: float, aside: float) -> tuple[float, float]:
         return (x + aside, z + along) if along_z else (x + along, z + aside)
 
-    turned = 0.0 if along_z else math.pi / 2
+    line_yaw = 0.0 if along_z else math.pi / 2
     for side in (-1.0, 1.0):
         if rng.random() < 0.4:
-            yaw = turned + rng.normal(0.0, 0.02)
+            yaw = line_yaw + rng.normal(0.0, 0.02)
             _park_car(shapes, rng, *place(rng.uniform(-3.5, 3.5), side * 4.9), yaw)
         if rng.random() < 0.5:
             shapes.begin()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.errors import InputError
-from farpoint.options import settle_float, settle_positive
+from farpoint.options import coerce_float, coerce_positive
 from farpoint.synthetic.paths import START, times_of, trajectory_of
 from farpoint.trajectory.files import Trajectory
 
@@ -47,11 +47,11 @@ class HandheldOptions:
     tremor_deg: float = 0.2
 
     def __post_init__(self) -> None:
-        settle_float(self, "-5 to 5", lambda speed: -5 <= speed <= 5, "speed_m_s")
-        settle_positive(self, "step_hz")
-        settle_float(self, "0 to 0.2", lambda bob: 0 <= bob <= 0.2, "bob_m")
-        settle_float(self, "0 to 60", lambda angle: 0 <= angle <= 60, "look_deg")
-        settle_float(self, "0 to 5", lambda angle: 0 <= angle <= 5, "tremor_deg")
+        coerce_float(self, "-5 to 5", lambda speed: -5 <= speed <= 5, "speed_m_s")
+        coerce_positive(self, "step_hz")
+        coerce_float(self, "0 to 0.2", lambda bob: 0 <= bob <= 0.2, "bob_m")
+        coerce_float(self, "0 to 60", lambda angle: 0 <= angle <= 60, "look_deg")
+        coerce_float(self, "0 to 5", lambda angle: 0 <= angle <= 5, "tremor_deg")
 
 
 def handheld_walk(

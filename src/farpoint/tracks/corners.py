@@ -1,4 +1,4 @@
-"""Corners to track: Shi and Tomasi, "Good Features to Track", CVPR 1994, spread over the image."""
+"""Corner detection, evenly spread: Shi and Tomasi, "Good Features to Track", CVPR 1994."""
 
 from __future__ import annotations
 
@@ -19,21 +19,20 @@ def find_corners(
     options: CornerOptions,
     mask: np.ndarray | None = None,
 ) -> np.ndarray:
-    """New corners where tracks are missing.
+    """Detect new corners in image cells with few tracks.
 
-    The image is divided into cells. Every new corner goes to the cell that holds the fewest points
-    among those that still offer one, the strongest corner of a cell first.
+    Each new corner is the strongest candidate of the cell with the fewest points.
 
     Parameters
     ----------
     image : ndarray of uint8, shape (H, W)
         Grey values.
     points : ndarray, shape (N, 2)
-        Pixels of the tracks that are there already.
+        Pixels of the existing tracks.
     count : int
-        Number of corners wanted; fewer are returned where the image has no more.
+        Largest number of corners.
     border : int
-        Distance to keep from the border of the image, px.
+        Least distance from the border of the image, px.
     options : CornerOptions
         Spacing and strength.
     mask : ndarray of bool, shape (H, W), optional
@@ -47,41 +46,41 @@ def find_corners(
     empty = np.empty((0, 2))
     if count <= 0 or min(image.shape) <= 2 * border:
         return empty
-    taken = np.zeros(image.shape, bool) if mask is None else ~mask
-    cover(np.rint(points).astype(np.int64), taken, options.min_distance_px - 1)
-    candidates, strength = _local_maxima(image, border, taken, options)
+    occupied = np.zeros(image.shape, bool) if mask is None else ~mask
+    cover(np.rint(points).astype(np.int64), occupied, options.min_distance_px - 1)
+    candidates, strength = _local_maxima(image, border, occupied, options)
     rank = _rank_in_cell(candidates, strength, points, image.shape, options.cell_px)
     candidates = candidates[np.lexsort((-strength, rank))]
-    chosen = thin_out(candidates, taken, options.min_distance_px - 1, count)
+    chosen = thin_out(candidates, occupied, options.min_distance_px - 1, count)
     return candidates[chosen].astype(np.float64)
 
 
 def thin_out(
-    points: np.ndarray, taken: np.ndarray, reach: int, count: int | None = None
+    points: np.ndarray, occupied: np.ndarray, reach: int, count: int | None = None
 ) -> np.ndarray:
-    """Indices of the points that do not lie in places taken, in their order.
+    """Indices of the points outside the occupied mask, in their order.
 
-    Every point accepted takes the pixels within ``reach`` along either axis; ``taken`` (H, W), of
-    bool, is updated. Stops after ``count`` points.
+    Every accepted point marks the pixels within ``reach`` along either axis in ``occupied``, bool
+    (H, W). Stops after ``count`` points.
     """
     limit = len(points) if count is None else count
     kept = np.empty(len(points), np.int64)
-    count = take_places(np.rint(points).astype(np.int64), taken, reach, limit, kept)
+    count = take_places(np.rint(points).astype(np.int64), occupied, reach, limit, kept)
     return kept[:count]
 
 
 def _local_maxima(
-    image: np.ndarray, border: int, taken: np.ndarray, options: CornerOptions
+    image: np.ndarray, border: int, occupied: np.ndarray, options: CornerOptions
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (M, 2) and strengths (M,) of the corners that outdo their neighbours."""
+    """Pixels (M, 2) and strengths (M,) of the local maxima of corner strength."""
     strength = np.empty(image.shape, np.float32)
     corner_strength(np.ascontiguousarray(image), options.block_px, strength)
     reach = max(1, options.min_distance_px // 2)
     rows, columns = (-(-length // (reach + 1)) for length in image.shape)
-    places = np.empty((rows * columns, 2), np.int64)
-    count = strongest_places(strength, options.min_slope**2, reach, border, taken, places)
-    places = places[:count]
-    return places, strength[places[:, 1], places[:, 0]]
+    peaks = np.empty((rows * columns, 2), np.int64)
+    count = strongest_places(strength, options.min_slope**2, reach, border, occupied, peaks)
+    peaks = peaks[:count]
+    return peaks, strength[peaks[:, 1], peaks[:, 0]]
 
 
 def _rank_in_cell(
@@ -91,7 +90,7 @@ def _rank_in_cell(
     shape: tuple[int, int],
     cell_px: int,
 ) -> np.ndarray:
-    """Number of points each candidate's cell holds if its stronger candidates are taken first."""
+    """Points in each candidate's cell, its stronger candidates included."""
     columns = -(-shape[1] // cell_px)
     rows = -(-shape[0] // cell_px)
 
@@ -99,10 +98,10 @@ def _rank_in_cell(
         column, row = (np.rint(pixels).astype(np.intp) // cell_px).T
         return row * columns + column
 
-    held = np.bincount(cell_of(points), minlength=rows * columns)
+    occupancy = np.bincount(cell_of(points), minlength=rows * columns)
     cell = cell_of(candidates)
     order = np.lexsort((-strength, cell))
     first = np.searchsorted(cell[order], cell[order])
     rank = np.empty(len(candidates), np.intp)
-    rank[order] = held[cell[order]] + np.arange(len(candidates)) - first
+    rank[order] = occupancy[cell[order]] + np.arange(len(candidates)) - first
     return rank

@@ -1,4 +1,4 @@
-"""Points found again: pyramidal Lucas-Kanade, forward and back."""
+"""Pyramidal Lucas-Kanade tracking with a forward-backward check."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from farpoint._kernels.windows import Patience
 from farpoint.tracks.options import LucasKanadeOptions
 from farpoint.tracks.pyramid import Pyramid
 
-__all__ = ["follow"]
+__all__ = ["track_points"]
 
-_SCOUTS = 40  # so many points, spread over all, tell how far off the others begin
-_MIN_SCOUTS = 10
-_MIN_FOUND = 0.5  # of the scouts: fewer tell nothing
-_USUAL_SHARE = 0.9  # of the scouts, whose misses count as usual
-# A level must reach so many times the usual miss: Lucas-Kanade is sure of a fraction of its
-# window only, and the way back must not be too short to go astray on.
+_PROBES = 40  # points tracked first, evenly spaced: their displacement sets the start level
+_MIN_PROBES = 10
+_MIN_FOUND = 0.5  # share of the probes that must be found
+_INLIER_QUANTILE = 0.9  # of the probes' displacements, which the start level must reach
+# Reach of the start level over that quantile: Lucas-Kanade converges reliably only within a part of
+# its window.
 _MARGIN = 4.0
 
 
-def follow(
+def track_points(
     image0: Pyramid,
     image1: Pyramid,
     points0: np.ndarray,
     start: np.ndarray,
     options: LucasKanadeOptions,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Positions in the second image of points in the first, to a fraction of a pixel.
+    """Positions in the second image of points in the first.
 
-    Every point is followed forward and back (Kalal et al., "Forward-Backward Error", ICPR 2010,
-    doi:10.1109/ICPR.2010.675). The way back begins as far from its goal as the way forth did, so
-    that a wrong match cannot return by starting at the answer.
+    Every point is tracked forward and backward (Kalal et al., "Forward-Backward Error", ICPR 2010,
+    doi:10.1109/ICPR.2010.675). The backward pass starts as far from ``points0`` as the forward pass
+    started from its result, so that a wrong match cannot return by starting at the answer.
 
-    A few points go first, from the coarsest level. They tell how far from the truth `start` is;
-    the others begin on a level that reaches that far.
+    A subset of probes is tracked first, from the coarsest level. The 0.9 quantile of their
+    distances from ``start`` selects the level at which the other points start.
 
     Parameters
     ----------
@@ -43,43 +43,43 @@ def follow(
     points0 : ndarray of float64, shape (N, 2)
         Pixels in the first image.
     start : ndarray of float64, shape (N, 2)
-        Where to begin in the second: predicted positions, or ``points0`` again.
+        Initial pixels in the second image: predicted positions, or ``points0``.
     options : LucasKanadeOptions
-        Window, pyramid and bounds.
+        Window, pyramid and limits.
 
     Returns
     -------
     points1 : ndarray of float64, shape (N, 2)
         Pixels in the second image; NaN where not found.
     found : ndarray of bool, shape (N,)
-        Whether the point came back.
+        Whether the forward-backward error is within its limit.
     """
     points1 = np.full(points0.shape, np.nan)
     every = np.arange(len(points0))
-    first = np.s_[:: max(len(points0) // _SCOUTS, 1)]
-    scouts, others = every[first], np.delete(every, first)
+    first = np.s_[:: max(len(points0) // _PROBES, 1)]
+    probes, others = every[first], np.delete(every, first)
     coarsest = len(image0.layout) - 1
-    points1[scouts] = _there_and_back(
-        image0, image1, points0[scouts], start[scouts], coarsest, options
+    points1[probes] = _forward_backward(
+        image0, image1, points0[probes], start[probes], coarsest, options
     )
-    level = _level_needed(points1[scouts] - start[scouts], coarsest, options)
-    points1[others] = _there_and_back(
+    level = _start_level(points1[probes] - start[probes], coarsest, options)
+    points1[others] = _forward_backward(
         image0, image1, points0[others], start[others], level, options
     )
     return points1, ~np.isnan(points1[:, 0])
 
 
-def _level_needed(misses: np.ndarray, coarsest: int, options: LucasKanadeOptions) -> int:
-    """Level to begin on, given by how much (N, 2) the scouts began off; NaN where lost."""
-    miss_px = np.linalg.norm(misses, axis=1)
-    miss_px = miss_px[~np.isnan(miss_px)]
-    if len(miss_px) < max(_MIN_SCOUTS, _MIN_FOUND * len(misses)):
+def _start_level(offsets: np.ndarray, coarsest: int, options: LucasKanadeOptions) -> int:
+    """Pyramid level whose window covers the displacements (N, 2) of the probes; NaN where lost."""
+    offset_px = np.linalg.norm(offsets, axis=1)
+    offset_px = offset_px[~np.isnan(offset_px)]
+    if len(offset_px) < max(_MIN_PROBES, _MIN_FOUND * len(offsets)):
         return coarsest
-    windows = _MARGIN * np.quantile(miss_px, _USUAL_SHARE) / (options.window_px / 2)
+    windows = _MARGIN * np.quantile(offset_px, _INLIER_QUANTILE) / (options.window_px / 2)
     return min(coarsest, max(0, int(np.ceil(np.log2(max(windows, 1.0))))))
 
 
-def _there_and_back(
+def _forward_backward(
     image0: Pyramid,
     image1: Pyramid,
     points0: np.ndarray,
@@ -87,7 +87,7 @@ def _there_and_back(
     level: int,
     options: LucasKanadeOptions,
 ) -> np.ndarray:
-    """Pixels (N, 2) in the second image; NaN where they do not lead back."""
+    """Pixels (N, 2) in the second image; NaN where the forward-backward check fails."""
     points1 = np.empty(points0.shape)
     follow_windows(
         Levels(image0.values, image0.layout[: level + 1]),

@@ -1,32 +1,32 @@
-"""What a user can choose about tracking: one record for each stage."""
+"""Options of the tracker, one record for each stage."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 from farpoint.errors import InputError
-from farpoint.options import settle_float, settle_int, settle_positive
+from farpoint.options import coerce_float, coerce_int, coerce_positive
 
 __all__ = ["CornerOptions", "LucasKanadeOptions", "RefinementOptions", "TrackerOptions"]
 
-_LARGEST_WINDOW_PX = 255  # time and memory grow with the square
+_LARGEST_WINDOW_PX = 255  # time and memory are quadratic in it
 
 
 @dataclass(frozen=True, kw_only=True)
 class CornerOptions:
-    """Where new tracks begin.
+    """Options of corner detection.
 
     Attributes
     ----------
     cell_px : int
-        Width and height of the cells over which tracks are spread, px.
+        Side of the cells over which tracks are balanced, px.
     min_distance_px : int
-        No new track begins nearer to another, px along either axis.
+        Least distance of a new track from another along either axis, px.
     block_px : int
-        Width of the window over which gradients are gathered, px.
+        Width of the window of the structure tensor, px.
     min_slope : float
-        Root-mean-square slope that a corner must have in its weakest direction, grey levels per
-        px. Image noise of standard deviation s alone makes a slope of about 0.43 s.
+        Least RMS gradient of a corner in its weakest direction, grey levels per px. Image noise of
+        standard deviation s has an RMS gradient of about 0.43 s.
     """
 
     cell_px: int = 64
@@ -35,28 +35,28 @@ class CornerOptions:
     min_slope: float = 1.5
 
     def __post_init__(self) -> None:
-        settle_int(self, 4, "cell_px")
-        settle_int(self, 1, "min_distance_px")
-        settle_int(self, 2, "block_px", most=_LARGEST_WINDOW_PX)
-        settle_positive(self, "min_slope")
+        coerce_int(self, 4, "cell_px")
+        coerce_int(self, 1, "min_distance_px")
+        coerce_int(self, 2, "block_px", most=_LARGEST_WINDOW_PX)
+        coerce_positive(self, "min_slope")
 
 
 @dataclass(frozen=True, kw_only=True)
 class LucasKanadeOptions:
-    """How points are found again, to a fraction of a pixel.
+    """Options of pyramidal Lucas-Kanade.
 
     Attributes
     ----------
     window_px : int
         Width of the matched window, px, odd.
     levels : int
-        Times the image is halved: motion up to about ``window_px / 2 * 2**levels`` px is followed.
+        Number of halvings: motion up to about ``window_px / 2 * 2**levels`` px is tracked.
     max_iterations : int
-        Bound on the steps at every level.
+        Iterations at every level.
     tolerance_px : float
-        Steps end when they are shorter, px.
+        Iterations end below this step, px.
     forward_backward_px : float
-        A track followed forward and back must come out no farther from its start, px.
+        Limit of the forward-backward error, px.
     """
 
     window_px: int = 11
@@ -66,25 +66,25 @@ class LucasKanadeOptions:
     forward_backward_px: float = 1.0
 
     def __post_init__(self) -> None:
-        settle_int(self, 5, "window_px", most=_LARGEST_WINDOW_PX)
-        settle_int(self, 0, "levels")
-        settle_int(self, 1, "max_iterations")
+        coerce_int(self, 5, "window_px", most=_LARGEST_WINDOW_PX)
+        coerce_int(self, 0, "levels")
+        coerce_int(self, 1, "max_iterations")
         _check_odd(self, "window_px")
-        settle_positive(self, "tolerance_px", "forward_backward_px")
+        coerce_positive(self, "tolerance_px", "forward_backward_px")
 
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementOptions:
-    """How matches become precise, what they may be, and what is known beforehand about the warp.
+    """Options of the sub-pixel refinement: window, priors and acceptance.
 
     Attributes
     ----------
     window_px : int
         Width of the matched window, px, odd.
     max_iterations : int
-        Bound on the steps.
+        Largest number of iterations.
     tolerance_px : float
-        Steps end when they are shorter, px.
+        Iterations end below this step, px.
     affine_sigma : float
         Prior 1-sigma of every element of the window's linear distortion (scale, shear, turn).
     gain_sigma : float
@@ -92,12 +92,12 @@ class RefinementOptions:
     offset_sigma : float
         Prior 1-sigma of the change of brightness, grey levels.
     noise_floor : float
-        Least 1-sigma by which two windows are expected to differ, grey levels; above it the
-        residual tells how much the priors weigh.
+        Least 1-sigma of the difference of two windows, grey levels; the residual is used where
+        it is larger.
     max_shift_px : float
-        A refinement that moves a point farther has gone astray, px.
+        Largest shift by the refinement, px; larger ones are rejected.
     min_correlation : float
-        Windows that correlate less do not show the same thing, -1 to 1.
+        Least normalised correlation of the windows, -1 to 1.
     """
 
     window_px: int = 15
@@ -111,12 +111,12 @@ class RefinementOptions:
     min_correlation: float = 0.7
 
     def __post_init__(self) -> None:
-        settle_int(self, 9, "window_px", most=_LARGEST_WINDOW_PX)
-        settle_int(self, 1, "max_iterations")
+        coerce_int(self, 9, "window_px", most=_LARGEST_WINDOW_PX)
+        coerce_int(self, 1, "max_iterations")
         _check_odd(self, "window_px")
-        settle_positive(self, "tolerance_px", "affine_sigma", "gain_sigma", "offset_sigma")
-        settle_positive(self, "noise_floor", "max_shift_px")
-        settle_float(
+        coerce_positive(self, "tolerance_px", "affine_sigma", "gain_sigma", "offset_sigma")
+        coerce_positive(self, "noise_floor", "max_shift_px")
+        coerce_float(
             self, "a correlation in [-1, 1]", lambda value: -1 <= value <= 1, "min_correlation"
         )
 
@@ -128,13 +128,13 @@ class TrackerOptions:
     Attributes
     ----------
     max_tracks : int
-        Tracks are replenished up to this number; more are more precise and take longer.
+        Tracks are replenished up to this number.
     corners : CornerOptions
-        Where new tracks begin.
+        Corner detection.
     matching : LucasKanadeOptions
-        How points are found again.
+        Lucas-Kanade tracking.
     refinement : RefinementOptions
-        How their positions become precise.
+        Sub-pixel refinement.
     """
 
     max_tracks: int = 700
@@ -143,7 +143,7 @@ class TrackerOptions:
     refinement: RefinementOptions = field(default_factory=RefinementOptions)
 
     def __post_init__(self) -> None:
-        settle_int(self, 1, "max_tracks")
+        coerce_int(self, 1, "max_tracks")
 
 
 def _check_odd(options: object, name: str) -> None:

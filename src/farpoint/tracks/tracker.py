@@ -1,4 +1,4 @@
-"""Tracks that live from frame to frame."""
+"""Tracking of corners over an image sequence."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ import numpy as np
 from farpoint.errors import InputError
 from farpoint.tracks.corners import find_corners, thin_out
 from farpoint.tracks.defects import DefectivePixels
-from farpoint.tracks.lucas_kanade import follow
+from farpoint.tracks.lucas_kanade import track_points
 from farpoint.tracks.options import TrackerOptions
 from farpoint.tracks.pyramid import Pyramid, build_pyramid
 from farpoint.tracks.refinement import refine, window_reach
-from farpoint.tracks.row_brightness import even_rows, row_gains, with_row_gains
+from farpoint.tracks.row_brightness import normalize_rows, remove_row_gains, row_gains
 from farpoint.tracks.tracks import Tracks
 
 __all__ = ["Tracker", "grey_size"]
 
 Predict = Callable[[np.ndarray], np.ndarray]
 
-_WARP_STEP_PX = 4.0  # to either side: half of a window, over which the lens is about affine
-_ROUNDS = 2  # of learning how bright rows are from tracks, and finding tracks by that
-_MOST_AVERAGED = 20  # images whose bands are averaged
-_LARGEST_WARP = 0.5  # elements farther off the identity are a seam or the edge of a field
+_WARP_STEP_PX = 4.0  # step of central differences: half a window
+_ROUNDS = 2  # alternations of estimating row gains and matching
+_MAX_AVERAGED = 20  # images over which row gains are averaged
+_LARGEST_WARP = 0.5  # larger deviations from identity occur at a seam or the field's border
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Reference:
-    """The image that the next one is compared with, and the tracks alive in it."""
+    """Reference image and its tracks."""
 
     pyramid: Pyramid
     ids: np.ndarray
@@ -37,17 +37,14 @@ class _Reference:
 
 
 class Tracker:
-    """Follows corners through a sequence of images.
+    """Tracks corners through a sequence of images.
 
-    Every image is compared with the reference, the last image that was advanced to. Comparing
-    changes nothing, so that the caller decides what becomes of an image: the next reference
-    (`advance`), with the tracks that proved good; the beginning of something new (`restart`); or
-    nothing, and the next image is compared with the same reference again. `track` is `match` and
-    `advance` in one.
+    `match` compares an image with the reference and leaves the tracker unchanged. The caller then
+    makes the image the next reference with its inlier tracks (`advance`), starts new tracks in it
+    (`restart`), or keeps the reference. `track` is `match` and `advance`.
 
-    Pixels of the sensor that are hot or dead are found as the image moves, and are not seen from
-    then on (`DefectivePixels`). Where the light changes row by row, as mains light does under a
-    rolling shutter, images are compared as if it had not (`row_gains`).
+    Hot and dead pixels are detected and interpolated (`DefectivePixels`). Row-wise gain changes, as
+    of mains light under a rolling shutter, are estimated and removed (`row_gains`).
 
     Equal images, options and calls give equal tracks, bit for bit.
 
@@ -56,14 +53,14 @@ class Tracker:
     options : TrackerOptions, optional
         Number of tracks, spacing, windows and thresholds.
     mask : ndarray of bool, shape (H, W), optional
-        True where tracks may be; False on what moves with the camera, such as a bonnet, and where
-        the lens sees nothing (`trackable_region`).
+        True where tracks may lie; False on parts of the vehicle, such as a bonnet, and outside the
+        lens' field (`trackable_region`).
 
     Examples
     --------
     >>> tracker = Tracker(TrackerOptions(max_tracks=300))
     >>> texture = np.random.default_rng(0).integers(0, 255, (60, 80)).astype(np.uint8)
-    >>> len(tracker.track(texture))  # the first image has nothing to be compared with
+    >>> len(tracker.track(texture))  # the first image has no reference
     0
     >>> tracks = tracker.track(texture)
     >>> len(tracks) > 0 and bool(np.all(tracks.points0 == tracks.points1))
@@ -75,19 +72,19 @@ class Tracker:
         self._mask = None if mask is None else _checked_mask(mask)
         self._defects = DefectivePixels()
         self._reference: _Reference | None = None
-        # Of the image that was matched last, and how much brighter its rows are than before.
+        # Pyramid of the last matched image, and its row gains over the reference.
         self._matched: tuple[Pyramid, np.ndarray | None] | None = None
-        self._averaged = 1  # images whose bands of brightness the reference's are the mean of
+        self._images_averaged = 1  # images over which the reference's row gains are averaged
         self._next_id = 0
 
     @property
     def ids(self) -> np.ndarray:
-        """Identities of the tracks alive in the reference, int64, shape (N,), ascending."""
+        """Identities of the reference's tracks, int64, shape (N,), ascending."""
         return np.empty(0, np.int64) if self._reference is None else self._reference.ids.copy()
 
     @property
     def points(self) -> np.ndarray:
-        """Their pixels, shape (N, 2)."""
+        """Pixels of the reference's tracks, shape (N, 2)."""
         return np.empty((0, 2)) if self._reference is None else self._reference.points.copy()
 
     def track(self, image: np.ndarray, predict: Predict | None = None) -> Tracks:
@@ -97,27 +94,26 @@ class Tracker:
         return tracks
 
     def match(self, image: np.ndarray, predict: Predict | None = None) -> Tracks:
-        """Find the reference's tracks in an image; the tracker stays as it is.
+        """Find the reference's tracks in an image; the tracker stays unchanged.
 
         Parameters
         ----------
         image : ndarray of uint8, shape (H, W)
             Grey values.
         predict : callable, optional
-            Takes pixels (N, 2) in the reference, returns where they are expected (N, 2), such as
-            by the last motion; where it returns NaN nothing is expected. A wrong prediction costs
-            time, not tracks. It is also asked a few pixels beside them, which tells how the windows
-            will change their shapes.
+            Maps pixels (N, 2) of the reference to expected pixels (N, 2) in the image; NaN where
+            unknown. It is also evaluated at neighbouring pixels, for the expected warps. After a
+            wrong prediction tracks are matched once more without it.
 
         Returns
         -------
         Tracks
-            None without a reference, on an image without texture, and where nothing fits.
+            Empty without a reference, without texture, and where no window matches.
 
         Raises
         ------
         InputError
-            Where the image is not uint8 of two dimensions, or not of the reference's size.
+            Where the image is not two-dimensional uint8, or not of the reference's size.
         """
         image = _checked_image(image)
         reference = self._reference
@@ -132,55 +128,55 @@ class Tracker:
         image = self._defects.repaired(image)
         pyramid = build_pyramid(image, self.options.matching)
         self._matched = pyramid, None
-        tracks = found = self._predicted_or_not(reference, pyramid, predict)
+        tracks = found = self._match_with_fallback(reference, pyramid, predict)
         if 2 * len(tracks) < len(reference.ids):
-            found = self._found_in_even_rows(reference, pyramid, predict)
+            found = self._match_normalized_rows(reference, pyramid, predict)
         for _ in range(_ROUNDS):
             gains = row_gains(reference.pyramid, pyramid, found)
             if gains is None:
                 break
-            adapted = build_pyramid(with_row_gains(image, gains), self.options.matching)
-            tracks = found = self._predicted_or_not(reference, adapted, predict)
+            adapted = build_pyramid(remove_row_gains(image, gains), self.options.matching)
+            tracks = found = self._match_with_fallback(reference, adapted, predict)
             self._matched = pyramid, gains
         return tracks
 
-    def _found_in_even_rows(
+    def _match_normalized_rows(
         self, reference: _Reference, pyramid: Pyramid, predict: Predict | None
     ) -> Tracks:
-        """Bands of brightness may lose most tracks; these are found in spite of them."""
+        """Match images with normalised rows, since row gains may lose most tracks."""
         even0, even1 = (
-            build_pyramid(even_rows(lit.image), self.options.matching)
-            for lit in (reference.pyramid, pyramid)
+            build_pyramid(normalize_rows(level.image), self.options.matching)
+            for level in (reference.pyramid, pyramid)
         )
-        return self._predicted_or_not(replace(reference, pyramid=even0), even1, predict)
+        return self._match_with_fallback(replace(reference, pyramid=even0), even1, predict)
 
-    def _predicted_or_not(
+    def _match_with_fallback(
         self, reference: _Reference, pyramid: Pyramid, predict: Predict | None
     ) -> Tracks:
-        tracks = self._found(reference, pyramid, *_predicted(predict, reference.points))
+        tracks = self._match(reference, pyramid, *_predicted(predict, reference.points))
         if predict is not None and 2 * len(tracks) < len(reference.ids):
-            # A prediction that loses most tracks may itself be the fault.
-            unpredicted = self._found(reference, pyramid, *_predicted(None, reference.points))
+            # Without the prediction, which may be wrong.
+            unpredicted = self._match(reference, pyramid, *_predicted(None, reference.points))
             tracks = max(tracks, unpredicted, key=len)
         return tracks
 
     def sees_texture(self, image: np.ndarray) -> bool:
-        """Whether an image has corners enough, a hundredth of the tracks wanted, to begin with."""
+        """Whether an image has at least max(8, 1 %) of the requested corners."""
         image = self._defects.repaired(_checked_image(image))
         wanted = max(self.options.max_tracks // 100, 8)
         return len(self._new_corners(image, np.empty((0, 2)), wanted)) == wanted
 
     def advance(self, image: np.ndarray, tracks: Tracks) -> None:
-        """Make ``image`` the reference: the tracks given live on in it, missing ones are begun.
+        """Make ``image`` the reference with the given tracks; missing tracks are detected anew.
 
-        Where tracks have run together the oldest goes on.
+        Of tracks that have converged the oldest is kept.
 
         Parameters
         ----------
         image : ndarray of uint8, shape (H, W)
-            The image that `match` has seen.
+            The image given to `match`.
         tracks : Tracks
-            What `match` returned, or the part of it that proved good (`Tracks.select`).
+            Result of `match`, or its inliers (`Tracks.select`).
         """
         image = _checked_image(image)
         self._defects.learn(image, tracks)
@@ -193,7 +189,7 @@ class Tracker:
         ids, points = ids[alive], points[alive]
         new = self._new_corners(image, points, self.options.max_tracks - len(points))
         new_ids = np.arange(self._next_id, self._next_id + len(new), dtype=np.int64)
-        new = new + _fractions(new_ids)
+        new = new + _subpixel_offsets(new_ids)
         self._next_id += len(new)
         self._reference = _Reference(
             pyramid=self._pyramid_of(image),
@@ -202,30 +198,30 @@ class Tracker:
         )
 
     def restart(self, image: np.ndarray) -> None:
-        """Make ``image``, of any size, the reference; all tracks begin anew, under new ids."""
+        """Make ``image``, of any size, the reference, with new tracks and new ids."""
         self.advance(image, Tracks.empty())
 
     def _pyramid_of(self, image: np.ndarray) -> Pyramid:
-        """The image's pyramid, which `match` has mostly built before."""
+        """Pyramid of the image; reused where `match` has built it."""
         matched, self._matched = self._matched, None
-        # Looked at, not remembered: a caller may fill the same array with the next image.
+        # Compared by value: a caller may reuse the same array for the next image.
         if matched is None or not np.array_equal(matched[0].image, image):
-            self._averaged = 1
+            self._images_averaged = 1
             return build_pyramid(image, self.options.matching)
         pyramid, gains = matched
         if gains is None:
             return pyramid
-        # Bands that move average out, and errors of the gains do not add up.
-        self._averaged = min(self._averaged + 1, _MOST_AVERAGED)
-        gains = gains ** (1.0 - 1.0 / self._averaged)
-        return build_pyramid(with_row_gains(image, gains), self.options.matching)
+        # Averaging removes moving bands, and errors of the gains do not accumulate.
+        self._images_averaged = min(self._images_averaged + 1, _MAX_AVERAGED)
+        gains = gains ** (1.0 - 1.0 / self._images_averaged)
+        return build_pyramid(remove_row_gains(image, gains), self.options.matching)
 
     def _new_corners(self, image: np.ndarray, points: np.ndarray, count: int) -> np.ndarray:
         reach = window_reach(self.options.refinement)
         corners = self.options.corners
         return find_corners(image, points, count, reach, corners, self._mask_for(image))
 
-    def _found(
+    def _match(
         self,
         reference: _Reference,
         pyramid: Pyramid,
@@ -233,10 +229,17 @@ class Tracker:
         warps: np.ndarray,
     ) -> Tracks:
         options = self.options
-        rough, seen = follow(reference.pyramid, pyramid, reference.points, start, options.matching)
-        ids, points0 = reference.ids[seen], reference.points[seen]
+        rough, is_found = track_points(
+            reference.pyramid, pyramid, reference.points, start, options.matching
+        )
+        ids, points0 = reference.ids[is_found], reference.points[is_found]
         points1, covariance_px2, found, windows = refine(
-            reference.pyramid, pyramid, points0, rough[seen], options.refinement, warps[seen]
+            reference.pyramid,
+            pyramid,
+            points0,
+            rough[is_found],
+            options.refinement,
+            warps[is_found],
         )
         return Tracks(
             ids=ids,
@@ -247,7 +250,7 @@ class Tracker:
         ).select(found & self._inside_mask(points1, pyramid.image))
 
     def _inside_mask(self, points: np.ndarray, image: np.ndarray) -> np.ndarray:
-        """Which points (N, 2), all within the image, the mask allows."""
+        """Which points (N, 2) lie inside the mask; all lie within the image."""
         mask = self._mask_for(image)
         if mask is None:
             return np.ones(len(points), bool)
@@ -264,14 +267,14 @@ class Tracker:
         return self._mask
 
 
-def _fractions(ids: np.ndarray) -> np.ndarray:
-    """Offsets (N, 2), -0.5 to 0.5 px, that spread evenly over the pixel as tracks are begun.
+def _subpixel_offsets(ids: np.ndarray) -> np.ndarray:
+    """Low-discrepancy offsets (N, 2), -0.5 to 0.5 px, of new tracks.
 
-    Corners are whole pixels, and what a match is off by depends on the fractions of a pixel at
-    which the window lies in both images (0.02 px in sharp ones). Begun on whole pixels all tracks
-    would share them and be off the same way, which no covariance of single tracks can tell.
+    Interpolation biases a match by up to 0.02 px, depending on the sub-pixel phases of its window
+    in both images. With all tracks on whole pixels this bias would be common to all of them, which
+    covariances of single tracks do not contain.
     """
-    # Roberts' sequence: the plastic number's reciprocal and its square.
+    # Roberts' R2 sequence: the plastic number's reciprocal and its square.
     return ((ids[:, None] + 1) * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0 - 0.5
 
 
@@ -285,7 +288,7 @@ def _checked_image(image: np.ndarray) -> np.ndarray:
 
 
 def grey_size(image: np.ndarray) -> tuple[int, int]:
-    """Width and height of an image, or an InputError where it is not of grey uint8 values."""
+    """Width and height of an image; an InputError where it is not grey uint8."""
     height, width = _checked_image(image).shape
     return width, height
 
@@ -304,7 +307,7 @@ def _size(image: np.ndarray) -> str:
 
 
 def _predicted(predict: Predict | None, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where points (N, 2) are expected, and the derivatives (N, 2, 2) of that by the points."""
+    """Expected pixels (N, 2) of points (N, 2), and their derivatives (N, 2, 2) by the points."""
     warps = np.broadcast_to(np.eye(2), (len(points), 2, 2)).copy()
     if predict is None:
         return points, warps

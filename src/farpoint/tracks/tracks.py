@@ -1,4 +1,4 @@
-"""The record of what was tracked between two frames."""
+"""Tracks between two frames."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ __all__ = ["Tracks", "Windows"]
 
 @dataclass(frozen=True, kw_only=True)
 class Windows:
-    """What the matched windows tell beyond where they are.
+    """Deformations of the matched windows.
 
     Attributes
     ----------
     warps : ndarray of float64, shape (N, 2, 2)
-        Derivatives of ``points1`` by ``points0``: how the windows have changed their shapes.
+        Affine warps: derivatives of ``points1`` by ``points0``.
     bending : ndarray of float64, shape (N, 2, 2, 3)
-        How far, px, the quadratic part of a window's motion moves its match: ``[a, b, c]`` is the
-        move along axis a for each unit of ``u^2``, ``u v`` or ``v^2`` (c = 0, 1, 2; pixels from
-        the window's centre) in the motion along axis b.
+        Bias of a match by quadratic motion within its window, px: ``[a, b, c]`` is the shift along
+        axis a for a unit coefficient of ``u^2``, ``u v`` or ``v^2`` (c = 0, 1, 2; pixels from the
+        window's centre) in the motion along axis b.
     """
 
     warps: np.ndarray
-    bending: np.ndarray
+    quadratic_bias: np.ndarray
 
     def select(self, which: np.ndarray) -> Windows:
-        """Those that a mask of bool (N,) marks, or that indices name."""
-        return Windows(warps=self.warps[which], bending=self.bending[which])
+        """The windows selected by a mask of bool (N,) or by indices."""
+        return Windows(warps=self.warps[which], quadratic_bias=self.quadratic_bias[which])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tracks:
-    """Points seen in two frames of one camera.
+    """Matches of points between two frames of one camera.
 
     Attributes
     ----------
@@ -42,11 +42,10 @@ class Tracks:
     points0, points1 : ndarray of float64, shape (N, 2)
         Pixel positions in the earlier and the later frame.
     covariance_px2 : ndarray of float64, shape (N, 2, 2)
-        Covariance of ``points1`` given ``points0``: what the image gradients and the residual of
-        the match tell about the displacement.
+        Covariance of ``points1`` given ``points0``, from image gradients and the residual.
     windows : Windows or None
-        Of the matches, as long as `points1` is where the windows were found; None where it was
-        corrected for what they tell, or put together from several matches.
+        Deformations of the matched windows; None where `points1` was corrected for them, or
+        chained from several matches.
     """
 
     ids: np.ndarray
@@ -60,7 +59,7 @@ class Tracks:
 
     @classmethod
     def empty(cls) -> Tracks:
-        """No track at all: what a frame without a predecessor has."""
+        """No tracks, as in the first frame."""
         return cls(
             ids=np.empty(0, np.int64),
             points0=np.empty((0, 2)),
@@ -69,7 +68,7 @@ class Tracks:
         )
 
     def select(self, which: np.ndarray) -> Tracks:
-        """The tracks that a mask of bool (N,) marks, or that indices name."""
+        """The tracks selected by a mask of bool (N,) or by indices."""
         return Tracks(
             ids=self.ids[which],
             points0=self.points0[which],

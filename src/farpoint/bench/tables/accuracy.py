@@ -8,8 +8,8 @@ import numpy as np
 
 from farpoint.bench.accuracy import bound_ratios, errors_of
 from farpoint.bench.estimators import all_estimators
+from farpoint.bench.interleaved import run_interleaved
 from farpoint.bench.options import BenchOptions, Progress
-from farpoint.bench.race import race
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.views import views_of_scene
@@ -82,21 +82,21 @@ def _cell_rows(
     )
     bounds = np.array([cramer_rao_bound(scene) for scene in scenes])
     views = [views_of_scene(scene) for scene in scenes]
-    courses = race(
+    runs = run_interleaved(
         all_estimators(),
         views,
         seed=options.seed,
         progress=lambda done, total: progress(name, done, total),
     )
     rows: list[tuple[Cell, ...]] = []
-    for course in courses:
-        errors = errors_of(course, views)
+    for run in runs:
+        errors = errors_of(run, views)
         rows.append(
             (
                 round(100 * baseline_m),
                 round(100 * far_share),
-                course.estimator.name,
-                *bound_ratios(course, views, bounds),
+                run.estimator.name,
+                *bound_ratios(run, views, bounds),
                 summarize(errors.rotation_deg).mean,
                 summarize(errors.direction_deg).mean,
                 errors.failed,

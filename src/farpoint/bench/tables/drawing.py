@@ -27,14 +27,14 @@ _WARM_UP = WAITING + 2
 _CAUGHT_UP_S = 0.2  # whoever takes no processor's time for so long has nothing to do
 _WALL, _CPU, _OTHERS, _WHOLE = range(4)
 _QUIET = OutputOptions(overlay=False, report=False, halves_every=0)
-_FILM = OutputOptions(report=False, halves_every=0)
+_VIDEO_ONLY = OutputOptions(report=False, halves_every=0)
 # Name, outputs, and whether the display is recorded.
 _WAYS: tuple[tuple[str, OutputOptions | None, bool], ...] = (
     ("nothing", None, False),
     ("text files", _QUIET, False),
-    ("text files, overlay", _FILM, False),
+    ("text files, overlay", _VIDEO_ONLY, False),
     ("text files, viewer", _QUIET, True),
-    ("all of them", _FILM, True),
+    ("all of them", _VIDEO_ONLY, True),
 )
 
 

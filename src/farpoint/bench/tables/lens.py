@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from farpoint.bench.interleaved import one_thread
 from farpoint.bench.lens_trials import LensError, LensTrial, try_lens
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.path_samples import joined
-from farpoint.bench.race import one_thread
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.camera import (
     Arctangent,

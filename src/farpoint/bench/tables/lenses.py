@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from farpoint.bench.cameras import CAMERAS
+from farpoint.bench.interleaved import one_thread
 from farpoint.bench.options import BenchOptions, Progress
-from farpoint.bench.race import one_thread
 from farpoint.bench.rendered import (
     RENDERED_COLUMNS,
     RENDERED_NOTES,

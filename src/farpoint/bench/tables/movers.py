@@ -12,15 +12,15 @@ import numpy as np
 from farpoint.bench.accuracy import ERROR_COLUMNS, error_cells, errors_of
 from farpoint.bench.consistency import pose_errors
 from farpoint.bench.estimators import all_estimators
+from farpoint.bench.interleaved import run_interleaved
 from farpoint.bench.options import BenchOptions, Progress
-from farpoint.bench.race import race
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.views import TwoViews, views_of_scene
 from farpoint.metrics import consistency
 from farpoint.pose import estimate_relative_pose
 
-__all__ = ["movers_table", "with_mover", "with_stuck"]
+__all__ = ["movers_table", "with_mover", "with_stationary"]
 
 _PAIRS = 60
 _BASELINE_M = 0.1
@@ -59,16 +59,18 @@ def with_mover(
     middle, angle = views.points0[rng.integers(len(views.points0))], rng.uniform(0.0, 2 * math.pi)
     nearest = np.argsort(np.linalg.norm(views.points0 - middle, axis=1))
     points1 = views.points1.copy()
-    moving = nearest[: round(share * len(nearest))]
-    points1[moving] += shift_px * np.array([math.cos(angle), math.sin(angle)])
+    displaced = nearest[: round(share * len(nearest))]
+    points1[displaced] += shift_px * np.array([math.cos(angle), math.sin(angle)])
     return replace(views, points1=points1)
 
 
-def with_stuck(views: TwoViews, share: float, rng: np.random.Generator) -> TwoViews:
+def with_stationary(views: TwoViews, share: float, rng: np.random.Generator) -> TwoViews:
     """Views with dirt on the lens: this share of matches, anywhere, stand still in the image."""
-    stuck = rng.permutation(len(views.points0))[: round(share * len(views.points0))]
+    stationary = rng.permutation(len(views.points0))[: round(share * len(views.points0))]
     points1 = views.points1.copy()
-    points1[stuck] = views.points0[stuck] + rng.normal(0.0, _NOISE_PX, (len(stuck), 2))
+    points1[stationary] = views.points0[stationary] + rng.normal(
+        0.0, _NOISE_PX, (len(stationary), 2)
+    )
     return replace(views, points1=points1)
 
 
@@ -78,7 +80,7 @@ _MOVES: dict[str, _Make] = {
     "1 px aside": partial(with_mover, shift_px=1.0),
     "3 px aside": partial(with_mover, shift_px=3.0),
     "10 px aside": partial(with_mover, shift_px=10.0),
-    "with the camera": with_stuck,
+    "with the camera": with_stationary,
 }
 
 
@@ -122,22 +124,22 @@ def _cell_rows(
     )
     views = [make(views_of_scene(scene), share, rng) for scene in scenes]
     name = f"{100 * share:g} % move {moves}"
-    courses = race(
+    runs = run_interleaved(
         all_estimators(),
         views,
         seed=options.seed,
         progress=lambda done, total: progress(name, done, total),
     )
-    covered = _coverage(views, options.seed), *[(None,) * 3] * len(courses[1:])
+    covered = _coverage(views, options.seed), *[(None,) * 3] * len(runs[1:])
     return [
         (
             round(100 * share),
             moves,
-            course.estimator.name,
-            *error_cells(errors_of(course, views)),
+            run.estimator.name,
+            *error_cells(errors_of(run, views)),
             *each,
         )
-        for course, each in zip(courses, covered, strict=True)
+        for run, each in zip(runs, covered, strict=True)
     ]
 
 

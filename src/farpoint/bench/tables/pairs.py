@@ -8,11 +8,11 @@ import numpy as np
 
 from farpoint.bench.accuracy import REAL_COLUMNS, REAL_NOTES, real_cells
 from farpoint.bench.estimators import all_estimators
+from farpoint.bench.interleaved import run_interleaved
 from farpoint.bench.match_files import find_match_files, read_matches
 from farpoint.bench.options import BenchOptions, Progress
-from farpoint.bench.race import race
 from farpoint.bench.table import Cell, Column, Table
-from farpoint.bench.views import TwoViews, spread
+from farpoint.bench.views import TwoViews, evenly_spaced
 
 __all__ = ["pairs_table"]
 
@@ -37,7 +37,7 @@ def pairs_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
     for path in find_match_files(options.data):
         found = read_matches(path)
         most = len(found.views) if options.full else options.pairs or _PAIRS
-        views = tuple(found.views[k] for k in spread(len(found.views), most))
+        views = tuple(found.views[k] for k in evenly_spaced(len(found.views), most))
         if views:
             rows += _file_rows(found.name, views, options.seed, progress)
             yield _table(rows, options)
@@ -63,25 +63,25 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
 def _file_rows(
     name: str, views: tuple[TwoViews, ...], seed: int, progress: Progress
 ) -> list[tuple[Cell, ...]]:
-    courses = race(
+    runs = run_interleaved(
         all_estimators(),
         views,
         seed=seed,
         repeats=_REPEATS,
         progress=lambda done, total: progress(f"pairs of {name}", done, total),
     )
-    medians_ms = [1e3 * float(np.median(course.seconds)) for course in courses]
-    firsts_ms = [1e3 * float(np.median(course.first_seconds)) for course in courses]
-    cells = real_cells(courses, views)
+    medians_ms = [1e3 * float(np.median(run.seconds)) for run in runs]
+    firsts_ms = [1e3 * float(np.median(run.first_seconds)) for run in runs]
+    cells = real_cells(runs, views)
     rows: list[tuple[Cell, ...]] = []
-    told = zip(courses, cells, medians_ms, firsts_ms, strict=True)
-    for course, each, median_ms, first_ms in told:
+    entries = zip(runs, cells, medians_ms, firsts_ms, strict=True)
+    for run, each, median_ms, first_ms in entries:
         rows.append(
             (
                 name,
                 len(views),
                 round(float(np.median([len(v.points0) for v in views]))),
-                course.estimator.name,
+                run.estimator.name,
                 *each,
                 median_ms,
                 median_ms / medians_ms[0],

@@ -9,8 +9,8 @@ from scipy.special import ellipe
 
 from farpoint.bench.accuracy import errors_of
 from farpoint.bench.estimators import CLOSED_FORM, FARPOINT
+from farpoint.bench.interleaved import run_interleaved
 from farpoint.bench.options import BenchOptions, Progress
-from farpoint.bench.race import race
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.views import views_of_scene
 from farpoint.metrics import summarize
@@ -51,18 +51,18 @@ def paper_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
     count = options.pairs or _PAIRS
     scenes = [make_point_scene(paper_protocol(rng), seed=rng) for _ in range(count)]
     views = [views_of_scene(scene) for scene in scenes]
-    courses = race(
+    runs = run_interleaved(
         (CLOSED_FORM, FARPOINT),
         views,
         seed=options.seed,
         progress=lambda done, total: progress("paper", done, total),
     )
     rows = [_PUBLISHED]
-    for course in courses:
-        errors = errors_of(course, views)
+    for run in runs:
+        errors = errors_of(run, views)
         rows.append(
             (
-                course.estimator.name,
+                run.estimator.name,
                 count,
                 *(summarize(np.abs(axis)).scaled(_DEG).mean for axis in errors.dtheta_rad.T),
                 summarize(errors.direction_deg).mean,

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from farpoint.bench.interleaved import one_thread
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.plain_script import PlainScript
-from farpoint.bench.race import one_thread
 from farpoint.bench.sequences import Sequence as ImageSequence
 from farpoint.bench.sequences import find_sequences, rendered_sequence
 from farpoint.bench.table import Cell, Column, Table

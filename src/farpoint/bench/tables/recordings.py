@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from farpoint.bench.interleaved import one_thread
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.path_samples import samples_of
-from farpoint.bench.race import one_thread
 from farpoint.bench.sequences import Recording, find_sequences, recorded
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.metrics import (

@@ -9,12 +9,12 @@ import numpy as np
 from farpoint.bench.accuracy import REAL_COLUMNS, REAL_NOTES, real_cells
 from farpoint.bench.estimators import all_estimators
 from farpoint.bench.feature_matcher import FeatureMatcher, Matcher
+from farpoint.bench.interleaved import run_interleaved
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.plain_script import PlainScript
-from farpoint.bench.race import race
-from farpoint.bench.sequences import Film, filmed, find_sequences
+from farpoint.bench.sequences import PosedSequence, find_sequences, posed_sequence
 from farpoint.bench.table import Cell, Column, Table
-from farpoint.bench.views import TwoViews, spread
+from farpoint.bench.views import TwoViews, evenly_spaced
 from farpoint.camera import Camera
 
 __all__ = ["steps_table"]
@@ -34,29 +34,29 @@ def steps_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
     """Rows for every sequence with its truth, kind of match and step, as they are filled."""
     rows: list[tuple[Cell, ...]] = []
     for sequence in find_sequences(options.data):
-        film = filmed(sequence)
-        if film is None:
+        recording = posed_sequence(sequence)
+        if recording is None:
             continue
         for kind, make in _MATCHERS.items():
             for step in _STEPS:
-                views = _views(film, make(film.camera), step, options.pairs or _PAIRS)
+                views = _views(recording, make(recording.camera), step, options.pairs or _PAIRS)
                 if views:
                     named = sequence.name, kind, step
                     rows += _rows(named, views, options.seed, progress)
                     yield _table(rows, options)
 
 
-def _views(film: Film, matcher: Matcher, step: int, most: int) -> list[TwoViews]:
+def _views(recording: PosedSequence, matcher: Matcher, step: int, most: int) -> list[TwoViews]:
     """Pairs of images so many frames apart, evenly over the film."""
     views = []
-    for first in spread(max(len(film.images) - step, 0), most):
-        points0, points1 = matcher.match(film.images[first], film.images[first + step])
+    for first in evenly_spaced(max(len(recording.images) - step, 0), most):
+        points0, points1 = matcher.match(recording.images[first], recording.images[first + step])
         if len(points0) < _LEAST_MATCHES:
             continue
-        motion = film.cam1_from_cam0(first, first + step)
+        motion = recording.cam1_from_cam0(first, first + step)
         views.append(
             TwoViews(
-                camera=film.camera,
+                camera=recording.camera,
                 points0=points0,
                 points1=points1,
                 rotation_cam1_from_cam0=motion[:3, :3],
@@ -70,17 +70,17 @@ def _rows(
     named: tuple[str, str, int], views: Sequence[TwoViews], seed: int, progress: Progress
 ) -> list[tuple[Cell, ...]]:
     name, kind, step = named
-    courses = race(
+    runs = run_interleaved(
         all_estimators(),
         views,
         seed=seed,
         progress=lambda done, total: progress(f"{name}, {kind}, {step} apart", done, total),
     )
     matches = round(float(np.median([len(v.points0) for v in views])))
-    cells = real_cells(courses, views)
+    cells = real_cells(runs, views)
     return [
-        (*named, len(views), matches, course.estimator.name, *each)
-        for course, each in zip(courses, cells, strict=True)
+        (*named, len(views), matches, run.estimator.name, *each)
+        for run, each in zip(runs, cells, strict=True)
     ]
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint.bench.estimators import all_estimators
+from farpoint.bench.interleaved import run_interleaved
 from farpoint.bench.options import BenchOptions, Progress
-from farpoint.bench.race import race
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.views import views_of_scene
@@ -40,24 +40,24 @@ def timing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]
             matches=matches,
             outliers=outliers,
         )
-        courses = race(
+        runs = run_interleaved(
             all_estimators(),
             [views_of_scene(scene) for scene in scenes],
             seed=options.seed,
             repeats=_REPEATS,
             progress=lambda done, total, name=name: progress(name, done, total),
         )
-        medians_ms = [1e3 * float(np.median(course.seconds)) for course in courses]
+        medians_ms = [1e3 * float(np.median(run.seconds)) for run in runs]
         rows += [
             (
                 matches,
                 outliers,
-                course.estimator.name,
-                course.estimator.settings,
+                run.estimator.name,
+                run.estimator.settings,
                 median_ms,
                 median_ms / medians_ms[0],
             )
-            for course, median_ms in zip(courses, medians_ms, strict=True)
+            for run, median_ms in zip(runs, medians_ms, strict=True)
         ]
     return (
         Table(

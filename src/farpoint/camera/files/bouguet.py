@@ -56,14 +56,14 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 def _with_errors(camera: Camera, fields: Fields, keys: dict[str, str]) -> Camera:
     """With the deviations of its parameters, if the file has them."""
-    told = {f"{keys[key]}_error": count for key, count in (("fc", 2), ("cc", 2), ("kc", 5))}
-    if not all(key in fields for key in told):
+    counts = {f"{keys[key]}_error": count for key, count in (("fc", 2), ("cc", 2), ("kc", 5))}
+    if not all(key in fields for key in counts):
         return camera
-    errors = [error for key, count in told.items() for error in fields.numbers(key, (count,))]
+    errors = [error for key, count in counts.items() for error in fields.numbers(key, (count,))]
     if not any(errors):
         return camera
     sigmas = [error / ERRORS_PER_SIGMA for error in errors]
-    with blame(fields, next(iter(told))):
+    with blame(fields, next(iter(counts))):
         return camera.with_parameter_sigmas(
             dict(zip(camera.model.parameters, sigmas, strict=False))
         )

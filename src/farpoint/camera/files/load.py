@@ -97,7 +97,7 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
     """
     file = CalibrationFile.open(Path(path))
     calibration = _recognise(file)
-    chosen = _choose(file, calibration, name)
+    chosen = _select(file, calibration, name)
     try:
         camera = calibration.read(file, chosen)
     except InputError as error:
@@ -133,7 +133,7 @@ def _left_of(names: list[str]) -> str | None:
     return None
 
 
-def _choose(file: CalibrationFile, calibration: CalibrationFormat, name: str | None) -> str:
+def _select(file: CalibrationFile, calibration: CalibrationFormat, name: str | None) -> str:
     names = calibration.names(file)
     if name is None:
         if len(names) == 1 or calibration.FIRST_IS_DEFAULT:

@@ -26,10 +26,10 @@ from farpoint.camera.files.understood import (
     ORDER,
     is_nothing,
     named_distortion,
+    names_lens_model,
     refuse_contradiction,
     refuse_others,
     refuse_unread,
-    says_a_lens,
 )
 from farpoint.camera.kannala_brandt import KannalaBrandt
 from farpoint.camera.model import CameraModel
@@ -236,7 +236,7 @@ def _distortion(fields: Fields, keys: _Keys) -> tuple[float, ...]:
             group = fields.group(keys.matrix)
         return _named_distortion(group, is_fisheye=_is_fisheye(fields, keys))
     for key in fields.values:
-        if MODEL.fullmatch(key) and "dist" in key.lower() and _says_none(fields.values[key]):
+        if MODEL.fullmatch(key) and "dist" in key.lower() and _is_none(fields.values[key]):
             refuse_contradiction(fields, key, keys.distortion)
     value = fields.values[keys.distortion]
     if isinstance(value, Mapping) and "data" not in value:
@@ -250,7 +250,7 @@ def _has_any(fields: Fields) -> bool:
     return any(name in fields for name in ORDER)
 
 
-def _says_none(value: object) -> bool:
+def _is_none(value: object) -> bool:
     return isinstance(value, str) and value.strip().lower() == "none"
 
 
@@ -303,21 +303,21 @@ def _is_fisheye(fields: Fields, keys: _Keys) -> bool:
     """Whether the coefficients are a fisheye's; an InputError for a lens that is unknown here."""
     if keys.distortion is not None and FISHEYE_COEFFICIENTS.fullmatch(keys.distortion):
         return True
-    said = [_says_fisheye(fields, key) for key in fields.values if "fisheye" in key.lower()]
+    flags = [_is_fisheye_flag(fields, key) for key in fields.values if "fisheye" in key.lower()]
     named = [kind for key in fields.values if MODEL.fullmatch(key) for kind in _kind(fields, key)]
-    told = any(_names_opencv_fisheye(key, value) for key, value in fields.values.items())
-    return told or any(said) or any(kind in FISHEYES for kind in named)
+    has_opencv_name = any(_names_opencv_fisheye(key, value) for key, value in fields.values.items())
+    return has_opencv_name or any(flags) or any(kind in FISHEYES for kind in named)
 
 
 def _names_opencv_fisheye(key: str, value: object) -> bool:
     """Whether a text, or one of a list, is how OpenCV's fisheye is called."""
     texts = value if isinstance(value, list) else [value]
-    return says_a_lens(key, value) and any(
+    return names_lens_model(key, value) and any(
         OPENCV_FISHEYE.fullmatch(str(text)[:200]) for text in texts
     )
 
 
-def _says_fisheye(fields: Fields, key: str) -> bool:
+def _is_fisheye_flag(fields: Fields, key: str) -> bool:
     """What a flag says."""
     word = fields.text(key).lower()
     if word in ("true", "yes", "on", "1", "1.0", "1."):

@@ -108,8 +108,8 @@ def _from_listing(file: CalibrationFile) -> dict[str, Fields]:
     cameras: dict[str, Fields] = {}
     for index, (heading, end) in enumerate(zip(headings, ends, strict=True), start=1):
         stream = f"{heading['stream'].strip()} {heading['size']}"
-        alike = (stream, f"{stream} {heading['formats']}", f"{stream} {index}")
-        name = next(name for name in alike if name not in cameras)
+        synonyms = (stream, f"{stream} {heading['formats']}", f"{stream} {index}")
+        name = next(name for name in synonyms if name not in cameras)
         # Extrinsics and motion intrinsics follow after an empty line.
         block = re.split(r"\n\s*\n", file.text[heading.end() : end])[0]
         values = {str(key).lower(): value.strip() for key, value in LINE.findall(block)}

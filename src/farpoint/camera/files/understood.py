@@ -12,10 +12,10 @@ __all__ = [
     "LENS_WORDS",
     "is_nothing",
     "named_distortion",
+    "names_lens_model",
     "refuse_contradiction",
     "refuse_others",
     "refuse_unread",
-    "says_a_lens",
 ]
 
 LENS_WORDS = re.compile(
@@ -45,7 +45,7 @@ _ONE_IS_NOTHING = re.compile(
 _A_NAME = re.compile(
     r".*(?:name|label|title|descri|comment|note|path|file|topic|frame|id|url|serial)"
 )
-_SAYS_A_LENS = re.compile(
+_LENS_MODEL_KEY = re.compile(
     r"fish.?eye|omnidir|kannala|equidistant|equirect|scaramuzza|double.?sphere|\bmei\b"
     r"|catadioptric|\bk1\W{1,3}k2\b",
     re.IGNORECASE,
@@ -123,18 +123,18 @@ def _is_of_a_lens(key: str, value: Any) -> bool:
         return False
     if _ONE_IS_NOTHING.fullmatch(name) and str(value).strip() in ("1", "1.0", "1."):
         return False
-    if says_a_lens(key, value):
+    if names_lens_model(key, value):
         return True
     is_one = not isinstance(value, list | Mapping)
     return bool(_OF_A_LENS.fullmatch(name) or (is_one and _OF_A_LENS_IF_ONE.fullmatch(name)))
 
 
-def says_a_lens(key: str, value: Any) -> bool:
+def names_lens_model(key: str, value: Any) -> bool:
     """Whether a text, or one of a list, tells of a lens and is not a name."""
     if _A_NAME.fullmatch(str(key)[:_LONGEST].lower()):
         return False
     texts = value if isinstance(value, list) else [value]
-    return any(isinstance(text, str) and _SAYS_A_LENS.search(text[:_LONGEST]) for text in texts)
+    return any(isinstance(text, str) and _LENS_MODEL_KEY.search(text[:_LONGEST]) for text in texts)
 
 
 def named_distortion(fields: Fields) -> tuple[float, ...]:

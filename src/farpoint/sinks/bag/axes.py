@@ -21,7 +21,7 @@ __all__ = ["BODY_FROM_OPTICAL", "Twist", "motion_twist", "odom_from_body", "pose
 BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Maps optical coordinates to those of the body."""
 
-_TURNED = np.kron(np.eye(2), BODY_FROM_OPTICAL)
+_ADJOINT = np.kron(np.eye(2), BODY_FROM_OPTICAL)
 _TERMS = 24  # of the series of a Jacobian: at a turn of 180 degrees the last one is 1e-7
 _NEGLIGIBLE = 1e-17
 
@@ -63,7 +63,7 @@ def pose_covariance(world_covariance: np.ndarray) -> np.ndarray:
         left out.
     """
     order = [3, 4, 5, 0, 1, 2]
-    return _TURNED @ world_covariance[np.ix_(order, order)] @ _TURNED.T
+    return _ADJOINT @ world_covariance[np.ix_(order, order)] @ _ADJOINT.T
 
 
 def motion_twist(
@@ -101,7 +101,7 @@ def motion_twist(
     adjoint = np.kron(np.eye(2), so3.skew(phi))
     adjoint[:3, 3:] = so3.skew(rho if lever is None else inverse @ lever)
     J = _left_jacobian_inverse(adjoint) @ to_left
-    turn = -_TURNED / seconds  # the way back, from camera 1 to camera 0, in the body's axes
+    turn = -_ADJOINT / seconds  # the way back, from camera 1 to camera 0, in the body's axes
     velocity = turn @ np.concatenate([rho, phi])
     return Twist(
         linear=velocity[:3],

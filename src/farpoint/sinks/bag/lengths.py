@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint.hints import MetricEstimate
+from farpoint.aiding import MetricEstimate
 from farpoint.odometry import OdometryResult
 from farpoint.sinks.metric_files import metric_covariance
 
@@ -42,7 +42,7 @@ class Length:
 
 
 def length_in_units(result: OdometryResult, seconds: float) -> Length:
-    """In the unit of the path; unknown where the path does not tell."""
+    """In the unit of the path; unknown where the path has no scale."""
     if result.scale is None:
         return _unknown(0.0, seconds)
     return Length(value=result.scale, sigma=result.scale_sigma or 0.0, lever=result.scale)
@@ -51,7 +51,7 @@ def length_in_units(result: OdometryResult, seconds: float) -> Length:
 def length_in_metres(
     result: OdometryResult, metres: MetricEstimate | None, seconds: float
 ) -> Length:
-    """In metres; unknown without a hint, or where the path does not tell it."""
+    """In metres; unknown without an aiding measurement or a scale."""
     if result.scale is None or metres is None:
         return _unknown(result.scale or 0.0, seconds)
     factor = metres.metres_per_unit

@@ -99,7 +99,7 @@ class McapFile:
         self._chunk += _record(_MESSAGE, envelope + data)
         self._counts[channel.number] += 1
 
-    def settle(self) -> None:
+    def write_chunk(self) -> None:
         """Put what was written into the file, if it is enough for a chunk."""
         if len(self._chunk) >= _CHUNK_BYTES:
             self._put_chunk()

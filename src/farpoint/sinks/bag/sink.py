@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from farpoint.aiding import MetricEstimate
 from farpoint.camera import Camera
 from farpoint.errors import InputError, require
-from farpoint.hints import MetricEstimate
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus, RelativePose
 from farpoint.sinks.bag.axes import (
@@ -138,7 +138,7 @@ class BagSink:
         if info is not None:
             self._put("camera", time_ns, info)
         self._put("diagnostics", time_ns, self._diagnostics(result, time_ns))
-        self._file.settle()
+        self._file.write_chunk()
 
     def close(self) -> None:
         """Finish the file; a second call does nothing."""

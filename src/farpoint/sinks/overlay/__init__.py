@@ -2,14 +2,19 @@
 
 from farpoint.sinks.overlay.palette import PALETTES, PaletteName
 from farpoint.sinks.overlay.picture import draw_overlay
-from farpoint.sinks.overlay.video import OverlayVideo, open_film, require_libraries, start_film
+from farpoint.sinks.overlay.video import (
+    OverlayVideo,
+    open_video,
+    require_libraries,
+    start_video_process,
+)
 
 __all__ = [
     "PALETTES",
     "OverlayVideo",
     "PaletteName",
     "draw_overlay",
-    "open_film",
+    "open_video",
     "require_libraries",
-    "start_film",
+    "start_video_process",
 ]

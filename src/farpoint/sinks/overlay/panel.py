@@ -135,11 +135,11 @@ def _write(
     draw_text(pixels, text, start, line * line_px, capital, colour)
 
 
-def _shortened(text: str, room_px: float, capital: float) -> str:
+def _shortened(text: str, width_px: float, capital: float) -> str:
     """The text, cut at a word where it is wider than the room."""
-    if text_width(text, capital) <= room_px:
+    if text_width(text, capital) <= width_px:
         return text
     words = text.split()
-    while words and text_width(" ".join(words) + " ...", capital) > room_px:
+    while words and text_width(" ".join(words) + " ...", capital) > width_px:
         words.pop()
     return " ".join(words) + " ..."

@@ -43,7 +43,7 @@ def draw_flow_pane(
         _caption(canvas, "translational flow (rotation removed)", line_px, top=True)
         return
     view = view_epipole(pose, camera, size)
-    if view is not None and _bends(camera):
+    if view is not None and _is_curved(camera):
         canvas.path(project_path(camera, meridians(view.heading)), GUIDE_GREY)
     if len(result.tracks):
         heads = derotated_points(camera, result.tracks.points1, pose.rotation_cam1_from_cam0)
@@ -65,7 +65,7 @@ def _draw_matches(
     for label in _DRAWN_IN_ORDER:
         chosen = pose.labels == label
         colour = _colour(canvas, label)
-        if _bends(camera):
+        if _is_curved(camera):
             ends = [camera.unproject(points[chosen]) for points in (tails, heads)]
             arcs = np.stack([*ends, np.full_like(ends[0], np.nan)], axis=1)
             canvas.path(project_path(camera, arcs.reshape(-1, 3)), colour)
@@ -74,7 +74,7 @@ def _draw_matches(
         _draw_heads(canvas, heads[chosen], label)
 
 
-def _bends(camera: Camera) -> bool:
+def _is_curved(camera: Camera) -> bool:
     """Whether straight lines in space are not straight in the picture, or may cross its seam."""
     return not isinstance(camera.model, Pinhole)
 
@@ -125,8 +125,8 @@ def _draw_border_arrow(canvas: Canvas, view: EpipoleView, camera: Camera) -> Non
     axis_px = camera.project(np.array([[0.0, 0.0, 1.0]]))[0]
     middle = axis_px if np.isfinite(axis_px).all() else far_corner / 2.0
     towards = view.heading[:2] / np.linalg.norm(view.heading[:2])
-    room = np.where(towards > 0.0, far_corner - middle, middle) / np.maximum(np.abs(towards), 1e-9)
-    tip = middle + _ARROW_REACH * room.min() * towards
+    reach = np.where(towards > 0.0, far_corner - middle, middle) / np.maximum(np.abs(towards), 1e-9)
+    tip = middle + _ARROW_REACH * reach.min() * towards
     back = 40.0 * canvas.stroke / canvas.scale * towards
     side = 12.0 * canvas.stroke / canvas.scale * np.array([-towards[1], towards[0]])
     for end in (tip - 0.4 * back + side, tip - 0.4 * back - side, tip - back):

@@ -22,7 +22,13 @@ from farpoint.sinks.overlay.palette import PaletteName
 from farpoint.sinks.overlay.picture import draw_overlay
 from farpoint.sinks.process import SinkProcess, start_process
 
-__all__ = ["KEYFRAME_INTERVAL", "OverlayVideo", "open_film", "require_libraries", "start_film"]
+__all__ = [
+    "KEYFRAME_INTERVAL",
+    "OverlayVideo",
+    "open_video",
+    "require_libraries",
+    "start_video_process",
+]
 
 KEYFRAME_INTERVAL = 15
 """Frames between key frames; reports show these."""
@@ -129,12 +135,12 @@ class OverlayVideo:
         """Put one index in front in place of fragments; pictures stay as they are."""
         part = part_of(self._path)
         try:
-            with self._av.open(str(self._path)) as film:
+            with self._av.open(str(self._path)) as video:
                 options = {"movflags": "faststart"}
                 with self._av.open(str(part), "w", format="mp4", options=options) as packed:
-                    source = film.streams.video[0]
+                    source = video.streams.video[0]
                     target = packed.add_stream_from_template(source)
-                    for packet in film.demux(source):
+                    for packet in video.demux(source):
                         if packet.dts is not None:
                             packet.stream = target
                             packed.mux(packet)
@@ -158,7 +164,7 @@ class OverlayVideo:
         return stream
 
 
-def open_film(
+def open_video(
     path: Path,
     camera: Camera,
     palette: PaletteName = "red-green",
@@ -168,12 +174,12 @@ def open_film(
     """An `OverlayVideo` in a process of its own, with the same errors.
 
     They are found here as far as that needs no waiting for the process. It comes from
-    `start_film`, where it was started beforehand.
+    `start_video_process`, where it was started beforehand.
     """
     require_libraries()
     check_writable(path)
     make = partial(OverlayVideo, path.absolute(), camera, palette, mask)
-    return BackgroundSink(SinkProcess(make, path, process or start_film()))
+    return BackgroundSink(SinkProcess(make, path, process or start_video_process()))
 
 
 def require_libraries() -> None:
@@ -182,6 +188,6 @@ def require_libraries() -> None:
         require(name, extra="video", purpose=purpose)
 
 
-def start_film() -> subprocess.Popen[bytes]:
+def start_video_process() -> subprocess.Popen[bytes]:
     """Start the process that draws the film, so that it is ready when the first frame comes."""
     return start_process(__name__, *_LIBRARIES)

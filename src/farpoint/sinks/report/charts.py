@@ -99,14 +99,14 @@ def draw_chart(chart: Chart, digest: Digest, number: int) -> str:
     return (
         f"<figure><figcaption><b>{title}</b> <small>{escape(chart.unit)}</small> {legend}"
         f'<output data-chart="{number}" aria-live="off"></output></figcaption>'
-        f'<div class="plot" tabindex="0" role="group" aria-label="{title}: {_spoken(chart)}">'
+        f'<div class="plot" tabindex="0" role="group" aria-label="{title}: {_alt_text(chart)}">'
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none" role="img" '
         f'aria-label="{title} over time">{"".join(shapes)}</svg>{"".join(labels)}'
         f'<i class="cursor"></i></div></figure>\n'
     )
 
 
-def _spoken(chart: Chart) -> str:
+def _alt_text(chart: Chart) -> str:
     """The range of each curve in words, for who cannot see the chart."""
     words = []
     for curve in chart.curves:

@@ -18,8 +18,8 @@ _CHI2_95 = 5.991  # of two degrees of freedom
 
 def path_map(paths: Paths, unit: LengthUnit) -> str:
     """The path from above, x to the right and z up the page, with a grid of round lengths."""
-    shown = paths.x_z if paths.true_x_z is None else np.vstack([paths.x_z, paths.true_x_z])
-    low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
+    points = paths.x_z if paths.true_x_z is None else np.vstack([paths.x_z, paths.true_x_z])
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     extent = max(float((high - low).max()), 1e-6)
     step = nice_step(extent / 6.0)
     left, bottom = np.floor(low / step - 0.5) * step
@@ -43,7 +43,7 @@ def path_map(paths: Paths, unit: LengthUnit) -> str:
     dots += _dot("start", paths.x_z[0], digits) + _dot("end", paths.x_z[-1], digits)
     return (
         f'<svg class="map" viewBox="{left:g} {-top:g} {right - left:g} {top - bottom:g}" '
-        f'role="img" aria-label="path from above, {_spoken(paths.x_z, unit)}">'
+        f'role="img" aria-label="path from above, {_alt_text(paths.x_z, unit)}">'
         f"{_grid(left, right, bottom, top, step)}{ellipses}{''.join(lines)}{dots}"
         f'<path class="dot here" d="" /></svg><p>A square of the grid is '
         f"{unit.after(f'{step:g}')} wide. {keys}; the first camera looks up the page.</p>"
@@ -90,6 +90,6 @@ def _dot(style: str, place: np.ndarray, digits: int) -> str:
     return f'<path class="dot {style}" d="M{place[0]:.{digits}f} {-place[1]:.{digits}f}h0"/>'
 
 
-def _spoken(x_z: np.ndarray, unit: LengthUnit) -> str:
+def _alt_text(x_z: np.ndarray, unit: LengthUnit) -> str:
     width, depth = np.ptp(x_z, axis=0)
     return f"{unit.after(f'{width:.3g}')} wide and {unit.after(f'{depth:.3g}')} deep"

@@ -28,11 +28,11 @@ def charts_of(digest: Digest, unit: LengthUnit) -> list[Chart]:
 
     rotations = [
         Chart(
-            title=f"Rotation about {axis} ({hint})",
+            title=f"Rotation about {axis} ({measurement})",
             unit="deg per pair",
             curves=[with_band(axis, f"rotation_{axis}", f"c{number}")],
         )
-        for number, (axis, hint) in enumerate(
+        for number, (axis, measurement) in enumerate(
             (("x", "pitch"), ("y", "yaw"), ("z", "roll")), start=1
         )
     ]

@@ -91,7 +91,7 @@ class MomentSeeker:
             Why a pair is not OK, by its newer frame.
         """
         self._close()
-        moments = [self._told(stretch, reasons) for stretch in self._stretches]
+        moments = [self._described(stretch, reasons) for stretch in self._stretches]
         seen = {moment.frame1 for moment in moments}
         return moments + [m for _, m in self._extremes.values() if m.frame1 not in seen]
 
@@ -136,7 +136,7 @@ class MomentSeeker:
         time_s = float(motions.timestamp1[row]) - self._start_s
         return time_s, int(motions.frame0[row]), int(motions.frame1[row])
 
-    def _told(self, stretch: _Stretch, reasons: Mapping[int, str]) -> Moment:
+    def _described(self, stretch: _Stretch, reasons: Mapping[int, str]) -> Moment:
         time_s, frame0, frame1 = stretch.first
         pairs = "one pair" if stretch.pairs == 1 else f"{stretch.pairs} pairs in a row"
         return Moment(

@@ -11,7 +11,7 @@ from farpoint.sinks.report.stills import Still
 
 __all__ = ["data_uri", "moments_section"]
 
-_GLANCES = 6
+_MAX_FIGURES = 6
 _SAME_S = 1e-3
 
 
@@ -27,10 +27,10 @@ def moments_section(
     if not moments and not thumbs:
         return ""
     by_time = {round(still.time_s / _SAME_S): still for still in stills}
-    cards = "".join(
-        _card(moment, by_time.get(round(moment.time_s / _SAME_S))) for moment in moments
+    figures = "".join(
+        _figure(moment, by_time.get(round(moment.time_s / _SAME_S))) for moment in moments
     )
-    chosen = min(_GLANCES, len(thumbs))
+    chosen = min(_MAX_FIGURES, len(thumbs))
     strip = "".join(
         f'<figure><img alt="working display at {thumb.time_s:.2f} s" src="{data_uri(thumb)}">'
         f"<figcaption>{thumb.time_s:.2f} s</figcaption></figure>"
@@ -41,11 +41,11 @@ def moments_section(
         f'<section><h2>Worst moments</h2><p class="quiet">Stretches that are not OK, then the '
         f"extremes of the rest. Pictures are those of overlay.mp4: far points, near points and "
         f"outliers; the flow that translation leaves, with the epipole and its 95 % ellipse.</p>"
-        f'<div class="stills">{cards}</div>{strip}</section>\n'
+        f'<div class="stills">{figures}</div>{strip}</section>\n'
     )
 
 
-def _card(moment: Moment, still: Still | None) -> str:
+def _figure(moment: Moment, still: Still | None) -> str:
     picture = (
         f'<img alt="working display at {moment.time_s:.2f} s" loading="lazy" '
         f'src="{data_uri(still)}">'

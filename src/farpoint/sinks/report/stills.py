@@ -9,7 +9,7 @@ from typing import Any
 
 from farpoint.errors import MissingExtraError, optional_import
 
-__all__ = ["Still", "spread_key_packets", "stills_at", "thumbs_of"]
+__all__ = ["Still", "evenly_spaced_key_packets", "stills_at", "thumbs_of"]
 
 _WIDTH_PX, _QUALITY = 960, 74
 _THUMB_WIDTH_PX, _THUMB_QUALITY = 360, 55
@@ -42,10 +42,10 @@ def thumbs_of(path: Path, count: int) -> list[Still]:
     def read(stream: Any, packets: Iterable[Any]) -> list[Still]:
         return [
             _still([packet], stream, _THUMB_WIDTH_PX, _THUMB_QUALITY)
-            for packet in spread_key_packets(packets, count)
+            for packet in evenly_spaced_key_packets(packets, count)
         ]
 
-    return _from_film(path, read)
+    return _from_video(path, read)
 
 
 def stills_at(path: Path, times_s: Iterable[float]) -> list[Still]:
@@ -68,24 +68,24 @@ def stills_at(path: Path, times_s: Iterable[float]) -> list[Still]:
                 stills.append(_still(group, stream, _WIDTH_PX, _QUALITY))
         return stills
 
-    return _from_film(path, read)
+    return _from_video(path, read)
 
 
-def _from_film(path: Path, read: Callable[[Any, Iterable[Any]], list[Still]]) -> list[Still]:
+def _from_video(path: Path, read: Callable[[Any, Iterable[Any]], list[Still]]) -> list[Still]:
     try:
         av = optional_import("av", extra="video", purpose="pictures in the report")
         optional_import("cv2", extra="video", purpose="pictures in the report")
     except MissingExtraError:
         return []
     try:
-        with av.open(str(path)) as film:
-            stream = film.streams.video[0]
-            return read(stream, film.demux(stream))
+        with av.open(str(path)) as video:
+            stream = video.streams.video[0]
+            return read(stream, video.demux(stream))
     except (av.FFmpegError, OSError, IndexError):  # no film, or none with a picture in it
         return []
 
 
-def spread_key_packets(packets: Iterable[Any], count: int) -> list[Any]:
+def evenly_spaced_key_packets(packets: Iterable[Any], count: int) -> list[Any]:
     """Key packets evenly spread: every k-th is kept, and k doubles when there are too many."""
     kept: list[Any] = []
     step = 1

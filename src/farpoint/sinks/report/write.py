@@ -47,15 +47,15 @@ def write_report(folder: str | Path, truth: str | Path | None = None) -> Path:
     run = read_run(folder / "run.json")
     digest = digest_motions(folder / "motions.csv")
     moments = digest.moments.found({item["frame1"]: item["reason"] for item in run["reasons"]})
-    film, halves = folder / "overlay.mp4", folder / "halves.csv"
+    video, halves = folder / "overlay.mp4", folder / "halves.csv"
     page = PageContents(
         run=run,
         digest=digest,
         halves=read_halves(halves) if halves.is_file() else [],
         paths=paths_from_above(folder, None if truth is None else Path(truth)),
         moments=moments,
-        stills=stills_at(film, [moment.time_s for moment in moments]),
-        thumbs=thumbs_of(film, _THUMBS),
+        stills=stills_at(video, [moment.time_s for moment in moments]),
+        thumbs=thumbs_of(video, _THUMBS),
     )
     path = folder / REPORT_NAME
     with replacing(path) as part:

@@ -65,22 +65,22 @@ class LiveViewer:
         """Draw one frame, if there is room for it."""
         self.left_out += not self._sink.offer(result, image)
 
-    def tell(self, latency_s: float, dropped: int) -> None:
+    def set_status(self, latency_s: float, dropped: int) -> None:
         """Show how old the newest result is, and how many frames were left out before it."""
-        self._note("tell", latency_s, dropped)
+        self._note("set_status", latency_s, dropped)
 
-    def tell_link(self, link: str) -> None:
+    def set_link(self, link: str) -> None:
         """Show whether the source delivers, in a word or two, where that has changed."""
         if link != self._link:
-            self._note("tell_link", link)
+            self._note("set_link", link)
             self._link = link
 
     def close(self) -> None:
         """Write what is still on its way and let go of file and window."""
         self._sink.close()
 
-    def _note(self, method: str, *told: object) -> None:
-        self._sink.note(partial(self._process.call, method, time.time(), *told))
+    def _note(self, method: str, *arguments: object) -> None:
+        self._sink.note(partial(self._process.call, method, time.time(), *arguments))
 
 
 def start_live_viewer() -> subprocess.Popen[bytes]:
@@ -108,10 +108,10 @@ class _Drawing(Viewer):
         )
         self._recording.log(places.LINK, lanes, static=True)
 
-    def tell(self, moment_s: float, latency_s: float, dropped: int) -> None:
+    def set_status(self, moment_s: float, latency_s: float, dropped: int) -> None:
         self._log(moment_s, places.DELAYS, self._rr.Scalars([1e3 * latency_s, float(dropped)]))
 
-    def tell_link(self, moment_s: float, link: str) -> None:
+    def set_link(self, moment_s: float, link: str) -> None:
         self._log(moment_s, places.LINK, self._rr.StateChange(state=link))
 
     def _log(self, moment_s: float, place: str, what: Any) -> None:

@@ -29,7 +29,7 @@ QUIET = "warn,re_log_encoding=off"
 """Log level of Rerun: of a file, the sink tells itself what must be known."""
 
 _FLUSH_EVERY_S = 1.0
-_PATIENCE_S = 5.0
+_TIMEOUT_S = 5.0
 _YEAR_2001_S = 1e9  # time stamps beyond are dates, before it they count from a start
 
 
@@ -65,7 +65,7 @@ class Viewer:
         rrd: Path | None = None,
     ) -> None:
         self._recording = recording
-        self._rrd, self._stuck = rrd, False
+        self._rrd, self._is_stalled = rrd, False
         self._flushed_s = time.monotonic()
         self._camera = camera
         self._live = live
@@ -96,7 +96,7 @@ class Viewer:
 
     def close(self) -> None:
         """Write what is still on its way and let go of file and window."""
-        if self._stuck:  # Rerun would wait for ever
+        if self._is_stalled:  # Rerun would wait for ever
             return
         if self._rrd is None:
             self._recording.flush()
@@ -107,9 +107,9 @@ class Viewer:
     def _flush(self, rrd: Path) -> None:
         """Find out whether the file grows: Rerun, in a thread of its own, raises nothing."""
         try:
-            self._recording.flush(timeout_sec=_PATIENCE_S)
+            self._recording.flush(timeout_sec=_TIMEOUT_S)
         except RuntimeError as error:
-            self._stuck = True
+            self._is_stalled = True
             problem = "cannot be written to its end, as on a full disk"
             raise InputError(problem, file=rrd) from error
         self._flushed_s = time.monotonic()

@@ -13,7 +13,7 @@ from farpoint.errors import InputError, optional_import
 __all__ = ["open_window"]
 
 _LOOPBACK = "127.0.0.1"
-_PATIENCE_S = 20.0
+_TIMEOUT_S = 20.0
 # A live session has no end, so what the viewer keeps of it must have one.
 _MEMORY = "2GB"
 
@@ -56,7 +56,7 @@ def _free_port() -> int:
 
 
 def _wait_until_it_listens(process: subprocess.Popen[bytes], port: int) -> None:
-    end = time.monotonic() + _PATIENCE_S
+    end = time.monotonic() + _TIMEOUT_S
     while process.poll() is None and time.monotonic() < end:
         with socket.socket() as probe:
             probe.settimeout(0.5)

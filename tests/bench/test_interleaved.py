@@ -5,7 +5,7 @@ import pytest
 from bench_kit import PEERS, absent, estimator_of, silent, some_views
 
 from farpoint.bench.estimators import Motion
-from farpoint.bench.race import one_thread, race
+from farpoint.bench.interleaved import one_thread, run_interleaved
 
 VIEWS = some_views(3)
 
@@ -20,33 +20,35 @@ def test_estimators_take_turns_on_the_same_views_after_one_that_does_not_count()
 
         return estimator_of(name, answer)
 
-    race((recorder("a"), recorder("b")), VIEWS, seed=0)
+    run_interleaved((recorder("a"), recorder("b")), VIEWS, seed=0)
     in_turn = [("a", 0), ("b", 0), ("a", 1), ("b", 1), ("a", 2), ("b", 2)]
     assert calls == [("a", 0), ("b", 0), *in_turn]
 
 
 def test_short_calls_are_repeated_and_long_ones_not(monkeypatch: pytest.MonkeyPatch):
     clock = iter(np.cumsum([0.0, 0.003, 1.0, 0.001, 1.0, 0.002, 1.0, 0.05]))
-    monkeypatch.setattr("farpoint.bench.race.time.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("farpoint.bench.interleaved.time.perf_counter", lambda: next(clock))
     calls = []
     estimator = estimator_of("any", calls.append)
-    (course,) = race((estimator,), VIEWS[:2], seed=0, repeats=3)
-    np.testing.assert_allclose(course.seconds, [0.001, 0.05])
-    np.testing.assert_allclose(course.first_seconds, [0.003, 0.05])
+    (run,) = run_interleaved((estimator,), VIEWS[:2], seed=0, repeats=3)
+    np.testing.assert_allclose(run.seconds, [0.001, 0.05])
+    np.testing.assert_allclose(run.first_seconds, [0.003, 0.05])
     assert len(calls) == 1 + 3 + 1
 
 
 def test_what_is_not_answered_is_nan():
     answers = {0: None, 1: Motion(np.eye(3), None), 2: Motion(np.eye(3), np.array([0, 0, 1.0]))}
     estimator = estimator_of("any", lambda views: answers[VIEWS.index(views)])
-    (course,) = race((estimator,), VIEWS, seed=0)
-    assert np.isnan(course.rotations[:, 0, 0]).tolist() == [True, False, False]
-    assert np.isnan(course.directions[:, 0]).tolist() == [True, True, False]
+    (run,) = run_interleaved((estimator,), VIEWS, seed=0)
+    assert np.isnan(run.rotations[:, 0, 0]).tolist() == [True, False, False]
+    assert np.isnan(run.directions[:, 0]).tolist() == [True, True, False]
 
 
 def test_progress_counts_the_views():
     told = []
-    race((estimator_of("any", silent),), VIEWS, seed=0, progress=lambda *a: told.append(a))
+    run_interleaved(
+        (estimator_of("any", silent),), VIEWS, seed=0, progress=lambda *a: told.append(a)
+    )
     assert told == [(1, 3), (2, 3), (3, 3)]
 
 

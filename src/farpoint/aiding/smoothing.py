@@ -1,4 +1,4 @@
-"""Metres for a unit of the trajectory, from readings of which some may be wrong."""
+"""Robust smoothing of the metric scale from readings with outliers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import groupby, pairwise
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from farpoint.hints.readings import Reading
+from farpoint.aiding.readings import Reading
 
 __all__ = ["Contradiction", "MetricFit", "fit_readings"]
 
@@ -16,7 +16,7 @@ _DOF = 3.0  # of the t distribution of readings: heavy tails
 _ROUNDS = 40
 _TOLERANCE = 1e-7
 _CONTRADICTS = 3.0  # sigma
-_LEFT_OUT = 1e6  # times its variance: as good as not there, and the equations stay regular
+_EXCLUDED_FACTOR = 1e6  # variance factor of an excluded reading: regular equations
 _EXCLUSIONS = 4  # rounds until the same readings contradict as before
 _LEAST_DRIFT = 1e-8  # variance between readings: a scale that could not drift at all has no inverse
 
@@ -28,13 +28,13 @@ class Contradiction:
     Attributes
     ----------
     kind : str
-        The hint they come from.
+        Kind of aiding measurement.
     start_s, end_s : float
         Times, s.
     readings : int
         How many.
     ratio : float
-        What they say over what the fit says, their median: 1.3 for lengths 30 % too large.
+        Median of reading over fit: 1.3 for lengths 30 % too large.
     """
 
     kind: str
@@ -90,14 +90,13 @@ class MetricFit:
 
 
 def fit_readings(readings: list[Reading]) -> MetricFit:
-    """Most likely scale over time.
+    """Maximum-likelihood scale over time.
 
     The logarithm of metres for a unit walks at random from reading to reading, by as much as the
-    scale of the trajectory may have drifted. A reading deviates from it by an error of its own,
-    t-distributed with 3 degrees of freedom so that wrong ones count little, and by one that all of
-    its kind share, normal. Begun from the weighted median, so that a wrong minority has no say in
-    where. Readings that then contradict are left out: a little pull of each, all one way, would
-    bend the end of a long drive.
+    scale of the trajectory may have drifted. A reading has an independent error, Student's t with 3
+    degrees of freedom, and a normal error common to its kind. The iteration starts from the
+    weighted median. Readings beyond 3 sigma are then excluded, since outliers of one sign would
+    bias the scale.
 
     Parameters
     ----------
@@ -114,24 +113,24 @@ def fit_readings(readings: list[Reading]) -> MetricFit:
     )
     walk = _walk_precision(readings)
     x, common = _medians(z, variance, readings), np.zeros(len(kinds))
-    off, spread, wrong = z, z, np.zeros(len(z), bool)
+    residuals, fit_variance, excluded = z, z, np.zeros(len(z), bool)
     for _ in range(_EXCLUSIONS):
-        counted = np.where(wrong, _LEFT_OUT, 1.0) * variance
-        x, common, spread = _settled(z, counted, kind, shared, walk, x, common)
-        off = z - x - common[kind]
-        before, wrong = wrong, off**2 > _CONTRADICTS**2 * (variance + spread)
-        if (wrong == before).all():
+        weighted = np.where(excluded, _EXCLUDED_FACTOR, 1.0) * variance
+        x, common, fit_variance = _reweighted(z, weighted, kind, shared, walk, x, common)
+        residuals = z - x - common[kind]
+        before, excluded = excluded, residuals**2 > _CONTRADICTS**2 * (variance + fit_variance)
+        if (excluded == before).all():
             break
     return MetricFit(
         times_s=np.array([0.5 * (reading.start_s + reading.end_s) for reading in readings]),
         segments=np.array([reading.segment for reading in readings], np.int64),
         log_metres=x,
-        sigma=np.sqrt(spread),
-        contradictions=_contradictions(readings, off, wrong),
+        sigma=np.sqrt(fit_variance),
+        contradictions=_contradictions(readings, residuals, excluded),
     )
 
 
-def _settled(
+def _reweighted(
     z: np.ndarray,
     variance: np.ndarray,
     kind: np.ndarray,
@@ -141,14 +140,14 @@ def _settled(
     common: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """As `_solve`, with weights that follow the deviations until nothing moves, from a start."""
-    spread = np.zeros(len(z))
+    fit_variance = np.zeros(len(z))
     for _ in range(_ROUNDS):
-        off = z - x - common[kind]
-        weight = (_DOF + 1.0) / (_DOF + off**2 / variance) / variance
-        before, (x, common, spread) = x, _solve(z, weight, kind, shared, walk)
+        residuals = z - x - common[kind]
+        weight = (_DOF + 1.0) / (_DOF + residuals**2 / variance) / variance
+        before, (x, common, fit_variance) = x, _solve(z, weight, kind, shared, walk)
         if np.abs(x - before).max() < _TOLERANCE:
             break
-    return x, common, spread
+    return x, common, fit_variance
 
 
 def _walk_precision(readings: list[Reading]) -> np.ndarray:
@@ -207,12 +206,12 @@ def _diagonal_of_inverse(banded: np.ndarray) -> np.ndarray:
 
 
 def _contradictions(
-    readings: list[Reading], off: np.ndarray, wrong: np.ndarray
+    readings: list[Reading], residuals: np.ndarray, excluded: np.ndarray
 ) -> tuple[Contradiction, ...]:
     found = []
     for name in sorted({reading.kind for reading in readings}):
         rows = [k for k, reading in enumerate(readings) if reading.kind == name]
-        sign = np.sign(off) * wrong
+        sign = np.sign(residuals) * excluded
         for value, group in groupby(rows, key=lambda k: sign[k]):
             run = list(group)
             if value:
@@ -222,7 +221,7 @@ def _contradictions(
                         start_s=readings[run[0]].start_s,
                         end_s=readings[run[-1]].end_s,
                         readings=len(run),
-                        ratio=float(np.exp(np.median(off[run]))),
+                        ratio=float(np.exp(np.median(residuals[run]))),
                     )
                 )
     return tuple(sorted(found, key=lambda one: one.start_s))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hints_kit import CAMERA, UNIT_M, Drive, errors_of, tell, winding
+from aiding_kit import CAMERA, UNIT_M, Drive, errors_of, tell, winding
 
-from farpoint.hints import (
+from farpoint.aiding import (
     CameraHeight,
     GnssPositions,
     KnownDistance,
@@ -60,10 +60,10 @@ def test_at_the_end_of_a_long_drive_a_wrong_speed_bends_nothing_either(factor):
     # There the scale may have drifted most, and nothing after the wrong speeds holds it.
     drive = winding(count=1000, drift=0.03)
     drive.drift_sigma = 0.07
-    wrong = np.ones(len(drive.speeds))
-    wrong[-100:] = factor
+    excluded = np.ones(len(drive.speeds))
+    excluded[-100:] = factor
     plain, _ = tell(drive, speeds_of(drive, seed=1))
-    scale, now = tell(drive, speeds_of(drive, wrong, seed=1))
+    scale, now = tell(drive, speeds_of(drive, excluded, seed=1))
     assert np.abs(errors_of(drive, scale)).max() < 0.03
     assert abs(scale.fit().log_metres - plain.fit().log_metres).max() < 0.02
     assert now.metres_per_unit == pytest.approx(np.exp(drive.log_unit[-1]), rel=0.03)
@@ -107,10 +107,10 @@ def test_a_distance_brings_metres_where_it_is_known():
 def test_positions_bring_metres():
     drive = winding()
     noise = np.random.default_rng(3).normal(0.0, 0.5, drive.metres.shape)
-    hint = GnssPositions(
+    measurement = GnssPositions(
         timestamps_s=drive.times_s[::5] + 0.03, positions_m=(drive.metres + noise)[::5], sigma_m=0.5
     )
-    scale, _ = tell(drive, hint)
+    scale, _ = tell(drive, measurement)
     assert len(scale.readings) > 20
     fit = scale.fit()
     assert np.abs(errors_of(drive, scale)).max() < 2.5 * fit.sigma.max()
@@ -120,8 +120,8 @@ def test_positions_bring_metres():
 def test_hints_that_contradict_one_another_are_named():
     drive = winding(drift=0.0)
     way = 1.4 * float(np.linalg.norm(drive.metres[120] - drive.metres[60]))
-    wrong = KnownDistance(frame0=60, frame1=120, distance_m=way, sigma=0.02)
-    scale, _ = tell(drive, speeds_of(drive), wrong)
+    excluded = KnownDistance(frame0=60, frame1=120, distance_m=way, sigma=0.02)
+    scale, _ = tell(drive, speeds_of(drive), excluded)
     assert [found.kind for found in scale.fit().contradictions] == ["distance"]
     assert np.abs(errors_of(drive, scale)).max() < 0.02
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hints_kit import CAMERA
+from aiding_kit import CAMERA
 
 from farpoint import OdometryResult, Tracks, estimate_relative_pose
+from farpoint.aiding import CameraHeight, MetricScale
+from farpoint.aiding.ground import find_ground
 from farpoint.geometry import so3
-from farpoint.hints import CameraHeight, MetricScale
-from farpoint.hints.ground import find_ground
 
 STEP = 0.8
 

@@ -1,4 +1,4 @@
-"""Frames whose poses still move with their keyframes."""
+"""Frame poses that still change with their keyframes."""
 
 from __future__ import annotations
 
@@ -10,35 +10,35 @@ import numpy as np
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.point import SettledPose
 
-__all__ = ["WaitingPoses", "pose_matrix"]
+__all__ = ["PendingPoses", "pose_matrix"]
 
-_LONGEST_WAIT = 150  # frames whose poses are kept for their keyframes to settle
+_MAX_PENDING = 150  # frames kept until their keyframes leave the window
 
 
 @dataclass(kw_only=True, eq=False)
-class _Waiting:
-    """A frame's pose, relative to a keyframe that may still move, or as it was settled with it."""
+class _Pending:
+    """A frame's pose relative to a keyframe of the window, or final in the world."""
 
     frame: int
     timestamp: float
     segment: int
     keyframe: Keyframe | None
-    R: np.ndarray  # of the frame in the keyframe's axes, or in the world
+    R: np.ndarray  # frame to keyframe axes; to the world once final
     p: np.ndarray
     covariance: np.ndarray
 
-    def settle(self) -> None:
-        """Put it where its keyframe is now."""
+    def freeze(self) -> None:
+        """Convert to the world with the keyframe's current pose."""
         if self.keyframe is not None:
             R, p = self.keyframe.R, self.keyframe.p
             self.R, self.p, self.keyframe = R @ self.R, R @ self.p + p, None
 
 
-class WaitingPoses:
-    """Poses in the order of their frames, each given once, when it moves no more."""
+class PendingPoses:
+    """Queue of frame poses, each returned once when it is final."""
 
     def __init__(self) -> None:
-        self._poses: deque[_Waiting] = deque()
+        self._poses: deque[_Pending] = deque()
 
     def add(
         self,
@@ -51,10 +51,10 @@ class WaitingPoses:
         p: np.ndarray,
         covariance: np.ndarray,
     ) -> None:
-        """A pose in the world, which moves with a keyframe; without one it is settled."""
+        """Add a pose in the world, attached to a keyframe; final without one."""
         if keyframe is not None:
             R, p = keyframe.R.T @ R, keyframe.R.T @ (p - keyframe.p)
-        pose = _Waiting(
+        pose = _Pending(
             frame=frame,
             timestamp=timestamp,
             segment=segment,
@@ -65,23 +65,23 @@ class WaitingPoses:
         )
         self._poses.append(pose)
 
-    def settle(self, keyframe: Keyframe) -> None:
-        """A keyframe moves no more."""
+    def freeze(self, keyframe: Keyframe) -> None:
+        """Make the poses attached to a keyframe final."""
         for pose in self._poses:
             if pose.keyframe is keyframe:
-                pose.settle()
+                pose.freeze()
 
-    def settle_all(self) -> None:
-        """No keyframe does."""
+    def freeze_all(self) -> None:
+        """Make all poses final."""
         for pose in self._poses:
-            pose.settle()
+            pose.freeze()
 
     def settled(self) -> list[SettledPose]:
-        """Poses that change no more, each given once."""
+        """Final poses in the order of their frames, each returned once."""
         found = []
-        while self._poses and (self._poses[0].keyframe is None or len(self._poses) > _LONGEST_WAIT):
+        while self._poses and (self._poses[0].keyframe is None or len(self._poses) > _MAX_PENDING):
             pose = self._poses.popleft()
-            pose.settle()
+            pose.freeze()
             found.append(
                 SettledPose(
                     frame1=pose.frame,

@@ -5,12 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from farpoint.aiding.bag_topics import positions_of_topic, speeds_of_topic
+from farpoint.aiding.kinds import (
+    AidingMeasurement,
+    CameraHeight,
+    GnssPositions,
+    KnownDistance,
+    KnownSpeed,
+)
+from farpoint.aiding.tables import read_gnss, read_speeds
 from farpoint.errors import InputError
 from farpoint.frames.bags import Bag
-from farpoint.hints.bag_topics import positions_of_topic, speeds_of_topic
-from farpoint.hints.kinds import CameraHeight, GnssPositions, Hint, KnownDistance, KnownSpeed
-from farpoint.hints.tables import read_gnss, read_speeds
-from farpoint.options import settle_positive
+from farpoint.options import coerce_positive
 
 __all__ = ["HeightOptions", "MetricOptions"]
 
@@ -32,9 +38,9 @@ class HeightOptions:
 
     def __post_init__(self) -> None:
         sigmas = (field.name for field in fields(self) if field.name.endswith("_sigma"))
-        settle_positive(self, *sigmas)
+        coerce_positive(self, *sigmas)
 
-    def hints(self) -> list[Hint]:
+    def measurements(self) -> list[AidingMeasurement]:
         """The hints.
 
         Raises
@@ -85,7 +91,7 @@ class MetricOptions(HeightOptions):
     gnss_sigma: float = 2.0
     gnss_topic: str | None = None
 
-    def hints(self, bag: Bag | None = None) -> list[Hint]:
+    def measurements(self, bag: Bag | None = None) -> list[AidingMeasurement]:
         """The hints, their files read, and the topics of the bag that the images come from.
 
         Raises
@@ -93,7 +99,7 @@ class MetricOptions(HeightOptions):
         InputError
             With the file and the line, or the number, and what was expected there.
         """
-        found = super().hints()
+        found = super().measurements()
         if self.speed is not None:
             times, speeds = read_speeds(self.speed, self.speed_column)
             found.append(KnownSpeed(timestamps_s=times, speeds=speeds, sigma=self.speed_sigma))
@@ -111,8 +117,8 @@ class MetricOptions(HeightOptions):
             )
         return found + self._of_topics(bag)
 
-    def _of_topics(self, bag: Bag | None) -> list[Hint]:
-        found: list[Hint] = []
+    def _of_topics(self, bag: Bag | None) -> list[AidingMeasurement]:
+        found: list[AidingMeasurement] = []
         for option in ("speed_topic", "gnss_topic"):
             if bag is None and getattr(self, option) is not None:
                 raise InputError(

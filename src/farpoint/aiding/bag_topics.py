@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from farpoint.aiding.kinds import GnssPositions, KnownSpeed
+from farpoint.aiding.tables import earth_centred
 from farpoint.errors import InputError
 from farpoint.frames.bags import Bag, rows_of
-from farpoint.hints.kinds import GnssPositions, KnownSpeed
-from farpoint.hints.tables import earth_centred
 
 __all__ = ["positions_of_topic", "speeds_of_topic"]
 

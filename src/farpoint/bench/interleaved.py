@@ -12,13 +12,13 @@ import numpy as np
 from farpoint.bench.estimators import Estimator, Motion, load_peer
 from farpoint.bench.views import TwoViews
 
-__all__ = ["Course", "one_thread", "race"]
+__all__ = ["EstimatorRun", "one_thread", "run_interleaved"]
 
 _REPEATED_BELOW_S = 0.02
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Course:
+class EstimatorRun:
     """What one estimator made of V pairs of views.
 
     Attributes
@@ -39,14 +39,14 @@ class Course:
     first_seconds: np.ndarray
 
 
-def race(
+def run_interleaved(
     estimators: Sequence[Estimator],
     views: Sequence[TwoViews],
     *,
     seed: int,
     repeats: int = 1,
     progress: Callable[[int, int], None] | None = None,
-) -> list[Course]:
+) -> list[EstimatorRun]:
     """Run every estimator on every pair of views, interleaved.
 
     Conversion of the matches to what a library wants is not timed. Each estimator sees the first
@@ -82,7 +82,7 @@ def race(
             if progress is not None:
                 progress(column + 1, len(views))
     return [
-        Course(estimator=e, rotations=R, directions=t, seconds=s, first_seconds=f)
+        EstimatorRun(estimator=e, rotations=R, directions=t, seconds=s, first_seconds=f)
         for e, R, t, s, f in zip(
             estimators, rotations, directions, seconds, first_seconds, strict=True
         )

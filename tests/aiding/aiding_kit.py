@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint import Camera, OdometryResult
-from farpoint.hints import Hint, MetricEstimate, MetricScale
+from farpoint.aiding import AidingMeasurement, MetricEstimate, MetricScale
 from farpoint.tracks import Tracks
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
@@ -78,9 +78,11 @@ def winding(count: int = 400, drift: float = 0.04, break_at: int | None = None) 
     return Drive(metres=np.cumsum(steps, axis=0), log_unit=log_unit, segment=segment)
 
 
-def tell(drive: Drive, *hints: Hint) -> tuple[MetricScale, MetricEstimate | None]:
+def tell(
+    drive: Drive, *measurements: AidingMeasurement
+) -> tuple[MetricScale, MetricEstimate | None]:
     """A scale that has seen the whole drive, and its last word on the way."""
-    scale, now = MetricScale(hints), None
+    scale, now = MetricScale(measurements), None
     for result in drive.results():
         now = scale.add(CAMERA, result)
     return scale, now

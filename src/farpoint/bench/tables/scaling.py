@@ -8,13 +8,13 @@ import numpy as np
 
 from farpoint.bench.chart import line_chart
 from farpoint.bench.estimators import Estimator, all_estimators
+from farpoint.bench.interleaved import run_interleaved
 from farpoint.bench.options import BenchOptions, Progress
-from farpoint.bench.race import race
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.table import Cell, Column, Table
 from farpoint.bench.views import views_of_scene
 
-__all__ = ["growth_tables"]
+__all__ = ["scaling_tables"]
 
 _SCENES = 10
 _REPEATS = 3
@@ -27,7 +27,7 @@ _BASELINE_CM = 5.0  # while anything else grows
 _BASELINE_SIZE = (110, 20)  # matches, and wrong ones, while steps become shorter
 
 
-def growth_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
+def scaling_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
     """A row for each number of matches, each share of wrong ones, and each length of a step."""
     estimators = all_estimators()
     by_matches = _median_ms(
@@ -51,9 +51,9 @@ def growth_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...
         options,
         lambda done, total: progress("growth with shorter steps", done, total),
     )
-    growth = by_matches[_MATCHES.index(5000), 0] / by_matches[_MATCHES.index(500), 0]
+    ratio = by_matches[_MATCHES.index(5000), 0] / by_matches[_MATCHES.index(500), 0]
     return (
-        _growth_table(
+        _scaling_table(
             "time_matches",
             f"Growth with the number of matches, {_OUTLIER_PERCENT} % of them wrong",
             Column("matches"),
@@ -62,9 +62,9 @@ def growth_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...
             by_matches,
             estimators,
             options,
-            (f"farpoint: 5000 matches take {growth:.1f} times as long as 500",),
+            (f"farpoint: 5000 matches take {ratio:.1f} times as long as 500",),
         ),
-        _growth_table(
+        _scaling_table(
             "time_outliers",
             f"Growth with the share of wrong matches, of {_OUTLIER_MATCHES}",
             Column("outliers_percent"),
@@ -75,7 +75,7 @@ def growth_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...
             options,
             (),
         ),
-        _growth_table(
+        _scaling_table(
             "time_baselines",
             "Growth with shorter steps, {} matches, {} of them wrong".format(*_BASELINE_SIZE),
             Column("baseline_cm", 1),
@@ -114,12 +114,14 @@ def _median_ms(
         for matches, outliers, baseline_cm in cells
     ]
     views = [views_of_scene(scene) for scene in scenes]
-    courses = race(estimators, views, seed=options.seed, repeats=_REPEATS, progress=progress)
-    seconds = np.array([course.seconds.reshape(rounds, len(cells)) for course in courses])
+    runs = run_interleaved(
+        estimators, views, seed=options.seed, repeats=_REPEATS, progress=progress
+    )
+    seconds = np.array([run.seconds.reshape(rounds, len(cells)) for run in runs])
     return 1e3 * np.median(seconds, axis=1).T
 
 
-def _growth_table(
+def _scaling_table(
     name: str,
     title: str,
     first: Column,

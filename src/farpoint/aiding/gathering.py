@@ -1,4 +1,4 @@
-"""Readings from hints and the results of the odometry, as they come."""
+"""Online readings of the scale from aiding measurements and odometry results."""
 
 from __future__ import annotations
 
@@ -8,40 +8,46 @@ from typing import Protocol
 
 import numpy as np
 
+from farpoint.aiding.ground import find_ground
+from farpoint.aiding.kinds import (
+    AidingMeasurement,
+    CameraHeight,
+    GnssPositions,
+    KnownDistance,
+    KnownSpeed,
+)
+from farpoint.aiding.readings import Reading
 from farpoint.camera import Camera
-from farpoint.hints.ground import find_ground
-from farpoint.hints.kinds import CameraHeight, GnssPositions, Hint, KnownDistance, KnownSpeed
-from farpoint.hints.readings import Reading
 from farpoint.odometry import OdometryResult
 
-__all__ = ["Gatherer", "gatherer_of"]
+__all__ = ["Accumulator", "accumulator_for"]
 
-_WINDOW_S = 1.0  # readings nearer together would share their errors
-_LEAST_SPEED = 0.5  # m/s: slower, the error of the hint is no longer relative
+_WINDOW_S = 1.0  # averaging time: errors of shorter readings are correlated
+_LEAST_SPEED = 0.5  # m/s: below it the error of a speed is not relative
 _LEAST_SIGMA = 0.002
-_GNSS_SIGMAS = 10.0  # positions are compared when so many sigma apart
-_HEIGHT_SPREAD = 0.05  # relative, of single readings: the road is not a plane
+_GNSS_SIGMAS = 10.0  # least distance of compared positions, in sigma
+_HEIGHT_SIGMA = 0.05  # relative 1-sigma of a reading: the road is not a plane
 
 
-class Gatherer(Protocol):
-    """Watches the results of a run."""
+class Accumulator(Protocol):
+    """Accumulates results of a run into readings."""
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
         """Readings that have become complete with this result."""
         ...
 
 
-def gatherer_of(hint: Hint) -> Gatherer:
-    """What makes readings of a hint."""
-    match hint:
+def accumulator_for(measurement: AidingMeasurement) -> Accumulator:
+    """Accumulator for a kind of aiding measurement."""
+    match measurement:
         case KnownSpeed():
-            return _Speeds(hint)
+            return _Speeds(measurement)
         case CameraHeight():
-            return _Heights(hint)
+            return _Heights(measurement)
         case KnownDistance():
-            return _Distance(hint)
+            return _Distance(measurement)
         case GnssPositions():
-            return _Gnss(hint)
+            return _Gnss(measurement)
 
 
 @dataclass
@@ -60,15 +66,15 @@ class _Window:
 class _Speeds:
     """Metres by the speed over units by the path, second by second."""
 
-    def __init__(self, hint: KnownSpeed) -> None:
-        self._hint = hint
+    def __init__(self, measurement: KnownSpeed) -> None:
+        self._measurement = measurement
         self._window = _Window()
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
         """A reading whenever a second of one segment has gone by at a known speed."""
         del camera
         middle_s = 0.5 * (result.timestamp0 + result.timestamp)
-        speed = self._at(middle_s, self._hint.speeds)
+        speed = self._at(middle_s, self._measurement.speeds)
         if result.scale is None or speed is None or speed < _LEAST_SPEED:
             return []
         window = self._window
@@ -77,8 +83,8 @@ class _Speeds:
         seconds = result.timestamp - result.timestamp0
         window.seconds += seconds
         window.metres += speed * seconds
-        if self._hint.sigmas_mps is not None:
-            sigma = self._at(middle_s, self._hint.sigmas_mps) or 0.0
+        if self._measurement.sigmas_mps is not None:
+            sigma = self._at(middle_s, self._measurement.sigmas_mps) or 0.0
             window.metres_variance += (sigma * seconds) ** 2
         window.units += result.scale
         window.variance += _own_variance(result)
@@ -89,8 +95,8 @@ class _Speeds:
         if window.units <= 0.0:
             return []
         visual = window.variance / window.units**2
-        own = self._hint.sigma**2
-        if self._hint.sigmas_mps is not None:
+        own = self._measurement.sigma**2
+        if self._measurement.sigmas_mps is not None:
             own = window.metres_variance / window.metres**2
         reading = Reading(
             kind="speed",
@@ -99,13 +105,13 @@ class _Speeds:
             segment=result.segment,
             log_ratio=math.log(window.metres / window.units),
             sigma=math.sqrt(own + visual + _LEAST_SIGMA**2),
-            shared_sigma=self._hint.sigma,
+            shared_sigma=self._measurement.sigma,
             drift=_drift(result),
         )
         return [reading]
 
     def _at(self, time_s: float, values: np.ndarray) -> float | None:
-        times = self._hint.timestamps_s
+        times = self._measurement.timestamps_s
         if not times[0] <= time_s <= times[-1]:
             return None
         return float(np.interp(time_s, times, values))
@@ -114,8 +120,8 @@ class _Speeds:
 class _Heights:
     """The known height over that of the camera over the ground in view, second by second."""
 
-    def __init__(self, hint: CameraHeight) -> None:
-        self._hint = hint
+    def __init__(self, measurement: CameraHeight) -> None:
+        self._measurement = measurement
         self._logs: list[float] = []
         self._segment, self._start_s = 0, 0.0
 
@@ -130,15 +136,15 @@ class _Heights:
         if result.timestamp - self._start_s < _WINDOW_S:
             return []
         logs, self._logs = np.array(self._logs), []
-        spread = 1.4826 * float(np.median(np.abs(logs - np.median(logs))))
+        deviation = 1.4826 * float(np.median(np.abs(logs - np.median(logs))))
         reading = Reading(
             kind="height",
             start_s=self._start_s,
             end_s=result.timestamp,
             segment=result.segment,
-            log_ratio=math.log(self._hint.height_m) - float(np.median(logs)),
-            sigma=math.hypot(_HEIGHT_SPREAD, spread),
-            shared_sigma=self._hint.sigma,
+            log_ratio=math.log(self._measurement.height_m) - float(np.median(logs)),
+            sigma=math.hypot(_HEIGHT_SIGMA, deviation),
+            shared_sigma=self._measurement.sigma,
             drift=_drift(result),
         )
         return [reading]
@@ -147,28 +153,32 @@ class _Heights:
 class _Distance:
     """One distance, once its second frame has come."""
 
-    def __init__(self, hint: KnownDistance) -> None:
-        self._hint = hint
+    def __init__(self, measurement: KnownDistance) -> None:
+        self._measurement = measurement
         self._begin: OdometryResult | None = None
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
         """The reading, with the second of the two frames, if no break of the scale lies between."""
         del camera
-        if result.frame1 == self._hint.frame0:
+        if result.frame1 == self._measurement.frame0:
             self._begin = result
         begin = self._begin
-        if result.frame1 != self._hint.frame1 or begin is None or begin.segment != result.segment:
+        if (
+            result.frame1 != self._measurement.frame1
+            or begin is None
+            or begin.segment != result.segment
+        ):
             return []
-        way = _way(begin, result)
-        if way <= 0.0:
+        distance = _distance_between(begin, result)
+        if distance <= 0.0:
             return []
         reading = Reading(
             kind="distance",
             start_s=begin.timestamp,
             end_s=result.timestamp,
             segment=result.segment,
-            log_ratio=math.log(self._hint.distance_m / way),
-            sigma=math.hypot(self._hint.sigma, _LEAST_SIGMA),
+            log_ratio=math.log(self._measurement.distance_m / distance),
+            sigma=math.hypot(self._measurement.sigma, _LEAST_SIGMA),
             shared_sigma=0.0,
             drift=0.5 * (_drift(begin) + _drift(result)),
         )
@@ -176,10 +186,10 @@ class _Distance:
 
 
 class _Gnss:
-    """Distances between positions that are far enough apart to tell a length."""
+    """Distances between positions at least 10 sigma apart."""
 
-    def __init__(self, hint: GnssPositions) -> None:
-        self._hint = hint
+    def __init__(self, measurement: GnssPositions) -> None:
+        self._measurement = measurement
         self._next = 0
         self._last: OdometryResult | None = None
         self._begin: tuple[int, float, np.ndarray] | None = None  # segment, time, position
@@ -189,11 +199,11 @@ class _Gnss:
         """A reading for each position that is far enough from the one before."""
         del camera
         last, self._last = self._last, result
-        times, readings = self._hint.timestamps_s, []
+        times, readings = self._measurement.timestamps_s, []
         while self._next < len(times) and times[self._next] <= result.timestamp:
-            time_s, fix = float(times[self._next]), self._hint.positions_m[self._next]
-            sigmas = self._hint.sigmas_m
-            sigma_m = self._hint.sigma_m if sigmas is None else float(sigmas[self._next])
+            time_s, fix = float(times[self._next]), self._measurement.positions_m[self._next]
+            sigmas = self._measurement.sigmas_m
+            sigma_m = self._measurement.sigma_m if sigmas is None else float(sigmas[self._next])
             self._next += 1
             if last is None or last.segment != result.segment or time_s < last.timestamp:
                 if last is not None or time_s < result.timestamp:
@@ -239,7 +249,7 @@ class _Gnss:
         )
 
 
-def _way(begin: OdometryResult, end: OdometryResult) -> float:
+def _distance_between(begin: OdometryResult, end: OdometryResult) -> float:
     return float(np.linalg.norm(end.world_from_cam[:3, 3] - begin.world_from_cam[:3, 3]))
 
 

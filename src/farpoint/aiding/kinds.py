@@ -1,4 +1,4 @@
-"""The kinds of hints: what is known, and how sure that is."""
+"""Kinds of aiding measurements with their 1-sigma."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.errors import InputError
-from farpoint.options import settle_positive
+from farpoint.options import coerce_positive
 
-__all__ = ["CameraHeight", "GnssPositions", "Hint", "KnownDistance", "KnownSpeed"]
+__all__ = ["AidingMeasurement", "CameraHeight", "GnssPositions", "KnownDistance", "KnownSpeed"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,7 +40,7 @@ class KnownSpeed:
             raise InputError("expected 0 or more", field="speeds")
         if self.sigmas_mps is not None:
             _check_table(self.timestamps_s, self.sigmas_mps, "sigmas_mps", ())
-        settle_positive(self, "sigma")
+        coerce_positive(self, "sigma")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ class CameraHeight:
     sigma: float = 0.05
 
     def __post_init__(self) -> None:
-        settle_positive(self, "height_m", "sigma")
+        coerce_positive(self, "height_m", "sigma")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ class KnownDistance:
                 f"expected two frames, the earlier first, got {self.frame0} and {self.frame1}",
                 field="frame0",
             )
-        settle_positive(self, "distance_m", "sigma")
+        coerce_positive(self, "distance_m", "sigma")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,10 +115,10 @@ class GnssPositions:
         _check_table(self.timestamps_s, self.positions_m, "positions_m", (3,))
         if self.sigmas_m is not None:
             _check_table(self.timestamps_s, self.sigmas_m, "sigmas_m", ())
-        settle_positive(self, "sigma_m")
+        coerce_positive(self, "sigma_m")
 
 
-Hint = KnownSpeed | CameraHeight | KnownDistance | GnssPositions
+AidingMeasurement = KnownSpeed | CameraHeight | KnownDistance | GnssPositions
 
 
 def _check_table(times: np.ndarray, values: np.ndarray, name: str, rest: tuple[int, ...]) -> None:

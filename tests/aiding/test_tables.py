@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from farpoint.errors import InputError
-from farpoint.hints import (
+from farpoint.aiding import (
     CameraHeight,
     GnssPositions,
     KnownDistance,
@@ -15,6 +14,7 @@ from farpoint.hints import (
     read_gnss,
     read_speeds,
 )
+from farpoint.errors import InputError
 
 
 def test_speeds_are_read_by_the_names_of_columns(tmp_path):

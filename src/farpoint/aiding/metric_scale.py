@@ -6,11 +6,11 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from farpoint.aiding.gathering import accumulator_for
+from farpoint.aiding.kinds import AidingMeasurement
+from farpoint.aiding.readings import Reading
+from farpoint.aiding.smoothing import MetricFit, fit_readings
 from farpoint.camera import Camera
-from farpoint.hints.gathering import gatherer_of
-from farpoint.hints.kinds import Hint
-from farpoint.hints.readings import Reading
-from farpoint.hints.smoothing import MetricFit, fit_readings
 from farpoint.odometry import OdometryResult
 
 __all__ = ["MetricEstimate", "MetricScale"]
@@ -57,8 +57,8 @@ class MetricScale:
     >>> metric.fit().at(12.0, segment=0)  # doctest: +SKIP
     """
 
-    def __init__(self, hints: Iterable[Hint]) -> None:
-        self._gatherers = [gatherer_of(hint) for hint in hints]
+    def __init__(self, measurements: Iterable[AidingMeasurement]) -> None:
+        self._gatherers = [accumulator_for(measurement) for measurement in measurements]
         self._recent: deque[Reading] = deque(maxlen=_RECENT)
         self._now: MetricEstimate | None = None
         self.readings: list[Reading] = []
