@@ -148,9 +148,10 @@ def _felt(drive: Drive) -> tuple[np.ndarray, np.ndarray]:
     )
     times = np.arange(round(path.duration_s * _IMU_HZ) + 1) / _IMU_HZ
     felt = path.felt(times)
+    until_the_end = np.ones((2 * _IMU_HZ // FPS, 1))
     at_rest = np.tile(-(poses[0, :3, :3].T @ GRAVITY), (_AT_REST, 1))
-    gyro = np.vstack([np.zeros((_AT_REST, 3)), felt.gyro, felt.gyro[-1:]])
-    return gyro, np.vstack([at_rest, felt.accel, felt.accel[-1:]])
+    gyro = np.vstack([np.zeros((_AT_REST, 3)), felt.gyro, until_the_end * felt.gyro[-1]])
+    return gyro, np.vstack([at_rest, felt.accel, until_the_end * felt.accel[-1]])
 
 
 def _speeds(drive: Drive) -> np.ndarray:

@@ -27,6 +27,7 @@ from page_files import write_page_files
 
 import farpoint as fp
 from farpoint.cli import parse
+from farpoint.errors import InputError
 from farpoint.synthetic import make_point_scene
 from farpoint.synthetic.points import PointSceneOptions
 
@@ -180,7 +181,7 @@ def test_every_mark_stands_right_before_a_block():
 )
 def test_a_command_that_does_not_work_is_noticed(line: str, type_in: Callable[[Block], None]):
     [block] = blocks_of(f"```console\n$ {line}\n```\n")
-    with pytest.raises((AssertionError, fp.InputError, pytest.fail.Exception)):
+    with pytest.raises((AssertionError, InputError, pytest.fail.Exception)):
         type_in(block)
 
 
