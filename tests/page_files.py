@@ -11,7 +11,9 @@ import av
 import numpy as np
 from bags_kit import Sent, header, image_message, info_message, write_bag
 from cli_kit import CALIBRATION, CAMERA, encoded, write_video
+from markdown_blocks import ROOT
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from farpoint.fusion.models import GRAVITY
 from farpoint.synthetic import InertialPath, RenderedSequence, render_drive
@@ -82,6 +84,7 @@ def write_page_files(folder: Path) -> Path:
     shutil.copytree(folder / "mav0", folder / "V1_01_easy" / "mav0")
     _write_speeds(folder / "wheels.csv", drive)
     _write_bag(folder, drive)
+    shutil.copytree(ROOT / "examples", folder / "examples")
     return folder
 
 
@@ -129,7 +132,14 @@ def _write_euroc(folder: Path, drive: Drive) -> None:
         (folder / "cam0" / "data" / f"{stamp}.png").write_bytes(encoded(image))
         rows.append(f"{stamp},{stamp}.png")
     (folder / "cam0" / "data.csv").write_text("\n".join(rows) + "\n")
-    (folder / "cam0" / "sensor.yaml").write_text(CALIBRATION)
+    mounting = ", ".join(f"{value}.0" for value in np.eye(4, dtype=int).ravel())
+    t_bs = f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{mounting}]\n"
+    (folder / "cam0" / "sensor.yaml").write_text(CALIBRATION + t_bs)
+    rows = ["#timestamp,p_RS_R_x,y,z,q_RS_w,x,y,z"]
+    for stamp, pose in zip(drive.stamps_ns, drive.sequence.world_from_cam, strict=True):
+        x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
+        rows.append(",".join(map(str, (stamp, *pose[:3, 3], w, x, y, z))))
+    (folder / "truth.csv").write_text("\n".join(rows) + "\n")
     (folder / "imu0").mkdir()
     gyro, accel = _felt(drive)
     rows = ["#timestamp [ns],w_RS_S_x [rad s^-1],y,z,a_RS_S_x [m s^-2],y,z"]

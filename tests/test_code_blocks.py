@@ -104,6 +104,8 @@ def _type_in(block: Block, farpoint: CommandLine, folder: Path) -> None:
             name = Path(program).name
             if name == "farpoint":
                 output = _farpoint(words, farpoint, folder)
+            elif name == "python":
+                output = _run_process([sys.executable, *words], folder)
             elif name in INSTALLING:
                 assert_installable(words)
                 output = command.output
@@ -121,14 +123,18 @@ def _farpoint(words: list[str], farpoint: CommandLine, folder: Path) -> str:
         assert callable(parse(clear))
         return ""
     if words[0] == "fleet":
-        typed = [sys.executable, "-m", "farpoint", *words]
-        done = subprocess.run(typed, cwd=folder, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{shlex.join(words)}: {done.stderr}"
-        return done.stdout
+        return _run_process([sys.executable, "-m", "farpoint", *words], folder)
     assert words[0] in RUN
     outcome = farpoint(*words)
     assert outcome.code == 0, f"{shlex.join(words)}: {outcome.err}"
     return outcome.out
+
+
+def _run_process(typed: list[str], folder: Path) -> str:
+    """Run a program to its end; what it printed."""
+    done = subprocess.run(typed, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{shlex.join(typed)}: {done.stderr}"
+    return done.stdout
 
 
 def assert_installable(words: list[str]) -> None:

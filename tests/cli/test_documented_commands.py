@@ -7,12 +7,12 @@ import shlex
 from pathlib import Path
 
 import pytest
+from markdown_blocks import pages
 
 from farpoint.cli import COMMANDS, parse
 from farpoint.errors import InputError
 
-ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = pages()
 
 
 def documented_commands() -> list[str]:
