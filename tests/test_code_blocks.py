@@ -31,7 +31,7 @@ from farpoint.errors import InputError
 from farpoint.synthetic import make_point_scene
 from farpoint.synthetic.points import PointSceneOptions
 
-NOT_RUN = 8
+NOT_RUN = 10
 """Blocks of all pages that are marked as not run."""
 
 RUN = {"run", "live", "evaluate", "camera", "--version"}
