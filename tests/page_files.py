@@ -11,13 +11,13 @@ import av
 import numpy as np
 from bags_kit import Sent, header, image_message, info_message, write_bag
 from cli_kit import CALIBRATION, CAMERA, encoded, write_video
-from markdown_blocks import ROOT
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from farpoint.fusion.models import GRAVITY
 from farpoint.synthetic import InertialPath, RenderedSequence, render_drive
 from farpoint.trajectory.files import Trajectory
+from markdown_blocks import ROOT
 
 FRAMES, FPS = 12, 10
 START_NS = 1_400_000_000 * 10**9

@@ -16,20 +16,21 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cli_kit import CAMERA, CommandLine
-from markdown_blocks import ROOT, Block, blocks_of, blocks_of_page, commands_of, pages
-from page_files import write_page_files
 
 import farpoint as fp
 from farpoint.cli import parse
 from farpoint.errors import InputError
 from farpoint.synthetic import make_point_scene
 from farpoint.synthetic.points import PointSceneOptions
+from markdown_blocks import ROOT, Block, blocks_of, blocks_of_page, commands_of, pages
+from page_files import write_page_files
 
 NOT_RUN = 10
 """Blocks of all pages that are marked as not run."""
@@ -142,7 +143,7 @@ def assert_installable(words: list[str]) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     for extras in _EXTRAS.findall(" ".join(words)):
         assert set(extras.split(",")) <= set(project["optional-dependencies"]), extras
-    for flag, value in zip(words, words[1:], strict=False):
+    for flag, value in pairwise(words):
         if flag == "-c" and value.endswith(".txt"):
             assert (ROOT / value).is_file(), value
 

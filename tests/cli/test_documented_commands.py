@@ -7,10 +7,10 @@ import shlex
 from pathlib import Path
 
 import pytest
-from markdown_blocks import pages
 
 from farpoint.cli import COMMANDS, parse
 from farpoint.errors import InputError
+from markdown_blocks import pages
 
 PAGES = pages()
 
