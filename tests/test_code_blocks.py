@@ -1,8 +1,8 @@
 """Every code block of the documentation does what it says.
 
 A page is read from top to bottom in a folder of its own, which holds the files of `page_files`:
-its console blocks are typed, its Python blocks run in one namespace. `given_names` holds what a page
-takes from its reader. A block that cannot run here is marked in its page by
+its console blocks are typed, its Python blocks run in one namespace. `given_names` holds what a
+page takes from its reader. A block that cannot run here is marked in its page by
 ``<!-- not run: REASON -->``.
 """
 
@@ -41,7 +41,7 @@ RUN = {"run", "live", "evaluate", "camera", "--version"}
 PARSED = {"demo", "bench"}
 """Commands that take a minute and more. The README's `demo` is run by ``.ci/run``."""
 
-INSTALLING = {"pip", "python3", "git", "uv", "pytest", "bash"}
+INSTALLING = {"pip", "python3", "git", "cd", "uv", "pytest", "bash"}
 """Programs of blocks that install and test. ``.ci/run`` runs those of the README."""
 
 SHOWN = {"text", "yaml", "json", "csv", "bibtex", ""}
