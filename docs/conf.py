@@ -10,7 +10,7 @@ copyright = author
 version = release = farpoint.__version__
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.mathjax",
@@ -22,6 +22,11 @@ html_title = f"farpoint {release}"
 
 myst_enable_extensions = ["amsmath", "dollarmath", "deflist"]
 myst_heading_anchors = 3
+
+# Notebooks are stored without outputs and executed by each build; an error in one ends it.
+nb_execution_mode = "force"
+nb_execution_timeout = 120
+nb_execution_raise_on_error = True
 
 # A name between single backticks in a docstring links to what bears it.
 default_role = "py:obj"

@@ -10,9 +10,9 @@ import pytest
 
 from farpoint.cli import COMMANDS, parse
 from farpoint.errors import InputError
+from markdown_blocks import pages
 
-ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = pages()
 
 
 def documented_commands() -> list[str]:
