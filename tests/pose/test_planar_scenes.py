@@ -16,9 +16,9 @@ from farpoint import (
 )
 from farpoint.geometry import so3, sphere
 from farpoint.metrics import statistics as metrics
+from farpoint.pose.competing_motions import CompetingMotion, likelier_of_plane
+from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import MovingFit, fit_moving
-from farpoint.pose.rivals import OtherMotion, likelier_of_plane
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 NORMAL = np.array([0.45, -0.25, 1.0]) / 4.0
@@ -155,7 +155,7 @@ def test_the_odds_of_the_two_motions_are_those_of_being_wrong():
         count, relief = ((40, 0.0), (40, 0.01), (120, 0.0), (120, 0.01))[seed % 4]
         points0, points1, direction = rough_wall(seed, count, relief)
         matches = matches_from_points(points0, points1, CAMERA, CAMERA)
-        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
         fit, other = likelier_of_plane(fit)
         if other is not None:
             off = sphere.angle_between(fit.direction_cam1_from_cam0, direction)
@@ -244,7 +244,7 @@ def test_the_other_motion_of_a_wall_is_never_the_first_one():
     for seed in range(150):
         points0, points1, _, _ = wall_ahead(seed, 300, 0.0)
         matches = matches_from_points(points0, points1, CAMERA, CAMERA)
-        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
         fit, other = likelier_of_plane(fit)
         if other is not None:
             towards = fit.direction_cam1_from_cam0
@@ -269,7 +269,7 @@ def test_nothing_before_a_bare_floor_speaks_for_the_wrong_motion():
         seen = np.isfinite(points1).all(axis=1)
         points = points0[seen] + noise[0, seen], points1[seen] + noise[1, seen]
         matches = matches_from_points(*points, camera, camera)
-        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
         fit, other = likelier_of_plane(fit)
         if other is not None:
             nearer = fit.direction_cam1_from_cam0 - other.direction_cam1_from_cam0
@@ -280,16 +280,18 @@ def test_nothing_before_a_bare_floor_speaks_for_the_wrong_motion():
 
 
 @pytest.fixture
-def first_motion() -> MovingFit:
+def first_motion() -> GeneralMotionFit:
     """Of a wall passed sideways."""
     matches = matches_from_points(*wall(0, np.array([1.0, 0.0, 0.0]), 0), CAMERA, CAMERA)
-    return fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+    return fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
 
 
-def beside(fit: MovingFit, turn: np.ndarray, tilt: np.ndarray, against: float) -> OtherMotion:
+def beside(
+    fit: GeneralMotionFit, turn: np.ndarray, tilt: np.ndarray, against: float
+) -> CompetingMotion:
     """A motion that differs from the first by as much."""
     direction = fit.direction_cam1_from_cam0
-    return OtherMotion(
+    return CompetingMotion(
         so3.exp(turn) @ fit.R_cam1_from_cam0,
         sphere.retract(direction, sphere.tangent_basis(direction), tilt),
         against,

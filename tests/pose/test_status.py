@@ -20,10 +20,10 @@ from farpoint import (
 )
 from farpoint.camera import Pinhole
 from farpoint.geometry import so3
-from farpoint.pose import as_turn, failed_pose
+from farpoint.pose import failed_pose, pure_rotation_conclusion
+from farpoint.pose.general_motion import fit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import fit_moving
-from farpoint.pose.verdict import DIRECTIONS, is_motion, is_static, shown_translation
+from farpoint.pose.model_selection import DIRECTIONS, is_motion, is_static, translation_evidence
 from farpoint.synthetic import PointScene, paper_camera
 
 STILL = (0.0, 0.0, 0.0)
@@ -154,7 +154,9 @@ def test_how_far_tracks_are_off_says_how_likely_they_point_to_one_direction(
         agreeing=0,
     )
     turning = SimpleNamespace(probability=0.0 * each, distance2=sigmas**2 * each)
-    assert (shown_translation(SimpleNamespace(doubt=4.0), fit, turning, 1e-3) == 1.0) is translates
+    assert (
+        translation_evidence(SimpleNamespace(doubt=4.0), fit, turning, 1e-3) == 1.0
+    ) is translates
 
 
 @pytest.mark.parametrize(("narrowness", "shown"), [(20.0, 3.13), (38.0, 0.53), (45.0, 0.0)])
@@ -171,7 +173,7 @@ def test_a_translation_is_shown_as_far_as_it_is_likelier_than_a_turn(narrowness,
     turning = SimpleNamespace(
         probability=np.zeros(8), distance2=1e-4 * np.ones(8), noise=noise, narrowness=25.0
     )
-    found = shown_translation(SimpleNamespace(doubt=1.0, min_variance=1e-6), fit, turning, 1e-3)
+    found = translation_evidence(SimpleNamespace(doubt=1.0, min_variance=1e-6), fit, turning, 1e-3)
     # Half of them may be far; that nine tenths are is as likely, to begin with.
     gain = 4 * math.log(1.0 + 99.0 * 0.5) + 4 * math.log(1.0 + 0.5) - math.log(2.0)
     assert found == pytest.approx(max(gain + 25.0 - narrowness, 0.0) / math.log(1e3), rel=1e-4)
@@ -192,7 +194,9 @@ def test_flow_that_misstated_noise_may_have_made_shows_less_of_a_translation(dou
         residual=each, parallax=0.0 * each, noise=SimpleNamespace(mean_sigma=1.0), agreeing=0
     )
     turning = SimpleNamespace(probability=each, distance2=(1.0 + ratio) * each)
-    found = shown_translation(SimpleNamespace(doubt=doubt, min_variance=1e-6), fit, turning, 1e-3)
+    found = translation_evidence(
+        SimpleNamespace(doubt=doubt, min_variance=1e-6), fit, turning, 1e-3
+    )
     assert found == pytest.approx(shown, abs=0.04)
 
 
@@ -206,7 +210,7 @@ def test_flow_shows_a_translation_by_the_digits_of_its_false_alarms(ratio, shown
         residual=each, parallax=0.0 * each, noise=SimpleNamespace(mean_sigma=1.0), agreeing=0
     )
     turning = SimpleNamespace(probability=each, distance2=(1.0 + ratio * 20 / 17) * each)
-    found = shown_translation(SimpleNamespace(doubt=1.0, min_variance=1e-6), fit, turning, 1e-3)
+    found = translation_evidence(SimpleNamespace(doubt=1.0, min_variance=1e-6), fit, turning, 1e-3)
     false_alarms = DIRECTIONS * f_distribution.sf(ratio, 20, 17)
     digits = -math.log10(false_alarms) / 3.0
     assert found == pytest.approx(min(max(digits, 0.0), 1.0))
@@ -233,7 +237,7 @@ def test_a_hint_of_a_motion_that_fixes_no_rotation_leaves_one(monkeypatch):
     turned = [scene for scene in drawn if "only turned" in estimate(scene).reason]
     assert len(turned) > 20
     unsure = np.full((5, 5), np.inf)
-    monkeypatch.setattr(as_turn, "moving_covariance", lambda _: unsure)
+    monkeypatch.setattr(pure_rotation_conclusion, "general_motion_covariance", lambda _: unsure)
     for scene in turned:
         assert "only turned" in estimate(scene).reason
 
@@ -286,7 +290,7 @@ def test_hardly_ever_is_a_motion_likelier_than_wrong_matches_alone(count):
     for _ in range(400):
         points = rng.uniform((0.0, 0.0), camera.size, (2, count, 2))
         matches = matches_from_points(*points, camera, camera)
-        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
         # A hundred times the rate of the estimator: what chance does is seen in fewer trials.
         found += is_motion(fit, 0.1)
     assert found <= 40

@@ -98,7 +98,7 @@ def try_lens(
             continue
         pair = Pair(frame0=k, frame1=k + 1, time0=times[k], time1=times[k + 1])
         points.append(path.add(given, tracks, motion, pair))
-        poses += path.settled()
+        poses += path.final_poses()
         motions.follow(path.lens)
     assert path.lens is not None  # the camera moves
     return LensTrial(

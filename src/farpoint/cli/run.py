@@ -188,7 +188,7 @@ def _run_into(
                 folder.add_time("read", seconds)
                 result = odometry.process(frame.image, frame.timestamp, fault=frame.fault)
                 folder.write(result, frame.image)
-                folder.write_final_poses(odometry.settled())
+                folder.write_final_poses(odometry.final_poses())
                 folder.check_halves(result, odometry)
                 if result.pose is not None:
                     counts[result.pose.status] += 1

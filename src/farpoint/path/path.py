@@ -18,7 +18,7 @@ from farpoint.path.keyframe import Keyframe
 from farpoint.path.lens import LensEstimate, LensReport
 from farpoint.path.options import LensRefinementOptions, PathOptions
 from farpoint.path.pending import PendingPoses, pose_matrix
-from farpoint.path.point import PathPoint, Rest, SettledPose
+from farpoint.path.point import FinalPose, PathPoint, Rest
 from farpoint.path.resection import Located, locate_frame
 from farpoint.path.selection import redundant_keyframe, select_tracks
 from farpoint.path.window import Window
@@ -200,14 +200,14 @@ class PathBuilder:
         step = _Step(before, now, is_inlier, motion, pair)
         return self._track(window, step) if self._has_scale else self._initialise(window, step)
 
-    def settled(self) -> list[SettledPose]:
+    def final_poses(self) -> list[FinalPose]:
         """Final poses in the order of their frames, each returned once."""
-        return self._pending.settled()
+        return self._pending.final_poses()
 
-    def remaining(self) -> list[SettledPose]:
+    def remaining(self) -> list[FinalPose]:
         """All poses not yet returned, at their current values."""
         self._pending.freeze_all()
-        return self._pending.settled()
+        return self._pending.final_poses()
 
     # Initialisation
 

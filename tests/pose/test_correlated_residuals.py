@@ -56,13 +56,13 @@ def shared(monkeypatch, in_doubt) -> list[float]:
     found: list[float] = []
 
     def doubted(matches, fit):
-        matches, fit = neighbours.doubt_where_alike(matches, fit)
+        matches, fit = neighbours.count_residual_correlation(matches, fit)
         assert (fit.matches.sharing, fit.matches.doubt) == (matches.sharing, matches.doubt)
         found.append(matches.sharing)
         in_doubt.append(matches.doubt > 1.0)
         return matches, fit
 
-    monkeypatch.setattr(relative_pose, "doubt_where_alike", doubted)
+    monkeypatch.setattr(relative_pose, "count_residual_correlation", doubted)
     return found
 
 

@@ -15,9 +15,9 @@ from farpoint._kernels.twins import layer_twin
 from farpoint.bench.scenes import draw_scenes
 from farpoint.geometry import so3
 from farpoint.pose import relative_pose, rivals
+from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion, refit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
-from farpoint.pose.turning_fit import TurningFit, fit_turning
+from farpoint.pose.pure_rotation import PureRotationFit, fit_pure_rotation
 from farpoint.synthetic import PointScene
 
 AHEAD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
@@ -27,11 +27,11 @@ AHEAD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 def fit():
     drawn = point_scene(3)
     matches = matches_from_points(drawn.points0, drawn.points1, drawn.camera, drawn.camera)
-    return fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+    return fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
 
 
-def turned(fit: MovingFit) -> TurningFit:
-    return fit_turning(fit.matches, fit.far_rotation_cam1_from_cam0, 1.5)
+def turned(fit: GeneralMotionFit) -> PureRotationFit:
+    return fit_pure_rotation(fit.matches, fit.far_rotation_cam1_from_cam0, 1.5)
 
 
 @pytest.fixture
@@ -42,9 +42,9 @@ def unlikely(fit):
 
 @pytest.fixture
 def elsewhere(fit, monkeypatch):
-    """`likelier_elsewhere` where the motions found, in turn, are so much less likely."""
+    """`likelier_in_other_direction` where the motions found, in turn, are so much less likely."""
 
-    def run(*against: float, fit: MovingFit = fit):
+    def run(*against: float, fit: GeneralMotionFit = fit):
         waiting = list(against)
 
         def nearest(_matches, _pose, _start_R, rival: Pose) -> float:
@@ -52,7 +52,7 @@ def elsewhere(fit, monkeypatch):
             return waiting.pop(0)
 
         monkeypatch.setattr(rivals, "nearest_rival", nearest)
-        found = rivals.likelier_elsewhere(fit, lambda: turned(fit))
+        found = rivals.likelier_in_other_direction(fit, lambda: turned(fit))
         assert not waiting
         return found
 
@@ -85,30 +85,30 @@ def test_one_that_all_matches_make_less_likely_is_not_taken(fit, elsewhere):
 
 def test_where_each_is_likelier_than_the_last_there_is_no_telling(monkeypatch, unlikely, elsewhere):
     monkeypatch.setattr(
-        rivals, "refit_moving", lambda _, start: replace(start, cost=start.cost - 1)
+        rivals, "refit_general_motion", lambda _, start: replace(start, cost=start.cost - 1)
     )
     _, other = elsewhere(-9.0, -9.0, -9.0, fit=unlikely)
     assert other.against == 0.0
 
 
 def test_a_plain_motion_has_no_rival_that_comes_near(fit):
-    best, other = rivals.likelier_elsewhere(fit, lambda: turned(fit))
+    best, other = rivals.likelier_in_other_direction(fit, lambda: turned(fit))
     assert best is fit
     assert other is None or other.against > 20.0
 
 
 @pytest.fixture
 def met(monkeypatch):
-    """`likelier_met` where the motion that was met is so much less likely than this one."""
+    """`likelier_of_search` where the motion that was met is so much less likely than this one."""
 
-    def run(against: float, than: MovingFit):
+    def run(against: float, than: GeneralMotionFit):
         monkeypatch.setattr(rivals, "judge_rival", lambda *_: against)
-        return rivals.likelier_met(replace(than, rival=(np.eye(3), UP)))
+        return rivals.likelier_of_search(replace(than, rival=(np.eye(3), UP)))
 
     return run
 
 
-def is_same_way(one: MovingFit | rivals.OtherMotion, other: MovingFit) -> bool:
+def is_same_way(one: GeneralMotionFit | rivals.CompetingMotion, other: GeneralMotionFit) -> bool:
     return np.array_equal(one.direction_cam1_from_cam0, other.direction_cam1_from_cam0)
 
 
@@ -122,14 +122,14 @@ def test_a_motion_that_the_search_has_met_is_judged(fit, unlikely, met):
     assert other.against == 5.0
     assert is_same_way(other, unlikely)
     assert met(np.inf, than=unlikely)[1] is None
-    assert rivals.likelier_met(replace(fit, rival=None))[1] is None
+    assert rivals.likelier_of_search(replace(fit, rival=None))[1] is None
 
 
 def test_one_that_all_matches_make_far_likelier_is_taken_against_residuals(
     unlikely, met, monkeypatch
 ):
     far_likelier = replace(unlikely, direction_cam1_from_cam0=UP, cost=unlikely.cost - 1e3)
-    monkeypatch.setattr(rivals, "refit_moving", lambda *_: far_likelier)
+    monkeypatch.setattr(rivals, "refit_general_motion", lambda *_: far_likelier)
     best, other = met(5.0, than=unlikely)
     assert not is_same_way(best, unlikely)
     # The two contradict each other.
@@ -147,20 +147,20 @@ def test_what_residuals_rule_out_is_not_asked_again(
     rows = np.resize(np.arange(110), matches)
     many = replace(unlikely, matches=unlikely.matches.select(rows), said=unlikely.said[:, rows])
     asked = []
-    monkeypatch.setattr(rivals, "refit_moving", lambda _, start: asked.append(1) or start)
+    monkeypatch.setattr(rivals, "refit_general_motion", lambda _, start: asked.append(1) or start)
     _, other = met(against, than=many)
     assert len(asked) == is_asked
     if not is_asked:
         assert other.against == against
 
 
-def likelier_of(fit: MovingFit, other: rivals.OtherMotion, gain: float, **there):
+def likelier_of(fit: GeneralMotionFit, other: rivals.CompetingMotion, gain: float, **there):
     """`_likelier`, if all matches make the other motion likelier by as much."""
     plain = replace(fit, cost=0.0, narrowness=0.0, said=np.ones_like(fit.said))
     there = {"direction_cam1_from_cam0": UP, "cost": -gain / len(fit.matches), **there}
     found = replace(plain, **there)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rivals, "refit_moving", lambda *_: found)
+        patch.setattr(rivals, "refit_general_motion", lambda *_: found)
         best, left = rivals._likelier(plain, other)
     return best is found, left
 
@@ -178,7 +178,7 @@ def test_all_matches_must_outweigh_half_of_what_residuals_have_against_a_motion(
     fit, because, is_predicted, in_doubt_from, taken_from
 ):
     """And more, where its flow is mostly noise, and of a plane."""
-    other = rivals.OtherMotion(np.eye(3), UP, 10.0, because)
+    other = rivals.CompetingMotion(np.eye(3), UP, 10.0, because)
     for gain, expected in (
         (in_doubt_from - 0.1, (False, 10.0)),
         (in_doubt_from + 0.1, (False, 0.0)),
@@ -198,7 +198,7 @@ def test_what_residuals_of_doubtful_noise_rule_out_may_still_be_right(fit):
         (doubtful, 109.0, True),
         (doubtful, 111.0, False),
     ):
-        other = rivals.OtherMotion(np.eye(3), UP, against, rivals.ELSEWHERE)
+        other = rivals.CompetingMotion(np.eye(3), UP, against, rivals.ELSEWHERE)
         assert likelier_of(given, other, 1e3)[0] == is_asked
 
 
@@ -206,7 +206,7 @@ def test_what_residuals_of_doubtful_noise_rule_out_may_still_be_right(fit):
 def test_one_that_would_have_most_matches_behind_the_cameras_is_not_the_likelier(
     fit, sign_log_odds, is_taken
 ):
-    other = rivals.OtherMotion(np.eye(3), UP, 5.0, rivals.ELSEWHERE)
+    other = rivals.CompetingMotion(np.eye(3), UP, 5.0, rivals.ELSEWHERE)
     assert likelier_of(fit, other, 15.0, sign_log_odds=sign_log_odds)[0] == is_taken
 
 
@@ -222,7 +222,7 @@ def test_one_that_would_have_most_matches_behind_the_cameras_is_not_the_likelier
 def test_the_relief_of_a_plane_is_believed_unless_matches_are_clearly_against_it(
     fit, gain, because, is_taken
 ):
-    other = rivals.OtherMotion(np.eye(3), UP, -5.0, because)
+    other = rivals.CompetingMotion(np.eye(3), UP, -5.0, because)
     found, left = likelier_of(fit, other, gain)
     assert found == is_taken
     assert left.against == (5.0 if is_taken else 0.0)
@@ -230,7 +230,7 @@ def test_the_relief_of_a_plane_is_believed_unless_matches_are_clearly_against_it
 
 def test_matches_of_one_surface_do_not_each_tell_where_they_lie(fit):
     """All that is plausible of them counts as of 5 sqrt(110) matches, of 110."""
-    other = rivals.OtherMotion(np.eye(3), UP, 10.0, rivals.ELSEWHERE)
+    other = rivals.CompetingMotion(np.eye(3), UP, 10.0, rivals.ELSEWHERE)
     for gain, is_taken in ((11.0, True), (10.0, False)):
         said = np.ones_like(fit.said)
         said[0] = np.exp(gain / 110)
@@ -240,7 +240,7 @@ def test_matches_of_one_surface_do_not_each_tell_where_they_lie(fit):
 def test_a_rotation_with_a_rival_is_doubted_most_about_the_axis_between_them(fit):
     turn = np.radians([0.3, -0.2, 0.1])
     R = so3.exp(turn) @ fit.R_cam1_from_cam0
-    doubt = rivals.OtherMotion(R, UP, 0.0, "").doubt_of_rotation(fit)
+    doubt = rivals.CompetingMotion(R, UP, 0.0, "").rotation_covariance_beside(fit)
     values, axes = np.linalg.eigh(doubt)
     square = turn @ turn
     # The mean square error is that of two that are as likely.
@@ -253,12 +253,12 @@ def test_a_rotation_is_doubted_by_the_odds_of_its_rival(fit):
     R = so3.exp(np.radians([0.3, -0.2, 0.1])) @ fit.R_cam1_from_cam0
 
     def doubt(against):
-        return np.trace(rivals.OtherMotion(R, UP, against, "").doubt_of_rotation(fit))
+        return np.trace(rivals.CompetingMotion(R, UP, against, "").rotation_covariance_beside(fit))
 
     # Half of a log likelihood counts: one of ten.
     assert doubt(2.0 * np.log(9.0)) == pytest.approx(doubt(0.0) / 5.0)
     # Where the noise was told, its variance may be four times what was said.
-    rival = rivals.OtherMotion(R, UP, 8.0 * np.log(9.0), "")
+    rival = rivals.CompetingMotion(R, UP, 8.0 * np.log(9.0), "")
     assert rival.probability(4.0) == pytest.approx(0.1)
 
 
@@ -291,7 +291,7 @@ def test_rotations_with_a_rival_are_as_doubtful_as_said(ambiguous):
 def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_elsewhere):
     """The same noise told of all matches is no more than what is assumed, but may be wrong."""
     if not looks_elsewhere:  # those that were met are still known
-        monkeypatch.setattr(rivals, "likelier_elsewhere", lambda fit, _: (fit, None))
+        monkeypatch.setattr(rivals, "likelier_in_other_direction", lambda fit, _: (fit, None))
     told = np.tile(np.eye(2), (40, 1, 1))
     firm, doubted, because = 0, 0, 0
     for seed in range(60):
@@ -314,7 +314,7 @@ def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_e
 @pytest.mark.parametrize("seed", [0, 2])
 def test_a_likelier_motion_that_the_search_has_met_is_taken(monkeypatch, seed):
     """Also where no noise is told, and the one that was found is sure of itself."""
-    search = relative_pose.fit_moving
+    search = relative_pose.fit_general_motion
 
     def lost(matches, tolerance, options, state):
         found = search(matches, tolerance, options, state)
@@ -322,13 +322,13 @@ def test_a_likelier_motion_that_the_search_has_met_is_taken(monkeypatch, seed):
         twin = np.empty((3, 3)), np.empty(3)
         layer_twin(matches.pairs, len(matches), 3.0 * found.noise.sigma, R, t, *twin)
         start = replace(found, R_cam1_from_cam0=twin[0], direction_cam1_from_cam0=twin[1])
-        wrong = refit_moving(matches, start)
+        wrong = refit_general_motion(matches, start)
         assert wrong.direction_cam1_from_cam0 @ t < -0.9
         return replace(wrong, rival=(R, t))
 
     drawn = point_scene(seed, matches=90, outliers=10, translation_m=(0.02, 0.01, 0.0))
     expected = estimate(drawn).direction_cam1_from_cam0
-    monkeypatch.setattr(relative_pose, "fit_moving", lost)
+    monkeypatch.setattr(relative_pose, "fit_general_motion", lost)
     pose = estimate(drawn)
     assert pose.status is PoseStatus.OK
     np.testing.assert_allclose(pose.direction_cam1_from_cam0, expected, atol=0.01)
