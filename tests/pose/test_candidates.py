@@ -10,7 +10,7 @@ import pytest
 from pose_kit import estimate, point_scene, rotation_error
 
 from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
-from farpoint.pose import candidates, relative_pose
+from farpoint.pose import candidates, two_views
 from farpoint.pose.competing_motions import compare_modes
 from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion
 from farpoint.pose.matches import Matches, matches_from_points
@@ -77,7 +77,7 @@ def held() -> Lost:
 
 
 def test_fewer_motions_are_lost(held, monkeypatch):
-    monkeypatch.setattr(relative_pose, "likeliest_motion", lambda _matches, fit, *_: fit)
+    monkeypatch.setattr(two_views, "likeliest_motion", lambda _matches, fit, *_: fit)
     alone = lost(range(300))
     assert alone.rotations > 70
     assert held.rotations < 0.7 * alone.rotations
@@ -141,18 +141,18 @@ def test_what_is_not_is_remembered(matches, fit, other, gain, against):
 
 @pytest.mark.parametrize(("gain", "is_taken"), [(15.0, False), (17.0, True)])
 def test_of_a_flow_that_is_mostly_noise_more_is_asked(matches, fit, other, gain, is_taken):
-    other(gain, is_predicted=True)
+    other(gain, has_shrunk_flow=True)
     assert (asked(matches, fit).candidate_mode is None) == is_taken
 
 
 def test_the_less_is_known_of_noise_the_clearer_it_must_be(matches, fit, other):
     other(20.0)
-    found = asked(replace(matches, doubt=4.0), fit)
+    found = asked(replace(matches, misspecification=4.0), fit)
     assert found.candidate_mode is not None
 
 
 def test_a_motion_that_was_met_is_asked_too(matches, fit, monkeypatch):
-    start = replace(fit, rival=(np.eye(3), UP))
+    start = replace(fit, secondary_mode=(np.eye(3), UP))
     monkeypatch.setattr(candidates, "fit_with_bounded_noise", lambda *_: fit)
 
     def refit(_, start: GeneralMotionFit) -> GeneralMotionFit:
@@ -174,13 +174,13 @@ def test_one_that_has_not_clearly_lost_is_a_rival(fit, against, is_rival):
     candidate_mode = replace(fit, candidate_mode=(fit.R_cam1_from_cam0, UP, against))
     held = compare_modes(candidate_mode, None, lambda: turned(fit), 1e-3)
     assert held.fit is candidate_mode
-    assert (held.rival is not None) == is_rival
+    assert (held.secondary_mode is not None) == is_rival
 
 
 def test_the_same_way_with_less_noise_is_no_rival(fit):
     same = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0, 0.0
     candidate_mode = replace(fit, candidate_mode=same)
-    assert compare_modes(candidate_mode, None, lambda: turned(fit), 1e-3).rival is None
+    assert compare_modes(candidate_mode, None, lambda: turned(fit), 1e-3).secondary_mode is None
 
 
 def turned(fit: GeneralMotionFit):
@@ -213,13 +213,13 @@ def test_a_few_near_points_show_a_motion_that_all_others_would_take_for_a_turn(s
     """As a turn it is 0.4 deg off, 30 times its sigma."""
     scene = mostly_far(seed)
     pose = estimate(scene)
-    assert "only turned" not in pose.reason
+    assert "Pure rotation or" not in pose.reason
     assert nees_of(pose, scene) < 16.0
 
 
 @pytest.mark.parametrize("seed", LOST[:4])
 def test_the_search_alone_overlooks_it(monkeypatch, seed):
-    monkeypatch.setattr(relative_pose, "likeliest_motion", lambda _matches, fit, *_: fit)
+    monkeypatch.setattr(two_views, "likeliest_motion", lambda _matches, fit, *_: fit)
     scene = mostly_far(seed)
     pose = estimate(scene)
     assert pose.status is PoseStatus.ROTATION_ONLY

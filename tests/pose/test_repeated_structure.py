@@ -100,4 +100,4 @@ def test_of_two_motions_that_some_matches_allow_all_choose(monkeypatch, first_is
     monkeypatch.setattr(general_motion, "fit_motion", found_both)
     chosen = general_motion.fit_general_motion(matches, 1.0, DEFAULTS, np.array([1], np.uint64))
     assert so3.angle_between(chosen.R_cam1_from_cam0, scene.R) < 2e-3
-    assert (chosen.rival is None) == first_is_right
+    assert (chosen.secondary_mode is None) == first_is_right

@@ -18,7 +18,7 @@ from farpoint import (
 )
 from farpoint.geometry import so3
 from farpoint.metrics import chi2_quantile
-from farpoint.pose import general_motion, relative_pose, two_motions
+from farpoint.pose import general_motion, two_motions, two_views
 from farpoint.pose.covariance import inflation_between_patches
 from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches, matches_from_points
@@ -133,7 +133,7 @@ def test_smooth_errors_lead_to_no_other_motion():
         scene = traffic(seed, 0.0, 0.0)
         points1 = scene.points1 + smooth_field(seed, scene.points1, 1.0, 60.0)
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += fit.coherence > two_motions.CORRELATED
+        were_smooth += fit.residual_correlation > two_motions.CORRELATED
         assert dominant_of(matches, fit) is fit
     assert were_smooth >= 20
 
@@ -148,7 +148,7 @@ def test_wrong_matches_do_not_make_smooth_errors_look_apart(share):
         wrong = rng.uniform(size=len(points1)) < share
         points1[wrong] = rng.uniform((0.0, 0.0), CAMERA.size, (np.count_nonzero(wrong), 2))
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += fit.coherence > two_motions.CORRELATED
+        were_smooth += fit.residual_correlation > two_motions.CORRELATED
         assert dominant_of(matches, fit) is fit
     assert were_smooth >= 10
 
@@ -178,7 +178,7 @@ def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
         matches = matches_from_points(scene.points0, points1, camera, camera)
         state = np.array([1], np.uint64)
         fit = general_motion.fit_general_motion(matches, 1.5, DEFAULTS, state)
-        were_alike += fit.coherence > two_motions.CORRELATED
+        were_alike += fit.residual_correlation > two_motions.CORRELATED
         assert dominant_of(matches, fit) is fit
     assert were_alike >= least
 
@@ -208,9 +208,12 @@ def test_the_motion_of_most_is_doubted_as_far_as_the_likelier_one_is_off_alike()
     scene = traffic(2, 0.4, 6.0)
     matches, fit = fit_of(*scene[:2])
     found = dominant_of(matches, fit)
-    assert (fit.between, found.between) == (0.0, fit.coherence)
-    assert fit.coherence > two_motions.CORRELATED > found.coherence
-    assert inflation_between_patches(found) == 1.0 + 4.0 * (fit.coherence - 0.25)
+    assert (fit.merged_mode_correlation, found.merged_mode_correlation) == (
+        0.0,
+        fit.residual_correlation,
+    )
+    assert fit.residual_correlation > two_motions.CORRELATED > found.residual_correlation
+    assert inflation_between_patches(found) == 1.0 + 4.0 * (fit.residual_correlation - 0.25)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
     assert "moving objects" in pose.reason
 
@@ -256,7 +259,7 @@ def test_no_more_noise_is_believed_than_each_match_has_of_its_own():
         found = dominant_of(matches, fit)
         if found is not fit:
             assert found.noise.sigma < fit.noise.sigma
-            assert found.noise.poor < 1e-6
+            assert found.noise.tail_share < 1e-6
             sigmas.append(found.noise.sigma)
     assert len(sigmas) >= 10
     assert np.median(sigmas) == pytest.approx(NOISE_PX, rel=0.25)
@@ -267,13 +270,13 @@ def test_two_of_each_point_are_not_two_motions():
     scene = traffic(1, 0.0, 0.0, 150)
     points0, points1 = np.repeat(scene.points0, 2, axis=0), np.repeat(scene.points1, 2, axis=0)
     matches, fit = fit_of(points0, points1)
-    assert fit.coherence > 0.99
+    assert fit.residual_correlation > 0.99
     assert dominant_of(matches, fit) is fit
 
 
 def test_where_neighbours_are_off_alike_it_is_said(monkeypatch):
-    monkeypatch.setattr(relative_pose, "dominant_motion", lambda _matches, fit, *_: fit)
+    monkeypatch.setattr(two_views, "dominant_motion", lambda _matches, fit, *_: fit)
     scene = traffic(2, 0.4, 6.0)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
-    assert fit_of(scene.points0, scene.points1)[1].coherence > two_motions.CORRELATED
+    assert fit_of(scene.points0, scene.points1)[1].residual_correlation > two_motions.CORRELATED
     assert "Residuals of neighbouring matches are correlated" in pose.reason
