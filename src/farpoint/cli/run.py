@@ -61,7 +61,7 @@ class Run(RecordedOptions):
 
     def __call__(self) -> None:
         """Do it."""
-        # What is wrong with the calibration is told before the source is looked at.
+        # Faults of the calibration come before those of the source.
         known = self.lens.known()
         frames = open_frames(
             self.source,
@@ -102,7 +102,7 @@ def process_frames(
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
 
-    A guess becomes a camera when the first image tells its size. A caller that writes more into
+    A guess becomes a camera with the size of the first image. A caller that writes more into
     ``out`` holds its lock and gives it.
 
     Raises

@@ -79,7 +79,7 @@ class LiveSession:
     source : str
         What the user called it.
     camera : Camera or CameraGuess
-        Of the frames; a guess becomes a camera when the first picture tells its size.
+        Of the frames; a guess becomes a camera with the size of the first picture.
     out : Path or None
         Folder for the outputs; ``farpoint-out/<source name>`` where None.
     odometry, output, viewer : dataclasses, optional
@@ -259,7 +259,7 @@ class LiveSession:
         return replace(found, frame0=self._indices[found.frame0], frame1=index)
 
     def _write_final_poses(self, poses: list[FinalPose]) -> None:
-        """Write poses, counted as `_numbered` does; those of earlier frames are told no more."""
+        """Write poses, counted as `_numbered` does; those of earlier frames are left out."""
         self._folder.write_final_poses(
             replace(pose, frame1=self._indices[pose.frame1]) for pose in poses
         )

@@ -1,11 +1,11 @@
 """The split-half test: does the covariance hold, where nobody knows the truth?
 
-The matches of a pair are dealt at random into two halves and the motion is estimated from each.
-If their noise is independent, the difference of the two must be as large as the sum of their
-covariances says. What both halves share (a wrong calibration, a moving object that is tracked in
-both, errors that neighbouring tracks have in common) cancels in the difference: the test can show
-that a covariance is too small, not that nothing is missing. Neighbours dealt to one half together
-(`image_cells`, and patches of them in `Odometry.split_half`) keep their common errors in it.
+The matches of a pair are split at random into two halves and the motion is estimated from each.
+If their noise is independent, the difference of the two has the sum of their covariances. Errors
+that both halves share (of the calibration, of a moving object tracked in both, of neighbouring
+tracks) cancel in the difference: the test can show that a covariance is too small, not that it is
+complete. Neighbours in the same half (`image_cells`, and patches in `Odometry.split_half`) keep
+their common errors in it.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ class OdometryOptions:
     path : PathOptions
         The window that keeps one scale.
     lens : LensRefinementOptions
-        How far lens and shutter may be from what the calibration says.
+        How far lens and shutter may be from the calibration.
     seed : int
         Of the random samples.
     """
