@@ -29,21 +29,21 @@ def found_of(camera: Camera, *, focal: float, sigma: float, readout_s: float) ->
 @pytest.mark.parametrize("camera", [CAMERA, CAMERA.with_uncertainty(focal=0.03)])
 def test_a_lens_is_taken_where_it_is_plainly_another(camera):
     in_use = LensInUse(camera, LensRefinementOptions())
-    in_use.follow(found_of(camera, focal=0.1, sigma=1.0, readout_s=0.0))
+    in_use.update(found_of(camera, focal=0.1, sigma=1.0, readout_s=0.0))
     assert in_use.camera == camera
     found = found_of(camera, focal=1.0, sigma=0.01, readout_s=0.0)
-    in_use.follow(found)
+    in_use.update(found)
     assert in_use.camera.model == found.found().model
     assert in_use.camera.model != camera.model
 
 
 def test_what_is_left_of_a_doubt_that_was_given_counts_and_no_other():
     exact = LensInUse(CAMERA, LensRefinementOptions())
-    exact.follow(found_of(CAMERA, focal=1.0, sigma=0.01, readout_s=0.0))
+    exact.update(found_of(CAMERA, focal=1.0, sigma=0.01, readout_s=0.0))
     assert exact.camera.uncertainty is None
     given = CAMERA.with_uncertainty(focal=0.03)
     unsure = LensInUse(given, LensRefinementOptions())
-    unsure.follow(found_of(given, focal=1.0, sigma=0.01, readout_s=0.0))
+    unsure.update(found_of(given, focal=1.0, sigma=0.01, readout_s=0.0))
     sigma = unsure.camera.parameter_sigmas()["fx"]
     assert sigma == pytest.approx(0.01 * given.parameter_sigmas()["fx"])
 
@@ -51,9 +51,9 @@ def test_what_is_left_of_a_doubt_that_was_given_counts_and_no_other():
 def test_a_shutter_is_global_until_its_read_out_stands_out():
     in_use = LensInUse(CAMERA, LensRefinementOptions())
     assert in_use.interval_s(INTERVAL_S) is None
-    in_use.follow(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.002))
+    in_use.update(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.002))
     assert in_use.camera.readout_s is None
-    in_use.follow(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.02))
+    in_use.update(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.02))
     assert (in_use.camera.readout_s, in_use.camera.readout_sigma_s) == pytest.approx((0.02, 0.001))
     assert in_use.interval_s(INTERVAL_S) == INTERVAL_S
     # A frame is not read for longer than until the next one: its time stamp is off.
@@ -70,5 +70,5 @@ def test_a_shutter_is_global_until_its_read_out_stands_out():
 )
 def test_a_read_out_that_was_given_stays(camera, options):
     in_use = LensInUse(camera, options)
-    in_use.follow(found_of(replace(camera, readout_s=None), focal=0.0, sigma=1.0, readout_s=0.02))
+    in_use.update(found_of(replace(camera, readout_s=None), focal=0.0, sigma=1.0, readout_s=0.02))
     assert in_use.camera.readout_s == pytest.approx(0.01)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.patches import deal
+from farpoint._kernels.patches import deal as split_patches
 from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.metrics.pairs import direction_error
@@ -138,10 +138,10 @@ def split_half(
     estimate : callable
         Called as ``estimate(*arrays)`` with half of the rows of each array.
     seed : int
-        Of the deal; the same seed gives the same halves.
+        Of the split; the same seed gives the same halves.
     groups : ndarray of int, shape (N,), optional
         Rows with the same number go to the same half, such as those of one image cell
-        (`image_cells`). By default every row is dealt by itself.
+        (`image_cells`). By default every row is a group of its own.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def split_half(
     )
     # A mask leaves the rows in their order: an estimator that looks at it sees nothing unusual.
     half = np.empty(lengths[0], np.int64)
-    deal(assigned.ravel(), np.array([seed % 2**64], np.uint64), half)
+    split_patches(assigned.ravel(), np.array([seed % 2**64], np.uint64), half)
     return pose_difference(
         estimate(*(rows[half == 0] for rows in matches)),
         estimate(*(rows[half == 1] for rows in matches)),

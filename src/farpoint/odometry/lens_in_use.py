@@ -36,7 +36,7 @@ class LensInUse:
         self._is_shutter_known = self.camera.readout_s is not None
         self._z: np.ndarray | None = None
 
-    def follow(self, lens: LensEstimate | None) -> None:
+    def update(self, lens: LensEstimate | None) -> None:
         """Adopt the path's estimate where it differs by more than 3 sigma."""
         if lens is None:
             return

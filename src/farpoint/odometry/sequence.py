@@ -184,7 +184,7 @@ class Odometry:
             calibration's size, or not of the mask's.
         """
         index, self._next_index = self._next_index, self._next_index + 1
-        timestamp, fell = self._time.follow(timestamp)
+        timestamp, fell = self._time.update(timestamp)
         if fell:  # another recording, joined to the one before
             self._reference = None
             self._path.break_off()
@@ -268,7 +268,7 @@ class Odometry:
                 frame0=reference.index, frame1=index, time0=reference.timestamp, time1=timestamp
             )
             point = self._path.add(self.camera, tracks, pose, pair)
-            self._lens.follow(self._path.lens)
+            self._lens.update(self._path.lens)
             solved = time.perf_counter()
             pose = at_rest(pose, point.rest)
             is_good = pose.labels != TrackLabel.OUTLIER

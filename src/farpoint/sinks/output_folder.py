@@ -194,7 +194,7 @@ class OutputFolder:
         self._record.write(result, image)
 
     def write_final_poses(self, poses: Iterable[Posed]) -> None:
-        """Add poses of the path that change no more: `Odometry.settled`, at the end `remaining`.
+        """Add final poses of the path: `Odometry.final_poses`, at the end `remaining`.
 
         Those of frames whose result was not written, since Ctrl-C came between, are left out.
         """
