@@ -24,8 +24,10 @@ from farpoint import (
 from farpoint.errors import InputError
 from farpoint.geometry import so3, sphere
 from farpoint.metrics import evaluate_halves
+from farpoint.odometry import sequence
 from farpoint.pose import failed_pose
 from farpoint.pose.patches import patches_of
+from farpoint.pose.views import Views
 from farpoint.tracks import TrackerOptions
 
 OPTIONS = OdometryOptions(tracker=TrackerOptions(max_tracks=250))
@@ -101,16 +103,16 @@ def test_halves_of_the_tracks_of_a_pair_agree_about_its_motion():
 def test_tracks_that_lie_together_go_to_the_same_half(monkeypatch: pytest.MonkeyPatch):
     odometry = Odometry(CAMERA, OPTIONS)
     result = list(odometry.run(frames(list(IMAGES))))[3]
-    dealt: list[np.ndarray] = []
+    halves: list[np.ndarray] = []
 
-    def estimate(_camera, _options, _seconds, points0: np.ndarray, *_others) -> RelativePose:
-        dealt.append(points0)
-        return failed_pose("Not asked.")
+    def estimate(views: Views, *_others) -> RelativePose:
+        halves.append(views.points0)
+        return failed_pose("Not estimated.")
 
-    monkeypatch.setattr(odometry, "_estimate_by", estimate)
+    monkeypatch.setattr(sequence, "estimate_views", estimate)
     odometry.split_half(result)
-    first = (result.tracks.points0[:, None] == dealt[0]).all(axis=2).any(axis=1)
-    assert len(dealt[0]) + len(dealt[1]) == len(result.tracks)
+    first = (result.tracks.points0[:, None] == halves[0]).all(axis=2).any(axis=1)
+    assert len(halves[0]) + len(halves[1]) == len(result.tracks)
     patch = patches_of(CAMERA.unproject(result.tracks.points0))
     assert 20 < len(set(patch)) < len(patch) / 2.5
     assert all(len(set(first[patch == k])) == 1 for k in set(patch))
@@ -122,11 +124,11 @@ def test_what_is_unsure_of_lens_and_shutter_is_not_between_halves(monkeypatch: p
     result = list(odometry.run(frames(list(IMAGES))))[3]
     cameras = []
 
-    def estimate(camera: Camera, *_others) -> RelativePose:
-        cameras.append(camera)
-        return failed_pose("Not asked.")
+    def estimate(views: Views, *_others) -> RelativePose:
+        cameras.append(views.camera0)
+        return failed_pose("Not estimated.")
 
-    monkeypatch.setattr(odometry, "_estimate_by", estimate)
+    monkeypatch.setattr(sequence, "estimate_views", estimate)
     odometry.split_half(result)
     assert {(c.uncertainty, c.readout_s, c.readout_sigma_s) for c in cameras} == {
         (None, 0.01, None)
