@@ -24,8 +24,10 @@ from farpoint import (
 from farpoint.errors import InputError
 from farpoint.geometry import so3, sphere
 from farpoint.metrics import evaluate_halves
+from farpoint.odometry import sequence
 from farpoint.pose import failed_pose
 from farpoint.pose.patches import patches_of
+from farpoint.pose.views import Views
 from farpoint.tracks import TrackerOptions
 
 OPTIONS = OdometryOptions(tracker=TrackerOptions(max_tracks=250))
@@ -103,11 +105,11 @@ def test_tracks_that_lie_together_go_to_the_same_half(monkeypatch: pytest.Monkey
     result = list(odometry.run(frames(list(IMAGES))))[3]
     dealt: list[np.ndarray] = []
 
-    def estimate(_camera, _options, _seconds, points0: np.ndarray, *_others) -> RelativePose:
-        dealt.append(points0)
+    def estimate(views: Views, *_others) -> RelativePose:
+        dealt.append(views.points0)
         return failed_pose("Not asked.")
 
-    monkeypatch.setattr(odometry, "_estimate_by", estimate)
+    monkeypatch.setattr(sequence, "estimate_views", estimate)
     odometry.split_half(result)
     first = (result.tracks.points0[:, None] == dealt[0]).all(axis=2).any(axis=1)
     assert len(dealt[0]) + len(dealt[1]) == len(result.tracks)
@@ -122,11 +124,11 @@ def test_what_is_unsure_of_lens_and_shutter_is_not_between_halves(monkeypatch: p
     result = list(odometry.run(frames(list(IMAGES))))[3]
     cameras = []
 
-    def estimate(camera: Camera, *_others) -> RelativePose:
-        cameras.append(camera)
+    def estimate(views: Views, *_others) -> RelativePose:
+        cameras.append(views.camera0)
         return failed_pose("Not asked.")
 
-    monkeypatch.setattr(odometry, "_estimate_by", estimate)
+    monkeypatch.setattr(sequence, "estimate_views", estimate)
     odometry.split_half(result)
     assert {(c.uncertainty, c.readout_s, c.readout_sigma_s) for c in cameras} == {
         (None, 0.01, None)

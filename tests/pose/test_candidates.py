@@ -10,7 +10,7 @@ import pytest
 from pose_kit import estimate, point_scene, rotation_error
 
 from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
-from farpoint.pose import candidates, relative_pose
+from farpoint.pose import candidates, two_views
 from farpoint.pose.matches import Matches, matches_from_points
 from farpoint.pose.moving_fit import MovingFit, fit_moving
 from farpoint.pose.options import DEFAULTS
@@ -77,7 +77,7 @@ def held() -> Lost:
 
 
 def test_fewer_motions_are_lost(held, monkeypatch):
-    monkeypatch.setattr(relative_pose, "likeliest_motion", lambda _matches, fit, *_: fit)
+    monkeypatch.setattr(two_views, "likeliest_motion", lambda _matches, fit, *_: fit)
     alone = lost(range(300))
     assert alone.rotations > 70
     assert held.rotations < 0.7 * alone.rotations
@@ -217,7 +217,7 @@ def test_a_few_near_points_show_a_motion_that_all_others_would_take_for_a_turn(s
 
 @pytest.mark.parametrize("seed", LOST[:4])
 def test_the_search_alone_overlooks_it(monkeypatch, seed):
-    monkeypatch.setattr(relative_pose, "likeliest_motion", lambda _matches, fit, *_: fit)
+    monkeypatch.setattr(two_views, "likeliest_motion", lambda _matches, fit, *_: fit)
     scene = mostly_far(seed)
     pose = estimate(scene)
     assert pose.status is PoseStatus.ROTATION_ONLY

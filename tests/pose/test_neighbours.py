@@ -16,7 +16,7 @@ from farpoint import (
 from farpoint.bench.plain_script import PlainScript
 from farpoint.geometry import sphere
 from farpoint.metrics import chi2_quantile
-from farpoint.pose import neighbours, relative_pose
+from farpoint.pose import neighbours, two_views
 from farpoint.synthetic import PointScene, RenderedSequence, make_point_scene, street_drive
 from farpoint.synthetic.points import PointSceneOptions
 
@@ -62,7 +62,7 @@ def shared(monkeypatch, in_doubt) -> list[float]:
         in_doubt.append(matches.doubt > 1.0)
         return matches, fit
 
-    monkeypatch.setattr(relative_pose, "doubt_where_alike", doubted)
+    monkeypatch.setattr(two_views, "doubt_where_alike", doubted)
     return found
 
 

@@ -7,7 +7,7 @@ import pytest
 from pose_kit import assert_identical, point_scene, pose_error
 
 from farpoint import PoseStatus, RelativePose, estimate_relative_pose
-from farpoint.pose import relative_pose
+from farpoint.pose import two_views
 from farpoint.pose.matches import matches_from_points
 from farpoint.pose.moving_fit import fit_moving
 from farpoint.pose.noise_floor import noise_floor
@@ -50,7 +50,7 @@ def test_a_floor_makes_the_estimate_better_and_keeps_it_honest(monkeypatch):
     errors, nees = {"with": [], "without": []}, {"with": [], "without": []}
     for name in errors:
         if name == "without":
-            monkeypatch.setattr(relative_pose, "noise_floor", lambda *_: 0.0)
+            monkeypatch.setattr(two_views, "noise_floor", lambda *_: 0.0)
         for seed in range(60):
             scene, told, points = told_and_more(seed, 10.0)
             pose = estimated(scene, told, points)
@@ -73,5 +73,5 @@ def test_noise_in_px_is_that_of_a_typical_match():
 def test_without_told_noise_nothing_changes(monkeypatch):
     scene, _, points = told_and_more(4, 10.0)
     before = estimate_relative_pose(*points, scene.camera)
-    monkeypatch.setattr(relative_pose, "noise_floor", lambda *_: 1.0)
+    monkeypatch.setattr(two_views, "noise_floor", lambda *_: 1.0)
     assert_identical(before, estimate_relative_pose(*points, scene.camera))

@@ -14,7 +14,7 @@ from farpoint._kernels.pose import Pose
 from farpoint._kernels.twins import layer_twin
 from farpoint.bench.scenes import draw_scenes
 from farpoint.geometry import so3
-from farpoint.pose import relative_pose, rivals
+from farpoint.pose import rivals, two_views
 from farpoint.pose.matches import matches_from_points
 from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
 from farpoint.pose.turning_fit import TurningFit, fit_turning
@@ -314,7 +314,7 @@ def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_e
 @pytest.mark.parametrize("seed", [0, 2])
 def test_a_likelier_motion_that_the_search_has_met_is_taken(monkeypatch, seed):
     """Also where no noise is told, and the one that was found is sure of itself."""
-    search = relative_pose.fit_moving
+    search = two_views.fit_moving
 
     def lost(matches, tolerance, options, state):
         found = search(matches, tolerance, options, state)
@@ -328,7 +328,7 @@ def test_a_likelier_motion_that_the_search_has_met_is_taken(monkeypatch, seed):
 
     drawn = point_scene(seed, matches=90, outliers=10, translation_m=(0.02, 0.01, 0.0))
     expected = estimate(drawn).direction_cam1_from_cam0
-    monkeypatch.setattr(relative_pose, "fit_moving", lost)
+    monkeypatch.setattr(two_views, "fit_moving", lost)
     pose = estimate(drawn)
     assert pose.status is PoseStatus.OK
     np.testing.assert_allclose(pose.direction_cam1_from_cam0, expected, atol=0.01)

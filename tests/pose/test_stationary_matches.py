@@ -10,7 +10,7 @@ from pose_kit import estimate, point_scene, rotation_error
 
 from farpoint import Camera, PoseStatus, estimate_relative_pose
 from farpoint.bench.scenes import draw_scenes
-from farpoint.pose import relative_pose, two_motions
+from farpoint.pose import two_motions, two_views
 from farpoint.pose.matches import matches_from_points
 from farpoint.pose.moving_fit import fit_moving
 from farpoint.pose.options import DEFAULTS
@@ -74,7 +74,7 @@ def left_out(monkeypatch) -> list[int]:
         found.append(len(matches) - len(others))
         return others, fit
 
-    monkeypatch.setattr(relative_pose, "without_stationary", without)
+    monkeypatch.setattr(two_views, "without_stationary", without)
     return found
 
 

@@ -18,7 +18,7 @@ from farpoint import (
 )
 from farpoint.geometry import so3
 from farpoint.metrics import chi2_quantile
-from farpoint.pose import moving_fit, relative_pose, two_motions
+from farpoint.pose import moving_fit, two_motions, two_views
 from farpoint.pose.covariance import growth_between_patches
 from farpoint.pose.matches import Matches, matches_from_points
 from farpoint.pose.moving_fit import MovingFit
@@ -87,7 +87,7 @@ def test_the_camera_moves_as_most_matches_do(monkeypatch, share, shift_px, most,
     """Of 40 poses 5, 9 and 5 are off; of the likeliest, between both motions, 10, 29 and 34."""
     scenes = [traffic(seed, share, shift_px) for seed in range(40)]
     assert far_off(scenes) <= most
-    monkeypatch.setattr(two_motions, "CORRELATED", 2.0)
+    monkeypatch.setattr(two_motions, "SUSPECT", 2.0)
     assert far_off(scenes) >= between
 
 
@@ -268,7 +268,7 @@ def test_two_of_each_point_are_not_two_motions():
 
 
 def test_where_neighbours_are_off_alike_it_is_said(monkeypatch):
-    monkeypatch.setattr(relative_pose, "dominant_motion", lambda _matches, fit, *_: fit)
+    monkeypatch.setattr(two_views, "dominant_motion", lambda _matches, fit, *_: fit)
     scene = traffic(2, 0.4, 6.0)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
     assert fit_of(scene.points0, scene.points1)[1].coherence > two_motions.CORRELATED
