@@ -25,7 +25,7 @@ from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.two_motions import is_correlated
 from farpoint.pose.verdict import is_consensus
 
-__all__ = ["likeliest_motion"]
+__all__ = ["CLEAR", "likeliest_motion"]
 
 # Pairs of rejected matches whose directions are tried: where one in four has the direction, a
 # hundred pairs miss it with a probability of (1 - 1/16)^100 = 0.002.
@@ -66,18 +66,19 @@ def likeliest_motion(
         return fit
     others = (refit_moving(matches, start) for start in starts)
     found = max(others, key=attrgetter("log_likelihood"))
-    gain = found.log_likelihood - fit.log_likelihood
-    if gain > _margin(matches, found):
+    if _is_clearly_likelier(found, fit):
         return found
     if not is_noisy:
         return fit
-    other = found.R_cam1_from_cam0, found.direction_cam1_from_cam0, max(-gain, 0.0)
+    behind = max(fit.log_likelihood - found.log_likelihood, 0.0)
+    other = found.R_cam1_from_cam0, found.direction_cam1_from_cam0, behind
     return replace(fit, unsettled=other)
 
 
-def _margin(matches: Matches, fit: MovingFit) -> float:
-    """Log likelihood by which a motion must be likelier than another, to count."""
-    return (CLEAR + OF_NOISE if fit.is_predicted else CLEAR) * matches.doubt
+def _is_clearly_likelier(fit: MovingFit, other: MovingFit) -> bool:
+    """Whether a motion is likelier than another by the margin at which it counts."""
+    margin = CLEAR + OF_NOISE if fit.is_predicted else CLEAR
+    return fit.log_likelihood - other.log_likelihood > margin * other.matches.doubt
 
 
 def _of_rejected(

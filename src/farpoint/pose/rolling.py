@@ -23,10 +23,21 @@ _CLOSE = 0.1  # sigma: no pass changes more
 
 
 class Searched(NamedTuple):
-    """A motion that a search found, and the rotation vector (3,) that was undone for it, rad."""
+    """Motions that a search found.
+
+    Attributes
+    ----------
+    fit : MovingFit
+        The likeliest.
+    theta : ndarray, shape (3,)
+        Rotation vector that was undone for it, rad.
+    other : MovingFit, optional
+        A predicted one in another direction: which is the likelier, unrolled rows decide.
+    """
 
     fit: MovingFit
     theta: np.ndarray
+    other: MovingFit | None = None
 
 
 def search_rolling(
@@ -88,7 +99,16 @@ def _closer(
     shutter: Shutter, pixels: PixelMatches, searched: Searched
 ) -> tuple[MovingFit, np.ndarray]:
     """The motion refitted, and its rotation, until that which is left is within its noise."""
-    fit, theta = searched
+    closer = _closer_to(shutter, pixels, searched.fit, searched.theta)
+    if searched.other is None:
+        return closer
+    other = _closer_to(shutter, pixels, searched.other, searched.theta)
+    return max(closer, other, key=lambda each: each[0].log_likelihood)
+
+
+def _closer_to(
+    shutter: Shutter, pixels: PixelMatches, fit: MovingFit, theta: np.ndarray
+) -> tuple[MovingFit, np.ndarray]:
     theta, _ = _unrolled(shutter, fit.R_cam1_from_cam0, fit.matches.used(fit.labels), theta)
     for _ in range(_MOST_PASSES):
         matches = pixels.matches(partial(shutter.unrolled, theta))

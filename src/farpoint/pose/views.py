@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint.camera import Camera
+from farpoint.pose.candidates import CLEAR
 from farpoint.pose.lens_uncertainty import View, with_lens_uncertainty
 from farpoint.pose.matches import PixelMatches
 from farpoint.pose.moving_fit import refit_moving
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import RelativePose
+from farpoint.pose.rivals import COS_NEARBY
 from farpoint.pose.rolling import Searched, estimate_rolling, search_rolling
 from farpoint.pose.shutter import Shutter, Turning, shutter_of
 from farpoint.pose.turning_fit import fit_turning
@@ -80,17 +82,23 @@ def estimate_views(
 def search_views(
     views: Views, options: RelativePoseOptions, seed: int, predicted: RelativePose | None = None
 ) -> Searched | None:
-    """The motion that a search finds, or one near a predicted one, if that is likelier.
+    """The motion that a search finds, and the one near a predicted one, if that is another.
 
     None of too few matches.
     """
-    searched = search_rolling(views.shutter(), views.pixels(), options, seed)
+    shutter = views.shutter()
+    searched = search_rolling(shutter, views.pixels(), options, seed)
     if searched is None or predicted is None or predicted.direction_cam1_from_cam0 is None:
         return searched
     assert predicted.rotation_cam1_from_cam0 is not None
     fit, R = searched.fit, predicted.rotation_cam1_from_cam0.copy()
-    near = refit_moving(fit.matches, fit.at(R, predicted.direction_cam1_from_cam0.copy()))
-    is_likelier = near.log_likelihood > fit.log_likelihood
+    near = fit.at(R, predicted.direction_cam1_from_cam0.copy())
+    if near.direction_cam1_from_cam0 @ fit.direction_cam1_from_cam0 > COS_NEARBY:
+        return searched
+    if shutter is not None:  # which of the two it is their own unrolled rows tell
+        return searched._replace(other=near)
+    near = refit_moving(fit.matches, near)
+    is_likelier = near.log_likelihood > fit.log_likelihood + CLEAR
     return searched._replace(fit=near) if is_likelier else searched
 
 
