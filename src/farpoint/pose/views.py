@@ -80,19 +80,21 @@ def estimate_views(
 
 
 def search_views(
-    views: Views, options: RelativePoseOptions, seed: int, predicted: RelativePose | None = None
+    views: Views,
+    options: RelativePoseOptions,
+    seed: int,
+    predicted: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Searched | None:
     """The motion that a search finds, and the one near a predicted one, if that is another.
 
-    None of too few matches.
+    ``predicted`` is a rotation and a direction, cam1_from_cam0. None of too few matches.
     """
     shutter = views.shutter()
     searched = search_rolling(shutter, views.pixels(), options, seed)
-    if searched is None or predicted is None or predicted.direction_cam1_from_cam0 is None:
+    if searched is None or predicted is None:
         return searched
-    assert predicted.rotation_cam1_from_cam0 is not None
-    fit, R = searched.fit, predicted.rotation_cam1_from_cam0.copy()
-    near = fit.at(R, predicted.direction_cam1_from_cam0.copy())
+    fit = searched.fit
+    near = fit.at(*(each.copy() for each in predicted))
     if near.direction_cam1_from_cam0 @ fit.direction_cam1_from_cam0 > COS_NEARBY:
         return searched
     if shutter is not None:  # which of the two it is their own unrolled rows tell
