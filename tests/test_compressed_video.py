@@ -10,7 +10,7 @@ import pytest
 
 from farpoint import Camera, Odometry, OdometryOptions, PoseStatus, RelativePoseOptions
 from farpoint.metrics.statistics import chi2_quantile
-from farpoint.pose.covariance import growth_beyond_patches, mean_half_ratio
+from farpoint.pose.covariance import inflation_beyond_patches, mean_split_half_ratio
 from farpoint.synthetic import RenderedSequence, render_drive
 
 av = pytest.importorskip("av")
@@ -82,9 +82,9 @@ def test_regions_hold_the_truth_of_h264_and_are_as_narrow_as_before_without_it()
 
 
 def test_the_mean_half_ratio_takes_a_pair_in_by_the_number_of_those_before():
-    assert mean_half_ratio(None, 1.3, 7) == 1.3
-    assert mean_half_ratio(2.0, 1.0, 3) == pytest.approx(1.25)
-    assert mean_half_ratio(50.0, 1.0, 1) == pytest.approx(2.0)
+    assert mean_split_half_ratio(None, 1.3, 7) == 1.3
+    assert mean_split_half_ratio(2.0, 1.0, 3) == pytest.approx(1.25)
+    assert mean_split_half_ratio(50.0, 1.0, 1) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(
@@ -101,8 +101,8 @@ def test_the_variance_grows_by_what_the_mean_exceeds_that_of_uncompressed_video(
     ratio: float, expected: float, pairs: int, growth: float
 ):
     options = replace(WIDENING, expected_half_ratio=expected, expected_half_ratio_pairs=pairs)
-    assert growth_beyond_patches(ratio, options) == pytest.approx(growth)
-    assert growth_beyond_patches(ratio, replace(options, sharing_beyond_patches=0.0)) == 1.0
+    assert inflation_beyond_patches(ratio, options) == pytest.approx(growth)
+    assert inflation_beyond_patches(ratio, replace(options, sharing_beyond_patches=0.0)) == 1.0
 
 
 def test_slopes_and_numbers_of_pairs_that_are_none_are_refused():

@@ -44,7 +44,7 @@ def odometry(**options) -> Odometry:
 
 def test_a_pair_is_held_to_what_the_pairs_before_have_shown():
     images = drive(4)
-    learning, computed = odometry(half_deals=8), odometry()
+    learning, computed = odometry(half_splits=8), odometry()
     expected = 2.0
     for k, image in enumerate(images):
         ours, plain = (each.process(image, 0.1 * k).pose for each in (learning, computed))
@@ -61,7 +61,7 @@ def test_a_pair_is_held_to_what_the_pairs_before_have_shown():
 
 def test_halves_of_a_pair_are_held_to_it_too():
     images = drive(5)
-    plain, doubting = odometry(), odometry(half_deals=8, expected_half_ratio=50.0)
+    plain, doubting = odometry(), odometry(half_splits=8, expected_half_ratio=50.0)
     computed, doubted = (
         each.split_half([each.process(image, 0.1 * k) for k, image in enumerate(images)][-1])
         for each in (plain, doubting)

@@ -29,10 +29,10 @@ def found_of(camera: Camera, *, focal: float, sigma: float, readout_s: float) ->
 @pytest.mark.parametrize("camera", [CAMERA, CAMERA.with_uncertainty(focal=0.03)])
 def test_a_lens_is_taken_where_it_is_plainly_another(camera):
     in_use = LensInUse(camera, LensRefinementOptions())
-    in_use.follow(found_of(camera, focal=0.1, sigma=1.0, readout_s=0.0))
+    in_use.update(found_of(camera, focal=0.1, sigma=1.0, readout_s=0.0))
     assert in_use.camera.model == camera.model
     found = found_of(camera, focal=1.0, sigma=0.01, readout_s=0.0)
-    in_use.follow(found)
+    in_use.update(found)
     assert in_use.camera.model == found.found().model
     assert in_use.camera.model != camera.model
 
@@ -41,23 +41,23 @@ def test_a_lens_is_taken_where_it_is_plainly_another(camera):
 def test_an_adopted_lens_is_as_uncertain_as_the_estimate(camera):
     in_use = LensInUse(camera, LensRefinementOptions())
     found = found_of(camera, focal=1.0, sigma=0.01, readout_s=0.0)
-    in_use.follow(found)
+    in_use.update(found)
     prior = with_prior(camera, LensRefinementOptions()).parameter_sigmas()["fx"]
     assert in_use.camera.parameter_sigmas()["fx"] == pytest.approx(0.01 * prior, rel=1e-2)
     # A later estimate, two of its sigmas away, is not adopted: its difference is an uncertainty.
     found.z, found.covariance = 1.02 * found.z, found.covariance.copy()
-    in_use.follow(found)
+    in_use.update(found)
     sigma = in_use.camera.parameter_sigmas()["fx"]
     assert sigma == pytest.approx(np.hypot(0.01, 0.02) * prior, rel=1e-2)
 
 
 def test_an_exact_lens_stays_exact_until_another_is_adopted():
     in_use = LensInUse(CAMERA, LensRefinementOptions())
-    in_use.follow(found_of(CAMERA, focal=0.1, sigma=1.0, readout_s=0.0))
+    in_use.update(found_of(CAMERA, focal=0.1, sigma=1.0, readout_s=0.0))
     assert in_use.camera.uncertainty is None
     given = CAMERA.with_uncertainty(focal=0.03)
     uncertain = LensInUse(given, LensRefinementOptions())
-    uncertain.follow(found_of(given, focal=0.1, sigma=0.5, readout_s=0.0))
+    uncertain.update(found_of(given, focal=0.1, sigma=0.5, readout_s=0.0))
     prior = given.parameter_sigmas()["fx"]
     sigma = uncertain.camera.parameter_sigmas()["fx"]
     assert sigma == pytest.approx(np.hypot(0.5, 0.1) * prior, rel=1e-2)
@@ -66,9 +66,9 @@ def test_an_exact_lens_stays_exact_until_another_is_adopted():
 def test_a_shutter_is_global_until_its_read_out_stands_out():
     in_use = LensInUse(CAMERA, LensRefinementOptions())
     assert in_use.interval_s(INTERVAL_S) is None
-    in_use.follow(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.002))
+    in_use.update(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.002))
     assert in_use.camera.readout_s is None
-    in_use.follow(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.02))
+    in_use.update(found_of(CAMERA, focal=0.0, sigma=1.0, readout_s=0.02))
     assert (in_use.camera.readout_s, in_use.camera.readout_sigma_s) == pytest.approx((0.02, 0.001))
     assert in_use.interval_s(INTERVAL_S) == INTERVAL_S
     # A frame is not read for longer than until the next one: its time stamp is off.
@@ -85,5 +85,5 @@ def test_a_shutter_is_global_until_its_read_out_stands_out():
 )
 def test_a_read_out_that_was_given_stays(camera, options):
     in_use = LensInUse(camera, options)
-    in_use.follow(found_of(replace(camera, readout_s=None), focal=0.0, sigma=1.0, readout_s=0.02))
+    in_use.update(found_of(replace(camera, readout_s=None), focal=0.0, sigma=1.0, readout_s=0.02))
     assert in_use.camera.readout_s == pytest.approx(0.01)

@@ -60,7 +60,7 @@ _LATER = {
     "open_frames": "farpoint.frames",
 }
 
-if not TYPE_CHECKING:  # a type checker must still tell names that do not exist
+if not TYPE_CHECKING:  # a type checker must still report unknown names
 
     def __getattr__(name: str) -> object:
         if name == "plot":

@@ -79,7 +79,3 @@ def _number(value: object, kind: type, given_as: type) -> Any:
         return kind(value)
     except OverflowError:  # a whole number too large for a float
         return None
-
-
-# Names that `farpoint.pose` still imports.
-settle_float, settle_int, settle_positive = coerce_float, coerce_int, coerce_positive

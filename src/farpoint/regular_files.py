@@ -107,7 +107,7 @@ class _UpTo(io.RawIOBase):
 
     def readinto(self, buffer: WriteableBuffer, /) -> int:
         """Fill a buffer, and count the bytes; an InputError beyond the limit."""
-        # One byte beyond the limit tells whether the file ends there.
+        # One byte beyond the limit shows whether the file ends there.
         view = memoryview(buffer)[: self._remaining + 1]
         try:
             data = os.read(self._descriptor, len(view))

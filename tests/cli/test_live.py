@@ -209,7 +209,7 @@ def test_what_cannot_be_watched_is_named(
     ("arguments", "words"),
     [
         ((), ("--camera: missing", "--fov DEG")),
-        (("--camera", "auto"), ("--camera: a live source tells no focal length", "--fov DEG")),
+        (("--camera", "auto"), ("--camera: a live source has no focal length", "--fov DEG")),
         (("--fov", "70", "--camera", "auto"), ("--fov", "not both")),
         (("--fov", "70", "--metric.height", "-1"), ("height", "-1")),
         (("--fov", "70", "--metric.height-sigma", "0"), ("--metric.height-sigma", "0")),

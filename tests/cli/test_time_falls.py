@@ -17,7 +17,7 @@ from farpoint.trajectory.files import read_tum
 def test_times_behind_a_fall_follow_the_ones_before():
     clock = RisingTime()
     given = [5.0, 5.2, 5.4, 1.0, 1.2, 0.0, 0.2, 0.2]
-    found = [clock.follow(time) for time in given]
+    found = [clock.update(time) for time in given]
     np.testing.assert_allclose(
         [time for time, _ in found], [5.0, 5.2, 5.4, 5.6, 5.8, 6.0, 6.2, 6.2]
     )

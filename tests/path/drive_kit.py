@@ -79,7 +79,7 @@ class Drive:
         motion = motion or motion_of(tracks, self.camera)
         assert motion.status is not PoseStatus.FAILED
         self.points.append(self.builder.add(self.camera, tracks, motion, pair))
-        self.settled += self.builder.settled()
+        self.settled += self.builder.final_poses()
         return self.points[-1]
 
     def finish(self) -> Drive:

@@ -11,11 +11,11 @@ from pose_kit import estimate, point_scene, rotation_error
 
 from farpoint import Camera, PoseStatus, RelativePose, estimate_relative_pose
 from farpoint.pose import candidates, two_views
+from farpoint.pose.competing_motions import compare_modes
+from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion
 from farpoint.pose.matches import Matches, matches_from_points
-from farpoint.pose.moving_fit import MovingFit, fit_moving
 from farpoint.pose.options import DEFAULTS
-from farpoint.pose.rivals import hold_against_rivals
-from farpoint.pose.turning_fit import fit_turning
+from farpoint.pose.pure_rotation import fit_pure_rotation
 from farpoint.synthetic import PointScene
 
 # What is far ahead on a road: much that is wrong is about as near to where it should be as the
@@ -95,13 +95,13 @@ def matches() -> Matches:
 
 
 @pytest.fixture(scope="module")
-def fit(matches) -> MovingFit:
+def fit(matches) -> GeneralMotionFit:
     """The motion, as if with much noise."""
-    found = fit_moving(matches, TOLERANCE, DEFAULTS, np.array([1], np.uint64))
+    found = fit_general_motion(matches, TOLERANCE, DEFAULTS, np.array([1], np.uint64))
     return replace(found, noise=found.noise._replace(variance=1.0))
 
 
-def asked(matches: Matches, fit: MovingFit) -> MovingFit:
+def asked(matches: Matches, fit: GeneralMotionFit) -> GeneralMotionFit:
     state = np.array([1], np.uint64)
     return candidates.likeliest_motion(matches, fit, TOLERANCE, DEFAULTS, state)
 
@@ -112,9 +112,11 @@ def other(fit, monkeypatch):
 
     def by(gain: float, **but: object) -> None:
         quiet = replace(fit.at(fit.R_cam1_from_cam0, UP), **but)
-        monkeypatch.setattr(candidates, "fit_quietly", lambda *_: quiet)
+        monkeypatch.setattr(candidates, "fit_with_bounded_noise", lambda *_: quiet)
         cost = fit.cost - gain / len(fit.matches)
-        monkeypatch.setattr(candidates, "refit_moving", lambda _, start: replace(start, cost=cost))
+        monkeypatch.setattr(
+            candidates, "refit_general_motion", lambda _, start: replace(start, cost=cost)
+        )
 
     return by
 
@@ -123,7 +125,7 @@ def test_what_is_clearly_likelier_is_taken(matches, fit, other):
     other(8.5)
     found = asked(matches, fit)
     np.testing.assert_array_equal(found.direction_cam1_from_cam0, UP)
-    assert found.unsettled is None
+    assert found.candidate_mode is None
 
 
 @pytest.mark.parametrize(("gain", "against"), [(7.5, 0.0), (-3.0, 3.0)])
@@ -131,59 +133,59 @@ def test_what_is_not_is_remembered(matches, fit, other, gain, against):
     other(gain)
     found = asked(matches, fit)
     np.testing.assert_array_equal(found.direction_cam1_from_cam0, fit.direction_cam1_from_cam0)
-    assert found.unsettled is not None
-    _, t, by = found.unsettled
+    assert found.candidate_mode is not None
+    _, t, by = found.candidate_mode
     np.testing.assert_array_equal(t, UP)
     assert by == pytest.approx(against)
 
 
 @pytest.mark.parametrize(("gain", "is_taken"), [(15.0, False), (17.0, True)])
 def test_of_a_flow_that_is_mostly_noise_more_is_asked(matches, fit, other, gain, is_taken):
-    other(gain, is_predicted=True)
-    assert (asked(matches, fit).unsettled is None) == is_taken
+    other(gain, has_shrunk_flow=True)
+    assert (asked(matches, fit).candidate_mode is None) == is_taken
 
 
 def test_the_less_is_known_of_noise_the_clearer_it_must_be(matches, fit, other):
     other(20.0)
-    unsure = replace(matches, doubt=4.0)
+    unsure = replace(matches, misspecification=4.0)
     found = asked(unsure, replace(fit, matches=unsure))
-    assert found.unsettled is not None
+    assert found.candidate_mode is not None
 
 
 def test_a_motion_that_was_met_is_asked_too(matches, fit, monkeypatch):
-    start = replace(fit, rival=(np.eye(3), UP))
-    monkeypatch.setattr(candidates, "fit_quietly", lambda *_: fit)
+    start = replace(fit, secondary_mode=(np.eye(3), UP))
+    monkeypatch.setattr(candidates, "fit_with_bounded_noise", lambda *_: fit)
 
-    def refit(_, start: MovingFit) -> MovingFit:
+    def refit(_, start: GeneralMotionFit) -> GeneralMotionFit:
         gain = 9.0 if start.direction_cam1_from_cam0 is UP else 0.0
         return replace(start, cost=fit.cost - gain / len(fit.matches))
 
-    monkeypatch.setattr(candidates, "refit_moving", refit)
+    monkeypatch.setattr(candidates, "refit_general_motion", refit)
     np.testing.assert_array_equal(asked(matches, start).direction_cam1_from_cam0, UP)
 
 
 def test_where_there_is_little_noise_none_is_looked_for(matches, fit, monkeypatch):
-    monkeypatch.delattr(candidates, "fit_quietly")
+    monkeypatch.delattr(candidates, "fit_with_bounded_noise")
     little = replace(fit, noise=fit.noise._replace(variance=0.35))
     assert asked(matches, little) is little
 
 
 @pytest.mark.parametrize(("against", "is_rival"), [(0.0, True), (6.5, True), (7.5, False)])
 def test_one_that_has_not_clearly_lost_is_a_rival(fit, against, is_rival):
-    unsettled = replace(fit, unsettled=(fit.R_cam1_from_cam0, UP, against))
-    held = hold_against_rivals(unsettled, None, lambda: turned(fit), 1e-3)
-    assert held.fit is unsettled
-    assert (held.rival is not None) == is_rival
+    candidate_mode = replace(fit, candidate_mode=(fit.R_cam1_from_cam0, UP, against))
+    held = compare_modes(candidate_mode, None, lambda: turned(fit), 1e-3)
+    assert held.fit is candidate_mode
+    assert (held.secondary_mode is not None) == is_rival
 
 
 def test_the_same_way_with_less_noise_is_no_rival(fit):
     same = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0, 0.0
-    unsettled = replace(fit, unsettled=same)
-    assert hold_against_rivals(unsettled, None, lambda: turned(fit), 1e-3).rival is None
+    candidate_mode = replace(fit, candidate_mode=same)
+    assert compare_modes(candidate_mode, None, lambda: turned(fit), 1e-3).secondary_mode is None
 
 
-def turned(fit: MovingFit):
-    return fit_turning(fit.matches, fit.far_rotation_cam1_from_cam0, TOLERANCE)
+def turned(fit: GeneralMotionFit):
+    return fit_pure_rotation(fit.matches, fit.far_rotation_cam1_from_cam0, TOLERANCE)
 
 
 LOST = (20, 49, 64, 80, 97, 146, 160, 178, 240, 267, 268, 279)
@@ -212,7 +214,7 @@ def test_a_few_near_points_show_a_motion_that_all_others_would_take_for_a_turn(s
     """As a turn it is 0.4 deg off, 30 times its sigma."""
     scene = mostly_far(seed)
     pose = estimate(scene)
-    assert "only turned" not in pose.reason
+    assert "Pure rotation or" not in pose.reason
     assert nees_of(pose, scene) < 16.0
 
 

@@ -8,8 +8,8 @@ from pose_kit import point_scene, pose_error
 
 from farpoint import PoseStatus, RelativePose, estimate_relative_pose
 from farpoint.camera import Camera
+from farpoint.pose.general_motion import fit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import fit_moving
 from farpoint.pose.options import DEFAULTS
 from farpoint.synthetic import PointScene
 
@@ -62,7 +62,7 @@ def test_the_estimate_is_nearly_as_good_as_if_the_noise_were_known_and_as_honest
 def test_only_noise_that_grows_is_told_anew(length_px, grows):
     scene, sigma, points = growing(1, length_px)
     matches = matches_from_points(*points, scene.camera, scene.camera)
-    fit = fit_moving(matches, 1.5, DEFAULTS, np.zeros(1, np.uint64))
+    fit = fit_general_motion(matches, 1.5, DEFAULTS, np.zeros(1, np.uint64))
     ratio = matches.precision / fit.matches.precision
     assert (fit.matches is not matches) == grows
     if grows:

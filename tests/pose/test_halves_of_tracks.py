@@ -9,12 +9,12 @@ import pytest
 from pose_kit import estimate, point_scene
 
 from farpoint import Camera, PoseStatus, RelativePoseOptions, estimate_relative_pose
-from farpoint.pose.covariance import half_ratio_of_turn
+from farpoint.pose.covariance import split_half_ratio_of_rotation
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.turning_fit import fit_turning
+from farpoint.pose.pure_rotation import fit_pure_rotation
 from farpoint.synthetic import PointScene
 
-OPTIONS = RelativePoseOptions(half_deals=8)
+OPTIONS = RelativePoseOptions(half_splits=8)
 
 
 def scene(seed: int, matches: int = 200) -> PointScene:
@@ -93,7 +93,7 @@ def test_few_matches_have_no_halves(matches, has_halves):
 
 
 def test_the_fewest_that_have_halves_show_about_what_was_computed():
-    options = RelativePoseOptions(half_deals=16)
+    options = RelativePoseOptions(half_splits=16)
     shown = [estimate(scene(seed, 60), options=options).stats.half_ratio for seed in range(60)]
     # 0.88, and 0.7 of 32 matches: halves are expected to know their noise less well than they do.
     # The mean scatters by 0.03.
@@ -107,7 +107,7 @@ def turn(seed: int, matches: int = 200) -> PointScene:
 
 def test_halves_of_a_turn_show_what_was_computed():
     plain = RelativePoseOptions(shared_error_px=0.0)
-    options = replace(plain, half_deals=16)
+    options = replace(plain, half_splits=16)
     shown, grown = [], []
     for seed in range(100):
         computed, corrected = (estimate(turn(seed), options=each) for each in (plain, options))
@@ -130,7 +130,7 @@ def half_ratio_at(*places: tuple[float, float, int]) -> float | None:
     points = np.concatenate([np.tile([x, y], (count, 1)) for x, y, count in places])
     shaken = points + rng.normal(0.0, 0.2, points.shape)
     matches = matches_from_points(points, shaken, camera, camera)
-    return half_ratio_of_turn(matches, fit_turning(matches, np.eye(3), 1.5), 8)
+    return split_half_ratio_of_rotation(matches, fit_pure_rotation(matches, np.eye(3), 1.5), 8)
 
 
 def test_halves_that_fix_no_turn_are_left_out():

@@ -8,8 +8,8 @@ from pose_kit import assert_identical, point_scene, pose_error
 
 from farpoint import PoseStatus, RelativePose, estimate_relative_pose
 from farpoint.pose import two_views
+from farpoint.pose.general_motion import fit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import fit_moving
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import DEFAULTS
 from farpoint.synthetic import PointScene
@@ -41,7 +41,7 @@ def test_the_floor_is_found(floor):
         scene, told, points = told_and_more(seed, floor)
         matches = matches_from_points(*points, scene.camera, scene.camera, told, told)
         state = np.array([seed], np.uint64)
-        found.append(noise_floor(matches, fit_moving(matches, 1.5, DEFAULTS, state)))
+        found.append(noise_floor(matches, fit_general_motion(matches, 1.5, DEFAULTS, state)))
     # The grid's steps are of a factor of two.
     assert 0.4 * floor <= np.median(found) <= 2.5 * floor + 0.1
 

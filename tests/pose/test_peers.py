@@ -102,7 +102,15 @@ def test_the_residual_is_the_sampson_distance_of_the_textbook(scene):
     matches = matches_from_points(scene.points0, scene.points1, scene.camera, scene.camera)
     everyone = matches.weights()
     residual_px, parallax, right = np.empty((3, len(everyone)))
-    seen = Seen(matches.pairs, everyone, R, t, np.array([1.0, 0.1, 0.1, 0.1]), matches.spread, TAIL)
+    seen = Seen(
+        matches.pairs,
+        everyone,
+        R,
+        t,
+        np.array([1.0, 0.1, 0.1, 0.1]),
+        matches.outlier_half_width,
+        TAIL,
+    )
     explain(seen, residual_px, parallax, right)
     residual_px = residual_px[:250]
     true = ~scene.is_outlier

@@ -16,9 +16,9 @@ from farpoint import (
 )
 from farpoint.geometry import so3, sphere
 from farpoint.metrics import statistics as metrics
+from farpoint.pose.competing_motions import CompetingMotion, likelier_of_plane
+from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import MovingFit, fit_moving
-from farpoint.pose.rivals import OtherMotion, likelier_of_plane
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 NORMAL = np.array([0.45, -0.25, 1.0]) / 4.0
@@ -78,7 +78,7 @@ def bare_walls() -> list[tuple[RelativePose, np.ndarray, np.ndarray]]:
 
 
 def test_a_bare_wall_is_said_to_allow_two_motions(bare_walls):
-    said = ["two motions" in pose.reason for pose, _, _ in bare_walls]
+    said = ["allows two motions" in pose.reason for pose, _, _ in bare_walls]
     assert np.mean(said) > 0.8
     assert all(
         pose.status is PoseStatus.ROTATION_ONLY
@@ -97,7 +97,7 @@ def test_a_wall_tells_the_two_apart_where_one_has_points_behind_the_camera():
 def test_the_rotation_before_a_bare_wall_is_as_sure_as_two_motions_leave_it(bare_walls):
     errors, covariances = [], []
     for pose, R, _ in bare_walls:
-        if "two motions" in pose.reason:
+        if "allows two motions" in pose.reason:
             errors.append(so3.log(R @ pose.rotation_cam1_from_cam0.T))
             covariances.append(pose.rotation_covariance)
     assert np.mean(metrics.nees(np.array(errors), np.array(covariances)) < 7.81) > 0.9
@@ -155,12 +155,12 @@ def test_the_odds_of_the_two_motions_are_those_of_being_wrong():
         count, relief = ((40, 0.0), (40, 0.01), (120, 0.0), (120, 0.01))[seed % 4]
         points0, points1, direction = rough_wall(seed, count, relief)
         matches = matches_from_points(points0, points1, CAMERA, CAMERA)
-        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
         fit, other = likelier_of_plane(fit)
         if other is not None:
             off = sphere.angle_between(fit.direction_cam1_from_cam0, direction)
             wrong.append(off > np.radians(20.0))
-            chance.append(1.0 / (1.0 + np.exp(min(other.against, 50.0))))
+            chance.append(1.0 / (1.0 + np.exp(min(other.log_ratio, 50.0))))
     p = np.array(chance)
     assert len(p) > 200
     assert abs(sum(wrong) - p.sum()) < 3.0 * np.sqrt(np.sum(p * (1.0 - p)))
@@ -244,7 +244,7 @@ def test_the_other_motion_of_a_wall_is_never_the_first_one():
     for seed in range(150):
         points0, points1, _, _ = wall_ahead(seed, 300, 0.0)
         matches = matches_from_points(points0, points1, CAMERA, CAMERA)
-        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
         fit, other = likelier_of_plane(fit)
         if other is not None:
             towards = fit.direction_cam1_from_cam0
@@ -269,27 +269,29 @@ def test_nothing_before_a_bare_floor_speaks_for_the_wrong_motion():
         seen = np.isfinite(points1).all(axis=1)
         points = points0[seen] + noise[0, seen], points1[seen] + noise[1, seen]
         matches = matches_from_points(*points, camera, camera)
-        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
         fit, other = likelier_of_plane(fit)
         if other is not None:
             nearer = fit.direction_cam1_from_cam0 - other.direction_cam1_from_cam0
-            for_right.append(np.copysign(other.against, nearer @ direction))
+            for_right.append(np.copysign(other.log_ratio, nearer @ direction))
     assert len(for_right) > 50
     # By the same noise any way, it was -5.2.
     assert np.quantile(for_right, 0.1) > -2.0
 
 
 @pytest.fixture
-def first_motion() -> MovingFit:
+def first_motion() -> GeneralMotionFit:
     """Of a wall passed sideways."""
     matches = matches_from_points(*wall(0, np.array([1.0, 0.0, 0.0]), 0), CAMERA, CAMERA)
-    return fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+    return fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
 
 
-def beside(fit: MovingFit, turn: np.ndarray, tilt: np.ndarray, against: float) -> OtherMotion:
+def beside(
+    fit: GeneralMotionFit, turn: np.ndarray, tilt: np.ndarray, against: float
+) -> CompetingMotion:
     """A motion that differs from the first by as much."""
     direction = fit.direction_cam1_from_cam0
-    return OtherMotion(
+    return CompetingMotion(
         so3.exp(turn) @ fit.R_cam1_from_cam0,
         sphere.retract(direction, sphere.tangent_basis(direction), tilt),
         against,
@@ -309,10 +311,10 @@ def test_a_motion_that_may_be_the_other_one_errs_by_what_lies_between(
     along = np.r_[turn, tilt]
     across = np.r_[quarter @ turn, basis.T @ quarter @ basis @ tilt]
     expected = chance * (0.9 * np.outer(along, along) + 0.1 * np.outer(across, across))
-    doubt = beside(first_motion, turn, tilt, against).doubt_of(first_motion)
+    doubt = beside(first_motion, turn, tilt, against).covariance_beside(first_motion)
     np.testing.assert_allclose(doubt, expected, atol=1e-5)
 
 
 def test_a_motion_that_goes_quite_another_way_widens_no_covariance(first_motion):
     other = beside(first_motion, np.full(3, 0.01), np.array([0.6, 0.0]), 0.0)
-    assert not other.doubt_of(first_motion).any()
+    assert not other.covariance_beside(first_motion).any()

@@ -11,7 +11,7 @@ from pose_kit import rotation_error
 from farpoint import Camera, PoseStatus, estimate_relative_pose
 from farpoint._kernels.settling import settle_motion
 from farpoint.geometry import so3, sphere
-from farpoint.pose import moving_fit
+from farpoint.pose import general_motion
 from farpoint.pose.matches import matches_from_points
 from farpoint.pose.options import DEFAULTS
 
@@ -85,7 +85,7 @@ def test_whole_windows_that_agree_on_another_motion_are_seen_to_be_off_alike():
 def test_of_two_motions_that_some_matches_allow_all_choose(monkeypatch, first_is_right):
     scene = court(1, 400, 0.2)
     matches = matches_from_points(scene.points0, scene.points1, CAMERA, CAMERA)
-    fit = moving_fit.fit_moving(matches, 1.0, DEFAULTS, np.array([1], np.uint64))
+    fit = general_motion.fit_general_motion(matches, 1.0, DEFAULTS, np.array([1], np.uint64))
     off = so3.exp(np.array([0.0, 0.02, 0.0])) @ scene.R
     tilted = sphere.normalize(scene.t + np.array([0.0, 0.4, 0.0]))
     motions = [(scene.R, scene.t), (off, tilted)]
@@ -97,7 +97,7 @@ def test_of_two_motions_that_some_matches_allow_all_choose(monkeypatch, first_is
         found.R_second[:], found.t_second[:] = second
         return 16, False, False, True, settle_motion(judged, least_signal, found)
 
-    monkeypatch.setattr(moving_fit, "fit_motion", found_both)
-    chosen = moving_fit.fit_moving(matches, 1.0, DEFAULTS, np.array([1], np.uint64))
+    monkeypatch.setattr(general_motion, "fit_motion", found_both)
+    chosen = general_motion.fit_general_motion(matches, 1.0, DEFAULTS, np.array([1], np.uint64))
     assert so3.angle_between(chosen.R_cam1_from_cam0, scene.R) < 2e-3
-    assert (chosen.rival is None) == first_is_right
+    assert (chosen.secondary_mode is None) == first_is_right

@@ -25,7 +25,7 @@ def squares() -> np.ndarray:
         for seed in range(1000):
             scene = point_scene(seed, noise_px=1.0, far_share=0.5, **options)
             pose = estimate(scene)
-            if pose.status is PoseStatus.ROTATION_ONLY and "too short" in pose.reason:
+            if pose.status is PoseStatus.ROTATION_ONLY and "Insufficient parallax" in pose.reason:
                 error = rotation_error(pose, scene.rotation_cam1_from_cam0)
                 found.append(error @ np.linalg.solve(pose.rotation_covariance, error))
     return np.array(found)

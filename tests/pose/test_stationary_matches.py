@@ -11,8 +11,8 @@ from pose_kit import estimate, point_scene, rotation_error
 from farpoint import Camera, PoseStatus, estimate_relative_pose
 from farpoint.bench.scenes import draw_scenes
 from farpoint.pose import two_motions, two_views
+from farpoint.pose.general_motion import fit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import fit_moving
 from farpoint.pose.options import DEFAULTS
 from farpoint.synthetic import PointScene
 
@@ -94,7 +94,9 @@ CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 @pytest.mark.parametrize("far", [40, 140])
 def test_what_is_far_stands_still_by_right(left_out, monkeypatch, far):
     searches = []
-    monkeypatch.setattr(two_motions, "fit_moving", lambda *a: searches.append(1) or fit_moving(*a))
+    monkeypatch.setattr(
+        two_motions, "fit_general_motion", lambda *a: searches.append(1) or fit_general_motion(*a)
+    )
     for seed in range(10):
         pose = estimate_relative_pose(*looking_ahead(far, seed), CAMERA)
         assert pose.status is PoseStatus.OK
@@ -120,13 +122,13 @@ def test_few_matches_and_most_are_not_asked(monkeypatch):
     def searched(*_):
         raise AssertionError("searched")
 
-    monkeypatch.setattr(two_motions, "fit_moving", searched)
+    monkeypatch.setattr(two_motions, "fit_general_motion", searched)
     state = np.array([1], np.uint64)
     scenes = [drawn(1, share, baseline_m=0.1, far_share=0.0)[0] for share in (0.04, 0.55, 0.3)]
     scenes.insert(0, with_stuck(point_scene(3), 0.06, 1))
     for scene in scenes:
         matches = matches_from_points(scene.points0, scene.points1, scene.camera, scene.camera)
-        fit = fit_moving(matches, 1.5, DEFAULTS, state)
+        fit = fit_general_motion(matches, 1.5, DEFAULTS, state)
         if scene is not scenes[-1]:
             assert two_motions.without_stationary(matches, fit, 1.5, DEFAULTS, state) == (
                 matches,

@@ -20,10 +20,10 @@ from farpoint import (
 )
 from farpoint.camera import Pinhole
 from farpoint.geometry import so3
-from farpoint.pose import as_turn, failed_pose
+from farpoint.pose import failed_pose, pure_rotation_conclusion
+from farpoint.pose.general_motion import fit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import fit_moving
-from farpoint.pose.verdict import DIRECTIONS, is_motion, is_static, shown_translation
+from farpoint.pose.model_selection import DIRECTIONS, is_motion, is_static, translation_evidence
 from farpoint.synthetic import PointScene, paper_camera
 
 STILL = (0.0, 0.0, 0.0)
@@ -55,7 +55,7 @@ def test_a_camera_that_only_turns(outliers):
     assert statuses(poses)[PoseStatus.ROTATION_ONLY] >= 59
     error = rotation_error(poses[-1], last_scene(60, **scene).rotation_cam1_from_cam0)
     assert error @ np.linalg.solve(poses[-1].rotation_covariance, error) < 16.3  # 99.9 %
-    assert "turned" in poses[0].reason
+    assert "Pure rotation" in poses[0].reason
 
 
 @pytest.mark.parametrize("outliers", [0, 20])
@@ -89,9 +89,9 @@ def test_flow_that_is_mostly_noise_tells_no_direction():
         within = error @ np.linalg.solve(pose.rotation_covariance, error) < 7.81
         if pose.status is PoseStatus.OK:
             given, of_given = given + 1, of_given + within
-        elif "only turned" not in pose.reason:
+        elif "Pure rotation or" not in pose.reason:
             refused, of_refused = refused + 1, of_refused + within
-            as_noise += "most of it is noise" in pose.reason
+            as_noise += "mostly noise" in pose.reason
     # Where the flow is not asked for its signal, ten of seventeen that are given are wrong.
     assert of_given >= given - 1
     assert refused >= 40
@@ -131,7 +131,7 @@ def test_a_rotation_that_is_taken_for_lack_of_matches_says_that_it_may_be_wrong(
             translation_m=(baseline_m, 0.0, 0.0),
         )
         pose = estimate(drawn)
-        if pose.reason.startswith("The camera only turned"):
+        if pose.reason.startswith("Pure rotation or"):
             error = rotation_error(pose, drawn.rotation_cam1_from_cam0)
             held.append(error @ np.linalg.solve(pose.rotation_covariance, error) < 7.81)
     assert len(held) >= count
@@ -154,7 +154,9 @@ def test_how_far_tracks_are_off_says_how_likely_they_point_to_one_direction(
         agreeing=0,
     )
     turning = SimpleNamespace(probability=0.0 * each, distance2=sigmas**2 * each)
-    assert (shown_translation(SimpleNamespace(doubt=4.0), fit, turning, 1e-3) == 1.0) is translates
+    assert (
+        translation_evidence(SimpleNamespace(misspecification=4.0), fit, turning, 1e-3) == 1.0
+    ) is translates
 
 
 @pytest.mark.parametrize(("narrowness", "shown"), [(20.0, 3.13), (38.0, 0.53), (45.0, 0.0)])
@@ -162,16 +164,18 @@ def test_a_translation_is_shown_as_far_as_it_is_likelier_than_a_turn(narrowness,
     # Four right matches in six sigma: too few to be near by more than chance. Each is 98 times as
     # likely right as wrong by the motion, the others as likely by both.
     right = np.repeat([0.99, 0.5], [4, 4])
-    noise = SimpleNamespace(mean_sigma=1.0, sigma=1.0, wrong=0.5)
+    noise = SimpleNamespace(mean_sigma=1.0, sigma=1.0, outlier_share=0.5)
     fit = SimpleNamespace(
         residual=0.5 * np.ones(8), parallax=6.0 * np.ones(8), probability=right, agreeing=6,
-        noise=noise, said=np.ones((4, 8)), matches=SimpleNamespace(spread=100.0),
-        narrowness=narrowness,
+        noise=noise, per_match=np.ones((4, 8)), matches=SimpleNamespace(outlier_half_width=100.0),
+        laplace_factor=narrowness,
     )  # fmt: skip
     turning = SimpleNamespace(
-        probability=np.zeros(8), distance2=1e-4 * np.ones(8), noise=noise, narrowness=25.0
+        probability=np.zeros(8), distance2=1e-4 * np.ones(8), noise=noise, laplace_factor=25.0
     )
-    found = shown_translation(SimpleNamespace(doubt=1.0, min_variance=1e-6), fit, turning, 1e-3)
+    found = translation_evidence(
+        SimpleNamespace(misspecification=1.0, min_variance=1e-6), fit, turning, 1e-3
+    )
     # Half of them may be far; that nine tenths are is as likely, to begin with.
     gain = 4 * math.log(1.0 + 99.0 * 0.5) + 4 * math.log(1.0 + 0.5) - math.log(2.0)
     assert found == pytest.approx(max(gain + 25.0 - narrowness, 0.0) / math.log(1e3), rel=1e-4)
@@ -192,7 +196,9 @@ def test_flow_that_misstated_noise_may_have_made_shows_less_of_a_translation(dou
         residual=each, parallax=0.0 * each, noise=SimpleNamespace(mean_sigma=1.0), agreeing=0
     )
     turning = SimpleNamespace(probability=each, distance2=(1.0 + ratio) * each)
-    found = shown_translation(SimpleNamespace(doubt=doubt, min_variance=1e-6), fit, turning, 1e-3)
+    found = translation_evidence(
+        SimpleNamespace(misspecification=doubt, min_variance=1e-6), fit, turning, 1e-3
+    )
     assert found == pytest.approx(shown, abs=0.04)
 
 
@@ -206,7 +212,9 @@ def test_flow_shows_a_translation_by_the_digits_of_its_false_alarms(ratio, shown
         residual=each, parallax=0.0 * each, noise=SimpleNamespace(mean_sigma=1.0), agreeing=0
     )
     turning = SimpleNamespace(probability=each, distance2=(1.0 + ratio * 20 / 17) * each)
-    found = shown_translation(SimpleNamespace(doubt=1.0, min_variance=1e-6), fit, turning, 1e-3)
+    found = translation_evidence(
+        SimpleNamespace(misspecification=1.0, min_variance=1e-6), fit, turning, 1e-3
+    )
     false_alarms = DIRECTIONS * f_distribution.sf(ratio, 20, 17)
     digits = -math.log10(false_alarms) / 3.0
     assert found == pytest.approx(min(max(digits, 0.0), 1.0))
@@ -230,12 +238,12 @@ def test_a_rotation_covers_the_motion_that_the_flow_hints_at(noise_px, least):
 def test_a_hint_of_a_motion_that_fixes_no_rotation_leaves_one(monkeypatch):
     options = {"matches": 20, "outliers": 0, "far_share": 0.0, "noise_px": 1.0}
     drawn = [point_scene(seed, translation_m=(0.02, 0.0, 0.0), **options) for seed in range(40)]
-    turned = [scene for scene in drawn if "only turned" in estimate(scene).reason]
+    turned = [scene for scene in drawn if "Pure rotation or" in estimate(scene).reason]
     assert len(turned) > 20
     unsure = np.full((5, 5), np.inf)
-    monkeypatch.setattr(as_turn, "moving_covariance", lambda _: unsure)
+    monkeypatch.setattr(pure_rotation_conclusion, "general_motion_covariance", lambda _: unsure)
     for scene in turned:
-        assert "only turned" in estimate(scene).reason
+        assert "Pure rotation or" in estimate(scene).reason
 
 
 def test_a_rotation_with_a_hint_of_translation_covers_both_motions():
@@ -275,7 +283,7 @@ def test_ten_right_matches_of_twenty_are_a_consensus(far_share):
 )
 def test_a_motion_is_a_thousand_times_likelier_than_wrong_matches(agreeing, more, is_one):
     likelier = math.log(1000.0) + 30.0 + more
-    fit = SimpleNamespace(agreeing=agreeing, log_odds=likelier, narrowness=30.0)
+    fit = SimpleNamespace(agreeing=agreeing, log_odds=likelier, laplace_factor=30.0)
     assert is_motion(fit, 1e-3) is is_one
 
 
@@ -286,7 +294,7 @@ def test_hardly_ever_is_a_motion_likelier_than_wrong_matches_alone(count):
     for _ in range(400):
         points = rng.uniform((0.0, 0.0), camera.size, (2, count, 2))
         matches = matches_from_points(*points, camera, camera)
-        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
         # A hundred times the rate of the estimator: what chance does is seen in fewer trials.
         found += is_motion(fit, 0.1)
     assert found <= 40
@@ -300,7 +308,7 @@ def test_a_direction_with_a_rival_elsewhere_is_not_given():
             seed, matches=90, outliers=18, noise_px=1.0, translation_m=(0.02, 0.0, 0.0)
         )
         pose = estimate(drawn)
-        rivals += pose.reason.startswith("Two motions explain the matches")
+        rivals += pose.reason.startswith("Secondary mode")
         if pose.status is PoseStatus.OK:
             given += 1
             wrong += pose.direction_cam1_from_cam0 @ drawn.direction_cam1_from_cam0 < 0.0

@@ -18,10 +18,10 @@ from farpoint import (
 )
 from farpoint.geometry import so3
 from farpoint.metrics import chi2_quantile
-from farpoint.pose import moving_fit, two_motions, two_views
-from farpoint.pose.covariance import growth_between_patches
+from farpoint.pose import general_motion, two_motions, two_views
+from farpoint.pose.covariance import inflation_between_patches
+from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches, matches_from_points
-from farpoint.pose.moving_fit import MovingFit
 from farpoint.pose.options import DEFAULTS
 from farpoint.synthetic import PointSceneOptions, make_point_scene
 
@@ -59,16 +59,20 @@ def off_deg(pose: RelativePose, scene: Traffic) -> float:
     return float(np.degrees(np.linalg.norm(rotation_error(pose, scene.R))))
 
 
-def fit_of(points0: np.ndarray, points1: np.ndarray) -> tuple[Matches, MovingFit]:
+def fit_of(points0: np.ndarray, points1: np.ndarray) -> tuple[Matches, GeneralMotionFit]:
     matches = matches_from_points(points0, points1, CAMERA, CAMERA)
-    return matches, moving_fit.fit_moving(matches, 1.5, DEFAULTS, np.array([1], np.uint64))
+    return matches, general_motion.fit_general_motion(
+        matches, 1.5, DEFAULTS, np.array([1], np.uint64)
+    )
 
 
 def searched_again(*_):
     raise AssertionError("searched again")
 
 
-def dominant_of(matches: Matches, fit: MovingFit, tolerance: float = 1.5) -> MovingFit:
+def dominant_of(
+    matches: Matches, fit: GeneralMotionFit, tolerance: float = 1.5
+) -> GeneralMotionFit:
     state = np.array([1], np.uint64)
     return two_motions.dominant_motion(matches, fit, tolerance, DEFAULTS, state)
 
@@ -113,7 +117,7 @@ def test_what_moves_is_labelled_and_the_region_holds_the_truth():
 @pytest.mark.parametrize("share", [0.0, 0.3])
 def test_noise_is_not_looked_at_again(monkeypatch, share):
     """With or without wrong matches that have nothing in common."""
-    monkeypatch.setattr(two_motions, "fit_quietly", searched_again)
+    monkeypatch.setattr(two_motions, "fit_with_bounded_noise", searched_again)
     for seed in range(20):
         scene, rng = traffic(seed, 0.0, 0.0), np.random.default_rng(seed)
         wrong = rng.uniform(size=len(scene.points1)) < share
@@ -129,7 +133,7 @@ def test_smooth_errors_lead_to_no_other_motion():
         scene = traffic(seed, 0.0, 0.0)
         points1 = scene.points1 + smooth_field(seed, scene.points1, 1.0, 60.0)
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += fit.coherence > two_motions.CORRELATED
+        were_smooth += fit.residual_correlation > two_motions.CORRELATED
         assert dominant_of(matches, fit) is fit
     assert were_smooth >= 20
 
@@ -144,7 +148,7 @@ def test_wrong_matches_do_not_make_smooth_errors_look_apart(share):
         wrong = rng.uniform(size=len(points1)) < share
         points1[wrong] = rng.uniform((0.0, 0.0), CAMERA.size, (np.count_nonzero(wrong), 2))
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += fit.coherence > two_motions.CORRELATED
+        were_smooth += fit.residual_correlation > two_motions.CORRELATED
         assert dominant_of(matches, fit) is fit
     assert were_smooth >= 10
 
@@ -173,14 +177,14 @@ def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
             points1[:125] += rng.normal(0.0, wrong_px, (125, 2))
         matches = matches_from_points(scene.points0, points1, camera, camera)
         state = np.array([1], np.uint64)
-        fit = moving_fit.fit_moving(matches, 1.5, DEFAULTS, state)
-        were_alike += fit.coherence > two_motions.CORRELATED
+        fit = general_motion.fit_general_motion(matches, 1.5, DEFAULTS, state)
+        were_alike += fit.residual_correlation > two_motions.CORRELATED
         assert dominant_of(matches, fit) is fit
     assert were_alike >= least
 
 
 def test_what_neighbours_share_of_a_small_noise_is_not_looked_at_again(monkeypatch):
-    monkeypatch.setattr(two_motions, "fit_quietly", searched_again)
+    monkeypatch.setattr(two_motions, "fit_with_bounded_noise", searched_again)
     matches, fit = fit_of(*traffic(1, 0.0, 0.0)[:2])
     small = replace(fit, noise=fit.noise._replace(variance=0.14**2), coherence=0.9)
     assert dominant_of(matches, small) is small
@@ -194,9 +198,9 @@ def test_a_motion_of_few_is_not_that_of_most(monkeypatch):
     assert dominant_of(matches, fit) is not fit
 
     def of_few(*arguments):
-        return replace(moving_fit.refit_moving(*arguments), agreeing=fit.agreeing // 3)
+        return replace(general_motion.refit_general_motion(*arguments), agreeing=fit.agreeing // 3)
 
-    monkeypatch.setattr(two_motions, "refit_moving", of_few)
+    monkeypatch.setattr(two_motions, "refit_general_motion", of_few)
     assert dominant_of(matches, fit) is fit
 
 
@@ -204,9 +208,12 @@ def test_the_motion_of_most_is_doubted_as_far_as_the_likelier_one_is_off_alike()
     scene = traffic(2, 0.4, 6.0)
     matches, fit = fit_of(*scene[:2])
     found = dominant_of(matches, fit)
-    assert (fit.between, found.between) == (0.0, fit.coherence)
-    assert fit.coherence > two_motions.CORRELATED > found.coherence
-    assert growth_between_patches(found) == 1.0 + 4.0 * (fit.coherence - 0.25)
+    assert (fit.merged_mode_correlation, found.merged_mode_correlation) == (
+        0.0,
+        fit.residual_correlation,
+    )
+    assert fit.residual_correlation > two_motions.CORRELATED > found.residual_correlation
+    assert inflation_between_patches(found) == 1.0 + 4.0 * (fit.residual_correlation - 0.25)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
     assert "moving objects" in pose.reason
 
@@ -252,7 +259,7 @@ def test_no_more_noise_is_believed_than_each_match_has_of_its_own():
         found = dominant_of(matches, fit)
         if found is not fit:
             assert found.noise.sigma < fit.noise.sigma
-            assert found.noise.poor < 1e-6
+            assert found.noise.tail_share < 1e-6
             sigmas.append(found.noise.sigma)
     assert len(sigmas) >= 10
     assert np.median(sigmas) == pytest.approx(NOISE_PX, rel=0.25)
@@ -263,7 +270,7 @@ def test_two_of_each_point_are_not_two_motions():
     scene = traffic(1, 0.0, 0.0, 150)
     points0, points1 = np.repeat(scene.points0, 2, axis=0), np.repeat(scene.points1, 2, axis=0)
     matches, fit = fit_of(points0, points1)
-    assert fit.coherence > 0.99
+    assert fit.residual_correlation > 0.99
     assert dominant_of(matches, fit) is fit
 
 
@@ -271,5 +278,5 @@ def test_where_neighbours_are_off_alike_it_is_said(monkeypatch):
     monkeypatch.setattr(two_views, "dominant_motion", lambda _matches, fit, *_: fit)
     scene = traffic(2, 0.4, 6.0)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
-    assert fit_of(scene.points0, scene.points1)[1].coherence > two_motions.CORRELATED
+    assert fit_of(scene.points0, scene.points1)[1].residual_correlation > two_motions.CORRELATED
     assert "Residuals of neighbouring matches are correlated" in pose.reason

@@ -14,8 +14,8 @@ from pose_kit import direction_error, estimate, point_scene, rotation_error
 
 from farpoint import Camera, PoseStatus, RelativePoseOptions
 from farpoint.geometry import so3, sphere
+from farpoint.pose.general_motion import fit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import fit_moving
 from farpoint.synthetic import PointScene, paper_camera
 
 WIDE = Camera.pinhole(1280, 960, 500.0, 500.0, 639.5, 479.5)
@@ -85,6 +85,6 @@ def test_no_far_turn_is_failed_where_half_of_the_matches_are_wrong():
 def test_the_search_starts_within_reach_where_nothing_is_far():
     for scene in near_scenes(WIDE, 0.5, 30.0, 160, 96):
         matches = matches_from_points(scene.points0, scene.points1, WIDE, WIDE)
-        fit = fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+        fit = fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
         start = fit.far_rotation_cam1_from_cam0
         assert so3.angle_between(start, scene.rotation_cam1_from_cam0) < math.radians(30.0)

@@ -46,7 +46,7 @@ class Contradiction:
     def __str__(self) -> str:
         return (
             f"{self.kind}: from {self.start_s:.1f} s to {self.end_s:.1f} s, lengths are "
-            f"{self.ratio:.2f} times what all else says"
+            f"{self.ratio:.2f} times those of all other measurements"
         )
 
 

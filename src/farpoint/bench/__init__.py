@@ -1,4 +1,4 @@
 """Tables of accuracy, coverage and time, against the peers that are installed.
 
-`farpoint.bench.run.run_bench` makes them, as `farpoint.bench.options.BenchOptions` says.
+`farpoint.bench.run.run_bench` makes them, by `farpoint.bench.options.BenchOptions`.
 """

@@ -57,7 +57,7 @@ REAL_NOTES = (
     "farpoint errs more than by chance where high is under 1",
     f"a true motion under {100 * MIN_TRANSLATION_M:g} cm has no direction to compare",
 )
-# Samples of pairs that the interval is told from, and the quantiles that bound it.
+# Bootstrap samples of the pairs for an interval, and the quantiles that bound it.
 _RESAMPLES = 4000
 _INTERVAL = (0.025, 0.975)
 
@@ -109,14 +109,14 @@ def errors_of(
 
 
 def error_cells(errors: Errors) -> tuple[Cell, ...]:
-    """What a table tells of them, in `ERROR_COLUMNS`."""
+    """Cells of a table, in `ERROR_COLUMNS`."""
     rotation, direction = summarize(errors.rotation_deg), summarize(errors.direction_deg)
     middle = rotation.median, rotation.mean, direction.median, direction.mean
     return *middle, errors.failed, errors.undecided, errors.gross
 
 
 def real_cells(runs: Sequence[EstimatorRun], views: Sequence[TwoViews]) -> list[tuple[Cell, ...]]:
-    """What a table of real images tells of each course, in `REAL_COLUMNS`; farpoint's is first."""
+    """Cells of each run in a table of real images, in `REAL_COLUMNS`; farpoint's is first."""
     errors = [errors_of(run, views, min_translation=MIN_TRANSLATION_M) for run in runs]
     return [(*error_cells(each), *ratio_cells(each, errors[0])) for each in errors]
 

@@ -12,7 +12,7 @@ __all__ = ["line_chart"]
 
 _WIDTH, _HEIGHT = 760, 440
 _LEFT, _RIGHT, _TOP, _BOTTOM = 60, 220, 40, 50
-# Okabe and Ito's colours: told apart with any colour vision.
+# Okabe and Ito's colours: distinct with any colour vision.
 _COLOURS = (
     "#d55e00",
     "#0072b2",

@@ -98,8 +98,8 @@ def try_lens(
             continue
         pair = Pair(frame0=k, frame1=k + 1, time0=times[k], time1=times[k + 1])
         points.append(path.add(given, tracks, motion, pair))
-        poses += path.settled()
-        motions.follow(path.lens)
+        poses += path.final_poses()
+        motions.update(path.lens)
     assert path.lens is not None  # the camera moves
     return LensTrial(
         parameters=_parameter_errors(true, path.lens),
@@ -133,8 +133,8 @@ class _Motions:
             interval_s=self._lens.interval_s(seconds),
         )
 
-    def follow(self, lens: LensEstimate | None) -> None:
-        self._lens.follow(lens)
+    def update(self, lens: LensEstimate | None) -> None:
+        self._lens.update(lens)
 
 
 def _parameter_errors(true: Camera, lens: LensEstimate) -> dict[str, float]:

@@ -170,7 +170,7 @@ def _claims(
         Claim("rows of motions.csv", account.taken - 1, len(read_motions(_motions(session)))),
         Claim("poses of trajectory.tum", account.taken, poses),
         Claim("pictures in the recording", drawn, _recorded_pictures(recording)),
-        Claim("run.json says done", 1, int(run["state"] == "done")),
+        Claim("run.json has the state done", 1, int(run["state"] == "done")),
         Claim("report.html is whole", 1, int(report.endswith("</html>"))),
     )
 

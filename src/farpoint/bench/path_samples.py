@@ -8,13 +8,13 @@ import numpy as np
 
 from farpoint.metrics import PathSamples
 from farpoint.odometry import OdometryResult
-from farpoint.path.point import PathPoint, SettledPose
+from farpoint.path.point import FinalPose, PathPoint
 
 __all__ = ["joined", "samples_of"]
 
 
 def samples_of(
-    poses: Sequence[SettledPose],
+    poses: Sequence[FinalPose],
     truth: np.ndarray,
     motions: Sequence[OdometryResult] | Sequence[PathPoint] | None = None,
     length_from: Sequence[int] | None = None,

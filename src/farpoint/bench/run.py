@@ -188,7 +188,7 @@ def _environment() -> str:
 
 
 def _processor() -> str:
-    """Name of the processor, as well as the system tells it."""
+    """Name of the processor, as far as the system has it."""
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

@@ -18,7 +18,7 @@ from farpoint.errors import InputError
 __all__ = ["CameraGuess", "EquivalentFocalLength", "HorizontalField", "camera_for"]
 
 CAUTION = (
-    "Not calibrated: the camera is {}. Rotations may be off by a tenth of the turn, directions by "
+    "Not calibrated: the camera is {}. Rotations may be off by 10 %, directions by "
     "several degrees towards the edges of the image. The covariances allow for a focal length "
     "wrong by 10 % and a distortion of 5 % at the corners (1 sigma). Calibrate for more."
 )

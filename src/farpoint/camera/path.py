@@ -20,7 +20,7 @@ _CROWDED_PX = 0.1
 def project_path(camera: Camera, rays: np.ndarray) -> np.ndarray:
     """The line through the image of a path that joins rays by arcs of great circles.
 
-    Pixels are added until the chords between them lie within a fifth of a pixel of the arcs. The
+    Pixels are added until the chords between them lie within 0.2 px of the arcs. The
     line ends where the lens sees no more (the end is found to a fraction of a pixel), where it has
     left the image by the image's own size, and at the seam of a 360-degree picture.
 
@@ -107,7 +107,7 @@ def _pieces(rays: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def _crowded(pixels: np.ndarray) -> np.ndarray:
-    """Which pixels tell nothing beside their neighbours: they crowd where an end was sought."""
+    """Which pixels are redundant beside their neighbours: they crowd where an end was sought."""
     crowded = np.zeros(len(pixels), bool)
     close = np.linalg.norm(np.diff(pixels, axis=0), axis=1) < _CROWDED_PX
     crowded[1:-1] = close[:-1] & close[1:]

@@ -52,7 +52,7 @@ class RadialTangential:
     """Distortion of the plane ``(x, y) -> (a, b)``, one-to-one within its `fold`.
 
     The map is used out to the smallest radius at which its determinant vanishes in any direction
-    (found to a tenth of a per cent where the map is not purely radial). Beyond it the formula
+    (found to 0.1 % where the map is not purely radial). Beyond it the formula
     would put a second, mirrored image over the first.
 
     Attributes

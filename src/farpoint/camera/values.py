@@ -13,7 +13,7 @@ from farpoint.errors import InputError
 __all__ = ["as_rows", "finite", "in_blocks", "parameter_values", "positive", "within"]
 
 # Few enough rows that a dozen temporaries stay in the processor's second-level cache: a million
-# pixels then take a quarter of the time they take at once.
+# pixels then take 1/4 of the time they take at once.
 BLOCK_ROWS = 8192
 
 _LARGEST = 1e12

@@ -37,7 +37,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "bench": Bench,
     "camera": ShowCamera,
 }
-"""Each command's options, by its name; called without arguments, the record does what it says."""
+"""Each command's options, by its name; calling the record runs the command."""
 
 _WRONG_USAGE = 2
 _INTERRUPTED = 130

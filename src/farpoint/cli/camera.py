@@ -1,4 +1,4 @@
-"""``farpoint camera``: what a calibration file says."""
+"""``farpoint camera``: contents of a calibration file."""
 
 from __future__ import annotations
 

@@ -117,8 +117,8 @@ _INSIDE = "in 95 of 100 frames the true place is inside the ellipse around it"
 # Two views take the lens for exact until the path has found another.
 _INSIDE_BY_HAND = """in how many frames the true place is inside the ellipse around it,
 the row "direction" above tells: until lens and shutter are found, fewer than 95 of 100"""
-_IN_THE_CURVE = """In the bend the 1-sigma of the direction rises: farpoint is less sure there, and
-says so. """
+_IN_THE_CURVE = """In the bend the 1-sigma of the direction rises: its direction is less
+certain there. """
 
 
 def _what_to_look_at(out: Path, output: OutputOptions, handheld: bool) -> str:

@@ -64,7 +64,7 @@ class Fleet(RecordedOptions):
         print(f"{len(drives)} drives: {outcome.done} done{before}, {outcome.failed} failed")
         print(f"results in {self.out}")
         if outcome.failed:
-            print(f"farpoint: {outcome.failed} drives failed: {self.out}/fleet.csv tells why",
+            print(f"farpoint: {outcome.failed} drives failed: {self.out}/fleet.csv has the causes",
                   file=sys.stderr)  # fmt: skip
         return _FAILED if outcome.failed else 0
 
@@ -100,7 +100,7 @@ def _typed(name: str, value: str) -> list[str]:
 
 @dataclass(frozen=True)
 class _RunInto:
-    """The run of a drive, for a worker, which says into which folder."""
+    """The run of a drive, for a worker, which gives the folder."""
 
     run: Run
 

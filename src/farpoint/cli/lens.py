@@ -25,7 +25,7 @@ class LensOptions:
     Attributes
     ----------
     camera : Path or None
-        Calibration file, or auto for the focal length that EXIF or a video's metadata tells.
+        Calibration file, or auto for the focal length in EXIF or a video's metadata.
     fov : float or None
         Instead of a calibration: field of view across the width of the image, deg, about right.
     name : str or None
@@ -37,7 +37,7 @@ class LensOptions:
     name: str | None = None
 
     def known(self) -> Camera | HorizontalField | None:
-        """What the options alone tell of it; None where the source must tell."""
+        """The camera by the options alone; None where it is that of the source."""
         if self.fov is not None and self.camera is not None:
             raise InputError("expected --fov or --camera, not both", field="--fov")
         if self.fov is not None:
@@ -47,12 +47,12 @@ class LensOptions:
         return load_camera(self.camera, self.name)
 
     def from_source(self, frames: object, source: str) -> Camera | CameraGuess:
-        """What the source's own files tell of it: a bag always, others if that was asked for.
+        """The camera by the source's own files: of a bag always, of others on request.
 
         Parameters
         ----------
         frames : object
-            What was opened; a file or images may tell, anything else does not.
+            The opened source; a file or images may have one, others do not.
         source : str
             What the user called it.
         """

@@ -61,7 +61,7 @@ class Run(RecordedOptions):
 
     def __call__(self) -> None:
         """Do it."""
-        # What is wrong with the calibration is told before the source is looked at.
+        # Faults of the calibration come before those of the source.
         known = self.lens.known()
         frames = open_frames(
             self.source,
@@ -102,7 +102,7 @@ def process_frames(
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
 
-    A guess becomes a camera when the first image tells its size. A caller that writes more into
+    A guess becomes a camera with the size of the first image. A caller that writes more into
     ``out`` holds its lock and gives it.
 
     Raises
@@ -188,7 +188,7 @@ def _run_into(
                 folder.add_time("read", seconds)
                 result = odometry.process(frame.image, frame.timestamp, fault=frame.fault)
                 folder.write(result, frame.image)
-                folder.write_final_poses(odometry.settled())
+                folder.write_final_poses(odometry.final_poses())
                 folder.check_halves(result, odometry)
                 if result.pose is not None:
                     counts[result.pose.status] += 1

@@ -1,4 +1,4 @@
-"""What tyro says of wrong usage, in one line where it would print a box."""
+"""Messages of tyro about wrong usage, in one line instead of a box."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def in_one_line(parse: Callable[[], T], see: str) -> T:
 
 
 def _first_lines(box: str) -> str:
-    """What a box of tyro's says above its first rule, in one line."""
+    """Text of a box of tyro's above its first rule, in one line."""
     words = []
     for line in box.splitlines()[1:]:
         if _RULE.search(line):

@@ -32,7 +32,7 @@ class Drive:
     run : callable
         Runs the drive into the folder that it is given; goes to a worker by pickle.
     own_options : str
-        Those that are not the whole fleet's; they tell two drives of one source apart.
+        Those that are not the whole fleet's; they distinguish two drives of one source.
     """
 
     source: str

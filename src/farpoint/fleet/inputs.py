@@ -1,4 +1,4 @@
-"""What tells whether an input is still the one it was: names, sizes and times of change."""
+"""Whether an input is unchanged, by names, sizes and times of change."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["size_of_input", "state_of_input"]
 
 _TIMEOUT_S = 10.0
 _STATE_KEYS = ("size", "mtime", "ETag", "etag", "md5Hash", "LastModified", "updated", "created")
-"""What file systems of fsspec tell of a file, where its contents decide it."""
+"""Facts of fsspec's file systems about a file that change with its contents."""
 
 State = list[list[Any]]
 

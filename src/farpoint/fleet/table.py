@@ -115,7 +115,7 @@ def write_tables(out: Path, rows: Sequence[Row], parquet: bool) -> None:
 
 
 def facts_of_run(folder: Path) -> dict[str, Any]:
-    """What the row of a drive tells of its outputs: made by its worker, who has just written them.
+    """Facts of the outputs for the row of a drive: made by its worker, who has just written them.
 
     Raises
     ------

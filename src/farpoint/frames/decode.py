@@ -35,7 +35,7 @@ MAX_MEGAPIXELS = 100.0
 _LARGEST_BYTES = 1 << 30
 _SILENT, _STDERR = 0, 2
 _LONGEST_WORDS = 1 << 16
-# What libjpeg says where it goes on with a guess. Many cameras put a few bytes before the end.
+# Messages of libjpeg where it goes on with a guess. Many cameras put a few bytes before the end.
 _JPEG_DAMAGE = re.compile(
     rb"Corrupt JPEG data: (?!\d+ extraneous bytes before marker 0xd9)"
     rb"|Premature end of JPEG file|Inconsistent progression sequence"
@@ -43,7 +43,7 @@ _JPEG_DAMAGE = re.compile(
 
 
 class UnreadableImageError(Exception):
-    """One image cannot be had; the message says why. Never leaves this package."""
+    """One image is unreadable; the message has the cause. Never leaves this package."""
 
 
 def read_grey(
@@ -116,7 +116,7 @@ def check_megapixels(width: int, height: int, limit: float) -> None:
 
 @contextmanager
 def silent_opencv() -> Iterator[None]:
-    """Keep OpenCV's warnings off stderr: what they tell is told by a fault or an InputError."""
+    """Keep OpenCV's warnings off stderr: a fault or an InputError replaces them."""
     cv2 = optional_import("cv2", extra="video", purpose="reading images")
     logging = getattr(cv2.utils, "logging", cv2)  # where OpenCV before 4.13 has its functions
     level = logging.setLogLevel(_SILENT)
@@ -129,8 +129,8 @@ def silent_opencv() -> Iterator[None]:
 class _SilentCodecs:
     """A file in place of standard error, for libraries that know no other silence, nor other words.
 
-    Python's own messages of these milliseconds are lost, too. One thread at a time: what was said
-    is of the image in hand.
+    Python's own messages of these milliseconds are lost, too. One thread at a time: the messages
+    are about the image in hand.
     """
 
     def __init__(self) -> None:
@@ -143,7 +143,7 @@ class _SilentCodecs:
         return self._messages
 
     def _messages(self) -> bytes:
-        """What was said so far."""
+        """The messages so far."""
         self._file.seek(0)
         return self._file.read(_LONGEST_WORDS)
 

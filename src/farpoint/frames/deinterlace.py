@@ -11,11 +11,11 @@ import numpy as np
 __all__ = ["Deinterlacer", "comb_share", "one_field"]
 
 _EVERY_COLUMN = 8
-"""Columns looked at: neighbours tell the same."""
+"""Step between the columns compared: neighbours are alike."""
 
 _BLOCK_PX = 32
 _TEXTURE_GREY2 = 25.0
-"""Mean squared difference of second next lines, grey levels^2, from which a block can tell: five
+"""Mean squared difference of second next lines, grey levels^2, from which a block counts: five
 times the 2 grey levels of a noisy camera, squared and doubled by the difference."""
 
 _COMB_RATIO = 1.5

@@ -48,7 +48,7 @@ class GreyTable:
     def for_images(cls, images: Sequence[np.ndarray]) -> GreyTable:
         """The table for a source of which these images (H, W), uint16, are examples.
 
-        The upper 8 of the bits that are in use, or, where these would span less than a quarter of
+        The upper 8 of the bits that are in use, or, where these would span less than 1/4 of
         the grey values (a thermal camera's raw counts), the span of the samples with headroom.
         """
         some = np.concatenate([image[::_EVERY, ::_EVERY].ravel() for image in images])

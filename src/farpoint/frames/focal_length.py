@@ -40,7 +40,7 @@ def find_focal_length(source: object, name: str) -> EquivalentFocalLength:
         return _of_video(source)
     if isinstance(source, ImageSequence):
         return _of_images(source.images, name)
-    raise InputError(f"a live source tells no focal length: {HELP}", file=name, field="--camera")
+    raise InputError(f"a live source has no focal length: {HELP}", file=name, field="--camera")
 
 
 def _of_video(video: VideoFile) -> EquivalentFocalLength:

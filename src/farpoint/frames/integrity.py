@@ -1,9 +1,9 @@
 """Is an image file whole? Asked before decoding, because decoders guess at what is missing.
 
 OpenCV does not verify the checksums of a PNG, and its JPEG library fills what a truncated file
-lacks with grey and writes to the process's stderr. Both files say themselves whether they are
-complete, at a tenth of the cost of decoding them. What is wrong inside the scan of a JPEG only its
-decoder sees, whose words `farpoint.frames.decode` listens to.
+lacks with grey and writes to the process's stderr. The bytes of both show whether they are
+complete, at 0.1 of the cost of decoding them. Damage inside the scan of a JPEG shows only in its
+decoder's messages, which `farpoint.frames.decode` reads.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ class Grey:
     Where a picture carries luma as a plane of its own that plane is taken as it is: no colour
     is converted, and limited range (16 to 235) is not stretched, since corners and optical flow
     do not depend on it. Deeper luma keeps its upper 8 bits; of 16, whose upper ones need not be
-    in use, a table says what they become. Other formats (RGB, packed or palette colours) are
+    in use, a table maps them. Other formats (RGB, packed or palette colours) are
     converted by FFmpeg.
 
     Attributes
@@ -68,7 +68,7 @@ def _plane(picture: Any, dtype: np.dtype[Any]) -> np.ndarray:
 
 
 def _upright(image: np.ndarray, picture: Any) -> np.ndarray:
-    """Turn and mirror the image as its display matrix says, in steps of 90 degrees.
+    """Turn and mirror the image by its display matrix, in steps of 90 degrees.
 
     The matrix (fixed point, 3 x 3 by rows: ``a b u, c d v, x y w``) maps a pixel of the stored
     picture to the screen: ``x' = a x + c y``, ``y' = b x + d y`` (libavutil/display.h). Phones

@@ -112,7 +112,7 @@ def _copy_of(url: str, public: str) -> IO[bytes] | None:
 
     Its index may stand at its end, where only parts would lead to. None where the server gives
     parts, where what it sends has no known end (a live stream), and where it does not answer as
-    expected: then FFmpeg tells why.
+    expected: then FFmpeg reports the cause.
 
     Raises
     ------

@@ -57,7 +57,7 @@ def open_frames(
     fps : float, optional
         Frames a second, used only where the source carries no time stamps: a video's own, a
         list, a file ``times.txt`` or names made of times come first, and
-        ``timestamp_source`` of what is returned tells. None assumes 10 for images.
+        ``timestamp_source`` of the result names it. None assumes 10 for images.
     max_megapixels : float
         Larger image files are frames with a fault, before they are decoded.
     follow_playlists : bool
@@ -68,8 +68,8 @@ def open_frames(
     Returns
     -------
     FrameSource
-        Iterate it for `Frame` after `Frame`. A frame that cannot be read has no image and a
-        fault that says why; the ones behind it follow.
+        Iterate it for `Frame` after `Frame`. A frame that cannot be read has no image but a
+        fault with the cause; later frames follow.
 
     Raises
     ------

@@ -110,7 +110,7 @@ def _decode_packet(stream: Any, packet: Any, incomplete: set[int], grey: Grey) -
 
 
 def frame_rate(stream: Any) -> float | None:
-    """Frames a second of a stream as its header tells."""
+    """Frames a second in the header of a stream."""
     # None before PyAV 19, and 0 / 0 since.
     rate = float(stream.average_rate or 0)
     return rate if 0.0 < rate < math.inf else None

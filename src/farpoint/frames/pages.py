@@ -30,7 +30,7 @@ def with_pages(images: Sequence[Path]) -> tuple[tuple[Path, ...], tuple[int, ...
 
 
 def pages_of(path: Path) -> int:
-    """Number of pages of an image file; 1 where that cannot be told."""
+    """Number of pages of an image file; 1 where it is unknown."""
     if path.suffix.lower() not in _OF_PAGES:
         return 1
     try:
@@ -52,7 +52,7 @@ def read_page(path: Path, page: int) -> np.ndarray:
 
 
 def image_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height of the image in a file's bytes by its header; None where none is told."""
+    """Width and height of the image in a file's bytes by its header; None without one."""
     Image = _pillow()
     try:
         with _opened(io.BytesIO(data)) as image:
@@ -70,7 +70,7 @@ def _pillow() -> Any:
 
 @contextmanager
 def _opened(file: Path | io.BytesIO) -> Iterator[Any]:
-    """An image by Pillow, whose warnings of damage and size are told by others."""
+    """An image by Pillow, without its warnings of damage and size: other code reports them."""
     Image = _pillow()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

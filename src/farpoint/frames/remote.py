@@ -99,7 +99,7 @@ def open_remote(
             raise InputError("no such file or folder")
         if is_bag_file(name):
             return _copied(system, path, name, open_local)
-        opener: Any = partial(_Steady, url)  # reads, seeks and tells, which is enough for PyAV
+        opener: Any = partial(_Steady, url)  # has read, seek and tell, which is enough for PyAV
         return open_video(Path(name), fps=fps, follow_playlists=follow_playlists, opener=opener)
     except InputError as error:
         raise InputError(error.problem, file=_public(url)) from None
@@ -108,7 +108,7 @@ def open_remote(
 
 
 class _Steady:
-    """A remote file that ends where its connection breaks off, and then says so when it is closed.
+    """A remote file that ends where its connection breaks off, and raises the error when closed.
 
     FFmpeg has no use for errors of Python in the middle of a read.
     """

@@ -41,7 +41,7 @@ class VideoFile:
     name : str
         Its name without suffix.
     count : int or None
-        Number of frames as the header tells it, or from duration and rate; None where neither is.
+        Number of frames in the header, or from duration and rate; None without either.
     timestamp_source : str
         The container, or the rate where it carries no times.
     nominal_fps : float
@@ -97,7 +97,7 @@ def open_video(
         The file.
     fps : float or None
         Frames a second for a file without time stamps (a raw H.264 stream); None takes the rate
-        its header tells.
+        in its header.
     follow_playlists : bool
         Play the files that a playlist names, wherever they lie.
     opener : callable, optional
@@ -149,7 +149,7 @@ def frames_of(moments: Iterator[Moment], nominal_fps: float) -> Iterator[Frame]:
 
 
 def frame_count(container: Any, stream: Any) -> int | None:
-    """Frames of a stream as its header tells, else duration times rate, else None."""
+    """Frames in the header of a stream, else duration times rate, else None."""
     if stream.frames > 0:
         return stream.frames
     rate = frame_rate(stream)
@@ -171,7 +171,7 @@ def video_stream(container: Any, source: str | Path) -> Any:
 def open_container(address: str | IO[bytes], **options: Any) -> Any:
     """By PyAV, with its other ``options``, whatever bytes the metadata hold.
 
-    Bytes that are not UTF-8 keep PyAV before version 19 from opening, if it is not told otherwise.
+    Bytes that are not UTF-8 keep PyAV before version 19 from opening, without this option.
     """
     av = optional_import("av", extra="video", purpose="reading video")
     if int(av.__version__.partition(".")[0]) < 19:

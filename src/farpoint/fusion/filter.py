@@ -225,7 +225,7 @@ class InertialFilter:
         if nis > chi2_quantile(self._gate, dof):
             return Innovation(dof=dof, nis=nis, used=False)
         step, found = root @ best.x, retract(self.state, root @ best.x)
-        # Errors are told from the new state now, no longer from the predicted one.
+        # Errors are relative to the new state, no longer to the predicted one.
         carry = _derivative(lambda steps: difference(retract(self.state, steps), found), step)
         carried = carry @ root
         self.covariance = carried @ np.linalg.inv(best.jac.T @ best.jac) @ carried.T

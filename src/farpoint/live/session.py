@@ -18,7 +18,7 @@ from farpoint.errors import InputError
 from farpoint.frames.live import Capture, LiveAccount, LiveFrame, LiveSource
 from farpoint.frames.mask import read_mask
 from farpoint.live.rehearsal import rehearse
-from farpoint.odometry import Odometry, OdometryOptions, OdometryResult, SettledPose
+from farpoint.odometry import FinalPose, Odometry, OdometryOptions, OdometryResult
 from farpoint.pose import PoseStatus
 from farpoint.sinks import (
     FolderLock,
@@ -79,7 +79,7 @@ class LiveSession:
     source : str
         What the user called it.
     camera : Camera or CameraGuess
-        Of the frames; a guess becomes a camera when the first picture tells its size.
+        Of the frames; a guess becomes a camera with the size of the first picture.
     out : Path or None
         Folder for the outputs; ``farpoint-out/<source name>`` where None.
     odometry, output, viewer : dataclasses, optional
@@ -244,7 +244,7 @@ class LiveSession:
             self._odometry.process(frame.image, frame.timestamp, fault=frame.fault), frame.index
         )
         self._folder.write(result, frame.image)
-        self._write_final_poses(self._odometry.settled())
+        self._write_final_poses(self._odometry.final_poses())
         self._latency_s = time.monotonic() - taken.arrived_s
         self._longest_latency_s = max(self._longest_latency_s, self._latency_s)
         self._folder.check_halves(result, self._odometry)
@@ -258,8 +258,8 @@ class LiveSession:
         self._indices[found.frame1], self._compared_with = index, found.frame0
         return replace(found, frame0=self._indices[found.frame0], frame1=index)
 
-    def _write_final_poses(self, poses: list[SettledPose]) -> None:
-        """Write poses, counted as `_numbered` does; those of earlier frames are told no more."""
+    def _write_final_poses(self, poses: list[FinalPose]) -> None:
+        """Write poses, counted as `_numbered` does; those of earlier frames are left out."""
         self._folder.write_final_poses(
             replace(pose, frame1=self._indices[pose.frame1]) for pose in poses
         )

@@ -152,7 +152,7 @@ class Evaluation:
     path : PathConsistency or None
         Whether the poses are as far off as their covariances say; None without covariances.
     stretches : tuple of StretchFigure
-        Whether stretches of the path are as long, and turn as far, as it says; empty without truth
+        Whether stretches of the path are as long, and turn as far, as stated; empty without truth
         or covariances.
     halves : HalvesEvaluation or None
         The test that needs no truth; None where the run made none.

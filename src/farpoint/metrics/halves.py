@@ -1,11 +1,11 @@
 """The split-half test: does the covariance hold, where nobody knows the truth?
 
-The matches of a pair are dealt at random into two halves and the motion is estimated from each.
-If their noise is independent, the difference of the two must be as large as the sum of their
-covariances says. What both halves share (a wrong calibration, a moving object that is tracked in
-both, errors that neighbouring tracks have in common) cancels in the difference: the test can show
-that a covariance is too small, not that nothing is missing. Neighbours dealt to one half together
-(`image_cells`, and patches of them in `Odometry.split_half`) keep their common errors in it.
+The matches of a pair are split at random into two halves and the motion is estimated from each.
+If their noise is independent, the difference of the two has the sum of their covariances. Errors
+that both halves share (of the calibration, of a moving object tracked in both, of neighbouring
+tracks) cancel in the difference: the test can show that a covariance is too small, not that it is
+complete. Neighbours in the same half (`image_cells`, and patches in `Odometry.split_half`) keep
+their common errors in it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.patches import deal
+from farpoint._kernels.patches import deal as split_patches
 from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.metrics.pairs import direction_error
@@ -138,10 +138,10 @@ def split_half(
     estimate : callable
         Called as ``estimate(*arrays)`` with half of the rows of each array.
     seed : int
-        Of the deal; the same seed gives the same halves.
+        Of the split; the same seed gives the same halves.
     groups : ndarray of int, shape (N,), optional
         Rows with the same number go to the same half, such as those of one image cell
-        (`image_cells`). By default every row is dealt by itself.
+        (`image_cells`). By default every row is a group of its own.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def split_half(
     )
     # A mask leaves the rows in their order: an estimator that looks at it sees nothing unusual.
     half = np.empty(lengths[0], np.int64)
-    deal(assigned.ravel(), np.array([seed % 2**64], np.uint64), half)
+    split_patches(assigned.ravel(), np.array([seed % 2**64], np.uint64), half)
     return pose_difference(
         estimate(*(rows[half == 0] for rows in matches)),
         estimate(*(rows[half == 1] for rows in matches)),

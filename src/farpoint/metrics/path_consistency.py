@@ -1,7 +1,7 @@
 """Whether a path is as far from the truth as its covariances say.
 
-Errors of a path add up from pose to pose, so that all poses of a segment together tell little more
-than one of them: figures are means over segments, and chance is allowed a sample for each.
+Errors of a path add up from pose to pose, so that all poses of a segment have little more
+information than one: figures are means over segments, with one sample of each.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
     unit_is_given = bool(s.covariances[rows[np.argmax(moved)], 6, 6] > 0.0)
     unit = 1.0
     if not unit_is_given:
-        # Mostly the first length told; where that has an error of its own, what is known best.
+        # Mostly the first given length; where that has an error, the best known one.
         exact = moved & (s.lengths[rows] > 0.0) & (s.covariances[rows, 6, 6] == 0.0)
         best = _best_known(ways, s.covariances[rows, 3:6, 3:6])
         row = int(np.argmax(exact)) if exact.any() else best

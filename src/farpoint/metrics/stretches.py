@@ -1,11 +1,11 @@
 """Whether stretches of a path are as long, and turn as far, as their covariances allow.
 
-Poses tell their covariance since the beginning of the segment; a stretch errs by what was added
-between its two ends. In the coordinates of a perturbation of the whole world, ``x = [dtheta, rho,
+Poses have their covariance since the beginning of the segment; the error of a stretch is that added
+between its ends. In the coordinates of a perturbation of the whole world, ``x = [dtheta, rho,
 dlog_scale]`` with ``dp = dtheta x p + p dlog_scale + rho``, an error that is carried on does not
 change, so that its covariance ``W_t`` grows by what each motion adds. A frame that is located by
 itself has an error of its own besides, of covariance ``N_t``: ``C_t = W_t + N_t``. Where ``N`` is
-not told it is taken as what ``C`` falls by again,
+not given it is taken as the fall of ``C``,
 
     W_t = C_t - (C_t - W_{t+1})_+
 

@@ -4,6 +4,6 @@ from farpoint.odometry.options import OdometryOptions
 from farpoint.odometry.result import OdometryResult
 from farpoint.odometry.sequence import Odometry
 from farpoint.path.lens import LensReport
-from farpoint.path.point import SettledPose
+from farpoint.path.point import FinalPose
 
-__all__ = ["LensReport", "Odometry", "OdometryOptions", "OdometryResult", "SettledPose"]
+__all__ = ["FinalPose", "LensReport", "Odometry", "OdometryOptions", "OdometryResult"]

@@ -1,4 +1,4 @@
-"""How the camera has turned so far, and how steadily: what a rolling shutter is unrolled by."""
+"""Mean angular velocity of the camera, and its prior for the correction of a rolling shutter."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from farpoint.geometry import so3
 from farpoint.pose import RelativePose
-from farpoint.pose.shutter import Turning
+from farpoint.pose.shutter import AngularVelocityPrior
 
 __all__ = ["AngularVelocity"]
 
@@ -23,7 +23,7 @@ class AngularVelocity:
         self._squares: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
 
     def add(self, motion: RelativePose, seconds: float) -> None:
-        """That of a motion to a frame which the next one is compared with."""
+        """Add the motion to a frame that the next one is compared with."""
         R = motion.rotation_cam1_from_cam0
         if R is None or seconds <= 0.0:
             self.break_off()
@@ -38,15 +38,14 @@ class AngularVelocity:
         """What follows does not continue the motion."""
         self._rates = []
 
-    def turning(self, seconds: float) -> Turning | None:
-        """As the next pair, which takes so long, needs it; None before anything is known.
+    def prior(self, seconds: float) -> AngularVelocityPrior | None:
+        """For the next pair, over this interval; None before anything is known.
 
-        The angular velocity is linear in time, or constant where the last one tells nothing of the
-        next: by whichever was less off so far.
+        The angular velocity is linear in time or constant, whichever had the smaller error so far.
         """
         if not self._rates or not self._squares:
             return None
         change, curvature = np.sqrt(np.mean(self._squares, axis=0)) * seconds
-        linear = Turning(before=self._rates[-1] * seconds, sigma=float(curvature))
-        constant = Turning(before=None, sigma=float(change))
-        return min(linear, constant, key=Turning.largest_error)
+        linear = AngularVelocityPrior(before=self._rates[-1] * seconds, sigma=float(curvature))
+        constant = AngularVelocityPrior(before=None, sigma=float(change))
+        return min(linear, constant, key=AngularVelocityPrior.largest_error)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from farpoint.pose.covariance import mean_half_ratio
+from farpoint.pose.covariance import mean_split_half_ratio
 
 __all__ = ["HalfRatios"]
 
@@ -42,5 +42,5 @@ class HalfRatios:
         """Add the ratio of a pair; None is ignored."""
         if ratio is not None:
             before = min(self.pairs, MEMORY - 1)
-            self.mean = mean_half_ratio(ratio, self.mean, before)
+            self.mean = mean_split_half_ratio(ratio, self.mean, before)
             self.pairs = before + 1

@@ -40,7 +40,7 @@ class LensInUse:
         self._z: np.ndarray | None = None  # in use, once another than the given lens is
         self._solution: np.ndarray | None = None  # last one that was seen
 
-    def follow(self, lens: LensEstimate | None) -> None:
+    def update(self, lens: LensEstimate | None) -> None:
         """Adopt the path's estimate where it differs significantly."""
         if lens is None or lens.covariance is self._solution:
             return

@@ -21,13 +21,13 @@ class OdometryOptions:
         How points are found and followed.
     pose : RelativePoseOptions
         How the motion is estimated from them. By default `shared_error_px` is 0.002: what the
-        tracker's windows were seen to have in common on rendered streets; `half_deals` is 8; and
+        tracker's windows were seen to have in common on rendered streets; `half_splits` is 8; and
         `sharing_beyond_patches` is 6.5, the most likely slope for the errors of compressed streets.
         `expected_half_ratio` is that of the first pair, from which it goes on.
     path : PathOptions
         The window that keeps one scale.
     lens : LensRefinementOptions
-        How far lens and shutter may be from what the calibration says.
+        How far lens and shutter may be from the calibration.
     seed : int
         Of the random samples.
     """
@@ -35,7 +35,7 @@ class OdometryOptions:
     tracker: TrackerOptions = field(default_factory=TrackerOptions)
     pose: RelativePoseOptions = field(
         default_factory=lambda: RelativePoseOptions(
-            shared_error_px=0.002, half_deals=8, sharing_beyond_patches=6.5
+            shared_error_px=0.002, half_splits=8, sharing_beyond_patches=6.5
         )
     )
     path: PathOptions = field(default_factory=PathOptions)

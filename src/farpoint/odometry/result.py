@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.pose import RelativePose
-from farpoint.pose.card import card, pose_rows
+from farpoint.pose.html_repr import html_table, pose_rows
 from farpoint.tracks import Tracks
 
 __all__ = ["OdometryResult"]
@@ -69,6 +69,6 @@ class OdometryResult:
             ("position x, y, z", f"{x:+.3f}, {y:+.3f}, {z:+.3f}"),
         ]
         status = "first frame" if self.pose is None else self.pose.status.value
-        return card(
+        return html_table(
             f"OdometryResult: {status}", rows + ([] if self.pose is None else pose_rows(self.pose))
         )

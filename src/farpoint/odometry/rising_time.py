@@ -25,7 +25,7 @@ class RisingTime:
         self._shift_s, self._interval_s = 0.0, _INTERVAL_S
         self._last_s: float | None = None
 
-    def follow(self, timestamp: float) -> tuple[float, bool]:
+    def update(self, timestamp: float) -> tuple[float, bool]:
         """The monotonic time stamp, s, and whether time has decreased before it."""
         seconds, last_s = timestamp + self._shift_s, self._last_s
         fell = last_s is not None and seconds < last_s

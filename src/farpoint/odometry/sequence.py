@@ -1,4 +1,4 @@
-"""From frame to frame: what is compared with what, and what a bad frame costs."""
+"""Visual odometry: which frames are compared, and how frames without a motion are handled."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from farpoint.odometry.rising_time import RisingTime
 from farpoint.path.lens import LensReport, given_lens
 from farpoint.path.path import Pair, PathBuilder
 from farpoint.path.perspective import without_perspective
-from farpoint.path.point import PathPoint, SettledPose
+from farpoint.path.point import FinalPose, PathPoint
 from farpoint.path.prediction import point_predictor
 from farpoint.pose import (
     PoseStatus,
@@ -39,12 +39,12 @@ from farpoint.tracks import Tracker, Tracks, grey_size
 
 __all__ = ["Odometry"]
 
-_FRAMES = 1_000_000  # whose tracks are dealt each in its own way, for a seed
+_FRAMES = 1_000_000  # frames per seed with different random splits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Reference:
-    """The frame that the next one is compared with, and the motion that led to it."""
+    """The frame that the next one is compared with, and its motion."""
 
     index: int
     timestamp: float
@@ -64,12 +64,11 @@ class _Reference:
 class Odometry:
     """Motion of a calibrated camera from frame to frame.
 
-    Each frame is compared with the last one that was of use. The poses of the last keyframes are
-    solved together, with the distances of points, the lens and the shutter: motions are estimated
-    with the lens as found. A frame of no use (not decoded, of
-    another size, without texture) gives a FAILED result and is passed over. Where the matches of a
-    textured frame have no consensus, as at a cut, the sequence begins anew from that frame, as
-    another segment of the trajectory; within a segment it has one scale.
+    Each frame is compared with the last usable one. A window estimates the poses of the last
+    keyframes together with the distances of points, the lens and the shutter; motions are estimated
+    with that lens. An unusable frame (not decoded, of another size, without texture) gives a FAILED
+    result and is skipped. Where the matches of a textured frame have no consensus, as at a cut, a
+    new segment of the trajectory begins at that frame; a segment has one scale.
 
     Parameters
     ----------
@@ -118,11 +117,11 @@ class Odometry:
         self._angular_velocity = AngularVelocity()
         self._time, self._fields = RisingTime(), Deinterlacer()
         self._next_index = 0
-        self._has_seen = False  # an image, which fixed the size
+        self._has_size = False  # fixed by the first image
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was found about the images so far that whoever uses the results must know."""
+        """Notes on the images for users of the results."""
         notes = []
         if self._fields.is_interlaced:
             notes.append("The images are interlaced: only their even lines are used.")
@@ -135,18 +134,18 @@ class Odometry:
 
     @property
     def lens(self) -> LensReport:
-        """What was found of lens and shutter so far."""
+        """Current estimate of lens and shutter."""
         return self._path.report() or given_lens(self.camera)
 
-    def settled(self) -> list[SettledPose]:
+    def final_poses(self) -> list[FinalPose]:
         """Poses that have left the window since the last call, in the order of their frames.
 
-        They change no more; `OdometryResult.world_from_cam` is what was known at its time.
+        They change no more; `OdometryResult.world_from_cam` is the estimate at its frame.
         """
-        return self._path.settled()
+        return self._path.final_poses()
 
-    def remaining(self) -> list[SettledPose]:
-        """Poses that `settled` has not given yet, as they are now: at the end of a run."""
+    def remaining(self) -> list[FinalPose]:
+        """Poses that `final_poses` has not returned yet, at the end of a run."""
         return self._path.remaining()
 
     def relative_pose(self, frame0: int, frame1: int) -> tuple[np.ndarray, np.ndarray] | None:
@@ -194,7 +193,7 @@ class Odometry:
             calibration's size, or not of the mask's.
         """
         index, self._next_index = self._next_index, self._next_index + 1
-        timestamp, fell = self._time.follow(timestamp)
+        timestamp, fell = self._time.update(timestamp)
         if fell:  # another recording, joined to the one before
             self._reference = None
             self._path.break_off()
@@ -202,12 +201,12 @@ class Odometry:
             return self._pass_over(index, timestamp, f"The frame cannot be decoded: {fault}.")
         width, height = grey_size(image)
         image = self._fields(image)
-        if not self._has_seen:
+        if not self._has_size:
             self.camera = self.camera.with_size(width, height)
             self._lens = LensInUse(self.camera, self.options.lens)
             region = tracked_region(self.camera, self._mask, self.options.tracker)
             self._tracker = Tracker(self.options.tracker, mask=region)
-            self._has_seen = True
+            self._has_size = True
         assert self.camera.size is not None
         if self.camera.size != (width, height):
             return self._pass_over(
@@ -225,23 +224,23 @@ class Odometry:
     def split_half(self, result: OdometryResult, *, cell_px: float | None = None) -> SplitHalf:
         """Estimate the motion of a pair from two halves of its tracks, and compare.
 
-        Over many pairs, `farpoint.metrics.evaluate_halves` tells whether the covariances hold,
-        without any truth.
+        Over many pairs, `farpoint.metrics.evaluate_halves` tests the covariances without
+        truth.
 
         Parameters
         ----------
         result : OdometryResult
-            Of this odometry; the frame decides how the tracks are dealt.
+            Of this odometry; its frame is part of the seed of the split.
         cell_px : float, optional
-            Deal whole image cells of this width, px, so that errors which tracks farther apart
-            share do not cancel; by default patches of three to six tracks, whose windows overlap.
+            Split whole image cells of this width, px, so that errors with a longer correlation do
+            not cancel; by default patches of 3 to 6 tracks, whose windows overlap.
         """
         tracks = result.tracks
-        # Lens and shutter are wrong for both halves alike, and so is what all tracks share.
+        # Errors of lens and shutter, and errors common to all tracks, cancel in the difference.
         camera = replace(self._lens.camera.with_uncertainty(), readout_sigma_s=None)
         options = replace(self._pose_options(), shared_error_px=0.0)
         if cell_px is None:
-            # Patches in both halves have in common what is shared beyond them: it cancels, too.
+            # Errors correlated beyond patches cancel too.
             options = replace(options, sharing_beyond_patches=0.0)
             groups = patches_of(self._lens.camera.unproject(tracks.points0))
         else:
@@ -278,8 +277,8 @@ class Odometry:
                 frame0=reference.index, frame1=index, time0=reference.timestamp, time1=timestamp
             )
             point = self._path.add(self.camera, tracks, pose, pair)
-            self._lens.follow(self._path.lens)
-            strung = time.perf_counter()
+            self._lens.update(self._path.lens)
+            solved = time.perf_counter()
             pose = at_rest(pose, point.rest)
             is_good, direction = pose.labels != TrackLabel.OUTLIER, pose.direction_cam1_from_cam0
             self._reference = _Reference(
@@ -289,28 +288,28 @@ class Odometry:
                 tracks=tracks.select(is_good),
                 direction=reference.direction if direction is None else direction,
             )
-            if point.fitting is not None:  # known points are right whatever moves before them
+            if point.fitting is not None:  # points of known distance are inliers
                 is_good |= np.isin(tracks.ids, point.fitting)
             self._angular_velocity.add(pose, seconds)
             self._tracker.advance(image, tracks.select(is_good))
         elif self._tracker.sees_texture(image):
-            # A cut, or a motion too large to follow: what comes next resembles this frame.
-            strung = time.perf_counter()
+            # A cut, or a motion too large to track: restart from this frame.
+            solved = time.perf_counter()
             self._restart(image, index, timestamp)
             point = self._path.break_off()
             self._path.pass_over(index, timestamp)
         else:
             return self._pass_over(index, timestamp, "The frame shows nothing to track.")
         advanced = time.perf_counter()
-        self.seconds["tracks"] += matched - start + advanced - strung
+        self.seconds["tracks"] += matched - start + advanced - solved
         self.seconds["pose"] += estimated - matched
-        self.seconds["path"] += strung - estimated
+        self.seconds["path"] += solved - estimated
         return self._result(reference, index, timestamp, pose, tracks, point)
 
     def _without_perspective(
         self, tracks: Tracks, seconds: float, reference: _Reference
     ) -> tuple[Tracks, Searched | None]:
-        """Tracks corrected by the motion that a search finds, and that."""
+        """Tracks corrected for perspective by the motion of a search, and that motion."""
         options = self.options.pose
         if not options.refine:
             return tracks, None
@@ -324,9 +323,11 @@ class Odometry:
     def _estimate(
         self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray, seconds: float
     ) -> RelativePose:
-        """The motion between two views that need not follow each other, for the path."""
+        """The motion between any two views, for the path."""
         views = self._views_of(self._lens.camera, points0, points1, covariance_px2, seconds)
-        return estimate_views(views, replace(self._pose_options(), half_deals=0), self.options.seed)
+        return estimate_views(
+            views, replace(self._pose_options(), half_splits=0), self.options.seed
+        )
 
     def _pose_options(self) -> RelativePoseOptions:
         ratios = self._half_ratios
@@ -340,7 +341,7 @@ class Odometry:
         """The reference and the frame after it, through a camera."""
         points = tracks.points0, tracks.points1, tracks.covariance_px2
         views = self._views_of(camera, *points, seconds)
-        return views._replace(turning=self._angular_velocity.turning(seconds))
+        return views._replace(angular_prior=self._angular_velocity.prior(seconds))
 
     def _views_of(
         self,
@@ -356,7 +357,7 @@ class Odometry:
         return Views(points0, points1, camera, camera, half_px2, half_px2, None, interval_s)
 
     def _prediction(self, reference: _Reference) -> Callable[[np.ndarray], np.ndarray] | None:
-        """Where the tracks of the reference go if the last motion is repeated."""
+        """Predicted tracks of the reference if the last motion repeats."""
         motion = reference.motion
         if motion is None:
             return None

@@ -18,7 +18,7 @@ from farpoint.path.keyframe import Keyframe
 from farpoint.path.lens import LensEstimate, LensReport
 from farpoint.path.options import LensRefinementOptions, PathOptions
 from farpoint.path.pending import PendingPoses, pose_matrix
-from farpoint.path.point import PathPoint, Rest, SettledPose
+from farpoint.path.point import FinalPose, PathPoint, Rest
 from farpoint.path.resection import Located, locate_frame
 from farpoint.path.selection import redundant_keyframe, select_tracks
 from farpoint.path.window import Window
@@ -127,7 +127,7 @@ class PathBuilder:
         self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
         self._twist = self._twist_before = np.zeros(6)
-        self._turned: tuple[Keyframe, np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._pending_twist: tuple[Keyframe, np.ndarray, np.ndarray, np.ndarray] | None = None
         self._key_covariance = np.zeros((7, 7))  # of the newest keyframe at the last solution
         self._key_p = self._p  # its position then
         self._own = np.zeros((6, 6))  # of the current pose relative to the newest keyframe
@@ -200,14 +200,14 @@ class PathBuilder:
         step = _Step(before, now, is_inlier, motion, pair)
         return self._track(window, step) if self._has_scale else self._initialise(window, step)
 
-    def settled(self) -> list[SettledPose]:
+    def final_poses(self) -> list[FinalPose]:
         """Final poses in the order of their frames, each returned once."""
-        return self._pending.settled()
+        return self._pending.final_poses()
 
-    def remaining(self) -> list[SettledPose]:
+    def remaining(self) -> list[FinalPose]:
         """All poses not yet returned, at their current values."""
         self._pending.freeze_all()
-        return self._pending.settled()
+        return self._pending.final_poses()
 
     # Initialisation
 
@@ -498,15 +498,15 @@ class PathBuilder:
         if seconds > 0.0:
             twist = np.concatenate([so3.log(R @ self._R.T), p - self._p]) / seconds
         keyframe, self._new_keyframe = self._new_keyframe, None
-        if self._turned is not None:
-            turned, before2, before, after = self._turned
-            turned.twist, self._turned = _between(before2, before, after, twist), None
+        if self._pending_twist is not None:
+            previous, before2, before, after = self._pending_twist
+            previous.twist, self._pending_twist = _between(before2, before, after, twist), None
         if keyframe is not None:
             # Mean of the velocities before and after it; the first keyframe has only the latter.
             is_first, last = not keyframe.twist.any(), self._twist
             keyframe.twist = twist if is_first else 0.5 * (last + twist)
             if self._twist_before.any():
-                self._turned = keyframe, self._twist_before, last, twist
+                self._pending_twist = keyframe, self._twist_before, last, twist
         self._R, self._p, self._twist, self._twist_before = R, p, twist, self._twist
 
     # Output of a frame

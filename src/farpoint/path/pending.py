@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.path.keyframe import Keyframe
-from farpoint.path.point import SettledPose
+from farpoint.path.point import FinalPose
 
 __all__ = ["PendingPoses", "pose_matrix"]
 
@@ -76,14 +76,14 @@ class PendingPoses:
         for pose in self._poses:
             pose.freeze()
 
-    def settled(self) -> list[SettledPose]:
+    def final_poses(self) -> list[FinalPose]:
         """Final poses in the order of their frames, each returned once."""
         found = []
         while self._poses and (self._poses[0].keyframe is None or len(self._poses) > _MAX_PENDING):
             pose = self._poses.popleft()
             pose.freeze()
             found.append(
-                SettledPose(
+                FinalPose(
                     frame1=pose.frame,
                     timestamp=pose.timestamp,
                     segment=pose.segment,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["PathPoint", "Rest", "SettledPose"]
+__all__ = ["FinalPose", "PathPoint", "Rest"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +62,7 @@ class PathPoint:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SettledPose:
+class FinalPose:
     """A final pose.
 
     Attributes

@@ -26,7 +26,7 @@ class _Style(NamedTuple):
     marker: str
 
 
-# Red and green as in the paper; the shapes tell them apart without colour.
+# Red and green as in the paper; the shapes differ too.
 _STYLES = (
     _Style(TrackLabel.OUTLIER, "outlier", "0.6", "x"),
     _Style(TrackLabel.FAR, "far", "#e5352b", "o"),

@@ -1,4 +1,4 @@
-"""How sure is sure enough: the worst sigma of a covariance, and the most that is allowed of it."""
+"""Largest sigma of a covariance, and the bounds above which nothing is observable."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 
 __all__ = ["MAX_DIRECTION_SIGMA", "direction_sigma", "fixes_rotation", "largest_sigma"]
 
-# A rotation less certain than this (1 sigma, rad) is none.
+# Largest 1-sigma, rad, of an observable rotation.
 MAX_ROTATION_SIGMA = 0.2
-# A direction less certain than this (1 sigma, rad) is none: half of the sphere would be in reach.
+# Largest 1-sigma, rad, of an observable direction.
 MAX_DIRECTION_SIGMA = math.radians(20.0)
 
 
@@ -22,7 +22,7 @@ def largest_sigma(covariance: np.ndarray) -> float:
 def direction_sigma(covariance: np.ndarray) -> float:
     """The worst 1-sigma, rad, of the direction of a motion with this covariance (5, 5).
 
-    As `largest_sigma`, in plain numbers: it is asked of every motion.
+    As `largest_sigma`, in closed form: every motion needs it.
     """
     (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
     half = 0.5 * (xx - yy)
@@ -30,7 +30,7 @@ def direction_sigma(covariance: np.ndarray) -> float:
 
 
 def fixes_rotation(rotation_covariance: np.ndarray) -> bool:
-    """Whether a covariance (3, 3), rad^2, leaves the rotation anything but open."""
+    """Whether the largest sigma of a covariance (3, 3), rad^2, is below the bound."""
     xx, yy, zz = rotation_covariance.diagonal().tolist()
     trace = xx + yy + zz
     if trace < MAX_ROTATION_SIGMA**2:  # the sum of all eigenvalues

@@ -1,7 +1,7 @@
-"""The paper's own answer: SVD of the far rays, mean of the pairwise intersections, their scatter.
+"""The closed form of the paper: SVD of the far rays, mean of the pairwise intersections.
 
-No likelihood, no iteration: what Burschka and Mair (2008) describe, kept whole as the reproduction
-that everything after it is measured against.
+No likelihood, no iteration: the method of Burschka and Mair (2008) with the covariance by the
+scatter of the intersections, as the baseline for the refined estimate.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ import numpy as np
 from farpoint._kernels.search import search_direction
 from farpoint.pose import conclusion
 from farpoint.pose.certainty import fixes_rotation, largest_sigma
-from farpoint.pose.conclusion import Course, label_matches
+from farpoint.pose.conclusion import Diagnostics, label_matches
 from farpoint.pose.epipole import mean_epipole
 from farpoint.pose.far_rotation import FarRotation
 from farpoint.pose.information import positive, symmetric_inverse
 from farpoint.pose.matches import Matches
+from farpoint.pose.model_selection import is_consensus, is_static
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
-from farpoint.pose.verdict import is_consensus, is_static
 
 __all__ = ["estimate_closed_form"]
 
 DIRECTION_SAMPLES = 200
-# A mean epipole less certain than this (1 sigma, rad) is none.
+# Largest 1-sigma, rad, of a mean epipole.
 MAX_EPIPOLE_SIGMA = 0.5
 
 
@@ -33,44 +33,44 @@ def estimate_closed_form(
     tolerance: float,
     options: RelativePoseOptions,
     state: np.ndarray,
-    course: Course,
+    diagnostics: Diagnostics,
 ) -> RelativePose:
     """Rotation of the far rays, then the direction of the flow of the others."""
-    course.iterations = rotation.iterations
+    diagnostics.iterations = rotation.iterations
     R, far = rotation.R_cam1_from_cam0, rotation.consistent
-    area_share = np.pi / 4.0 * (tolerance / matches.spread) ** 2
+    area_share = np.pi / 4.0 * (tolerance / matches.outlier_half_width) ** 2
     agreeing = int(np.count_nonzero(far))
     if not is_consensus(agreeing, len(matches), 3, area_share, options.false_alarm_rate):
-        return conclusion.no_consensus(matches, agreeing, course)
+        return conclusion.no_consensus(matches, agreeing, diagnostics)
     rotation_covariance, sigma = _scatter_of_rotation(matches, R, far)
     if not fixes_rotation(rotation_covariance):
-        return conclusion.unfixed_rotation(matches, course)
+        return conclusion.undetermined_rotation(matches, diagnostics)
     flowing = matches.select(~far)
     agree = _flowing_to_one_direction(flowing, R, tolerance, state)
-    course.lap("search_s")
+    diagnostics.time_stage("search_s")
     epipole = mean_epipole(flowing, R, options.flow_saturation_px, agree)
-    chance = 0.5 * tolerance / matches.spread
+    chance = 0.5 * tolerance / matches.outlier_half_width
     seen = is_consensus(int(agree.sum()), len(flowing), 2, chance, options.false_alarm_rate)
     if epipole is None or not seen or largest_sigma(epipole.covariance) > MAX_EPIPOLE_SIGMA:
         still = is_static(R, rotation_covariance, options.false_alarm_rate)
-        return conclusion.turned(
+        return conclusion.without_direction(
             PoseStatus.STATIC if still else PoseStatus.ROTATION_ONLY,
-            f"{agreeing} of {len(matches)} matches stand still within the noise."
+            f"No motion: {agreeing} of {len(matches)} matches stand still within the noise."
             if still
-            else f"{agreeing} far matches fix the rotation; the {len(flowing)} others flow towards "
-            "no common direction.",
+            else f"Pure rotation or insufficient parallax: {agreeing} far matches fix the "
+            f"rotation, the {len(flowing)} others have no common epipole.",
             R,
             rotation_covariance,
             label_matches(matches, far),
             sigma,
-            course,
+            diagnostics,
         )
     near = np.zeros(len(matches), bool)
     near[~far] = agree
     covariance = np.zeros((5, 5))
     covariance[:3, :3] = rotation_covariance
     covariance[3:, 3:] = epipole.covariance
-    course.lap("covariance_s")
+    diagnostics.time_stage("covariance_s")
     return conclusion.observed(
         R,
         epipole.direction_cam1_from_cam0,
@@ -78,7 +78,7 @@ def estimate_closed_form(
         largest_sigma(epipole.covariance),
         label_matches(matches, far | near, near),
         sigma,
-        course,
+        diagnostics,
     )
 
 
@@ -89,8 +89,8 @@ def _flowing_to_one_direction(
     everyone, t = np.arange(len(flowing)), np.empty(3)
     if len(flowing) < 3:
         return np.zeros(len(flowing), bool)
-    given = flowing.pairs, flowing.weights(), everyone, tolerance, DIRECTION_SAMPLES, state
-    search_direction(*given, R, t)
+    arguments = flowing.pairs, flowing.weights(), everyone, tolerance, DIRECTION_SAMPLES, state
+    search_direction(*arguments, R, t)
     return _consistent_with(flowing, R, t, tolerance)
 
 
@@ -112,9 +112,9 @@ def _consistent_with(
     matches: Matches, R: np.ndarray, t: np.ndarray, tolerance: float
 ) -> np.ndarray:
     """Mask (N,) of matches that flow towards ``t``, within the tolerance across their circle."""
-    rays1, turned = matches.rays1, matches.rays0 @ R.T
-    across = np.einsum("ni,ni->n", rays1, np.cross(t, turned))
-    length = np.linalg.norm(np.cross(t, turned), axis=1)
+    rays1, rotated = matches.rays1, matches.rays0 @ R.T
+    across = np.einsum("ni,ni->n", rays1, np.cross(t, rotated))
+    length = np.linalg.norm(np.cross(t, rotated), axis=1)
     # A ray at the epipole lies on every circle.
     residual = np.abs(across) / np.maximum(length, 1e-300) * np.sqrt(matches.precision)
-    return (residual <= tolerance) & ((rays1 - turned) @ t > 0.0)
+    return (residual <= tolerance) & ((rays1 - rotated) @ t > 0.0)

@@ -1,4 +1,4 @@
-"""Every way an estimate can end: the record for each status, with its words."""
+"""The result of each status, with its reason."""
 
 from __future__ import annotations
 
@@ -13,82 +13,82 @@ from farpoint.pose.matches import Matches
 from farpoint.pose.result import PoseStats, PoseStatus, RelativePose, TrackLabel
 
 __all__ = [
-    "Course",
+    "Diagnostics",
     "failed_pose",
-    "given_labels",
+    "full_labels",
     "label_matches",
     "no_consensus",
     "observed",
-    "turned",
-    "unfixed_rotation",
+    "undetermined_rotation",
+    "without_direction",
 ]
 
 
 @dataclass
-class Course:
-    """How an estimate went, written down along the way.
+class Diagnostics:
+    """Diagnostics of an estimate, collected stage by stage.
 
-    A stage's seconds end when the next stage begins. Remarks are for whoever reads the reason.
+    The time of a stage ends when the next stage begins. Notes are appended to the reason.
     """
 
-    remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     iterations: int = 0
     cost: float | None = None
     sign_probability: float | None = None
-    sharing: float = 1.0
-    half_ratio: float | None = None
+    design_effect: float = 1.0
+    split_half_ratio: float | None = None
     search_s: float = 0.0
     refinement_s: float = 0.0
     covariance_s: float = 0.0
     _since: float = field(default_factory=time.perf_counter)
 
-    def remark(self, sentence: str) -> None:
-        """Add a sentence to the reason."""
-        self.remarks += (sentence,)
+    def note(self, sentence: str) -> None:
+        """Append a sentence to the reason."""
+        self.notes += (sentence,)
 
-    def lap(self, stage: str) -> None:
-        """Book the time since the last lap on ``stage``."""
+    def time_stage(self, stage: str) -> None:
+        """Add the time since the last call to ``stage``."""
         now = time.perf_counter()
         setattr(self, stage, getattr(self, stage) + now - self._since)
         self._since = now
 
 
 def label_matches(
-    matches: Matches, right: np.ndarray, near: np.ndarray | None = None
+    matches: Matches, inlier: np.ndarray, near: np.ndarray | None = None
 ) -> np.ndarray:
-    """Labels (total,) of what the user gave, from masks (N,) over the matches used."""
-    labels = right.astype(np.uint8)  # TrackLabel.FAR is 1, NEAR 2
+    """Labels (total,) of all matches given, from masks (N,) over the matches used."""
+    labels = inlier.astype(np.uint8)  # TrackLabel.FAR is 1, NEAR 2
     if near is not None:
-        labels += right & near
-    return given_labels(matches, labels)
+        labels += inlier & near
+    return full_labels(matches, labels)
 
 
-def given_labels(matches: Matches, labels: np.ndarray) -> np.ndarray:
-    """Labels (total,) of what the user gave, from those (N,) of the matches used."""
+def full_labels(matches: Matches, labels: np.ndarray) -> np.ndarray:
+    """Labels (total,) of all matches given, from those (N,) of the matches used."""
     if len(labels) == matches.total:
         return labels
-    given = np.full(matches.total, TrackLabel.OUTLIER, np.uint8)
-    given[matches.index] = labels
-    return given
+    full = np.full(matches.total, TrackLabel.OUTLIER, np.uint8)
+    full[matches.index] = labels
+    return full
 
 
-def no_consensus(matches: Matches, agreeing: int, course: Course) -> RelativePose:
-    """The best motion found is one that chance alone could have made."""
+def no_consensus(matches: Matches, agreeing: int, diagnostics: Diagnostics) -> RelativePose:
+    """FAILED: chance alone may have made the consensus of the best motion."""
     return failed_pose(
-        f"No consensus: the best motion explains {agreeing} of {len(matches)} matches, "
-        "which chance alone could do.",
+        f"No consensus: the best motion has {agreeing} inliers of {len(matches)} matches, "
+        "no more than chance.",
         matches.total,
-        course,
+        diagnostics,
     )
 
 
-def unfixed_rotation(matches: Matches, course: Course) -> RelativePose:
-    """Matches at one point, or on a line, or of which hardly any is backed by others."""
+def undetermined_rotation(matches: Matches, diagnostics: Diagnostics) -> RelativePose:
+    """FAILED: the inliers are too few, at one point, or on a line."""
     return failed_pose(
-        f"Those of the {len(matches)} matches that agree are too few, or lie too close together, "
-        "to fix a rotation.",
+        f"Rotation not observable: the inliers among {len(matches)} matches are too few or too "
+        "close together in the image.",
         matches.total,
-        course,
+        diagnostics,
     )
 
 
@@ -99,23 +99,23 @@ def observed(
     direction_sigma: float,
     labels: np.ndarray,
     noise: float,
-    course: Course,
-    because: str = "",
+    diagnostics: Diagnostics,
+    detail: str = "",
 ) -> RelativePose:
-    """Rotation and direction, each with covariance; the worst 1-sigma of the direction, rad.
+    """OK: rotation and direction, each with covariance; largest 1-sigma of the direction, rad.
 
-    ``because`` is a sentence of what makes it so.
+    ``detail`` is a further sentence of the reason.
     """
-    stats = _stats(labels, course)
+    stats = _stats(labels, diagnostics)
     sigma_deg = math.degrees(direction_sigma)
     first, second = tangent_columns(direction.tolist())
     return RelativePose(
         status=PoseStatus.OK,
-        reason=_said(
-            f"{stats.near} near and {stats.far} far matches agree on one motion; "
-            f"its direction is known to {sigma_deg:.2g} deg.",
-            because,
-            *course.remarks,
+        reason=_joined(
+            f"General motion: {stats.near} near and {stats.far} far matches agree on one motion; "
+            f"its direction has a 1-sigma of {sigma_deg:.2g} deg.",
+            detail,
+            *diagnostics.notes,
         ),
         rotation_cam1_from_cam0=R,
         rotation_covariance=covariance[:3, :3].copy(),
@@ -128,19 +128,19 @@ def observed(
     )
 
 
-def turned(
+def without_direction(
     status: PoseStatus,
     reason: str,
     R: np.ndarray,
     rotation_covariance: np.ndarray,
     labels: np.ndarray,
     noise: float,
-    course: Course,
+    diagnostics: Diagnostics,
 ) -> RelativePose:
-    """Rotation alone: the camera only turned, stood still, or its direction is not observable."""
+    """ROTATION_ONLY or STATIC: rotation with covariance, no direction."""
     return RelativePose(
         status=status,
-        reason=_said(reason, *course.remarks),
+        reason=_joined(reason, *diagnostics.notes),
         rotation_cam1_from_cam0=R,
         rotation_covariance=rotation_covariance,
         direction_cam1_from_cam0=None,
@@ -148,12 +148,14 @@ def turned(
         covariance=None,
         labels=labels,
         noise_px=noise,
-        stats=_stats(labels, course),
+        stats=_stats(labels, diagnostics),
     )
 
 
-def failed_pose(reason: str, total: int = 0, course: Course | None = None) -> RelativePose:
-    """No rotation can be trusted: ``total`` matches were given, all of them OUTLIER."""
+def failed_pose(
+    reason: str, total: int = 0, diagnostics: Diagnostics | None = None
+) -> RelativePose:
+    """FAILED: no rotation can be trusted; all of the ``total`` matches given are OUTLIER."""
     labels = np.full(total, TrackLabel.OUTLIER, np.uint8)
     return RelativePose(
         status=PoseStatus.FAILED,
@@ -165,28 +167,28 @@ def failed_pose(reason: str, total: int = 0, course: Course | None = None) -> Re
         covariance=None,
         labels=labels,
         noise_px=None,
-        stats=_stats(labels, course or Course()),
+        stats=_stats(labels, diagnostics or Diagnostics()),
     )
 
 
-def _said(*sentences: str) -> str:
-    """Those that are not empty, one after the other."""
+def _joined(*sentences: str) -> str:
+    """The sentences that are not empty, in one line."""
     return " ".join(filter(None, sentences))
 
 
-def _stats(labels: np.ndarray, course: Course) -> PoseStats:
+def _stats(labels: np.ndarray, diagnostics: Diagnostics) -> PoseStats:
     each = labels.tobytes()
     return PoseStats(
         matches=len(each),
         far=each.count(TrackLabel.FAR),
         near=each.count(TrackLabel.NEAR),
         outliers=each.count(TrackLabel.OUTLIER),
-        iterations=course.iterations,
-        cost=course.cost,
-        sign_probability=course.sign_probability,
-        sharing=course.sharing,
-        half_ratio=course.half_ratio,
-        search_s=course.search_s,
-        refinement_s=course.refinement_s,
-        covariance_s=course.covariance_s,
+        iterations=diagnostics.iterations,
+        cost=diagnostics.cost,
+        sign_probability=diagnostics.sign_probability,
+        sharing=diagnostics.design_effect,
+        half_ratio=diagnostics.split_half_ratio,
+        search_s=diagnostics.search_s,
+        refinement_s=diagnostics.refinement_s,
+        covariance_s=diagnostics.covariance_s,
     )

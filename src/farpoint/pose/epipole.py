@@ -26,8 +26,8 @@ class EpipoleEstimate:
     basis : ndarray, shape (3, 2)
         Tangent basis at the direction.
     covariance : ndarray, shape (2, 2)
-        rad^2 in ``basis``, by the jackknife over matches: the intersections that one match takes
-        part in rise and fall together, so their number must not be counted as evidence.
+        rad^2 in ``basis``, by the jackknife over matches, because all intersections of one match
+        share its error.
     """
 
     direction_cam1_from_cam0: np.ndarray
@@ -77,9 +77,9 @@ def mean_epipole(
     others = total - partial[used]
     along = others @ direction
     if not (along > 1e-9 * norm).all():
-        return None  # one match decides which way the mean points
+        return None  # without one match the mean points the other way
     left_out = others @ basis / along[:, None]
     deviation = left_out - left_out.mean(axis=0)
-    # Intersections that coincide are still known to rounding only.
+    # Rounding bounds the covariance of coinciding intersections.
     covariance = (n - 1) / n * deviation.T @ deviation + ROUNDING_RAD**2 * np.eye(2)
     return EpipoleEstimate(direction_cam1_from_cam0=direction, basis=basis, covariance=covariance)

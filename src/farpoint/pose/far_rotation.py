@@ -38,8 +38,8 @@ def far_rotation(
 ) -> FarRotation:
     """Rotation of the far points among ``matches``.
 
-    Where there are none it is the rotation that takes most of the flow away, and a start for the
-    joint search.
+    Without far points it is the rotation that removes most of the flow, and a start for the joint
+    search.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def far_rotation(
     state : ndarray of uint64, shape (1,)
         Random state, advanced.
     max_iterations : int
-        Samples to draw at most: fewer do for a start.
+        Largest number of samples.
     """
     n = len(matches)
     R, consistent = IDENTITY.copy(), np.empty(n, np.bool_)

@@ -1,4 +1,4 @@
-"""The translational flow: what is left of the image motion without the rotation."""
+"""The translational flow: image motion without the rotation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["derotated_points"]
 def derotated_points(
     camera: Camera, points1: np.ndarray, rotation_cam1_from_cam0: np.ndarray
 ) -> np.ndarray:
-    """Where the later points would be in the earlier image if the camera had not turned.
+    """Later points in the earlier image as without the rotation of the camera.
 
     Pixels (N, 2) of ``R.T @ ray1``; the flow from ``points0`` to them is that of the translation
     alone and lies on lines through the epipole (Burschka and Mair 2008, eq. 14). NaN rows where the

@@ -8,11 +8,11 @@ from farpoint.pose.small import inverse_three
 
 __all__ = ["inverse_root", "positive", "symmetric_inverse"]
 
-_SURER = {n: np.ones((n, n)) + 1e-12 * np.eye(n) for n in (3, 5)}
+_LOADED_DIAGONAL = {n: np.ones((n, n)) + 1e-12 * np.eye(n) for n in (3, 5)}
 
 
 def symmetric_inverse(information: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric matrix; what it knows nothing of gets a variance beyond all bounds."""
+    """Inverse of a symmetric matrix, with huge variances along its null space."""
     inverse = inverse_three(information) if len(information) == 3 else None
     if inverse is not None:
         return positive(inverse)
@@ -29,5 +29,5 @@ def inverse_root(information: np.ndarray) -> np.ndarray:
 
 
 def positive(covariance: np.ndarray) -> np.ndarray:
-    """The covariance with a trace more on its diagonal, lest rounding make correlation perfect."""
-    return covariance * _SURER[len(covariance)]
+    """The covariance with its diagonal times 1 + 1e-12: rounding must make no correlation 1."""
+    return covariance * _LOADED_DIAGONAL[len(covariance)]

@@ -1,7 +1,7 @@
-"""What the uncertainty of a calibration does to a motion: its covariance, and its direction.
+"""Uncertainty of the calibration in a motion: its covariance, and whether it has a direction.
 
-A wrong lens is not noise: it displaces all matches in one way, and no number of them averages it
-away. The covariance of a motion ``x`` by a lens of parameters ``c`` therefore grows by
+An error of the lens is not noise: it displaces all matches together, and no number of them averages
+it out. The covariance of a motion ``x`` by a lens of parameters ``c`` therefore grows by
 ``J S J.T``, with ``S`` the covariance of ``c`` and ``J = dx/dc`` at the optimum, by the implicit
 function theorem: ``J = -H^-1 sum(w dr/dx dr/dc)`` for weighted residuals ``r(x, c)`` of information
 ``H``.
@@ -61,32 +61,31 @@ def with_lens_uncertainty(
 ) -> RelativePose:
     """The motion with a covariance that holds the uncertainty of its cameras and their shutter.
 
-    A direction that the lens alone could have made is none: if, with the lens within its
-    uncertainty that explains most of the flow by a rotation, no direction is observable, only the
-    rotation is.
+    No direction is observable where the lens alone may have made the flow: where the estimate with
+    the lens, within its uncertainty, that explains most of the flow by a rotation has none.
 
     Parameters
     ----------
     pose : RelativePose
-        By the cameras as given.
+        By the given cameras.
     view0, view1 : View
-        Of the matches behind it. If both have one and the same camera, its error is common to both.
+        Of its matches. If both have the same camera, its error is common to both.
     shutter : Shutter or None
-        Behind the matches; None: global.
+        None for a global one.
     estimate : callable
         The motion between the same pixels by other cameras and another shutter.
     false_alarm_rate : float
-        Lenses less probable than this do not count; flows that noise explains at this rate do not
+        Lenses less probable than this are excluded; flows that noise explains at this rate do not
         contradict a rotation.
 
     Returns
     -------
     RelativePose
-        The pose itself where the cameras are exact, or it FAILED.
+        The same pose where the cameras are exact, or it FAILED.
     """
-    is_sure = shutter is None or shutter.sigma == shutter.turning_sigma == 0.0
+    is_exact = shutter is None or shutter.sigma == shutter.angular_prior_sigma == 0.0
     if pose.status is PoseStatus.FAILED or (
-        is_sure and all(v.camera.uncertainty is None for v in (view0, view1))
+        is_exact and all(v.camera.uncertainty is None for v in (view0, view1))
     ):
         return pose
     assert pose.rotation_cam1_from_cam0 is not None
@@ -98,7 +97,7 @@ def with_lens_uncertainty(
     rays = lenses.rays(*views, inliers)
     if pose.status is PoseStatus.OK:
         errors = _explained_by_a_rotation(lenses, views, inliers, rays, pose, false_alarm_rate)
-        if errors is not None and _only_turns(estimate(*lenses.at(errors))):
+        if errors is not None and _has_no_direction(estimate(*lenses.at(errors))):
             pose = _without_direction(pose)
     by_lens = _sensitivity(pose, *rays)
     spread = by_lens @ by_lens.T
@@ -153,7 +152,7 @@ class _Lenses(NamedTuple):
     def rays(
         self, view0: View, view1: View, rows: np.ndarray, z: np.ndarray | None = None
     ) -> tuple[_Rays, _Rays]:
-        """What both images see at these matches, by the given lenses or by those in error by z."""
+        """Rays of both images at these matches, by the given lenses or by those with errors z."""
         cameras, shutter = self.cameras, self.shutter
         if z is not None and z.any():
             *cameras, shutter = self.at(z)
@@ -164,17 +163,17 @@ class _Lenses(NamedTuple):
         )
         if shutter is None:
             return first, second
-        seen = shutter.select(rows)
-        return _unrolled(first, 0, seen, self.theta), _unrolled(second, 1, seen, self.theta)
+        shutter = shutter.select(rows)
+        return _unrolled(first, 0, shutter, self.theta), _unrolled(second, 1, shutter, self.theta)
 
     def at(self, z: np.ndarray) -> tuple[Camera, Camera, Shutter | None]:
-        """Exact cameras with these errors of the lenses; smaller ones where these make no lens."""
+        """Exact cameras with these errors of the lenses, halved until the lens is valid."""
         shutter = self.shutter
         if shutter is not None:
             readout, derivative = float(z[-_OF_SHUTTER]), z[1 - _OF_SHUTTER :]
             shutter = shutter._replace(
                 share=shutter.share + readout * shutter.sigma,
-                derivative=shutter.derivative + derivative * shutter.turning_sigma,
+                derivative=shutter.derivative + derivative * shutter.angular_prior_sigma,
             )
         first = _with_error(self.cameras[0], self.factors[0] @ z)
         if self.cameras[0] is self.cameras[1]:
@@ -183,18 +182,18 @@ class _Lenses(NamedTuple):
 
 
 def _unrolled(rays: _Rays, image: int, shutter: Shutter, theta: np.ndarray) -> _Rays:
-    """Rays with the rotation undone that a rolling shutter has seen by then."""
-    seen, by_pixel = shutter.unrolled(theta, image, rays.rays, rays.by_pixel)
-    by_lens = shutter.turns(theta, image) @ rays.by_lens
+    """Rays with the rotation undone up to the read-out of their rows."""
+    unrolled, by_pixel = shutter.unrolled(theta, image, rays.rays, rays.by_pixel)
+    by_lens = shutter.row_corrections(theta, image) @ rays.by_lens
     phases = shutter.phases(image)[:, None]
-    by_readout = np.cross((-shutter.sigma * phases) * shutter.rate(theta, image), seen)
+    by_readout = np.cross((-shutter.sigma * phases) * shutter.rate(theta, image), unrolled)
     by_lens[:, :, -_OF_SHUTTER] = by_readout
-    if shutter.turning is not None:
-        rate = shutter.turning.by_derivative[image] * shutter.turning.sigma
+    if shutter.angular_prior is not None:
+        rate = shutter.angular_prior.by_derivative[image] * shutter.angular_prior.sigma
         for axis in range(3):
             turn = -shutter.share * rate * phases * np.eye(3)[axis]
-            by_lens[:, :, 1 - _OF_SHUTTER + axis] = np.cross(turn, seen)
-    return _Rays(seen, by_pixel, by_lens)
+            by_lens[:, :, 1 - _OF_SHUTTER + axis] = np.cross(turn, unrolled)
+    return _Rays(unrolled, by_pixel, by_lens)
 
 
 def _rays_of(camera: Camera, factor: np.ndarray, points: np.ndarray) -> _Rays:
@@ -231,12 +230,12 @@ def _sensitivity(pose: RelativePose, rays0: _Rays, rays1: _Rays) -> np.ndarray:
     a, b = rays0.rays @ R.T, rays1.rays
     # e = b . (t x R a), the residual across the epipolar plane, and its derivatives.
     across0, across1 = np.cross(b, t), np.cross(t, a)
-    turned0 = across0 @ R
+    rotated0 = across0 @ R
     by_x = np.hstack([np.cross(a, across0), np.cross(a, b) @ pose.direction_basis])
-    by_lens = np.einsum("ni,nir->nr", turned0, rays0.by_lens) + np.einsum(
+    by_lens = np.einsum("ni,nir->nr", rotated0, rays0.by_lens) + np.einsum(
         "ni,nir->nr", across1, rays1.by_lens
     )
-    variance = _variance(turned0, rays0) + _variance(across1, rays1)
+    variance = _variance(rotated0, rays0) + _variance(across1, rays1)
     return _solved(by_x, by_lens, 1.0 / variance)
 
 
@@ -247,14 +246,14 @@ def _variance(direction: np.ndarray, rays: _Rays) -> np.ndarray:
 
 
 def _solved(by_x: np.ndarray, by_lens: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """``-H^-1 sum(w dr/dx dr/dz)``; what the matches do not fix is not changed by the lens."""
+    """``-H^-1 sum(w dr/dx dr/dz)``; no change along what the matches do not fix."""
     known = np.isfinite(weight) & np.isfinite(by_x).all(axis=1) & np.isfinite(by_lens).all(axis=1)
     weighted = (by_x * weight[:, None])[known]
     return -np.linalg.pinv(weighted.T @ by_x[known], hermitian=True) @ (weighted.T @ by_lens[known])
 
 
 class _Flow(NamedTuple):
-    """What is left of the flow without the rotation, ``b - R a`` in the plane across ``b``.
+    """The derotated flow, ``b - R a`` in the plane across ``b``.
 
     ``left`` (N, 2), with its derivatives by ``dtheta`` (N, 2, 3) and ``z`` (N, 2, r), and its
     variance (N,) along one direction for one px^2.
@@ -314,9 +313,9 @@ def _explained_by_a_rotation(
         by_x = np.concatenate([flow.by_rotation, flow.by_lens], axis=2)
         scale = 1.0 / (noise_px * np.sqrt(flow.variance))
         left, by_x = flow.left * scale[:, None], by_x * scale[:, None, None]
-        # Rays that a lens in error does not have count for nothing.
-        seen = np.isfinite(left).all(axis=1) & np.isfinite(by_x).all(axis=(1, 2))
-        left, by_x = left[seen], by_x[seen]
+        # Rays that do not exist with a lens in error are left out.
+        exists = np.isfinite(left).all(axis=1) & np.isfinite(by_x).all(axis=(1, 2))
+        left, by_x = left[exists], by_x[exists]
         distance2 = np.sum(left**2, axis=1)
         weight = (_DOF + 2.0) / (_DOF + distance2)
         rows_by_x = by_x.reshape(-1, len(prior))
@@ -333,7 +332,7 @@ def _explained_by_a_rotation(
     return z
 
 
-def _only_turns(pose: RelativePose) -> bool:
+def _has_no_direction(pose: RelativePose) -> bool:
     return pose.status in (PoseStatus.ROTATION_ONLY, PoseStatus.STATIC)
 
 
@@ -342,8 +341,8 @@ def _without_direction(pose: RelativePose) -> RelativePose:
     return replace(
         pose,
         status=PoseStatus.ROTATION_ONLY,
-        reason="The direction of travel is not observable: a lens within its stated uncertainty "
-        "explains the flow by a rotation alone.",
+        reason="Pure rotation possible: a lens within its stated uncertainty explains the flow by "
+        "a rotation alone.",
         direction_cam1_from_cam0=None,
         direction_basis=None,
         covariance=None,

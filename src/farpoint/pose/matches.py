@@ -1,4 +1,4 @@
-"""Matches as the estimator sees them: pairs of rays with the noise of each."""
+"""Matches as the estimator takes them: pairs of rays with the noise of each."""
 
 from __future__ import annotations
 
@@ -29,17 +29,16 @@ from farpoint.errors import InputError
 from farpoint.geometry.sphere import normalize, tangent_basis
 from farpoint.pose.noise import MIN_VARIANCE
 
-# Pixels are no farther out than where the next one is the same direction.
+# Least angle of a pixel, rad: far out in an image the next pixel may be the same direction.
 LEAST_RAD_PER_PX = 1e-12
 ISOTROPIC = np.eye(2)[None]
-# Given variances, px^2; and over their median: none a million times as precise, or more useless.
-_BELIEVED_PX2 = (1e-60, 1e60)
-_BELIEVED = (1e-12, 1e12)
-# A covariance that is told of a track is an estimate too, and misses what the tracker gets wrong
-# along its own motion (twice the variance on rendered images without any translation): its sigma in
-# one direction, over that in the other, is believed to a factor of two. So is that of matches that
-# err as their neighbours do.
-DOUBT = 4.0
+# Bounds of given variances, px^2; and over their median.
+_VARIANCE_BOUNDS_PX2 = (1e-60, 1e60)
+_RATIO_BOUNDS = (1e-12, 1e12)
+# Misspecification factor of given covariances, and of noise with correlated residuals: the ratio of
+# the sigmas in two directions is known to a factor of 2. A tracker's covariance lacks its errors
+# along the motion of the track (twice the variance on rendered images without translation).
+MISSPECIFICATION = 4.0
 
 __all__ = [
     "Matches",
@@ -52,19 +51,19 @@ __all__ = [
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Told:
-    """Noise that was said of each match.
+class GivenNoise:
+    """Noise given for each match.
 
     Attributes
     ----------
-    alike : callable
-        The matches again, with the same noise for all: the median of what was told.
+    uniform : callable
+        The matches with the same noise for all: the median of the given variances.
     with_floor : callable
-        The matches again, with so much more variance of every coordinate, over that median, and
-        then all over the median that this makes.
+        The matches with this variance added to every coordinate, as a ratio to that median, all
+        over the new median.
     """
 
-    alike: Callable[[], Matches]
+    uniform: Callable[[], Matches]
     with_floor: Callable[[float], Matches]
 
 
@@ -82,31 +81,30 @@ class Matches:
         Number of matches that the user gave.
     unit : str
         What one unit of noise is: ``"px"``, or ``"noise_rad"`` where rays were given.
-    spread : float
-        Half the width, in units of the noise, that wrong matches may fill: that of a uniform
-        distribution with the second moment of the later rays.
-    doubt : float
-        Factor by which the variance of the noise in one direction, over that in the other, may
-        be misstated; 1 for noise that is each match's own.
-    sharing : float
-        How many times larger the variance of a motion is than of matches that err independently.
-    told : Told or None
-        What the user said of the noise of each match, where it was said.
+    outlier_half_width : float
+        Half-width of the outlier domain, in units of the noise: that of a uniform distribution with
+        the second moment of the later rays.
+    misspecification : float
+        Misspecification factor of the variance of the noise in one direction over that in another;
+        1 for independent noise without given covariances.
+    design_effect : float
+        Variance of a motion over that of independent residuals.
+    given_noise : GivenNoise or None
+        Noise given for each match, if any.
     min_variance : float
-        Smaller noise of a good match is not believed: it is rounding.
+        Lower bound of the noise variance: rounding.
     max_variance : float
-        Larger noise of a good match is not believed, and heavy tails neither; infinite where both
-        are as they are found.
+        Upper bound of the noise variance, which leaves no heavy tail; infinite for none.
     """
 
     pairs: np.ndarray
     index: np.ndarray
     total: int
     unit: str
-    spread: float
-    doubt: float
-    sharing: float = 1.0
-    told: Told | None = None
+    outlier_half_width: float
+    misspecification: float
+    design_effect: float = 1.0
+    given_noise: GivenNoise | None = None
     min_variance: float = MIN_VARIANCE
     max_variance: float = math.inf
 
@@ -115,15 +113,15 @@ class Matches:
 
     @property
     def tempering(self) -> float:
-        """What a difference of log likelihoods is divided by to count.
+        """Divisor of log-likelihood ratios.
 
-        A variance that may be misstated by a factor misstates it by the same; and matches with
-        correlated residuals are as many as their number over the design effect.
+        A misspecified variance scales them by its factor; with correlated residuals the effective
+        number of matches is their number over the design effect.
         """
-        return max(self.doubt, self.sharing)
+        return max(self.misspecification, self.design_effect)
 
     def select(self, rows: np.ndarray) -> Matches:
-        """The matches of these rows (a mask or indices); wrong ones fill what they filled."""
+        """The matches of these rows (a mask or indices), with the same outlier domain."""
         rows = np.flatnonzero(rows) if rows.dtype == bool else rows
         pairs = np.empty(packed_length(len(rows)) // LANES * PANEL)
         take_pairs(self.pairs, rows, pairs)
@@ -132,15 +130,15 @@ class Matches:
             index=self.index[rows],
             total=self.total,
             unit=self.unit,
-            spread=self.spread,
-            doubt=self.doubt,
-            sharing=self.sharing,
+            outlier_half_width=self.outlier_half_width,
+            misspecification=self.misspecification,
+            design_effect=self.design_effect,
             min_variance=self.min_variance,
             max_variance=self.max_variance,
         )
 
-    def some(self, most: int) -> Matches:
-        """Every so manieth match, if there are more than so many."""
+    def subsample(self, most: int) -> Matches:
+        """Evenly spaced rows, at most so many."""
         total = len(self)
         return self if total <= most else self.select(np.arange(most) * total // most)
 
@@ -148,18 +146,20 @@ class Matches:
         """Rows, of what the user gave, of the matches whose label (N,) is not 0."""
         return self.index[np.flatnonzero(labels)]
 
-    def that_share(self, sharing: float, *, in_doubt: bool) -> Matches:
-        """The matches with noise of which they share some, and which then may be misstated."""
-        return replace(self, doubt=DOUBT if in_doubt else self.doubt, sharing=sharing)
+    def with_design_effect(self, design_effect: float, *, is_misspecified: bool) -> Matches:
+        """The matches with correlated residuals, whose noise may be misspecified."""
+        factor = MISSPECIFICATION if is_misspecified else self.misspecification
+        return replace(self, misspecification=factor, design_effect=design_effect)
 
     def with_noise_up_to(self, variance: float) -> Matches:
-        """The matches, of which no larger noise is believed."""
+        """The matches with this upper bound of the noise variance, at least its lower bound."""
         return replace(self, max_variance=max(variance, self.min_variance))
 
-    def judging(self, prior: np.ndarray, *, gives_way: bool) -> PackedMatches:
-        """As the kernels take them, with the ``prior`` of each, in panels."""
-        n, least, most = len(self), self.min_variance, self.max_variance
-        return PackedMatches(self.pairs, prior, n, self.spread, TAIL, least, most, gives_way)
+    def packed(self, prior: np.ndarray, *, soft_cheirality: bool) -> PackedMatches:
+        """As the kernels take them, in panels, with the ``prior`` of each match."""
+        n, width = len(self), self.outlier_half_width
+        least, most = self.min_variance, self.max_variance
+        return PackedMatches(self.pairs, prior, n, width, TAIL, least, most, soft_cheirality)
 
     def weights(self, values: np.ndarray | float = 1.0) -> np.ndarray:
         """Values of the matches (N,) as the kernels take them: 0 where the panels are filled up."""
@@ -205,7 +205,7 @@ class PixelMatches:
     covariances : tuple of ndarray, shape (N, 2, 2) or (1, 2, 2)
         Of the pixels, over their common median variance.
     min_variance : float
-        Smaller noise of a good match is not believed.
+        Lower bound of the noise variance.
     """
 
     rays: tuple[np.ndarray, np.ndarray]
@@ -256,7 +256,7 @@ class PixelMatches:
         def packed(first: np.ndarray, second: np.ndarray) -> Matches:
             noise, least = (first, second), LEAST_RAD_PER_PX**2
             matches = _pack(rays0, rays1, by_pixel0, by_pixel1, noise, least, "px")
-            # Made anew only for those on a grid, as few are.
+            # A copy only for matches on a pixel grid, which are rare.
             same = self.min_variance == MIN_VARIANCE
             return matches if same else replace(matches, min_variance=self.min_variance)
 
@@ -266,8 +266,8 @@ class PixelMatches:
         matches = packed(*self.covariances)
         if self.covariances[0] is ISOTROPIC and self.covariances[1] is ISOTROPIC:
             return matches
-        alike = partial(packed, ISOTROPIC, ISOTROPIC)
-        return replace(matches, told=Told(alike=alike, with_floor=with_floor))
+        uniform = partial(packed, ISOTROPIC, ISOTROPIC)
+        return replace(matches, given_noise=GivenNoise(uniform=uniform, with_floor=with_floor))
 
 
 def matches_from_points(
@@ -305,7 +305,7 @@ def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) ->
 
 
 def _of_usual_length(rays: np.ndarray) -> np.ndarray:
-    """Rays (N, 3), not 0, none so long or short that squares overflow or vanish."""
+    """Rays (N, 3), not 0, scaled where squares of their length overflow or vanish."""
     longest = np.abs(rays).max(axis=1, initial=0.0)
     unusual = (longest > 1e100) | (longest < 1e-100)
     if not unusual.any():
@@ -324,7 +324,7 @@ def _pack(
 ) -> Matches:
     total = len(rays0)
     pairs, index = np.empty(packed_length(total) // LANES * PANEL), np.empty(total, np.int64)
-    count, spread = pack_pairs(
+    count, half_width = pack_pairs(
         rays0, rays1, factors0, factors1, *covariances, least_variance, pairs, index
     )
     if count < total:
@@ -335,8 +335,8 @@ def _pack(
         index=index,
         total=total,
         unit=unit,
-        spread=spread,
-        doubt=1.0 if covariances[0] is covariances[1] is ISOTROPIC else DOUBT,
+        outlier_half_width=half_width,
+        misspecification=1.0 if covariances[0] is covariances[1] is ISOTROPIC else MISSPECIFICATION,
     )
 
 
@@ -382,21 +382,22 @@ def _covariances(
     given = [
         None
         if covariance is None
-        else _bounded(_checked_covariance(name, covariance, count), *_BELIEVED_PX2)
+        else _bounded(_checked_covariance(name, covariance, count), *_VARIANCE_BOUNDS_PX2)
         for name, covariance in zip(names, (covariance0_px2, covariance1_px2), strict=True)
     ]
-    # One array given twice is looked at once; the median, lest one match said to be useless make
-    # the others look exact.
+    # The median, because one huge variance would make all others exact after division by a mean.
     traces = [np.trace(c, axis1=1, axis2=2) for c in given if c is not None]
     typical = max(float(np.median(traces)) / 2.0 if count else 1.0, 1e-300)
-    first, second = (ISOTROPIC if c is None else _bounded(c / typical, *_BELIEVED) for c in given)
+    first, second = (
+        ISOTROPIC if c is None else _bounded(c / typical, *_RATIO_BOUNDS) for c in given
+    )
     return first, second
 
 
 def _bounded(covariances: np.ndarray, least: float, most: float) -> np.ndarray:
-    """Covariances (N, 2, 2), those with variances far below or above brought nearer.
+    """Covariances (N, 2, 2) with variances within bounds.
 
-    Squares and quotients of what is beyond overflow, or leave nothing of the other matches.
+    Squares and quotients of others overflow, or leave no weight for the other matches.
     """
     variances = covariances[:, [0, 1], [0, 1]]
     lowest, highest = variances.min(axis=1), variances.max(axis=1)

@@ -1,4 +1,4 @@
-"""The covariance of a motion whose length is known, in the orders that other programs expect."""
+"""Covariance of a motion with known length, in the orders of other programs."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def pose_covariance_in(
 ) -> np.ndarray:
     """`twist_covariance` (6, 6) in the order asked for.
 
-    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``: seen from camera 0 both halves of the
-    twist turn by ``-R.T``.
+    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``: in camera 0 both halves of the twist are
+    rotated by ``-R.T``.
     """
     if order is PoseOrder.COLMAP:
         return twist
-    turn = np.zeros((6, 6))
-    turn[:3, 3:] = turn[3:, :3] = -R_cam1_from_cam0.T
-    return turn @ twist @ turn.T
+    adjoint = np.zeros((6, 6))
+    adjoint[:3, 3:] = adjoint[3:, :3] = -R_cam1_from_cam0.T
+    return adjoint @ twist @ adjoint.T
 
 
 def twist_covariance(

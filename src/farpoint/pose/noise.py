@@ -1,4 +1,4 @@
-"""What the matches were found to be off by."""
+"""The estimated noise of matches: a mixture of inliers, a heavy tail and outliers."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ from farpoint._kernels.mixture import mean_variance
 
 __all__ = ["MIN_VARIANCE", "Noise"]
 
-# Noise below a thousandth of a pixel is rounding, not information.
+# Noise below 0.001 px is rounding, not information.
 MIN_VARIANCE = 1e-6
 
 
 class Noise(NamedTuple):
-    """What the matches were found to be off by.
+    """The estimated noise of matches.
 
     Attributes
     ----------
     variance : float
-        Of a good match, per coordinate, in units of the noise that was stated.
-    wrong : float
-        Share of wrong matches.
-    poor : float
-        Share of poor ones, with `POOR` times the sigma, among the right matches; among these, of
-        those with as much again; and among those.
-    repeated : float
-        Share of repeated ones, one window taken for the next, among the wrong matches; 0 for a
-        rotation, which takes none for such.
+        Of an inlier of the core, per coordinate, in units of the given noise.
+    outlier_share : float
+        Share of outliers among all matches.
+    tail_share : float
+        Share of the heavy tail, with `POOR` times the sigma, among the inliers; among the tail, of
+        matches with `POOR` times that; and so on.
+    repeated_share : float
+        Share of repeated-structure outliers (one window matched to the next) among the outliers; 0
+        for a pure rotation, which has no such component.
     """
 
     variance: float
-    wrong: float
-    poor: float
-    repeated: float = 0.0
+    outlier_share: float
+    tail_share: float
+    repeated_share: float = 0.0
 
     @property
     def sigma(self) -> float:
-        """Of a good match."""
+        """Of an inlier of the core."""
         return math.sqrt(self.variance)
 
     @property
     def mean_sigma(self) -> float:
-        """Root mean square over good and poor matches."""
-        return math.sqrt(mean_variance(self.variance, self.poor))
+        """Root mean square over core and heavy tail."""
+        return math.sqrt(mean_variance(self.variance, self.tail_share))
 
     @property
     def array(self) -> np.ndarray:

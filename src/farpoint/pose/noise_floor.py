@@ -1,8 +1,8 @@
-"""What every match is off by beside what was told of it.
+"""The noise that all matches have beside their given covariances.
 
-The covariances that a tracker tells its tracks are what their windows know. What the windows do not
-know (interpolation, blur, surfaces that bend) is the same for all of them, and matters most for
-those that are said to be best: unseen, it gives them weights that they do not deserve.
+The covariances of a tracker hold the noise within its windows. The noise beyond them
+(interpolation, blur, curved surfaces) is the same for all tracks and matters most for those with
+the smallest covariances: without a floor these have too much weight.
 """
 
 from __future__ import annotations
@@ -10,36 +10,36 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint._kernels.noise_floor import floor_likelihoods
+from farpoint.pose.general_motion import GeneralMotionFit, evaluate_matches
 from farpoint.pose.matches import Matches
-from farpoint.pose.moving_fit import MovingFit, judge
 
 __all__ = ["noise_floor"]
 
-# Floors that are tried, as variances over the median of what was told.
+# Floors to choose from, as variances over the median of the given ones.
 FLOORS = np.array([0.0, 0.03, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 13.0, 50.0])
 # Degrees of freedom of the residuals' distribution: heavier tails than the normal one's.
 FREEDOM = 5.0
 ROUNDS = 8
-# Fewer matches tell nothing of it.
+# Fewer matches do not fix a floor.
 LEAST_MATCHES = 30
 
 
-def noise_floor(matches: Matches, fit: MovingFit) -> float:
-    """Variance that all matches have in common, over the median of what was told of each.
+def noise_floor(matches: Matches, fit: GeneralMotionFit) -> float:
+    """Variance that all matches have in common, over the median of the given variances.
 
-    The residuals ``e`` of right matches, with variances ``v`` told across the epipolar lines, have
-    the variance ``a (v + floor)`` with a common factor; of a grid of floors, the most likely by
-    Student's distribution. 0 without told noise, and of few matches.
+    The residuals ``e`` of inliers, with given variances ``v`` across the epipolar lines, have the
+    variance ``a (v + floor)`` with a common factor; of a grid of floors, the most likely by
+    Student's distribution. 0 without given noise, and for few matches.
     """
-    if matches.told is None:
+    if matches.given_noise is None:
         return 0.0
-    told = judge(matches, fit)[0]
-    right = (fit.probability > 0.5) & (np.abs(told) > 1e-9)
-    if np.count_nonzero(right) < LEAST_MATCHES:
+    residual = evaluate_matches(matches, fit)[0]
+    inlier = (fit.probability > 0.5) & (np.abs(residual) > 1e-9)
+    if np.count_nonzero(inlier) < LEAST_MATCHES:
         return 0.0
-    squares = judge(matches.told.alike(), fit)[0, right] ** 2
-    # The same residual, once in units of the same noise for all and once of that told of it.
-    variances = squares / told[right] ** 2
+    squares = evaluate_matches(matches.given_noise.uniform(), fit)[0, inlier] ** 2
+    # The same residual, in units of the common noise and in units of the given noise.
+    variances = squares / residual[inlier] ** 2
     log_likelihood = floor_likelihoods(squares, variances, FLOORS, FREEDOM, ROUNDS)
-    # Of those as likely but for rounding, the least: the same noise told of all has no floor.
+    # Of floors equally likely up to rounding, the least: equal given covariances have no floor.
     return float(FLOORS[np.argmax(np.round(log_likelihood, 6))])

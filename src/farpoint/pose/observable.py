@@ -1,4 +1,4 @@
-"""How far is far: the distance beyond which a motion leaves no trace in the image (eq. 6)."""
+"""Observable motion, and the distance beyond which a motion shows no image shift (eq. 6)."""
 
 from __future__ import annotations
 

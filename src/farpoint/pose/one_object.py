@@ -1,4 +1,4 @@
-"""Whether all parallax is that of one compact object.
+"""Whether all parallax is that of one compact object, which may move independently.
 
 Far points and one near object allow two explanations with the same likelihood: a camera that moves
 past a stationary object, and a camera that only turns while the object moves.
@@ -13,14 +13,14 @@ from farpoint.geometry.sphere import normalize
 __all__ = ["is_one_object"]
 
 # Share of the near matches that the region around their median ray holds.
-HELD = 0.9
-# Share of all inliers in that region, at the most: one object takes no more of the image (of
-# recorded drives and walks 0.5 and more lie in it, of objects with a fifth of the matches 0.24).
+REGION_SHARE = 0.9
+# Largest share of all inliers in that region: recorded drives and walks have 0.5 and more, objects
+# with 0.2 of the matches 0.24.
 COMPACT = 0.3
-# Share of near ones among the inliers of the region, at the least: nothing far is seen through an
-# object, but at its edges (simulated objects with a tenth and a fifth of the matches: 0.66 to 1).
+# Least share of near matches among the inliers of the region: far points show at an object's edges
+# only (simulated objects with 0.1 and 0.2 of the matches: 0.66 to 1).
 PURE = 0.6
-# Fewer near matches are no object: two fix a direction, and wrong ones may join.
+# Fewer near matches are no object: two fix a direction, and outliers may agree with it.
 FEWEST_NEAR, FEWEST_FAR = 4, 8
 
 
@@ -40,7 +40,7 @@ def is_one_object(rays: np.ndarray, labels: np.ndarray) -> bool:
         return False
     center = normalize(np.median(rays[near], axis=0)[None])[0]
     distance2 = np.sum((rays - center) ** 2, axis=1)
-    within = inliers & (distance2 <= np.quantile(distance2[near], HELD))
+    within = inliers & (distance2 <= np.quantile(distance2[near], REGION_SHARE))
     region = np.count_nonzero(within)
     is_compact = region < COMPACT * np.count_nonzero(inliers)
     return bool(is_compact and np.count_nonzero(within & near) > PURE * region)

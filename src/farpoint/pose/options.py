@@ -1,11 +1,11 @@
-"""What a user can choose about an estimate."""
+"""Options of an estimate of two views."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from farpoint.errors import InputError
-from farpoint.options import settle_float, settle_int, settle_positive
+from farpoint.options import coerce_float, coerce_int, coerce_positive
 
 __all__ = ["DEFAULTS", "RelativePoseOptions"]
 
@@ -28,34 +28,35 @@ class RelativePoseOptions:
         L of eqs. 14-17: derotated flow of this length, px, has full weight in the mean of the
         pairwise intersections, shorter flow a weight in proportion.
     confidence : float
-        Probability, in (0, 1), that the search has drawn a sample without a wrong match.
+        Probability, in (0, 1), that the search has drawn a sample without an outlier.
     min_iterations, max_iterations : int
         Bounds on the number of joint hypotheses tried in one search; of few matches, no more than
         there are samples of five.
     shared_error_px : float
-        1-sigma, px, by which all matches may be off in one way: no number of them averages it away,
-        and the covariance of the rotation is never less. As `matching_tolerance_px` for rays.
+        1-sigma, px, of an error that all matches have in common. No number of matches averages it
+        out: it bounds the covariance of the rotation from below. As `matching_tolerance_px` for
+        rays.
     count_sharing : bool
-        Count what matches have in common where neighbours err alike and nothing was told of their
-        noise. False takes them for independent.
-    half_deals : int
-        How often the matches are dealt into two halves, by whose poses the covariance is corrected;
-        0 for never. For tracks: those of one surface err together. Patches of three to six that
-        lie together go to the same half; where neighbouring patches err alike, too, the covariance
-        of a motion is larger than halves tell.
+        Without given covariances, multiply the covariance by the design effect of residuals that
+        are correlated between neighbours. False takes matches for independent.
+    half_splits : int
+        Number of random splits of the matches into two halves; the difference of their poses scales
+        the covariance. 0 for none. For tracks, whose errors are correlated on one surface. Patches
+        of 3 to 6 neighbours stay in one half; where residuals of neighbouring patches are
+        correlated too, the covariance of a motion is larger still.
     expected_half_ratio : float
-        What the halves are expected to show: the mean `PoseStats.half_ratio` of earlier pairs of
-        the same video, which `Odometry` keeps. It counts as much as 8 deals do, and alone where
-        there are none. 1 is what independent noise shows.
+        Expected split-half ratio: the mean `PoseStats.half_ratio` of earlier pairs of the same
+        video, which `Odometry` keeps. It has the weight of 8 splits, and is used alone without any.
+        1 for independent noise.
     expected_half_ratio_pairs : int
-        Number of pairs that `expected_half_ratio` is the mean of, in the mean with this pair.
+        Number of pairs in the mean `expected_half_ratio`.
     sharing_beyond_patches : float
-        Slope of the variance that errors correlated beyond a patch add, by the excess of the mean
-        half ratio over that of independent noise: video codecs leave such errors, and halves of
-        patches show a part of them only. 0 for none.
+        Slope of the variance by errors that are correlated beyond a patch, over the excess of the
+        mean split-half ratio above that of independent noise. Video codecs leave such errors, and
+        halves of patches show a part of them only. 0 for none.
     false_alarm_rate : float
-        Probability, in (0, 1), with which a camera that only turned may be said to have moved, one
-        that stood still to have turned, and chance to have been a consensus.
+        Probability, in (0, 1), of each of three false alarms: translation for a pure rotation,
+        rotation for a static camera, consensus by chance.
     """
 
     matching_tolerance_px: float = 1.5
@@ -66,22 +67,22 @@ class RelativePoseOptions:
     max_iterations: int = 2000
     shared_error_px: float = 0.0
     count_sharing: bool = True
-    half_deals: int = 0
+    half_splits: int = 0
     expected_half_ratio: float = 1.0
     expected_half_ratio_pairs: int = 2
     sharing_beyond_patches: float = 0.0
     false_alarm_rate: float = 1e-3
 
     def __post_init__(self) -> None:
-        settle_positive(self, "matching_tolerance_px", "flow_saturation_px")
+        coerce_positive(self, "matching_tolerance_px", "flow_saturation_px")
         ratios = "a ratio, 0.001 to 1000"
-        settle_float(self, ratios, lambda ratio: 1e-3 <= ratio <= 1e3, "expected_half_ratio")
+        coerce_float(self, ratios, lambda ratio: 1e-3 <= ratio <= 1e3, "expected_half_ratio")
         rates = "confidence", "false_alarm_rate"
-        settle_float(self, "a probability in (0, 1)", lambda rate: 0 < rate < 1, *rates)
-        settle_float(self, "0 px or more", lambda px: px >= 0, "shared_error_px")
-        settle_float(self, "0 or more", lambda slope: slope >= 0, "sharing_beyond_patches")
-        settle_int(self, 1, "expected_half_ratio_pairs")
-        settle_int(self, 0, "min_iterations", "max_iterations", "half_deals")
+        coerce_float(self, "a probability in (0, 1)", lambda rate: 0 < rate < 1, *rates)
+        coerce_float(self, "0 px or more", lambda px: px >= 0, "shared_error_px")
+        coerce_float(self, "0 or more", lambda slope: slope >= 0, "sharing_beyond_patches")
+        coerce_int(self, 1, "expected_half_ratio_pairs")
+        coerce_int(self, 0, "min_iterations", "max_iterations", "half_splits")
         if self.min_iterations > self.max_iterations:
             raise InputError(
                 "expected min_iterations <= max_iterations, "
@@ -93,5 +94,5 @@ class RelativePoseOptions:
                 raise InputError(f"expected True or False, got {value!r}", field=name)
 
 
-# Made once: to check them takes as long as to read a hundred matches.
+# Made once: their validation takes as long as packing 100 matches.
 DEFAULTS = RelativePoseOptions()

@@ -1,4 +1,4 @@
-"""Matches that lie together in the image, and so err together."""
+"""Patches of the image: matches within one have correlated errors."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from farpoint._kernels.patches import split_image
 
 __all__ = ["patches_of"]
 
-# A patch has so many matches on average at the least, and twice as many at the most. Of 6, the
-# regions of poses on rendered sequences hold the truth as often.
-TOGETHER = 3.0
+# Mean number of matches of a patch: this at least, and twice as many at most. With 6, the coverage
+# on rendered sequences is the same.
+PATCH_MATCHES = 3.0
 
 
 def patches_of(rays: np.ndarray) -> np.ndarray:
     """Number (N,) of the patch of the image that each of the unit ``rays`` (N, 3) is in.
 
-    Windows of points nearby share pixels, and what they show moves and bends alike. Of a patch as
-    large as that, the errors add up; those of another are its own.
+    Windows of neighbouring points share pixels and surfaces. The errors of one patch are
+    correlated, those of two patches nearly independent.
     """
-    splits = max(int(math.log2(max(len(rays) / TOGETHER, 1.0))), 0)
+    splits = max(int(math.log2(max(len(rays) / PATCH_MATCHES, 1.0))), 0)
     patch = np.empty(len(rays), np.int64)
     split_image(np.ascontiguousarray(rays).reshape(-1), splits, patch)
     return patch

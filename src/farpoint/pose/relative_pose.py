@@ -1,4 +1,4 @@
-"""The motion between two views, from pixels or from rays: what users call."""
+"""Public functions: the motion between two views, from pixels or from rays."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ def estimate_relative_pose(
     seed : int
         Of the random samples; the same inputs, options and seed give the same result, bit for bit.
     covariance0_px2, covariance1_px2 : ndarray, shape (N, 2, 2), optional
-        Noise of each point, px^2, up to a common factor, which is estimated. An image without is
-        taken to have isotropic noise of the median variance of the other.
+        Noise of each point, px^2, up to a common factor, which is estimated. An image without has
+        isotropic noise of the median variance of the other.
     readout_s : float, optional
         Read-out time of a rolling shutter, first row to last, s; negative where the last row is
-        read first. Both images are read alike, and the camera keeps its velocities from one to
+        read first. Both images have the same, and the camera keeps its velocities from one to
         the other. The motion is that from middle row to middle row. Without it that of
         ``camera0``, whose 1-sigma widens the covariance, counts where ``interval_s`` is given.
     interval_s : float, optional
@@ -56,7 +56,7 @@ def estimate_relative_pose(
     Returns
     -------
     RelativePose
-        With a status: too few or contradicting matches are no error.
+        With a status: too few or contradicting matches raise no error.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What an estimate is: a status, numbers with covariances, and a label for every match."""
+"""The result of an estimate: status, numbers with covariances, and a label for every match."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.so3 import skew
 from farpoint.geometry.sphere import confidence_ring
-from farpoint.pose.card import card, pose_rows
 from farpoint.pose.gtsam_factors import between_factor, essential_matrix_constraint
+from farpoint.pose.html_repr import html_table, pose_rows
 from farpoint.pose.metric import PoseOrder, pose_covariance_in, twist_covariance
 
 __all__ = ["PoseStats", "PoseStatus", "RelativePose", "TrackLabel"]
@@ -36,7 +36,7 @@ class TrackLabel(IntEnum):
     """What a match is to the estimate."""
 
     OUTLIER = 0
-    """Contradicts the motion: a wrong match or a moving object."""
+    """Contradicts the motion: a mismatch or a moving object."""
     FAR = 1
     """Moves by the rotation alone, within the noise."""
     NEAR = 2
@@ -45,7 +45,7 @@ class TrackLabel(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class PoseStats:
-    """How the estimate came about.
+    """Diagnostics of an estimate.
 
     Attributes
     ----------
@@ -58,11 +58,11 @@ class PoseStats:
     sign_probability : float or None
         Probability that ``direction`` points the way it does along its line; None without one.
     sharing : float
-        How many times larger the covariance is than of matches that err independently, since
-        neighbours were seen to err alike; 1 where they do not.
+        Design effect: factor on the covariance for residuals that are correlated between
+        neighbours; 1 for independent residuals.
     half_ratio : float or None
-        Squared difference of the poses by halves of the matches, over what the covariance as
-        computed expects of it; None where none were dealt (`RelativePoseOptions.half_deals`).
+        Split-half ratio: squared difference of the poses by halves of the matches, over its
+        expected value by the covariance; None without splits (`RelativePoseOptions.half_splits`).
     search_s, refinement_s, covariance_s : float
         Time spent in each stage, seconds.
     """
@@ -93,7 +93,7 @@ class RelativePose:
     status : PoseStatus
         Which of the quantities below could be observed.
     reason : str
-        One sentence for a person: what was seen and why this status.
+        The condition behind the status, in a sentence or two for a person.
     rotation_cam1_from_cam0 : ndarray, shape (3, 3), or None
         Present unless status is FAILED.
     rotation_covariance : ndarray, shape (3, 3), or None
@@ -108,9 +108,9 @@ class RelativePose:
         A `TrackLabel` for every match; all OUTLIER when status is FAILED.
     noise_px : float or None
         Estimated 1-sigma noise of a match per coordinate of each image, pixels. With rays given
-        instead of pixels it is a multiple of the ``noise_rad`` that was stated.
+        instead of pixels it is a multiple of the given ``noise_rad``.
     stats : PoseStats
-        How the estimate came about.
+        Diagnostics.
     """
 
     status: PoseStatus
@@ -171,9 +171,9 @@ class RelativePose:
     def epipole_ellipse_px(self, camera: Camera, confidence: float = 0.95) -> np.ndarray | None:
         """Boundary, in image 0, of the region that holds the epipole with this probability.
 
-        An ellipse where the lens is straight and the region small; `heading_region` through the
-        lens in any case. Where the lens sees only the place that the camera comes from, as a
-        pinhole does that travels backwards, the region is around that one.
+        `heading_region` through the lens: an ellipse for a small region and a lens without
+        distortion. Where only the opposite point is in view, as for a pinhole that travels
+        backwards, the region is around that point.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class RelativePose:
             error is taken as independent of this estimate. A sigma of 0 leaves rank 5.
         order : PoseOrder or str
             ``"ros"``: ``[translation, rotation]`` of the pose of camera 1 in camera 0.
-            ``"colmap"``: ``[rotation, translation]`` of ``cam1_from_cam0``. `PoseOrder` tells
+            ``"colmap"``: ``[rotation, translation]`` of ``cam1_from_cam0``. See `PoseOrder` for
             axes and sides.
 
         Returns
@@ -260,5 +260,5 @@ class RelativePose:
         return between_factor(key0, key1, R, scale * d, twist)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the status, why, and the numbers with their 1-sigma."""
-        return card(f"RelativePose: {self.status.value}", pose_rows(self))
+        """Table for notebooks: status, reason, and the numbers with their 1-sigma."""
+        return html_table(f"RelativePose: {self.status.value}", pose_rows(self))

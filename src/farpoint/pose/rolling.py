@@ -1,4 +1,4 @@
-"""The motion between two views of a rolling shutter: what it undoes in each row leads to itself."""
+"""The motion between two views of a rolling shutter, as a fixed point of its correction."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint.geometry import so3
+from farpoint.pose.general_motion import GeneralMotionFit, refit_general_motion
 from farpoint.pose.matches import Matches, PixelMatches
-from farpoint.pose.moving_fit import MovingFit, refit_moving
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter
@@ -19,7 +19,7 @@ from farpoint.pose.two_views import estimate, search
 __all__ = ["Searched", "estimate_rolling", "search_rolling"]
 
 _MOST_PASSES = 4
-_CLOSE = 0.1  # sigma: no pass changes more
+_CLOSE = 0.1  # sigma; converged
 
 
 class Searched(NamedTuple):
@@ -27,28 +27,28 @@ class Searched(NamedTuple):
 
     Attributes
     ----------
-    fit : MovingFit
+    fit : GeneralMotionFit
         The likeliest.
     theta : ndarray, shape (3,)
         Rotation vector that was undone for it, rad.
-    other : MovingFit, optional
+    other : GeneralMotionFit, optional
         A predicted one in another direction: which is the likelier, unrolled rows decide.
     """
 
-    fit: MovingFit
+    fit: GeneralMotionFit
     theta: np.ndarray
-    other: MovingFit | None = None
+    other: GeneralMotionFit | None = None
 
 
 def search_rolling(
     shutter: Shutter | None, pixels: PixelMatches, options: RelativePoseOptions, seed: int
 ) -> Searched | None:
-    """The motion that a search finds, with the rotation undone that was before; None of too few."""
+    """The motion of a search with the prior rotation undone; None for too few matches."""
     theta = np.zeros(3)
-    if shutter is None or shutter.turning is None or shutter.turning.before is None:
+    if shutter is None or shutter.angular_prior is None or shutter.angular_prior.before is None:
         fit = search(pixels.matches(), options, seed)
     else:
-        theta = shutter.turning.before
+        theta = shutter.angular_prior.before
         fit = search(pixels.matches(partial(shutter.unrolled, theta)), options, seed)
     return None if fit is None else Searched(fit, theta)
 
@@ -60,12 +60,12 @@ def estimate_rolling(
     seed: int,
     searched: Searched | None,
 ) -> RelativePose:
-    """The motion whose own rotation, undone in each row, leads to itself.
+    """The motion that is estimated with its own rotation undone in each row.
 
-    A fixed point: what is wrong of the rotation that is undone returns in the estimate by its share
-    of the time between the rows. That all matches have in common is taken out (Newton); what is
-    left shrinks by its spread in every pass. Without a motion ``searched`` a first search finds the
-    rotation to begin with, and each pass begins with another.
+    A fixed point: an error of the undone rotation returns in the estimate, times the read-out phase
+    of a match. The mean over the matches is removed (Newton); the rest shrinks in every pass by the
+    scatter of the phases. Without a motion ``searched`` a first search finds the initial rotation,
+    and each pass begins with another search.
     """
     theta, start = np.zeros(3), None
     if searched is not None:
@@ -83,9 +83,9 @@ def estimate_rolling(
         assert pose.noise_px is not None
         used = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
         before, (theta, time_between) = theta, _unrolled(shutter, R, used, theta)
-        left = _left(shutter, matches, theta - before, pose.noise_px)
-        if left <= _CLOSE or passes == _MOST_PASSES:
-            # The rows of a match see the rotation of the time between them.
+        remaining = _remaining(shutter, matches, theta - before, pose.noise_px)
+        if remaining <= _CLOSE or passes == _MOST_PASSES:
+            # The time between a match's rows is not that between the middle rows.
             by_time = np.diag([1.0 / time_between] * 3 + [1.0, 1.0])
             return replace(
                 pose,
@@ -97,7 +97,7 @@ def estimate_rolling(
 
 def _closer(
     shutter: Shutter, pixels: PixelMatches, searched: Searched
-) -> tuple[MovingFit, np.ndarray]:
+) -> tuple[GeneralMotionFit, np.ndarray]:
     """The motion refitted, and its rotation, until that which is left is within its noise."""
     closer = _closer_to(shutter, pixels, searched.fit, searched.theta)
     if searched.other is None:
@@ -107,23 +107,23 @@ def _closer(
 
 
 def _closer_to(
-    shutter: Shutter, pixels: PixelMatches, fit: MovingFit, theta: np.ndarray
-) -> tuple[MovingFit, np.ndarray]:
+    shutter: Shutter, pixels: PixelMatches, fit: GeneralMotionFit, theta: np.ndarray
+) -> tuple[GeneralMotionFit, np.ndarray]:
     theta, _ = _unrolled(shutter, fit.R_cam1_from_cam0, fit.matches.used(fit.labels), theta)
     for _ in range(_MOST_PASSES):
         matches = pixels.matches(partial(shutter.unrolled, theta))
-        fit = refit_moving(matches, fit)
+        fit = refit_general_motion(matches, fit)
         used = matches.used(fit.labels)
         before, (theta, _) = theta, _unrolled(shutter, fit.R_cam1_from_cam0, used, theta)
-        if _left(shutter, matches, theta - before, fit.noise.sigma) <= 1.0:
+        if _remaining(shutter, matches, theta - before, fit.noise.sigma) <= 1.0:
             break
     return fit, theta
 
 
-def _left(shutter: Shutter, matches: Matches, change: np.ndarray, noise: float) -> float:
-    """What a change of the rotation, (3,) rad, leaves for the next pass, in sigma of a rotation."""
+def _remaining(shutter: Shutter, matches: Matches, change: np.ndarray, noise: float) -> float:
+    """Error of the next pass by a change of the rotation, (3,) rad, in sigma of a rotation."""
     spread = abs(shutter.share) * float(np.std(shutter.phase1 - shutter.phase0))
-    # Of one that all matches tell: what is stated is larger where two motions are met.
+    # Of a rotation by all matches: the stated sigma is larger where two modes compete.
     sigma = noise / float(np.sqrt(np.sum(matches.precision)))
     return spread * float(np.linalg.norm(change)) / sigma
 
@@ -131,9 +131,9 @@ def _left(shutter: Shutter, matches: Matches, change: np.ndarray, noise: float) 
 def _unrolled(
     shutter: Shutter, R_cam1_from_cam0: np.ndarray, used: np.ndarray, theta: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Rotation vector of a motion that was estimated with ``theta`` undone, and rows' mean time.
+    """Rotation vector of a motion estimated with ``theta`` undone, and mean time between rows.
 
-    By the matches ``used``, indices.
+    Over the matches ``used``, indices.
     """
     time_between = shutter.time_between(used)
     found = so3.log(R_cam1_from_cam0)

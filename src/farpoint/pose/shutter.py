@@ -1,4 +1,4 @@
-"""A rolling shutter in two views: rays as they would be, had each image been taken at one time.
+"""A rolling shutter in two views: rays corrected to the time of the middle row of each image.
 
 The rows of an image are read one after the other while the camera goes on turning. A row whose
 phase is ``q`` (-1/2 of the first row to 1/2 of the last) is read ``q r`` after the middle one, with
@@ -21,18 +21,18 @@ from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.pose.matches import check_camera, checked_rows
 
-__all__ = ["Shutter", "Turning", "shutter_of"]
+__all__ = ["AngularVelocityPrior", "Shutter", "shutter_of"]
 
 _LEAST_ANGLE = 1e-300
 
 
-class Turning(NamedTuple):
-    """What is known of the camera's rotation beside the two views.
+class AngularVelocityPrior(NamedTuple):
+    """Prior of the camera's angular velocity at the two views.
 
-    Its angular velocity is linear in time with the mean before image 0, or constant where that is
-    not known. Of a velocity w(t) with means over (-1, 0) and (0, 1), w(0) and w(1) are beside the
-    line through these means by -1/6 and 1/3 of its second derivative, and beside the last mean by
-    -1/2 and 1/2 of the first (Taylor).
+    Linear in time through the mean over the interval before image 0, or constant without that.
+    For a velocity w(t) with means over (-1, 0) and (0, 1), w(0) and w(1) differ from the line
+    through these means by -1/6 and 1/3 of its second derivative, and from the last mean by -1/2 and
+    1/2 of its first derivative (Taylor).
 
     Attributes
     ----------
@@ -47,11 +47,11 @@ class Turning(NamedTuple):
 
     @property
     def by_derivative(self) -> tuple[float, float]:
-        """Derivative of the angular velocity at image 0 and 1 by that which is unknown."""
+        """Factors of the unknown derivative in the angular velocity at image 0 and 1."""
         return (-0.5, 0.5) if self.before is None else (-1.0 / 6.0, 1.0 / 3.0)
 
     def largest_error(self) -> float:
-        """1-sigma of the angular velocity at the image where it is known less well."""
+        """The larger of the two 1-sigmas of the angular velocity."""
         return self.sigma * max(map(abs, self.by_derivative))
 
 
@@ -68,10 +68,10 @@ class Shutter(NamedTuple):
         Of the rows in each image, -1/2 to 1/2.
     phase_per_px : float
         From one row to the next.
-    turning : Turning or None
+    angular_prior : AngularVelocityPrior or None
         None: the angular velocity is constant.
     derivative : ndarray, shape (3,)
-        That of the angular velocity which `Turning` does not know.
+        Error of the prior's derivative of the angular velocity, rad in units of the interval.
     """
 
     share: float
@@ -79,25 +79,25 @@ class Shutter(NamedTuple):
     phase0: np.ndarray
     phase1: np.ndarray
     phase_per_px: float
-    turning: Turning | None = None
+    angular_prior: AngularVelocityPrior | None = None
     derivative: np.ndarray = np.zeros(3)
 
     @property
-    def turning_sigma(self) -> float:
+    def angular_prior_sigma(self) -> float:
         """1-sigma of each coordinate of the derivative."""
-        return 0.0 if self.turning is None else self.turning.sigma
+        return 0.0 if self.angular_prior is None else self.angular_prior.sigma
 
     def rate(self, theta: np.ndarray, image: int) -> np.ndarray:
         """Angular velocity (3,) at the middle row of image 0 or 1, rad in the time between both."""
-        if self.turning is None:
+        if self.angular_prior is None:
             return theta
-        rate = theta + self.turning.by_derivative[image] * self.derivative
-        if self.turning.before is None:
+        rate = theta + self.angular_prior.by_derivative[image] * self.derivative
+        if self.angular_prior.before is None:
             return rate
-        return rate + (image - 0.5) * (theta - self.turning.before)
+        return rate + (image - 0.5) * (theta - self.angular_prior.before)
 
-    def turns(self, theta: np.ndarray, image: int) -> np.ndarray:
-        """What undoes, in each row of image 0 or 1, its share of a rotation vector (N, 3, 3)."""
+    def row_corrections(self, theta: np.ndarray, image: int) -> np.ndarray:
+        """Rotations (N, 3, 3) that undo a rotation vector's share in each row of image 0 or 1."""
         rate = self.rate(theta, image)
         angle = float(np.linalg.norm(rate))
         K = so3.skew(rate / max(angle, _LEAST_ANGLE))
@@ -105,7 +105,7 @@ class Shutter(NamedTuple):
         return np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * (K @ K)
 
     def phases(self, image: int) -> np.ndarray:
-        """Of the rows (N,) in image 0 or 1."""
+        """Phases (N,) of the rows in image 0 or 1."""
         return (self.phase0, self.phase1)[image]
 
     def unrolled(
@@ -113,18 +113,18 @@ class Shutter(NamedTuple):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Rays (N, 3) of image 0 or 1 in the axes of its middle row, for a rotation vector.
 
-        And their derivatives by the pixel (N, 3, 2): a pixel that is found a row lower is taken to
-        be seen that much later, too.
+        And their derivatives by the pixel (N, 3, 2): a pixel one row lower is also read one row
+        later.
         """
-        turns = self.turns(theta, image)
-        rays, by_pixel = (turns @ rays[:, :, None])[:, :, 0], turns @ by_pixel
+        corrections = self.row_corrections(theta, image)
+        rays, by_pixel = (corrections @ rays[:, :, None])[:, :, 0], corrections @ by_pixel
         by_pixel[:, :, 1] -= (
             self.share * self.phase_per_px * np.cross(self.rate(theta, image), rays)
         )
         return rays, by_pixel
 
     def select(self, rows: np.ndarray) -> Shutter:
-        """That of some matches."""
+        """The shutter of these matches."""
         return self._replace(phase0=self.phase0[rows], phase1=self.phase1[rows])
 
     def time_between(self, rows: np.ndarray) -> float:
@@ -139,16 +139,16 @@ def shutter_of(
     points1: np.ndarray,
     readout_s: float | None,
     interval_s: float | None,
-    turning: Turning | None = None,
+    angular_prior: AngularVelocityPrior | None = None,
 ) -> Shutter | None:
-    """The shutter behind matches (N, 2); None where it is global, or nothing is known of it.
+    """The shutter of matches (N, 2); None where it is global or unknown.
 
     Without ``readout_s`` it is that of the camera, with its 1-sigma.
 
     Raises
     ------
     InputError
-        For points or a time that are none, without ``interval_s``, or a camera without the images'
+        For invalid points or times, without ``interval_s``, or a camera without the images'
         size.
     """
     if readout_s is None and interval_s is None:
@@ -176,8 +176,8 @@ def shutter_of(
     if readout_s == 0.0 and sigma_s == 0.0:
         return None
     if camera.size is None:
-        raise InputError("expected one with its size: its height tells the rows", field="camera0")
+        raise InputError("expected one with its size, which has the rows", field="camera0")
     per_px = 1.0 / max(camera.size[1] - 1, 1)
     phase0, phase1 = (points[:, 1] * per_px - 0.5 for points in (points0, points1))
     share, sigma = float(readout_s / interval_s), float(sigma_s / interval_s)
-    return Shutter(share, sigma, phase0, phase1, per_px, turning)
+    return Shutter(share, sigma, phase0, phase1, per_px, angular_prior)

@@ -1,4 +1,4 @@
-"""Single matrices of three rows and columns in plain numbers: NumPy takes ten times as long."""
+"""Single 3 x 3 matrices in plain numbers: NumPy takes 10 times as long."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 
 __all__ = ["inverse_three", "rotation_vector", "size2"]
 
-# Determinant over that of a matrix with the same diagonal, below which rounding is felt.
+# Determinant over the product of the diagonal below which rounding dominates.
 LEAST_DETERMINANT = 1e-6
 
 
 def rotation_vector(R: np.ndarray) -> tuple[float, float, float]:
     """Rotation vector, rad, of a rotation (3, 3), at most pi long."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
-    # With the quaternion q, 4 q q^T; the row of its largest element tells q best.
+    # With the quaternion q, 4 q q^T; the row of its largest element has the least rounding.
     w, x, y, z = max(
         (1.0 + xx + yy + zz, zy - yz, xz - zx, yx - xy),
         (zy - yz, 1.0 + xx - yy - zz, xy + yx, xz + zx),

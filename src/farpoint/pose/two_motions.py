@@ -1,9 +1,9 @@
 """Explanations of the matches by two motions: that of the camera, and another beside it.
 
-A mean motion between the two explains all matches with more noise, and may be the likelier one:
-the noise scale is free. Two facts tell it from the camera's: matches that stand still in the image
-while the others move (dirt on the lens, the bonnet, a caption), and residuals that are correlated
-between neighbours and that a split into two motions explains.
+A merged mode between the two explains all matches with more noise and may be likelier, because the
+noise scale is free. Two signs of it: matches that stand still in the image while the others move
+(dirt on the lens, the bonnet, a caption), and residuals that are correlated between neighbours
+until they are split into two motions.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ import numpy as np
 from farpoint._kernels.evidence import find_standing
 from farpoint._kernels.plausible import BAND_SIGMA
 from farpoint.geometry.sphere import tangent_basis
-from farpoint.pose.matches import Matches
-from farpoint.pose.moving_fit import (
-    MovingFit,
-    fit_moving,
-    fit_quietly,
-    is_plainly_likelier,
-    judge,
-    refit_moving,
+from farpoint.pose.general_motion import (
+    GeneralMotionFit,
+    evaluate_matches,
+    fit_general_motion,
+    fit_with_bounded_noise,
+    is_clearly_likelier,
+    refit_general_motion,
 )
+from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.patches import patches_of
 
@@ -34,35 +34,35 @@ __all__ = ["CORRELATED", "dominant_motion", "is_correlated", "without_stationary
 
 # Distance, in sigma of the noise, within which a match stands still in the image.
 STILL_SIGMA = 3.0
-# Stationary matches: fewer, or a smaller share, are outliers as others are; of a larger share that
-# stands still the camera itself stands still.
+# Least number and share of stationary matches, else they are ordinary outliers; and their largest
+# share, above which the camera itself is stationary.
 FEWEST, LEAST_SHARE, MOST_SHARE = 8, 0.05, 0.5
-# Correlation of neighbouring residuals from which on a motion may be a mean of two; and where more
-# than this share of the matches is repeated, so that many of the other motion are rejected.
+# Residual correlation from which on a motion may be a merged mode; and that where more than this
+# share of the matches is repeated structure, so that many of the other motion are rejected.
 CORRELATED, BESIDE_REPEATED, MANY_REPEATED = 0.6, 0.4, 0.1
-# Noise over the tolerance: with less, trackers alone make neighbouring residuals alike.
+# Noise over the tolerance below which trackers alone correlate neighbouring residuals.
 LEAST_NOISE = 0.1
 # Standard deviation of a normal distribution over its median absolute deviation.
 MAD_TO_SIGMA = 1.4826
-# Least share of the variance that is independent: two matches of one point share all of it.
-LEAST_OWN = 0.05
+# Least independent share of the variance: two matches of one point have none.
+LEAST_INDEPENDENT = 0.05
 # Bounds of the noise variance over the independent one: in the search, and in the refinements.
 NARROW, BOUNDS = 0.2, (1.0, 0.5, 0.25, 0.125)
 # Samples of the search: enough where half of the matches are of the dominant motion.
 SAMPLES = 300
 # Least share of the matches that the dominant motion has.
 DOMINANT_SHARE = 1.0 / 3.0
-# A second motion leaves a gap in the distribution of residuals: fewer lie within one to two bounds
-# than these shares of those beyond, and of those within.
+# A second motion leaves a gap in the distribution of residuals: the number between one and two
+# bounds is below these shares of those beyond one bound, and within it.
 OF_MOVED, OF_AGREEING = 1.0 / 3.0, 0.2
-# Share of the residuals' correlation that a split leaves, at the most: errors that are smooth over
-# the image, of a shutter or a lens, are so on either side of any split.
+# Largest share of the residual correlation that a split leaves: smooth errors, of a shutter or a
+# lens, stay correlated on both sides of any split.
 EXPLAINED = 0.5
-# Correlation from which on a part of the image may have a motion of its own; discs around so many
-# matches, of these shares of all, are tried, of at least so many matches.
+# Residual correlation from which on a part of the image may have its own motion; number of centers
+# of the discs tried, their shares of all matches, and the least number of matches.
 SUSPECT, CENTERS, SHARES, LEAST_SPLIT = 0.3, 16, (0.1, 0.2, 0.3, 0.4, 0.5), 40
 SCREENED = 100  # matches by which discs are compared, about
-# Share of the squares that two motions leave of one's, at the most.
+# Largest sum of squares with two motions over that with one.
 MOST_LEFT = 0.5
 # Exchanges of patches between two parts, at most; matches that a part has, at least.
 EXCHANGES, MIN_PART = 10, 20
@@ -71,11 +71,11 @@ NEAR_EPIPOLE = 1e-3  # rad
 
 def without_stationary(
     matches: Matches,
-    fit: MovingFit,
+    fit: GeneralMotionFit,
     tolerance: float,
     options: RelativePoseOptions,
     state: np.ndarray,
-) -> tuple[Matches, MovingFit]:
+) -> tuple[Matches, GeneralMotionFit]:
     """The matches and their fit, without those that stand still in the image, if some do.
 
     Stationary matches are left out if they contradict the motion of the others, and more of these
@@ -89,67 +89,73 @@ def without_stationary(
     if count < FEWEST or not least <= count <= most:
         return matches, fit
     others = matches.select(~stationary)
-    found = fit_moving(others, tolerance, options, state)
-    _, _, probability = judge(matches.select(stationary), found)
+    found = fit_general_motion(others, tolerance, options, state)
+    _, _, probability = evaluate_matches(matches.select(stationary), found)
     if found.agreeing <= count or np.count_nonzero(probability > 0.5) > count / 2:
         return matches, fit
     return others, found
 
 
-def is_correlated(fit: MovingFit, tolerance: float) -> bool:
-    """Whether residuals of neighbours are so alike that the motion may be a mean of two."""
-    many_repeated = fit.noise.wrong * fit.noise.repeated > MANY_REPEATED
+def is_correlated(fit: GeneralMotionFit, tolerance: float) -> bool:
+    """Whether residuals are so correlated between neighbours that the fit may be a merged mode."""
+    many_repeated = fit.noise.outlier_share * fit.noise.repeated_share > MANY_REPEATED
     limit = BESIDE_REPEATED if many_repeated else CORRELATED
-    return fit.coherence >= limit and fit.noise.sigma >= LEAST_NOISE * tolerance
+    return fit.residual_correlation >= limit and fit.noise.sigma >= LEAST_NOISE * tolerance
 
 
 def dominant_motion(
     matches: Matches,
-    fit: MovingFit,
+    fit: GeneralMotionFit,
     tolerance: float,
     options: RelativePoseOptions,
     state: np.ndarray,
-) -> MovingFit:
-    """The fit, or the motion of most of its matches, if the fit is a mean of that and another.
+) -> GeneralMotionFit:
+    """The fit, or the dominant motion, if the fit is a merged mode of that and another.
 
-    The independent part of the noise is what neighbouring residuals do not share. With no more
-    noise than that either motion is likelier than the mean of both. A split counts if it leaves a
-    gap between the two, and residuals that are independent; else the fit stays, unless the search
-    with less noise found a motion that is plainly likelier.
+    With the noise bounded by its part that is independent between neighbours, either motion is
+    likelier than the merged mode. A split counts if the residuals have a gap between the two
+    motions and are independent; else the fit stays, unless the search with bounded noise found a
+    motion that is clearly likelier.
     """
-    if fit.coherence < SUSPECT or fit.noise.sigma < LEAST_NOISE * tolerance:
+    if fit.residual_correlation < SUSPECT or fit.noise.sigma < LEAST_NOISE * tolerance:
         return fit
     splits = [_split(matches, fit, part) for part in _of_two_parts(matches, fit)]
     found = max(filter(None, splits), key=attrgetter("agreeing"), default=None)
     if found is not None or not is_correlated(fit, tolerance):
         return found or fit
-    narrow = fit_quietly(matches, NARROW * _own(fit), SAMPLES, tolerance, options, state)
+    narrow = fit_with_bounded_noise(
+        matches, NARROW * _independent_variance(fit), SAMPLES, tolerance, options, state
+    )
     split = _split(matches, fit, narrow)
     if split is not None:
         return split
-    found = refit_moving(matches, narrow)
-    return found if is_plainly_likelier(found, fit) else fit
+    found = refit_general_motion(matches, narrow)
+    return found if is_clearly_likelier(found, fit) else fit
 
 
-def _own(fit: MovingFit) -> float:
-    """Variance of the residuals that neighbours do not share.
+def _independent_variance(fit: GeneralMotionFit) -> float:
+    """Variance of the residuals that is independent between neighbours.
 
-    Of inliers of either kind: many of a second motion are taken for the heavy tail.
+    Of core and heavy tail: matches of a second motion may be in the tail.
     """
     sigma = MAD_TO_SIGMA * float(np.median(np.abs(fit.residual[fit.probability > 0.5])))
-    return max(1.0 - fit.coherence, LEAST_OWN) * sigma**2
+    return max(1.0 - fit.residual_correlation, LEAST_INDEPENDENT) * sigma**2
 
 
-def _split(matches: Matches, fit: MovingFit, start: MovingFit) -> MovingFit | None:
-    """The motion near a start, if it is that of most matches, and others have one of their own."""
-    own = _own(fit)
-    residual = np.abs(judge(matches, start)[0, fit.probability > 0.5])
+def _split(
+    matches: Matches, fit: GeneralMotionFit, start: GeneralMotionFit
+) -> GeneralMotionFit | None:
+    """The motion near a start, if most matches have it, and others have their own."""
+    variance = _independent_variance(fit)
+    residual = np.abs(evaluate_matches(matches, start)[0, fit.probability > 0.5])
     for bound in BOUNDS:
-        if _has_gap(residual, BAND_SIGMA * math.sqrt(bound * own)):
-            found = refit_moving(matches.with_noise_up_to(bound * own), start)
+        if _has_gap(residual, BAND_SIGMA * math.sqrt(bound * variance)):
+            found = refit_general_motion(matches.with_noise_up_to(bound * variance), start)
             is_dominant = found.agreeing > DOMINANT_SHARE * fit.agreeing
-            if is_dominant and found.coherence < EXPLAINED * min(fit.coherence, CORRELATED):
-                return replace(found, between=fit.coherence)
+            if is_dominant and found.residual_correlation < EXPLAINED * min(
+                fit.residual_correlation, CORRELATED
+            ):
+                return replace(found, merged_mode_correlation=fit.residual_correlation)
             return None
     return None
 
@@ -161,7 +167,7 @@ def _has_gap(residual: np.ndarray, bound: float) -> bool:
     return bool(tail < min(OF_MOVED * moved, OF_AGREEING * agreeing))
 
 
-def _of_two_parts(matches: Matches, fit: MovingFit) -> Iterator[MovingFit]:
+def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMotionFit]:
     """The motions of two parts of the image that are best explained by one each.
 
     Parts are made of patches. A motion of its own leaves a part, to first order, the residuals
@@ -189,7 +195,7 @@ def _of_two_parts(matches: Matches, fit: MovingFit) -> Iterator[MovingFit]:
         return
     for part in (moved, ~moved):
         if np.count_nonzero(part) >= MIN_PART:
-            yield refit_moving(matches.select(part), fit)
+            yield refit_general_motion(matches.select(part), fit)
 
 
 def _best_disc(rays: np.ndarray, squares: np.ndarray, total: np.ndarray) -> np.ndarray:
@@ -220,7 +226,7 @@ def _left_over(squares: np.ndarray) -> np.ndarray:
     return squares[:, 0, 0] - np.sum(g * step, axis=1)
 
 
-def _linearised(matches: Matches, fit: MovingFit) -> tuple[np.ndarray, np.ndarray]:
+def _linearised(matches: Matches, fit: GeneralMotionFit) -> tuple[np.ndarray, np.ndarray]:
     """Residuals (N,) in units of the noise, and their derivatives (N, 5) by ``[dtheta, dbeta]``."""
     t, a, b = fit.direction_cam1_from_cam0, matches.rays0 @ fit.R_cam1_from_cam0.T, matches.rays1
     normal = np.cross(t, a)

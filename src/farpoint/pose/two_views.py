@@ -1,5 +1,5 @@
-"""The method on one screen: rotation from far rays, direction of travel from the flow that remains,
-both refined together, and a verdict on what the matches can tell.
+"""The method on one screen: rotation from far rays, direction of travel from the remaining flow,
+joint refinement, and model selection by what is observable.
 """
 
 from __future__ import annotations
@@ -11,34 +11,36 @@ import numpy as np
 from farpoint._kernels.compile import AnnouncedCompilation
 from farpoint._kernels.motion import fit_motion
 from farpoint.errors import InputError
-from farpoint.pose.as_motion import conclude_motion
-from farpoint.pose.as_turn import conclude_turn
 from farpoint.pose.candidates import likeliest_motion
 from farpoint.pose.closed_form import estimate_closed_form
-from farpoint.pose.conclusion import Course, failed_pose
+from farpoint.pose.conclusion import Diagnostics, failed_pose
+from farpoint.pose.correlated_residuals import count_residual_correlation
 from farpoint.pose.far_rotation import far_rotation
+from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion, refit_general_motion
+from farpoint.pose.general_motion_conclusion import conclude_general_motion
 from farpoint.pose.matches import Matches
-from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
-from farpoint.pose.neighbours import doubt_where_alike
+from farpoint.pose.model_selection import is_clearly_translating, translation_evidence
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.pure_rotation import lazy_pure_rotation
+from farpoint.pose.pure_rotation_conclusion import conclude_pure_rotation
 from farpoint.pose.result import RelativePose
-from farpoint.pose.turning_fit import turning_when_asked
 from farpoint.pose.two_motions import CORRELATED, dominant_motion, without_stationary
-from farpoint.pose.verdict import is_plainly_translating, shown_translation
 
 __all__ = ["estimate", "search"]
 
-# Five matches fix a motion; a consensus needs a few more that could have disagreed.
+# Five matches fix a motion; a consensus needs a few more.
 MIN_MATCHES = 8
 
 
-def search(matches: Matches, options: RelativePoseOptions, seed: int) -> MovingFit | None:
-    """The motion that the search finds; None of too few matches."""
+def search(matches: Matches, options: RelativePoseOptions, seed: int) -> GeneralMotionFit | None:
+    """The motion that the search finds; None for too few matches."""
     if len(matches) < MIN_MATCHES:
         return None
     with AnnouncedCompilation(fit_motion):
-        return fit_moving(matches, options.matching_tolerance_px, options, _random_state(seed))
+        return fit_general_motion(
+            matches, options.matching_tolerance_px, options, _random_state(seed)
+        )
 
 
 def estimate(
@@ -46,19 +48,19 @@ def estimate(
     tolerance: float,
     options: RelativePoseOptions,
     seed: int,
-    start: MovingFit | None = None,
+    start: GeneralMotionFit | None = None,
 ) -> RelativePose:
     """The motion behind matches, without a search where one has led to a ``start``."""
-    course = Course()
+    diagnostics = Diagnostics()
     if len(matches) < MIN_MATCHES:
         return failed_pose(
             f"Too few matches: {len(matches)} usable of {matches.total} given, "
             f"at least {MIN_MATCHES} are needed.",
             matches.total,
-            course,
+            diagnostics,
         )
     with AnnouncedCompilation(fit_motion):
-        return _find(matches, tolerance, options, _random_state(seed), course, start)
+        return _find(matches, tolerance, options, _random_state(seed), diagnostics, start)
 
 
 def _find(
@@ -66,48 +68,48 @@ def _find(
     tolerance: float,
     options: RelativePoseOptions,
     state: np.ndarray,
-    course: Course,
-    start: MovingFit | None,
+    diagnostics: Diagnostics,
+    start: GeneralMotionFit | None,
 ) -> RelativePose:
     if not options.refine:
         rotation = far_rotation(matches, tolerance, state)
-        return estimate_closed_form(matches, rotation, tolerance, options, state, course)
+        return estimate_closed_form(matches, rotation, tolerance, options, state, diagnostics)
     if start is None:
-        moving = fit_moving(matches, tolerance, options, state)
+        general = fit_general_motion(matches, tolerance, options, state)
     else:
-        moving = refit_moving(matches, start)
-    course.iterations = moving.iterations
-    course.lap("search_s")
-    floor = noise_floor(matches, moving)
-    if floor and matches.told is not None:
-        matches = matches.told.with_floor(floor)
-        # What the search made of a plane, it did with noise that was told wrong.
-        moving = replace(refit_moving(matches, moving), is_planar=True)
-        course.lap("refinement_s")
-    moving = likeliest_motion(matches, moving, tolerance, options, state)
+        general = refit_general_motion(matches, start)
+    diagnostics.iterations = general.iterations
+    diagnostics.time_stage("search_s")
+    floor = noise_floor(matches, general)
+    if floor and matches.given_noise is not None:
+        matches = matches.given_noise.with_floor(floor)
+        # The search tested for a plane with noise that lacked the floor.
+        general = replace(refit_general_motion(matches, general), is_planar=True)
+        diagnostics.time_stage("refinement_s")
+    general = likeliest_motion(matches, general, tolerance, options, state)
     given = len(matches)
-    matches, moving = without_stationary(matches, moving, tolerance, options, state)
+    matches, general = without_stationary(matches, general, tolerance, options, state)
     if len(matches) < given:
-        course.remark(
-            f"{given - len(matches)} matches stand still in the image: they go along with the "
-            "camera, as dirt on its lens does."
+        diagnostics.note(
+            f"Stationary matches: {given - len(matches)} matches stand still in the image and move "
+            "with the camera, as dirt on its lens does."
         )
-    moving = dominant_motion(matches, moving, tolerance, options, state)
-    if max(moving.coherence, moving.between) > CORRELATED:
-        course.remark(
+    general = dominant_motion(matches, general, tolerance, options, state)
+    if max(general.residual_correlation, general.merged_mode_correlation) > CORRELATED:
+        diagnostics.note(
             "Residuals of neighbouring matches are correlated: lens model, rolling shutter, moving "
             "objects or repeated structure."
         )
     if options.count_sharing:
-        matches, moving = doubt_where_alike(matches, moving)
-        course.sharing = matches.sharing
-    turned = turning_when_asked(matches, moving.far_rotation_cam1_from_cam0, tolerance)
-    if is_plainly_translating(moving):
-        return conclude_motion(matches, moving, turned, options, course)
-    shown = shown_translation(matches, moving, turned(), options.false_alarm_rate)
-    if shown >= 1.0:
-        return conclude_motion(matches, moving, turned, options, course)
-    return conclude_turn(matches, turned(), moving, shown, options, course)
+        matches, general = count_residual_correlation(matches, general)
+        diagnostics.design_effect = matches.design_effect
+    pure_rotation = lazy_pure_rotation(matches, general.far_rotation_cam1_from_cam0, tolerance)
+    if is_clearly_translating(general):
+        return conclude_general_motion(matches, general, pure_rotation, options, diagnostics)
+    evidence = translation_evidence(matches, general, pure_rotation(), options.false_alarm_rate)
+    if evidence >= 1.0:
+        return conclude_general_motion(matches, general, pure_rotation, options, diagnostics)
+    return conclude_pure_rotation(matches, pure_rotation(), general, evidence, options, diagnostics)
 
 
 def _random_state(seed: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Two views of cameras with their shutter: from pixels to a motion that holds the lens's doubt."""
+"""Two views of cameras with their shutter: from pixels to a motion with the lens's uncertainty."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.pose.candidates import CLEAR
+from farpoint.pose.competing_motions import COS_NEARBY
+from farpoint.pose.general_motion import refit_general_motion
 from farpoint.pose.lens_uncertainty import View, with_lens_uncertainty
 from farpoint.pose.matches import PixelMatches
-from farpoint.pose.moving_fit import refit_moving
+from farpoint.pose.model_selection import is_clearly_translating, translation_evidence
 from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.pure_rotation import fit_pure_rotation
 from farpoint.pose.result import RelativePose
-from farpoint.pose.rivals import COS_NEARBY
 from farpoint.pose.rolling import Searched, estimate_rolling, search_rolling
-from farpoint.pose.shutter import Shutter, Turning, shutter_of
-from farpoint.pose.turning_fit import fit_turning
+from farpoint.pose.shutter import AngularVelocityPrior, Shutter, shutter_of
 from farpoint.pose.two_views import estimate
-from farpoint.pose.verdict import is_plainly_translating, shown_translation
 
 __all__ = ["Views", "estimate_views", "rough_motion", "search_views"]
 
 
 class Views(NamedTuple):
-    """What is given of two views, as of `estimate_relative_pose`.
+    """The arguments of `estimate_relative_pose`.
 
-    Where the ``turning`` is known, velocities need not be constant.
+    With an ``angular_prior`` the angular velocity need not be constant.
     """
 
     points0: np.ndarray
@@ -39,12 +39,14 @@ class Views(NamedTuple):
     covariance1_px2: np.ndarray | None
     readout_s: float | None
     interval_s: float | None
-    turning: Turning | None = None
+    angular_prior: AngularVelocityPrior | None = None
 
     def shutter(self) -> Shutter | None:
-        """The shutter behind them; None where it is global."""
+        """Their shutter; None where it is global."""
         points = self.points0, self.points1
-        return shutter_of(self.camera0, *points, self.readout_s, self.interval_s, self.turning)
+        return shutter_of(
+            self.camera0, *points, self.readout_s, self.interval_s, self.angular_prior
+        )
 
     def pixels(self) -> PixelMatches:
         """What the cameras see at the pixels."""
@@ -57,9 +59,9 @@ def estimate_views(
     seed: int,
     searched: Searched | None = None,
 ) -> RelativePose:
-    """The motion, without a search where one of the same matches has been made.
+    """The motion between two views, from ``searched`` where a search of the same matches was made.
 
-    That may be from before their pixels were corrected.
+    That search may have used their pixels before correction.
     """
 
     def by(
@@ -74,9 +76,9 @@ def estimate_views(
 
     shutter, cameras = views.shutter(), (views.camera0, views.camera1)
     pose = by(options, *cameras, shutter)
-    seen = View(views.points0, views.camera0), View(views.points1, views.camera1)
-    undealt = partial(by, replace(options, half_deals=0))
-    return with_lens_uncertainty(pose, *seen, shutter, undealt, options.false_alarm_rate)
+    both = View(views.points0, views.camera0), View(views.points1, views.camera1)
+    unsplit = partial(by, replace(options, half_splits=0))
+    return with_lens_uncertainty(pose, *both, shutter, unsplit, options.false_alarm_rate)
 
 
 def search_views(
@@ -99,7 +101,7 @@ def search_views(
         return searched
     if shutter is not None:  # which of the two it is their own unrolled rows tell
         return searched._replace(other=near)
-    near = refit_moving(fit.matches, near)
+    near = refit_general_motion(fit.matches, near)
     is_likelier = near.log_likelihood > fit.log_likelihood + CLEAR
     return searched._replace(fit=near) if is_likelier else searched
 
@@ -107,12 +109,12 @@ def search_views(
 def rough_motion(
     searched: Searched, options: RelativePoseOptions
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Rotation, cam1_from_cam0, and direction of a motion that was searched for, if it is shown."""
+    """Rotation, cam1_from_cam0, and direction, if there is evidence for it, of a search."""
     fit = searched.fit
-    if is_plainly_translating(fit):
+    if is_clearly_translating(fit):
         return fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
     tolerance = options.matching_tolerance_px
-    turned = fit_turning(fit.matches, fit.far_rotation_cam1_from_cam0, tolerance)
-    if shown_translation(fit.matches, fit, turned, options.false_alarm_rate) >= 1.0:
+    pure_rotation = fit_pure_rotation(fit.matches, fit.far_rotation_cam1_from_cam0, tolerance)
+    if translation_evidence(fit.matches, fit, pure_rotation, options.false_alarm_rate) >= 1.0:
         return fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
-    return turned.R_cam1_from_cam0, None
+    return pure_rotation.R_cam1_from_cam0, None

@@ -51,7 +51,7 @@ class MotionsFile(TextSink):
     """The sink: writes a row per pair; the first frame, which has no pair, adds none.
 
     The direction's part of the covariance is in the basis `tangent_basis` of the direction in the
-    row, so that the file alone says what it means.
+    row, so that the file is self-contained.
     """
 
     def __init__(self, path: Path) -> None:

@@ -67,7 +67,7 @@ class OutputOptions:
         Of so many pairs one is also estimated from two halves of its matches, for ``halves.csv``;
         0 for none.
     palette : {"red-green", "orange-blue"}
-        Colours of far and near points in both; the second is told apart with any colour vision.
+        Colours of far and near points in both; the second is distinct with any colour vision.
     parquet : bool
         Write ``positions.parquet`` at the end, beside ``positions.csv``; needs pyarrow.
     """
@@ -194,7 +194,7 @@ class OutputFolder:
         self._record.write(result, image)
 
     def write_final_poses(self, poses: Iterable[Posed]) -> None:
-        """Add poses of the path that change no more: `Odometry.settled`, at the end `remaining`.
+        """Add final poses of the path: `Odometry.final_poses`, at the end `remaining`.
 
         Those of frames whose result was not written, since Ctrl-C came between, are left out.
         """
@@ -207,7 +207,7 @@ class OutputFolder:
                 self._record.add_time(name, time.perf_counter() - start)
 
     def finish_path(self, odometry: Odometry) -> None:
-        """Add what a run ends with, however it ends: the last poses, and what `tell` tells."""
+        """Write the end of a run, however it ends: the last poses, lens and notes."""
         self.write_final_poses(odometry.remaining())
         self.write_lens_and_notes(odometry)
 
@@ -277,7 +277,7 @@ class OutputFolder:
             raise problems[0]
 
     def _last_of_all(self) -> list[Callable[[], object]]:
-        """Steps that finish every output but the record and the report, which tell of them."""
+        """Steps that finish every output but the record and the report, which describe them."""
         steps: list[Callable[[], object]] = [sink.close for sink in self._sinks.values()]
         steps += [file.close for file in self._path_files.values()]
         if self._halves is not None:

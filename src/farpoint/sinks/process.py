@@ -18,7 +18,7 @@ from farpoint.sinks.sink import Sink
 
 __all__ = ["SinkProcess", "start_process", "wait_until_loaded"]
 
-# One thread each, unless the user's own environment says otherwise: the cores are for estimation.
+# One thread each, unless the user's environment sets it: the cores are for estimation.
 _FEW_THREADS = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",

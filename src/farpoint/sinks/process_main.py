@@ -28,7 +28,7 @@ def main() -> NoReturn:
     _end_with_messages_only()
     messages, answers = _pipes()
     for module in sys.argv[1:]:
-        with contextlib.suppress(ImportError):  # told by whoever needs it, in better words
+        with contextlib.suppress(ImportError):  # reported where it is needed, in better words
             importlib.import_module(module)
     _answer(answers, None)  # all is loaded
     worker = _Worker()
@@ -92,7 +92,7 @@ def _attempt(step: Callable[[], None]) -> BaseException | None:
 
 
 def _portable(error: BaseException) -> BaseException:
-    """The error if it survives pickling, or one that says the same."""
+    """The error if it survives pickling, or one with the same message."""
     error.add_note("".join(["in the process that draws:\n", *traceback.format_exception(error)]))
     try:
         pickle.loads(pickle.dumps(error))

@@ -157,7 +157,7 @@ class RunRecord:
         self._stages_s[stage] = self._stages_s.get(stage, 0.0) + seconds
 
     def put(self, name: str, fact: object) -> None:
-        """Say something more of the run: under its own key, in place of what was said before."""
+        """Set a fact of the run under its key, in place of an earlier one."""
         self._facts[name] = plain(fact)
 
     def reserve_room(self) -> None:
@@ -180,7 +180,7 @@ class RunRecord:
                 raise
 
     def close(self) -> None:
-        """Give up the reserve; `finish` says how the run ended."""
+        """Release the reserve; `finish` writes how the run ended."""
         if self._reserve is not None:
             self._reserve.release()
 

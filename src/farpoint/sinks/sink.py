@@ -60,7 +60,7 @@ class TextFile:
 
 
 class Posed(Protocol):
-    """A pose of the path: settled, or as it was known with a result."""
+    """A pose of the path: final, or as known with a result."""
 
     @property
     def frame1(self) -> int:

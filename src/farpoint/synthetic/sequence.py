@@ -64,15 +64,15 @@ class RenderedSequence:
     name : str
         Short name of the source.
     given : Camera or None
-        The camera that the user of the images is told of, of the same size; that which renders
-        them where it is None.
+        The calibration given to users of the images, of the same size; None for the true
+        camera.
 
     Attributes
     ----------
     camera : Camera
         The true camera.
     given : Camera
-        The one that the user is told of.
+        The calibration given to users.
     timestamps : ndarray, shape (N,)
         Seconds.
     world_from_cam : ndarray, shape (N, 4, 4)

@@ -24,7 +24,7 @@ class Motion(NamedTuple):
     ----------
     rotation_cam1_from_cam0 : ndarray, shape (3, 3)
     direction_cam1_from_cam0 : ndarray, shape (3,), or None
-        Unit; None where the estimator says that it is not observable.
+        Unit; None where it is not observable by the estimator.
     """
 
     rotation_cam1_from_cam0: np.ndarray

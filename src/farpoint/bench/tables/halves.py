@@ -53,7 +53,7 @@ def halves_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
                 "in_pose: pairs whose halves both have a direction; in_rotation: both a rotation",
                 "opposed: pairs whose halves claim opposite directions; in no ratio",
                 "pose_68, pose_95: of the former, the share within these regions",
-                "patches of three to six tracks are dealt together; seeds of the runs: "
+                "patches of 3 to 6 tracks stay in one half; seeds of the runs: "
                 f"{seeds[0]} to {seeds[-1]}",
             ),
         )

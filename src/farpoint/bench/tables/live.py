@@ -35,7 +35,7 @@ def _account_table(trial: LiveTrial, seconds: int, command: str) -> Table:
         rows=tuple((claim.what, claim.expected, claim.found) for claim in trial.claims),
         notes=(
             "a looped drive at 30 frames a second, the newest frame wins; expected: what the "
-            "source truly did, or what the account says of the files",
+            "source truly did, or what the account has of the files",
             f"{account.taken} frames used, {account.dropped} dropped for newer ones; "
             f"{state.not_drawn} not drawn; {trial.black} frames were black, "
             f"{trial.failed} pairs FAILED; longest silence {account.longest_silence_s:.1f} s, "

@@ -74,7 +74,7 @@ def with_stationary(views: TwoViews, share: float, rng: np.random.Generator) -> 
     return replace(views, points1=points1)
 
 
-# What of the image moves, by what is said of it in the table.
+# Moving parts of the image, by their names in the table.
 _Make = Callable[[TwoViews, float, np.random.Generator], TwoViews]
 _MOVES: dict[str, _Make] = {
     "1 px aside": partial(with_mover, shift_px=1.0),

@@ -24,7 +24,7 @@ from farpoint.metrics import (
     sim3_misfit,
 )
 from farpoint.odometry import Odometry, OdometryResult
-from farpoint.path.point import SettledPose
+from farpoint.path.point import FinalPose
 
 __all__ = ["recordings_table"]
 
@@ -95,7 +95,7 @@ def _run(recording: Recording, options: BenchOptions, progress: Callable[[int, i
     odometry = Odometry(recording.camera)
     frames = recording.frames[: options.pairs + 1 if options.pairs else None]
     results: list[OdometryResult] = []
-    poses: list[SettledPose] = []
+    poses: list[FinalPose] = []
     cpu_s, before = 0.0, dict(odometry.seconds)
     with one_thread():
         for k, frame in enumerate(frames):
@@ -103,7 +103,7 @@ def _run(recording: Recording, options: BenchOptions, progress: Callable[[int, i
                 cpu_s, before = 0.0, dict(odometry.seconds)
             start = time.process_time()
             results.append(odometry.process(frame.image, frame.timestamp, fault=frame.fault))
-            poses += odometry.settled()
+            poses += odometry.final_poses()
             cpu_s += time.process_time() - start
             progress(k + 1, len(frames))
     poses += odometry.remaining()

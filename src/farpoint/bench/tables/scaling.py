@@ -84,7 +84,7 @@ def scaling_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ..
             by_baselines,
             estimators,
             options,
-            ("half of the matches 1-4 m away; farpoint says of 0 that the camera only turned",),
+            ("half of the matches 1-4 m away; for 0 m farpoint gives ROTATION_ONLY",),
         ),
     )
 

@@ -1,4 +1,4 @@
-"""Covariances of what OpenCV tracks and matches, no noise told, against exact truth."""
+"""Covariances of what OpenCV tracks and matches, without given noise, against exact truth."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def tracks_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
             notes=(
                 "tracks as the plain script makes them, features by the ratio of their distances; "
                 f"{_PAIRS_PER_STREET} pairs in each street, every other one",
-                "nothing is told of their noise",
+                "without given covariances",
                 "matches: median of a pair; the rest as in the table of coverage",
             ),
         )

@@ -1,4 +1,4 @@
-"""Typed access to what a file says: every fault names the file and the field."""
+"""Typed access to the values of a file: every fault names the file and the field."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ FISHEYE, PINHOLE = "opencv_fisheye", "opencv_standard"
 STRETCHES = ("input_horizontal_stretch", "input_vertical_stretch")
 # Gyroflow takes a stretch this small for one that was left out.
 LEAST_STRETCH = 0.01
-# What the profile says of the camera, how it was made, and what Gyroflow does with the pictures.
+# Keys of the profile about the camera, its calibration, and Gyroflow's processing.
 KNOWN = (
     *("name", "note", "calibrated_by", "camera_brand", "camera_model", "lens_model"),
     *("camera_setting", "calib_dimension", "orig_dimension", "output_dimension"),
@@ -71,7 +71,7 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _readout_s(fields: Fields) -> float | None:
-    """Read-out time from the first row to the last; None where the profile tells none.
+    """Read-out time from the first row to the last; None where the profile has none.
 
     Of sensors that are read in another direction nothing is taken.
     """

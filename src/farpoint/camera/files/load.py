@@ -87,7 +87,7 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
     Returns
     -------
     Camera
-        Its ``size`` is None if the file does not tell, its ``uncertainty`` if that tells no sigma.
+        Its ``size`` is None if the file has none, its ``uncertainty`` if it has no sigma.
 
     Raises
     ------

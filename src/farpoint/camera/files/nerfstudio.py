@@ -90,7 +90,7 @@ def _focal(fields: Fields, axis: str, size: tuple[int, int] | None, side: int) -
     if key.startswith("fl_"):
         return fields.number(key)
     if size is None:
-        raise fields.error("w", f"the field is missing; {key} says nothing without it")
+        raise fields.error("w", f"the field is missing; {key} has no meaning without it")
     return 0.5 * size[side] / math.tan(0.5 * fields.number(key))
 
 

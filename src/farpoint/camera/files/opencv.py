@@ -79,7 +79,7 @@ MODEL = re.compile(
     re.IGNORECASE,
 )
 MAY_NAME_A_SENSOR = re.compile(r"(?:camera|lens)_?(?:model|type)|model|lens", re.IGNORECASE)
-# How OpenCV's fisheye is named where a method or flags are told.
+# Names of OpenCV's fisheye model in fields of a method or flags.
 OPENCV_FISHEYE = re.compile(
     r"(?:.*\b(?:cv2?|opencv)\W*|.*calib_)fisheye.*|fish.?eye", re.IGNORECASE
 )
@@ -165,7 +165,7 @@ def read_fields(fields: Fields, name: str) -> Camera:
 
 
 def _as_read_out(camera: Camera, fields: Fields) -> Camera:
-    """The camera of the images, where ROS's ``camera_info`` tells which part of a sensor they are.
+    """The camera of the images, where ROS's ``camera_info`` has the part of the sensor they are.
 
     One of its fields without the others is left to whoever refuses what was not read.
     """
@@ -318,7 +318,7 @@ def _names_opencv_fisheye(key: str, value: object) -> bool:
 
 
 def _is_fisheye_flag(fields: Fields, key: str) -> bool:
-    """What a flag says."""
+    """Value of a flag."""
     word = fields.text(key).lower()
     if word in ("true", "yes", "on", "1", "1.0", "1."):
         return True
@@ -328,7 +328,7 @@ def _is_fisheye_flag(fields: Fields, key: str) -> bool:
 
 
 def _kind(fields: Fields, key: str) -> list[str]:
-    """The lens that a field names; none of a sensor's name, or of a number that says nothing."""
+    """The lens that a field names; none of a sensor's name or a number without meaning."""
     if is_nothing(fields.values[key]) or isinstance(fields.values[key], list | Mapping):
         return []
     word = re.sub(r"[^a-z0-9]", "", fields.text(key).lower())

@@ -13,7 +13,7 @@ __all__ = ["ReadOut"]
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOut:
-    """What ``sensor_msgs/CameraInfo`` tells of it beside the lens of the full image.
+    """Fields of ``sensor_msgs/CameraInfo`` beside the lens of the full image.
 
     Attributes
     ----------

@@ -45,7 +45,7 @@ class CalibrationFile:
 
     @classmethod
     def open(cls, path: Path) -> CalibrationFile:
-        """Read a file, or raise an InputError that says why it cannot be one."""
+        """Read a file, or raise an InputError with the cause."""
         data = read_regular_file(path, limit_bytes=LARGEST_BYTES, what="a calibration")
         if not data.strip():
             raise InputError("the file is empty; expected a calibration", file=path)

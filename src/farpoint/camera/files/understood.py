@@ -50,7 +50,7 @@ _LENS_MODEL_KEY = re.compile(
     r"|catadioptric|\bk1\W{1,3}k2\b",
     re.IGNORECASE,
 )
-"""Words of a text that tell of a lens, under whatever key but a name's."""
+"""Words of a text about a lens, under any key but a name's."""
 
 _LONGEST = 200  # characters of a name or text that are looked at
 # So many fields at most are listed in an error.
@@ -61,7 +61,7 @@ ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 def refuse_others(
     fields: Fields, known: Collection[str], *, only: re.Pattern[str] | None = None
 ) -> None:
-    """Raise an InputError about the first field that is not known and says anything.
+    """Raise an InputError about the first unknown field that is not empty.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _is_of_a_lens(key: str, value: Any) -> bool:
 
 
 def names_lens_model(key: str, value: Any) -> bool:
-    """Whether a text, or one of a list, tells of a lens and is not a name."""
+    """Whether a text, or one of a list, is about a lens and is not a name."""
     if _A_NAME.fullmatch(str(key)[:_LONGEST].lower()):
         return False
     texts = value if isinstance(value, list) else [value]

@@ -21,7 +21,7 @@ _HELP = "give a calibration by --camera"
 
 
 def camera_of(bag: Bag, images: Topic, frame_id: str) -> Camera:
-    """The camera that the bag tells for an image topic.
+    """The camera of an image topic, by the bag.
 
     It is that of ``camera_info`` beside the images (``/cam/camera_info`` for ``/cam/image_raw`` or
     ``/cam/image_raw/compressed``), or the only one with the images' ``frame_id``.

@@ -12,7 +12,7 @@ _CONTRADICTS_NS = 3600 * 10**9
 """A header that departs by so much from the clock of the recording, and alone, is damaged."""
 
 _ABOUT_ZERO_NS = 10**9
-_FRAME_NS = 10**8  # until two headers have told
+_FRAME_NS = 10**8  # until two headers are read
 
 
 @dataclass

@@ -87,7 +87,7 @@ class BagFolder:
         return list(merged.values())
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Messages of some topics; a part that is missing is said."""
+        """Messages of some topics; a missing part is logged."""
         for name, part, fault in self._parts:
             if part is not None:
                 for message in part.messages(names):
@@ -122,7 +122,7 @@ class BagFolder:
 
 
 def _facts(metadata: Path) -> dict[str, Any]:
-    """What a bag says of itself; empty where that cannot be read: its files tell most of it."""
+    """Metadata of a bag; empty where unreadable: its files have most of it."""
     import yaml  # loaded on use
 
     try:

@@ -53,7 +53,7 @@ class Record:
 
 @dataclass(frozen=True)
 class IndexEntry:
-    """Where the index of a chunk says a message is.
+    """Place of a message by the index of a chunk.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class RecordFile(ABC):
 
     @abstractmethod
     def _declare(self, record: Record, data: bytes) -> None:
-        """Remember what a record tells of topics; one that is damaged is left out."""
+        """Add the topics of a record; a damaged one is left out."""
 
     @abstractmethod
     def _parse(self, record: Record, data: memoryview) -> Parsed:
@@ -147,13 +147,13 @@ class RecordFile(ABC):
 
     @abstractmethod
     def _entries(self, record: Record, data: bytes) -> Iterator[IndexEntry]:
-        """What an index record tells, or a BrokenBagError."""
+        """Entries of an index record, or a BrokenBagError."""
 
     @abstractmethod
     def _read_summary(self, file: BinaryIO) -> Counter[str]:
         """Declare all topics and count their messages by the end of the file.
 
-        Raises BrokenBagError where it does not tell.
+        Raises BrokenBagError where the end has no summary.
         """
 
     @abstractmethod
@@ -236,7 +236,7 @@ class RecordFile(ABC):
     def _by_index(
         self, raw: memoryview, entries: list[IndexEntry], wanted: Wanted
     ) -> Iterator[Message]:
-        """What the index leads to; a record that is not what the index says is lost."""
+        """Messages by the index; a record that contradicts the index is lost."""
         for entry in entries:
             topic = wanted(entry.channel)
             if topic is None:
@@ -263,7 +263,7 @@ class RecordFile(ABC):
                 self._declare(record, bytes(data))
 
     def _index(self, file: BinaryIO, at: int) -> list[IndexEntry]:
-        """What the index records that follow a chunk tell, by time."""
+        """Entries of the index records behind a chunk, by time."""
         entries: list[IndexEntry] = []
         try:
             while (record := self._record(file, at)) is not None and record.op == self.INDEX:

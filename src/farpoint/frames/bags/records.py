@@ -11,7 +11,7 @@ __all__ = ["Bag", "BrokenBagError", "Message", "Topic"]
 
 
 class BrokenBagError(Exception):
-    """Bytes of a bag are not what its format says. Never leaves this package."""
+    """Bytes of a bag violate its format. Never leaves this package."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,7 @@ class Topic:
     is_idl : bool
         Whether the definition is in IDL.
     count : int or None
-        Number of messages; None where only reading all of the bag would tell.
+        Number of messages; None where it is known only after reading the bag.
     """
 
     name: str

@@ -29,7 +29,7 @@ from farpoint.frames.frame import Frame
 __all__ = ["BagImages", "open_bag_images"]
 
 _FIRST = 15
-"""Messages that tell of a topic: some of them may be damaged."""
+"""Messages that classify a topic: some of them may be damaged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ class BagImages:
 
     @property
     def count(self) -> int | None:
-        """Number of messages, as the bag tells it."""
+        """Number of messages, by the bag's own count."""
         return self.topic.count
 
     @property

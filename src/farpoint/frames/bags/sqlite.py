@@ -60,7 +60,7 @@ class SqliteBag:
         return list(self._topics.values())
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Messages of some topics; a row that cannot be read is passed over, and said."""
+        """Messages of some topics; an unreadable row is skipped with a fault."""
         wanted = [number for number, topic in self._topics.items() if topic.name in names]
         if not wanted:
             return
@@ -152,7 +152,7 @@ class SqliteBag:
         address = f"file:{quote(str(self.path.absolute()))}?mode=ro{rest}"
         database = sqlite3.connect(address, uri=True, check_same_thread=False)
         database.text_factory = lambda data: data.decode(errors="replace")
-        # Reads what is left of a file that is shorter than its head says; nothing is written.
+        # Reads the rest of a file that is shorter than its header states; nothing is written.
         database.execute("PRAGMA writable_schema = ON")
         return database
 

@@ -1,4 +1,4 @@
-"""A topic of compressed video: each message is one picture, told with those before it."""
+"""A topic of compressed video: each message is one picture, decoded with those before it."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ class FragmentFile:
     """Takes an MP4 file in fragments from PyAV, in pieces of any size, and adds whole fragments.
 
     The file comes into being with its first fragment. A fragment that cannot be written ends it:
-    what comes after is left out, so that the film plays up to there, and `raise_problem` tells.
+    the rest is left out, so that the video plays up to there, and `raise_problem` raises the cause.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ WHITE: Colour = (242, 242, 242)
 
 @dataclass(frozen=True, kw_only=True)
 class Palette:
-    """Colours of what the display tells apart; shapes tell it as well.
+    """Colours of the display's classes; shapes differ as well.
 
     Attributes
     ----------

@@ -89,7 +89,7 @@ def _colour(canvas: Canvas, label: TrackLabel) -> tuple[int, int, int]:
 
 
 def _draw_heads(canvas: Canvas, heads: np.ndarray, label: TrackLabel) -> None:
-    """A sign for each label of its own, so that colour is not all that tells them apart."""
+    """A sign for each label, so that they differ not in colour alone."""
     colour = _colour(canvas, label)
     if label is TrackLabel.OUTLIER:
         canvas.crosses(heads, colour, 3.0)

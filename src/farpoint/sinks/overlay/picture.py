@@ -47,7 +47,7 @@ def draw_overlay(
     camera : Camera
         The camera of both frames.
     palette : {"red-green", "orange-blue"}
-        The second is told apart with any kind of colour vision: far orange, near blue.
+        The second is distinct with any kind of colour vision: far orange, near blue.
     mask : ndarray of bool, shape (height, width), optional
         True where the image is used: the rest is darkened and hatched. One of another size is
         stretched, as the image is.
@@ -60,7 +60,7 @@ def draw_overlay(
     Raises
     ------
     InputError
-        If neither the camera nor the image tells the size, or there is no such palette.
+        If neither the camera nor the image has a size, or there is no such palette.
     """
     if palette not in PALETTES:
         raise InputError(f"expected one of {', '.join(PALETTES)}, got {palette!r}", field="palette")

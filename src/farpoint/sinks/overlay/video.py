@@ -40,7 +40,7 @@ _NOMINAL_RATE = 30  # frames a second, for the encoder's book-keeping only: time
 # A closed one is packed anew, with one index in front: then phones know its length and seek.
 _CONTAINER = {"movflags": "frag_every_frame+empty_moov+default_base_moof", "flush_packets": "1"}
 # No look-ahead and no B-frames: every picture is in the file as soon as it can be. The next slower
-# preset would save a fifth of the bytes and take twice as long; threads would take the cores that
+# preset would save 20 % of the bytes and take twice as long; threads would take the cores that
 # estimate.
 _ENCODER = {
     "preset": "ultrafast",

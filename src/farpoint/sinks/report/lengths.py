@@ -20,7 +20,7 @@ class LengthUnit:
     name : str
         As it stands beside a chart.
     meaning : str
-        What a reader must be told of it; empty where everybody knows.
+        Explanation for readers; empty where everybody knows.
     """
 
     singular: str

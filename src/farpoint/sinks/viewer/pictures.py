@@ -28,7 +28,7 @@ _NOTHING = np.empty((0, 2, 2), np.float32)
 class Pictures:
     """Draws the image with its tracks, and the flow with the epipole.
 
-    Colours and sizes are said once: what a frame adds is places alone.
+    Colours and sizes are logged once: a frame adds positions alone.
 
     Parameters
     ----------

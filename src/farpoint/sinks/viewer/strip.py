@@ -7,7 +7,7 @@ from typing import Any
 from farpoint.errors import optional_import
 from farpoint.odometry import OdometryResult
 from farpoint.pose import PoseStatus
-from farpoint.pose.card import pose_rows
+from farpoint.pose.html_repr import pose_rows
 from farpoint.sinks.overlay.palette import Palette
 from farpoint.sinks.viewer import places
 

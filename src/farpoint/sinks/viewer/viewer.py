@@ -26,7 +26,7 @@ from farpoint.sinks.viewer.world import World
 __all__ = ["Viewer", "open_viewer"]
 
 QUIET = "warn,re_log_encoding=off"
-"""Log level of Rerun: of a file, the sink tells itself what must be known."""
+"""Log level of Rerun: the sink itself reports on files."""
 
 _FLUSH_EVERY_S = 1.0
 _TIMEOUT_S = 5.0

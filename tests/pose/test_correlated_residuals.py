@@ -16,7 +16,7 @@ from farpoint import (
 from farpoint.bench.plain_script import PlainScript
 from farpoint.geometry import sphere
 from farpoint.metrics import chi2_quantile
-from farpoint.pose import neighbours, two_views
+from farpoint.pose import correlated_residuals, two_views
 from farpoint.synthetic import PointScene, RenderedSequence, make_point_scene, street_drive
 from farpoint.synthetic.points import PointSceneOptions
 
@@ -56,13 +56,16 @@ def shared(monkeypatch, in_doubt) -> list[float]:
     found: list[float] = []
 
     def doubted(matches, fit):
-        matches, fit = neighbours.doubt_where_alike(matches, fit)
-        assert (fit.matches.sharing, fit.matches.doubt) == (matches.sharing, matches.doubt)
-        found.append(matches.sharing)
-        in_doubt.append(matches.doubt > 1.0)
+        matches, fit = correlated_residuals.count_residual_correlation(matches, fit)
+        assert (fit.matches.design_effect, fit.matches.misspecification) == (
+            matches.design_effect,
+            matches.misspecification,
+        )
+        found.append(matches.design_effect)
+        in_doubt.append(matches.misspecification > 1.0)
         return matches, fit
 
-    monkeypatch.setattr(two_views, "doubt_where_alike", doubted)
+    monkeypatch.setattr(two_views, "count_residual_correlation", doubted)
     return found
 
 

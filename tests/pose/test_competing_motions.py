@@ -14,10 +14,11 @@ from farpoint._kernels.pose import Pose
 from farpoint._kernels.twins import layer_twin
 from farpoint.bench.scenes import draw_scenes
 from farpoint.geometry import so3
-from farpoint.pose import rivals, two_views
+from farpoint.pose import competing_motions, two_views
+from farpoint.pose.competing_motions import ELSEWHERE, PLANE, CompetingMotion
+from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion, refit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.moving_fit import MovingFit, fit_moving, refit_moving
-from farpoint.pose.turning_fit import TurningFit, fit_turning
+from farpoint.pose.pure_rotation import PureRotationFit, fit_pure_rotation
 from farpoint.synthetic import PointScene
 
 AHEAD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
@@ -27,11 +28,11 @@ AHEAD, UP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 def fit():
     drawn = point_scene(3)
     matches = matches_from_points(drawn.points0, drawn.points1, drawn.camera, drawn.camera)
-    return fit_moving(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
+    return fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
 
 
-def turned(fit: MovingFit) -> TurningFit:
-    return fit_turning(fit.matches, fit.far_rotation_cam1_from_cam0, 1.5)
+def turned(fit: GeneralMotionFit) -> PureRotationFit:
+    return fit_pure_rotation(fit.matches, fit.far_rotation_cam1_from_cam0, 1.5)
 
 
 @pytest.fixture
@@ -42,17 +43,17 @@ def unlikely(fit):
 
 @pytest.fixture
 def elsewhere(fit, monkeypatch):
-    """`likelier_elsewhere` where the motions found, in turn, are so much less likely."""
+    """`likelier_in_other_direction` where the motions found, in turn, are so much less likely."""
 
-    def run(*against: float, fit: MovingFit = fit):
+    def run(*against: float, fit: GeneralMotionFit = fit):
         waiting = list(against)
 
         def nearest(_matches, _pose, _start_R, rival: Pose) -> float:
             rival.R[:], rival.t[:] = np.eye(3), (AHEAD, UP)[len(waiting) % 2]
             return waiting.pop(0)
 
-        monkeypatch.setattr(rivals, "nearest_rival", nearest)
-        found = rivals.likelier_elsewhere(fit, lambda: turned(fit))
+        monkeypatch.setattr(competing_motions, "likeliest_other_mode", nearest)
+        found = competing_motions.likelier_in_other_direction(fit, lambda: turned(fit))
         assert not waiting
         return found
 
@@ -62,7 +63,7 @@ def elsewhere(fit, monkeypatch):
 def test_a_motion_that_is_less_likely_is_the_rival(fit, elsewhere):
     best, other = elsewhere(5.0)
     assert best is fit
-    assert other.against == 5.0
+    assert other.log_ratio == 5.0
     np.testing.assert_array_equal(other.direction_cam1_from_cam0, UP)
 
 
@@ -73,68 +74,70 @@ def test_without_any_there_is_no_rival(fit, elsewhere):
 def test_a_likelier_motion_is_taken_and_compared_again(unlikely, elsewhere):
     best, other = elsewhere(-9.0, 12.0, fit=unlikely)
     assert best is not unlikely
-    assert other.against == 12.0
+    assert other.log_ratio == 12.0
 
 
 def test_one_that_all_matches_make_less_likely_is_not_taken(fit, elsewhere):
     best, other = elsewhere(-9.0)
     assert best is fit
-    assert other.against == 0.0
+    assert other.log_ratio == 0.0
     np.testing.assert_array_equal(other.direction_cam1_from_cam0, UP)
 
 
 def test_where_each_is_likelier_than_the_last_there_is_no_telling(monkeypatch, unlikely, elsewhere):
     monkeypatch.setattr(
-        rivals, "refit_moving", lambda _, start: replace(start, cost=start.cost - 1)
+        competing_motions,
+        "refit_general_motion",
+        lambda _, start: replace(start, cost=start.cost - 1),
     )
     _, other = elsewhere(-9.0, -9.0, -9.0, fit=unlikely)
-    assert other.against == 0.0
+    assert other.log_ratio == 0.0
 
 
 def test_a_plain_motion_has_no_rival_that_comes_near(fit):
-    best, other = rivals.likelier_elsewhere(fit, lambda: turned(fit))
+    best, other = competing_motions.likelier_in_other_direction(fit, lambda: turned(fit))
     assert best is fit
-    assert other is None or other.against > 20.0
+    assert other is None or other.log_ratio > 20.0
 
 
 @pytest.fixture
 def met(monkeypatch):
-    """`likelier_met` where the motion that was met is so much less likely than this one."""
+    """`likelier_of_search` where the motion that was met is so much less likely than this one."""
 
-    def run(against: float, than: MovingFit):
-        monkeypatch.setattr(rivals, "judge_rival", lambda *_: against)
-        return rivals.likelier_met(replace(than, rival=(np.eye(3), UP)))
+    def run(against: float, than: GeneralMotionFit):
+        monkeypatch.setattr(competing_motions, "compare_with_mode", lambda *_: against)
+        return competing_motions.likelier_of_search(replace(than, secondary_mode=(np.eye(3), UP)))
 
     return run
 
 
-def is_same_way(one: MovingFit | rivals.OtherMotion, other: MovingFit) -> bool:
+def is_same_way(one: GeneralMotionFit | CompetingMotion, other: GeneralMotionFit) -> bool:
     return np.array_equal(one.direction_cam1_from_cam0, other.direction_cam1_from_cam0)
 
 
 def test_a_motion_that_the_search_has_met_is_judged(fit, unlikely, met):
     best, other = met(5.0, than=fit)
     assert is_same_way(best, fit)
-    assert other.against == 5.0
+    assert other.log_ratio == 5.0
     np.testing.assert_array_equal(other.direction_cam1_from_cam0, UP)
     best, other = met(-5.0, than=unlikely)
     assert not is_same_way(best, unlikely)
-    assert other.against == 5.0
+    assert other.log_ratio == 5.0
     assert is_same_way(other, unlikely)
     assert met(np.inf, than=unlikely)[1] is None
-    assert rivals.likelier_met(replace(fit, rival=None))[1] is None
+    assert competing_motions.likelier_of_search(replace(fit, secondary_mode=None))[1] is None
 
 
 def test_one_that_all_matches_make_far_likelier_is_taken_against_residuals(
     unlikely, met, monkeypatch
 ):
     far_likelier = replace(unlikely, direction_cam1_from_cam0=UP, cost=unlikely.cost - 1e3)
-    monkeypatch.setattr(rivals, "refit_moving", lambda *_: far_likelier)
+    monkeypatch.setattr(competing_motions, "refit_general_motion", lambda *_: far_likelier)
     best, other = met(5.0, than=unlikely)
     assert not is_same_way(best, unlikely)
     # The two contradict each other.
     assert is_same_way(other, unlikely)
-    assert other.against == 0.0
+    assert other.log_ratio == 0.0
 
 
 @pytest.mark.parametrize(
@@ -145,60 +148,64 @@ def test_what_residuals_rule_out_is_not_asked_again(
     unlikely, met, monkeypatch, matches, against, is_asked
 ):
     rows = np.resize(np.arange(110), matches)
-    many = replace(unlikely, matches=unlikely.matches.select(rows), said=unlikely.said[:, rows])
+    many = replace(
+        unlikely, matches=unlikely.matches.select(rows), per_match=unlikely.per_match[:, rows]
+    )
     asked = []
-    monkeypatch.setattr(rivals, "refit_moving", lambda _, start: asked.append(1) or start)
+    monkeypatch.setattr(
+        competing_motions, "refit_general_motion", lambda _, start: asked.append(1) or start
+    )
     _, other = met(against, than=many)
     assert len(asked) == is_asked
     if not is_asked:
-        assert other.against == against
+        assert other.log_ratio == against
 
 
-def likelier_of(fit: MovingFit, other: rivals.OtherMotion, gain: float, **there):
+def likelier_of(fit: GeneralMotionFit, other: CompetingMotion, gain: float, **there):
     """`_likelier`, if all matches make the other motion likelier by as much."""
-    plain = replace(fit, cost=0.0, narrowness=0.0, said=np.ones_like(fit.said))
+    plain = replace(fit, cost=0.0, laplace_factor=0.0, per_match=np.ones_like(fit.per_match))
     there = {"direction_cam1_from_cam0": UP, "cost": -gain / len(fit.matches), **there}
     found = replace(plain, **there)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rivals, "refit_moving", lambda *_: found)
-        best, left = rivals._likelier(plain, other)
+        patch.setattr(competing_motions, "refit_general_motion", lambda *_: found)
+        best, left = competing_motions._likelier(plain, other)
     return best is found, left
 
 
 @pytest.mark.parametrize(
-    ("because", "is_predicted", "in_doubt_from", "taken_from"),
+    ("because", "has_shrunk_flow", "in_doubt_from", "taken_from"),
     [
-        (rivals.ELSEWHERE, False, 0.0, 5.0),
-        (rivals.ELSEWHERE, True, 8.0, 13.0),
-        (rivals.PLANE, False, 0.0, 13.0),
-        (rivals.PLANE, True, 8.0, 21.0),
+        (ELSEWHERE, False, 0.0, 5.0),
+        (ELSEWHERE, True, 8.0, 13.0),
+        (PLANE, False, 0.0, 13.0),
+        (PLANE, True, 8.0, 21.0),
     ],
 )
 def test_all_matches_must_outweigh_half_of_what_residuals_have_against_a_motion(
-    fit, because, is_predicted, in_doubt_from, taken_from
+    fit, because, has_shrunk_flow, in_doubt_from, taken_from
 ):
     """And more, where its flow is mostly noise, and of a plane."""
-    other = rivals.OtherMotion(np.eye(3), UP, 10.0, because)
+    other = CompetingMotion(np.eye(3), UP, 10.0, because)
     for gain, expected in (
         (in_doubt_from - 0.1, (False, 10.0)),
         (in_doubt_from + 0.1, (False, 0.0)),
         (taken_from - 0.1, (False, 0.0)),
         (taken_from + 0.1, (True, 0.0)),
     ):
-        is_taken, left = likelier_of(fit, other, gain, is_predicted=is_predicted)
-        assert (is_taken, left.against) == expected
+        is_taken, left = likelier_of(fit, other, gain, has_shrunk_flow=has_shrunk_flow)
+        assert (is_taken, left.log_ratio) == expected
 
 
 def test_what_residuals_of_doubtful_noise_rule_out_may_still_be_right(fit):
     """Of 110 matches, of each of which a quarter of a unit is heard; four times that in doubt."""
-    doubtful = replace(fit, matches=replace(fit.matches, doubt=4.0))
+    doubtful = replace(fit, matches=replace(fit.matches, misspecification=4.0))
     for given, against, is_asked in (
         (fit, 27.0, True),
         (fit, 28.0, False),
         (doubtful, 109.0, True),
         (doubtful, 111.0, False),
     ):
-        other = rivals.OtherMotion(np.eye(3), UP, against, rivals.ELSEWHERE)
+        other = CompetingMotion(np.eye(3), UP, against, ELSEWHERE)
         assert likelier_of(given, other, 1e3)[0] == is_asked
 
 
@@ -206,41 +213,41 @@ def test_what_residuals_of_doubtful_noise_rule_out_may_still_be_right(fit):
 def test_one_that_would_have_most_matches_behind_the_cameras_is_not_the_likelier(
     fit, sign_log_odds, is_taken
 ):
-    other = rivals.OtherMotion(np.eye(3), UP, 5.0, rivals.ELSEWHERE)
+    other = CompetingMotion(np.eye(3), UP, 5.0, ELSEWHERE)
     assert likelier_of(fit, other, 15.0, sign_log_odds=sign_log_odds)[0] == is_taken
 
 
 @pytest.mark.parametrize(
     ("gain", "because", "is_taken"),
     [
-        (1.0, rivals.ELSEWHERE, True),
-        (-1.0, rivals.ELSEWHERE, False),
-        (-1.0, rivals.PLANE, True),
-        (-20.0, rivals.PLANE, False),
+        (1.0, ELSEWHERE, True),
+        (-1.0, ELSEWHERE, False),
+        (-1.0, PLANE, True),
+        (-20.0, PLANE, False),
     ],
 )
 def test_the_relief_of_a_plane_is_believed_unless_matches_are_clearly_against_it(
     fit, gain, because, is_taken
 ):
-    other = rivals.OtherMotion(np.eye(3), UP, -5.0, because)
+    other = CompetingMotion(np.eye(3), UP, -5.0, because)
     found, left = likelier_of(fit, other, gain)
     assert found == is_taken
-    assert left.against == (5.0 if is_taken else 0.0)
+    assert left.log_ratio == (5.0 if is_taken else 0.0)
 
 
 def test_matches_of_one_surface_do_not_each_tell_where_they_lie(fit):
     """All that is plausible of them counts as of 5 sqrt(110) matches, of 110."""
-    other = rivals.OtherMotion(np.eye(3), UP, 10.0, rivals.ELSEWHERE)
+    other = CompetingMotion(np.eye(3), UP, 10.0, ELSEWHERE)
     for gain, is_taken in ((11.0, True), (10.0, False)):
-        said = np.ones_like(fit.said)
+        said = np.ones_like(fit.per_match)
         said[0] = np.exp(gain / 110)
-        assert likelier_of(fit, other, gain, said=said)[0] == is_taken
+        assert likelier_of(fit, other, gain, per_match=said)[0] == is_taken
 
 
 def test_a_rotation_with_a_rival_is_doubted_most_about_the_axis_between_them(fit):
     turn = np.radians([0.3, -0.2, 0.1])
     R = so3.exp(turn) @ fit.R_cam1_from_cam0
-    doubt = rivals.OtherMotion(R, UP, 0.0, "").doubt_of_rotation(fit)
+    doubt = CompetingMotion(R, UP, 0.0, "").rotation_covariance_beside(fit)
     values, axes = np.linalg.eigh(doubt)
     square = turn @ turn
     # The mean square error is that of two that are as likely.
@@ -253,12 +260,12 @@ def test_a_rotation_is_doubted_by_the_odds_of_its_rival(fit):
     R = so3.exp(np.radians([0.3, -0.2, 0.1])) @ fit.R_cam1_from_cam0
 
     def doubt(against):
-        return np.trace(rivals.OtherMotion(R, UP, against, "").doubt_of_rotation(fit))
+        return np.trace(CompetingMotion(R, UP, against, "").rotation_covariance_beside(fit))
 
     # Half of a log likelihood counts: one of ten.
     assert doubt(2.0 * np.log(9.0)) == pytest.approx(doubt(0.0) / 5.0)
     # Where the noise was told, its variance may be four times what was said.
-    rival = rivals.OtherMotion(R, UP, 8.0 * np.log(9.0), "")
+    rival = CompetingMotion(R, UP, 8.0 * np.log(9.0), "")
     assert rival.probability(4.0) == pytest.approx(0.1)
 
 
@@ -272,7 +279,7 @@ def ambiguous() -> list[tuple[PointScene, RelativePose]]:
     return [
         (scene, pose)
         for scene, pose in poses
-        if "two motions" in pose.reason and pose.status is PoseStatus.ROTATION_ONLY
+        if "allows two motions" in pose.reason and pose.status is PoseStatus.ROTATION_ONLY
     ]
 
 
@@ -291,7 +298,9 @@ def test_rotations_with_a_rival_are_as_doubtful_as_said(ambiguous):
 def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_elsewhere):
     """The same noise told of all matches is no more than what is assumed, but may be wrong."""
     if not looks_elsewhere:  # those that were met are still known
-        monkeypatch.setattr(rivals, "likelier_elsewhere", lambda fit, _: (fit, None))
+        monkeypatch.setattr(
+            competing_motions, "likelier_in_other_direction", lambda fit, _: (fit, None)
+        )
     told = np.tile(np.eye(2), (40, 1, 1))
     firm, doubted, because = 0, 0, 0
     for seed in range(60):
@@ -304,7 +313,7 @@ def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_e
         ]
         firm += poses[0].status is PoseStatus.OK
         doubted += poses[1].status is PoseStatus.OK
-        because += "Two motions" in poses[1].reason
+        because += "Secondary mode" in poses[1].reason
     # 60 are firm; 13 are doubted, and 6 of those that were met alone.
     assert firm >= 57
     assert because >= (9 if looks_elsewhere else 4)
@@ -314,7 +323,7 @@ def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_e
 @pytest.mark.parametrize("seed", [0, 2])
 def test_a_likelier_motion_that_the_search_has_met_is_taken(monkeypatch, seed):
     """Also where no noise is told, and the one that was found is sure of itself."""
-    search = two_views.fit_moving
+    search = two_views.fit_general_motion
 
     def lost(matches, tolerance, options, state):
         found = search(matches, tolerance, options, state)
@@ -322,13 +331,13 @@ def test_a_likelier_motion_that_the_search_has_met_is_taken(monkeypatch, seed):
         twin = np.empty((3, 3)), np.empty(3)
         layer_twin(matches.pairs, len(matches), 3.0 * found.noise.sigma, R, t, *twin)
         start = replace(found, R_cam1_from_cam0=twin[0], direction_cam1_from_cam0=twin[1])
-        wrong = refit_moving(matches, start)
+        wrong = refit_general_motion(matches, start)
         assert wrong.direction_cam1_from_cam0 @ t < -0.9
-        return replace(wrong, rival=(R, t))
+        return replace(wrong, secondary_mode=(R, t))
 
     drawn = point_scene(seed, matches=90, outliers=10, translation_m=(0.02, 0.01, 0.0))
     expected = estimate(drawn).direction_cam1_from_cam0
-    monkeypatch.setattr(two_views, "fit_moving", lost)
+    monkeypatch.setattr(two_views, "fit_general_motion", lost)
     pose = estimate(drawn)
     assert pose.status is PoseStatus.OK
     np.testing.assert_allclose(pose.direction_cam1_from_cam0, expected, atol=0.01)

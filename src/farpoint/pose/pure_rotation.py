@@ -1,7 +1,7 @@
-"""The model of a camera that only turns, fitted to its maximum likelihood.
+"""The pure rotation, fitted to its maximum likelihood.
 
-Rotation alone; a match has no freedom. It is right with normal noise of unknown size, or wrong and
-anywhere; the noise and the share of wrong matches are estimated along (EM).
+Rotation alone: a match has no freedom. Inliers have normal noise of unknown scale, outliers are
+uniform; noise scale and outlier share are estimated jointly (EM).
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from farpoint.pose.information import symmetric_inverse
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise
 
-__all__ = ["TurningFit", "fit_turning", "turning_when_asked"]
+__all__ = ["PureRotationFit", "fit_pure_rotation", "lazy_pure_rotation"]
 
 MAX_REFINEMENTS = 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TurningFit:
+class PureRotationFit:
     """Rotation without translation.
 
     Attributes
@@ -36,11 +36,11 @@ class TurningFit:
     distance2 : ndarray, shape (N,)
         Squared Mahalanobis distance of each match for unit noise, 2 degrees of freedom.
     probability : ndarray, shape (N,)
-        Of each match to be right.
+        Inlier probability of each match.
     cost : float
         Mean negative log likelihood of a match.
-    narrowness : float
-        As of `MovingFit`.
+    laplace_factor : float
+        As of `GeneralMotionFit`.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -49,47 +49,47 @@ class TurningFit:
     distance2: np.ndarray
     probability: np.ndarray
     cost: float
-    narrowness: float
+    laplace_factor: float
 
 
-def fit_turning(matches: Matches, R_start: np.ndarray, tolerance: float) -> TurningFit:
+def fit_pure_rotation(matches: Matches, R_start: np.ndarray, tolerance: float) -> PureRotationFit:
     """Maximum-likelihood rotation of all matches from a start within its basin."""
     n, size = len(matches), packed_length(len(matches))
     R, information = R_start.copy(), np.empty((3, 3))
-    distance2, right = np.empty(size), np.empty(size)
+    distance2, inlier = np.empty(size), np.empty(size)
     mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_WRONG, START_POOR])
-    cost, narrowness = fit_rotation(
+    cost, laplace_factor = fit_rotation(
         matches.pairs,
         n,
-        matches.spread,
+        matches.outlier_half_width,
         matches.min_variance,
         MAX_REFINEMENTS,
         R,
         mixture,
         information,
         distance2,
-        right,
+        inlier,
     )
-    return TurningFit(
+    return PureRotationFit(
         R_cam1_from_cam0=R,
         covariance=symmetric_inverse(information),
         noise=Noise(*mixture.tolist()),
         distance2=distance2[:n],
-        probability=right[:n],
+        probability=inlier[:n],
         cost=cost / n,
-        narrowness=narrowness,
+        laplace_factor=laplace_factor,
     )
 
 
-def turning_when_asked(
+def lazy_pure_rotation(
     matches: Matches, R_start: np.ndarray, tolerance: float
-) -> Callable[[], TurningFit]:
-    """`fit_turning`, done once, when its result is first asked for: most motions do not."""
-    fitted: list[TurningFit] = []
+) -> Callable[[], PureRotationFit]:
+    """`fit_pure_rotation` on its first call, cached: most motions never need it."""
+    fitted: list[PureRotationFit] = []
 
-    def turned() -> TurningFit:
+    def pure_rotation() -> PureRotationFit:
         if not fitted:
-            fitted.append(fit_turning(matches, R_start, tolerance))
+            fitted.append(fit_pure_rotation(matches, R_start, tolerance))
         return fitted[0]
 
-    return turned
+    return pure_rotation

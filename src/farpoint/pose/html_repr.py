@@ -1,4 +1,4 @@
-"""A pose as a notebook shows it: a small table of HTML, nothing to load."""
+"""HTML table of a pose for notebooks, without scripts or styles to load."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from farpoint.geometry.angles import heading_angles_deg, rotation_vector_deg
 if TYPE_CHECKING:
     from farpoint.pose.result import RelativePose
 
-__all__ = ["Row", "card", "pose_rows"]
+__all__ = ["Row", "html_table", "pose_rows"]
 
 Row = tuple[str, str]
-"""What it is, and its value; both are escaped."""
+"""Name and value; both are escaped."""
 
 _SIGN = "\N{PLUS-MINUS SIGN}"
 
 
-def card(title: str, rows: Iterable[Row]) -> str:
+def html_table(title: str, rows: Iterable[Row]) -> str:
     """A table of HTML with a title above its rows."""
     style = "text-align:left;font-variant-numeric:tabular-nums"
     lines = "".join(
@@ -32,7 +32,7 @@ def card(title: str, rows: Iterable[Row]) -> str:
 
 
 def pose_rows(pose: RelativePose) -> list[Row]:
-    """Why this status, then each quantity that was observed with its 1-sigma, then the matches."""
+    """Reason, each observed quantity with its 1-sigma, number of matches."""
     rows = [("reason", pose.reason)]
     if pose.rotation_cam1_from_cam0 is not None and pose.rotation_covariance is not None:
         vector, sigma = rotation_vector_deg(pose.rotation_cam1_from_cam0, pose.rotation_covariance)

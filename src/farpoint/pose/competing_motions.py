@@ -1,0 +1,326 @@
+"""Competing motions: other modes of nearly the same likelihood, and which is the likelier."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint._kernels.plane import other_motion
+from farpoint._kernels.pose import PackedMatches, Pose
+from farpoint._kernels.rivals import judge_rival as compare_with_mode
+from farpoint._kernels.rivals import nearest_rival as likeliest_other_mode
+from farpoint._kernels.settling import MAX_SEARCHED
+from farpoint.geometry.sphere import tangent_basis
+from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma
+from farpoint.pose.covariance import general_motion_covariance
+from farpoint.pose.general_motion import GeneralMotionFit, packed_pose, refit_general_motion
+from farpoint.pose.pure_rotation import PureRotationFit
+from farpoint.pose.small import rotation_vector
+
+__all__ = [
+    "ComparedModes",
+    "CompetingMotion",
+    "compare_modes",
+    "covariance_between",
+    "likelier_in_other_direction",
+    "likelier_of_plane",
+    "likelier_of_search",
+]
+
+# 1-sigma of a direction, rad, above which a secondary mode is searched for.
+UNCERTAIN_SIGMA = math.radians(2.5)
+
+# Moves to a likelier mode in another direction, at most.
+ROUNDS = 3
+# Log-likelihood ratio of a part of the matches below which more of them are evaluated.
+UNDECIDED = 20.0
+MORE = 4 * MAX_SEARCHED
+
+# Two motions whose directions are this close are one, with a larger covariance.
+COS_NEARBY = math.cos(math.radians(10.0))
+# Up to this angle the second motion of a plane adds to the covariance, even if it is unlikely.
+COS_IN_REACH = math.cos(math.radians(30.0))
+
+# Largest log-likelihood ratio by residuals with which a motion is evaluated further, in all and per
+# match; and the margin by parallax where that has less information.
+MAX_LOG_RATIO, PER_MATCH, CLEAR = 60.0, 0.25, 8.0
+# Effective sample size of the parallax prior: min(n, 5 sqrt n), because matches on one surface are
+# correlated.
+SURFACES = 5.0
+
+# Tempering exponent of the likelihood ratio of two motions. Each has its own epipolar lines and so
+# its own part of the noise: a secondary mode with a log-likelihood ratio of 5 to 7 is the true one
+# in 3 of 100 simulated scenes, not in 1 of 400.
+TEMPERING = 0.5
+# That of the two motions of a plane and all motions between them.
+PLANE_TEMPERING = 0.3
+# Share of the covariance between two motions along the axis on which they differ.
+ALONG = 0.9
+
+PLANE = "Planar ambiguity: a plane explains the matches and allows two motions"
+ELSEWHERE = "Secondary mode: two motions explain the matches"
+
+
+class CompetingMotion(NamedTuple):
+    """A second motion that explains the matches.
+
+    Attributes
+    ----------
+    R_cam1_from_cam0 : ndarray, shape (3, 3)
+    direction_cam1_from_cam0 : ndarray, shape (3,)
+    log_ratio : float
+        Log-likelihood ratio of the first motion to this one.
+    cause : str
+        Why there are two.
+    """
+
+    R_cam1_from_cam0: np.ndarray
+    direction_cam1_from_cam0: np.ndarray
+    log_ratio: float
+    cause: str
+
+    def is_nearby(self, fit: GeneralMotionFit) -> bool:
+        """Whether its direction is about the same."""
+        return _cosine(self, fit) > COS_NEARBY
+
+    def described_beside(self, fit: GeneralMotionFit) -> str:
+        """A sentence: why there are two motions, and the angle between their directions."""
+        apart = math.acos(min(max(_cosine(self, fit), -1.0), 1.0))
+        return f"{self.cause}, whose directions are {math.degrees(apart):.0f} deg apart."
+
+    def covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
+        """Covariance (5, 5), rad^2, of a motion that may be this one of a plane, or between both.
+
+        The squared difference of the two times a probability, 0.1 of it turned by 90 degrees about
+        the direction. 0 where the two are far apart.
+        """
+        if _cosine(self, fit) < COS_IN_REACH:
+            return np.zeros((5, 5))
+        direction, turn = fit.direction_cam1_from_cam0, self._turn_from(fit)
+        basis = tangent_basis(direction)
+        tilt = basis @ (basis.T @ self.direction_cam1_from_cam0)
+        aside = np.cross(direction, turn) + (direction @ turn) * direction
+        along = np.concatenate([turn, basis.T @ tilt])
+        across = np.concatenate([aside, basis.T @ np.cross(direction, tilt)])
+        mixed = ALONG * np.outer(along, along) + (1.0 - ALONG) * np.outer(across, across)
+        return self.probability(fit.matches.tempering, PLANE_TEMPERING) * mixed
+
+    def rotation_covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
+        """Covariance (3, 3), rad^2, of a rotation that may be this one's, or a third."""
+        return covariance_between(self._turn_from(fit), self.probability(fit.matches.tempering))
+
+    def probability(self, misspecification: float, tempering: float = TEMPERING) -> float:
+        """Of this motion to be the true one: ``1 / (1 + exp(tempering * log_ratio / factor))``.
+
+        A ``misspecification`` factor of the noise variance divides the log-likelihood ratio.
+        """
+        return 1.0 / (1.0 + math.exp(min(tempering * self.log_ratio / misspecification, 700.0)))
+
+    def _turn_from(self, fit: GeneralMotionFit) -> np.ndarray:
+        return np.array(rotation_vector(self.R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
+
+
+def covariance_between(apart: np.ndarray, probability: float) -> np.ndarray:
+    """Covariance (3, 3), rad^2, of a rotation where another one has this probability.
+
+    The squared rotation vector ``apart`` between the two times the probability: 0.9 of it along its
+    own axis, and 0.1 isotropic for a third rotation.
+    """
+    isotropic = float(apart @ apart) / 3.0 * np.eye(3)
+    return probability * (ALONG * np.outer(apart, apart) + (1.0 - ALONG) * isotropic)
+
+
+def _cosine(
+    one: CompetingMotion | GeneralMotionFit, other: CompetingMotion | GeneralMotionFit
+) -> float:
+    """Of the angle between their directions."""
+    return float(one.direction_cam1_from_cam0 @ other.direction_cam1_from_cam0)
+
+
+class ComparedModes(NamedTuple):
+    """The likeliest motion after comparison with the others.
+
+    Attributes
+    ----------
+    fit : GeneralMotionFit
+    covariance : ndarray, shape (5, 5)
+        Of its rotation and direction, rad^2, with the part by the second motion of a plane.
+    secondary_mode : CompetingMotion, optional
+        One that the data do not rule out.
+    """
+
+    fit: GeneralMotionFit
+    covariance: np.ndarray
+    secondary_mode: CompetingMotion | None
+
+
+def compare_modes(
+    fit: GeneralMotionFit,
+    of_plane: CompetingMotion | None,
+    pure_rotation: Callable[[], PureRotationFit],
+    rate: float,
+) -> ComparedModes:
+    """Compare a motion with that of a plane, the modes of the search, and other directions.
+
+    Other directions only where the direction is uncertain, from the ``pure_rotation``. A mode is
+    ruled out at this false-alarm ``rate``.
+    """
+    # A misspecified noise variance scales the log-likelihood ratio.
+    limit = -fit.matches.tempering * math.log(rate)
+    best, mode, nearby = fit, _within(limit, of_plane), None
+    if mode is not None and mode.is_nearby(fit):
+        mode, nearby = None, mode
+    if mode is None and fit.secondary_mode is not None:
+        best, other = likelier_of_search(fit)
+        # The order of the two is uncertain only where the noise may be misspecified.
+        mode = _within(limit, other) if fit.matches.misspecification > 1.0 else None
+    if mode is None and best is fit:
+        mode = _within(limit, _candidate_mode(fit))
+    covariance = general_motion_covariance(best)
+    nearby = nearby if best is fit else None
+    if best is fit and mode is None and of_plane is not None:
+        covariance += of_plane.covariance_beside(fit)
+    has_direction = mode is None and best.shows_direction
+    if has_direction and UNCERTAIN_SIGMA < direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
+        likelier, other = likelier_in_other_direction(best, pure_rotation)
+        mode = _within(limit, other)
+        if likelier is not best:
+            return ComparedModes(likelier, general_motion_covariance(likelier), mode)
+    return ComparedModes(best, covariance, nearby if mode is None else mode)
+
+
+def _candidate_mode(fit: GeneralMotionFit) -> CompetingMotion | None:
+    """The likeliest other candidate where noise is large, if its direction is another."""
+    if fit.candidate_mode is None:
+        return None
+    other = CompetingMotion(*fit.candidate_mode, ELSEWHERE)
+    return None if other.is_nearby(fit) else other
+
+
+def _within(limit: float, other: CompetingMotion | None) -> CompetingMotion | None:
+    """The other motion, if the log-likelihood ratio to it is below the limit."""
+    return other if other is not None and other.log_ratio < limit else None
+
+
+def likelier_of_plane(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, CompetingMotion | None]:
+    """The likelier of the fit and the second motion of a plane, and the other one.
+
+    None where no plane explains the matches nearly as well, which is usual.
+    """
+    return _likelier(fit, _other_of_plane(fit) if fit.is_planar else None)
+
+
+def likelier_of_search(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, CompetingMotion | None]:
+    """The likelier of the fit and the secondary mode of its search, and the other one."""
+    if fit.secondary_mode is None:
+        return fit, None
+    R, t = (each.copy() for each in fit.secondary_mode)
+    mode = Pose(R, t, np.empty(4), np.empty((6, 6)), np.empty(1))
+    log_ratio = compare_with_mode(_packed_subsample(fit, MORE), packed_pose(fit), mode)
+    return _likelier(fit, _competing(mode, log_ratio, ELSEWHERE) if log_ratio < np.inf else None)
+
+
+def likelier_in_other_direction(
+    fit: GeneralMotionFit, pure_rotation: Callable[[], PureRotationFit]
+) -> tuple[GeneralMotionFit, CompetingMotion | None]:
+    """The likelier of the fit and a mode in another direction, and the other one.
+
+    If every mode found is less likely than the next, both count as equally likely.
+    """
+    # Two modes that exchange translation and rotation have the pure rotation half-way between them.
+    middle, other = pure_rotation().R_cam1_from_cam0, None
+    for _ in range(ROUNDS):
+        found = _in_other_direction(fit, middle)
+        if found is None or found.log_ratio >= 0.0:
+            return fit, found
+        before = fit
+        fit, other = _likelier(fit, found)
+        if fit is before:
+            break
+    return fit, other and other._replace(log_ratio=0.0)
+
+
+def _likelier(
+    fit: GeneralMotionFit, other: CompetingMotion | None
+) -> tuple[GeneralMotionFit, CompetingMotion | None]:
+    """The likelier of the two by residuals and parallax of all matches, and the other one.
+
+    The log-likelihood ratio to the other motion is by residuals, for a plane by its relief; chance
+    or correlated outliers may have made it. So all matches are fitted to the other motion too, and
+    the gain by their parallax must exceed the tempered ratio. Where residuals and parallax
+    contradict each other, or all matches lead back to the fit, both count as equally likely.
+
+    Parallax has less information where flow is mostly noise, and for a plane, which is one surface.
+    """
+    limit = fit.matches.misspecification * min(MAX_LOG_RATIO, PER_MATCH * len(fit.matches))
+    if other is None or other.log_ratio >= limit:
+        return fit, other
+    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    start = fit.at(other.R_cam1_from_cam0, other.direction_cam1_from_cam0)
+    found = refit_general_motion(fit.matches, start)
+    if _cosine(found, fit) > _cosine(found, other):
+        return fit, other._replace(log_ratio=max(other.log_ratio, 0.0))
+    gain = _tempered_log_likelihood(found) - _tempered_log_likelihood(fit)
+    if other.log_ratio >= 0.0:
+        margin = CLEAR if found.has_shrunk_flow else 0.0
+        is_ambiguous = gain > margin
+        margin += CLEAR if other.cause == PLANE else 0.0
+        is_likelier = gain > margin + TEMPERING * other.log_ratio
+    else:
+        is_agreed = found.log_likelihood > fit.log_likelihood
+        is_likelier = is_agreed or (other.cause == PLANE and gain > -CLEAR)
+        is_ambiguous = True
+    if is_likelier:
+        return found, CompetingMotion(R, t, max(-other.log_ratio, 0.0), other.cause)
+    return fit, other._replace(log_ratio=0.0) if is_ambiguous else other
+
+
+def _tempered_log_likelihood(fit: GeneralMotionFit) -> float:
+    """Log likelihood with the parallax prior tempered to its effective sample size.
+
+    The prior of a match is learnt from the others, and those of one surface are correlated. The
+    sign counts too: with the opposite motion most points would lie behind the cameras.
+    """
+    n = len(fit.matches)
+    by_prior = float(fit.probability @ np.log(fit.per_match[0, :n]))
+    by_sign = -float(np.logaddexp(0.0, -fit.sign_log_odds))
+    redundant = 1.0 - min(SURFACES / math.sqrt(n), 1.0)
+    return fit.log_likelihood + by_sign - redundant * by_prior
+
+
+def _in_other_direction(fit: GeneralMotionFit, R_start: np.ndarray) -> CompetingMotion | None:
+    pose, mode = packed_pose(fit), _empty_pose()
+    packed = _packed_subsample(fit, MAX_SEARCHED)
+    log_ratio = likeliest_other_mode(packed, pose, R_start, mode)
+    if log_ratio < UNDECIDED and len(fit.matches) > MAX_SEARCHED:
+        log_ratio = compare_with_mode(_packed_subsample(fit, MORE), pose, mode)
+    return _competing(mode, log_ratio, ELSEWHERE) if log_ratio < np.inf else None
+
+
+def _other_of_plane(fit: GeneralMotionFit) -> CompetingMotion | None:
+    pose, other = packed_pose(fit), _empty_pose()
+    has_given_noise = fit.matches.misspecification > 1.0
+    packed = _packed_subsample(fit, MAX_SEARCHED)
+    competes, log_ratio = other_motion(packed, pose, other, has_given_noise)
+    if competes and log_ratio < UNDECIDED and len(fit.matches) > MAX_SEARCHED:
+        packed = _packed_subsample(fit, MORE)
+        competes, log_ratio = other_motion(packed, pose, other, has_given_noise)
+    return _competing(other, log_ratio, PLANE) if competes else None
+
+
+def _competing(pose: Pose, log_ratio: float, cause: str) -> CompetingMotion:
+    return CompetingMotion(pose.R, pose.t, log_ratio, cause)
+
+
+def _packed_subsample(fit: GeneralMotionFit, most: int) -> PackedMatches:
+    """An even subsample, as the kernels take it, without the soft cheirality penalty."""
+    part = fit.matches.subsample(most)
+    return part.packed(part.weights(), soft_cheirality=False)
+
+
+def _empty_pose() -> Pose:
+    """Output buffers of the kernels for a pose."""
+    return Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))

@@ -1,0 +1,39 @@
+"""Residuals that are correlated between neighbours, as those of one surface may be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from farpoint._kernels.covariance import growth_by_few as few_parts_inflation
+from farpoint._kernels.sharing import LIKELY
+from farpoint.pose.general_motion import GeneralMotionFit
+from farpoint.pose.matches import Matches
+
+__all__ = ["count_residual_correlation"]
+
+# z-score of the residual correlation beyond which the noise counts as misspecified: independent
+# noise exceeds it with a probability of 0.003.
+SIGNIFICANT = 3.0
+# Factor for errors that are smooth over more than 1/4 of the image's width and height, which
+# parts of the image cannot show; from rendered streets with OpenCV's Lucas-Kanade tracker.
+BEYOND_PARTS = 1.5
+# Degrees of freedom of a design effect from few parts, by its scatter on these streets.
+FREEDOM = 12.0
+
+
+def count_residual_correlation(
+    matches: Matches, fit: GeneralMotionFit
+) -> tuple[Matches, GeneralMotionFit]:
+    """The matches and their fit with the design effect of correlated residuals.
+
+    Without given covariances only. N matches of a few surfaces carry less information than N
+    independent ones: without the design effect the covariance, the evidence for translation and the
+    odds of two motions are overconfident. Above `SIGNIFICANT` the noise counts as misspecified.
+    """
+    if matches.misspecification > 1.0 or fit.correlation_z < LIKELY:
+        return matches, fit
+    effect = max(few_parts_inflation(FREEDOM) * BEYOND_PARTS * fit.design_effect, 1.0)
+    is_misspecified = fit.correlation_z > SIGNIFICANT
+    fitted = fit.matches.with_design_effect(effect, is_misspecified=is_misspecified)
+    counted = matches.with_design_effect(effect, is_misspecified=is_misspecified)
+    return counted, replace(fit, matches=fitted)

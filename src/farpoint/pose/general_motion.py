@@ -1,0 +1,356 @@
+"""The general motion: rotation and direction of translation, fitted to their maximum likelihood.
+
+The essential-matrix model: a match is free along its epipolar line. Inliers have normal noise of
+unknown scale with a heavy tail; noise scale and outlier share are estimated jointly (EM).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from farpoint._kernels.contest import NEAR
+from farpoint._kernels.five_rays import Effort
+from farpoint._kernels.likelihood import explain
+from farpoint._kernels.mixture import TAIL
+from farpoint._kernels.motion import fit_motion
+from farpoint._kernels.pairs import LANES, PANEL, packed_length
+from farpoint._kernels.plausible import BAND_SIGMA
+from farpoint._kernels.pose import PackedMatches, Pose, Seen
+from farpoint._kernels.settling import MAX_SEARCHED, Found, Settled, settle_motion
+from farpoint.pose.far_rotation import IDENTITY
+from farpoint.pose.matches import Matches
+from farpoint.pose.noise import Noise
+from farpoint.pose.options import RelativePoseOptions
+
+__all__ = [
+    "GeneralMotionFit",
+    "evaluate_matches",
+    "fit_general_motion",
+    "fit_with_bounded_noise",
+    "is_clearly_likelier",
+    "is_likelier",
+    "linearisation_point",
+    "packed_pose",
+    "refit_general_motion",
+]
+
+# With few matches, samples over the number of distinct samples of five: half of these are drawn, so
+# that k samples without an outlier are all missed with a probability of 2^-k.
+HALF_DRAWN = math.log(2.0)
+# Largest share of noise in the shrunk flow, along any axis, with which a direction is observable:
+# where all points are far the share is larger, and half of the directions are wrong.
+MOST_NOISE = 0.55
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GeneralMotionFit:
+    """Rotation and direction of translation.
+
+    Attributes
+    ----------
+    R_cam1_from_cam0 : ndarray, shape (3, 3)
+    direction_cam1_from_cam0 : ndarray, shape (3,)
+    noise : Noise
+    matches : Matches
+        Those that were fitted.
+    per_match : ndarray, shape (4, at least N)
+        Prior by the parallax density, `residual`, `parallax` and `probability`, as the kernels
+        take them.
+    labels : ndarray of uint8, shape (N,)
+        0 for an outlier, 2 for a match with parallax beyond the noise, else 1.
+    covariance : ndarray, shape (5, 5)
+        Of rotation and direction, at this pose; infinite where the matches fix no rotation.
+    has_shrunk_flow : bool
+        Whether the covariance is by the shrunk flow (BLUP), because much of the flow is noise.
+    shows_direction : bool
+        Whether enough of the flow is signal.
+    iterations : int
+        Joint hypotheses tried.
+    is_planar : bool
+        Whether the second motion of a plane may have nearly the same likelihood.
+    secondary_mode : tuple of ndarray, shapes (3, 3) and (3,), or None
+        Rotation and direction, cam1_from_cam0, of another mode that the search found, if any.
+    cost : float
+        Mean negative log likelihood of a match.
+    far_rotation_cam1_from_cam0 : ndarray, shape (3, 3)
+        Initial rotation of the search: that of the far points.
+    laplace_factor : float
+        Negative logarithm of the Laplace (Occam) factor: log likelihood of all matches at the mode
+        minus its average over the poses nearby.
+    agreeing : int
+        Matches that are no outliers.
+    sign_log_odds : float
+        Log odds of the direction to its opposite.
+    log_odds : float
+        Log odds of the motion to all matches being outliers.
+    beyond_rotation, supporting : int
+        Of the inliers searched, those that contradict every rotation that may fit; and all.
+    residual_correlation : float
+        Correlation of the residuals of inliers with those of their neighbours; 0 for few.
+    correlation_z : float
+        Its z-score under independent noise.
+    design_effect : float
+        Variance of sums of residuals over parts of the image, over that of independent residuals;
+        1 where independence is plausible.
+    merged_mode_correlation : float
+        Residual correlation of a likelier motion that was judged a merged mode, between this motion
+        and another; else 0.
+    candidate_mode : tuple of ndarray, shapes (3, 3) and (3,), and float, or None
+        Rotation and direction, cam1_from_cam0, of the likeliest other candidate where noise is
+        large, and the log-likelihood ratio of this motion to it, at least 0.
+    """
+
+    R_cam1_from_cam0: np.ndarray
+    direction_cam1_from_cam0: np.ndarray
+    noise: Noise
+    matches: Matches
+    per_match: np.ndarray
+    labels: np.ndarray
+    covariance: np.ndarray
+    has_shrunk_flow: bool
+    shows_direction: bool
+    iterations: int
+    is_planar: bool
+    secondary_mode: tuple[np.ndarray, np.ndarray] | None
+    cost: float
+    far_rotation_cam1_from_cam0: np.ndarray
+    laplace_factor: float
+    agreeing: int
+    sign_log_odds: float
+    log_odds: float
+    beyond_rotation: int
+    supporting: int
+    residual_correlation: float
+    correlation_z: float
+    design_effect: float
+    merged_mode_correlation: float
+    candidate_mode: tuple[np.ndarray, np.ndarray, float] | None = None
+
+    def at(
+        self, R_cam1_from_cam0: np.ndarray, direction_cam1_from_cam0: np.ndarray
+    ) -> GeneralMotionFit:
+        """Another motion with the same noise: the start of a refinement."""
+        return replace(
+            self,
+            R_cam1_from_cam0=R_cam1_from_cam0,
+            direction_cam1_from_cam0=direction_cam1_from_cam0,
+        )
+
+    @property
+    def log_likelihood(self) -> float:
+        """Of all matches, averaged over the poses nearby."""
+        return -self.cost * len(self.matches) - self.laplace_factor
+
+    @property
+    def sign_probability(self) -> float:
+        """Probability of the direction against its opposite."""
+        return 1.0 / (1.0 + math.exp(-min(max(self.sign_log_odds, -700.0), 700.0)))
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Sampson residual (N,) of each match for unit noise."""
+        return self.per_match[1, : len(self.matches)]
+
+    @property
+    def parallax(self) -> np.ndarray:
+        """Signed shift (N,) along the epipolar line, towards the direction.
+
+        In units of its own noise for unit noise: the part of the distance from the rotation's
+        prediction that the residual leaves.
+        """
+        return self.per_match[2, : len(self.matches)]
+
+    @property
+    def probability(self) -> np.ndarray:
+        """Inlier probability (N,) of each match."""
+        return self.per_match[3, : len(self.matches)]
+
+
+def fit_general_motion(
+    matches: Matches, tolerance: float, options: RelativePoseOptions, state: np.ndarray
+) -> GeneralMotionFit:
+    """Maximum-likelihood rotation and direction, searched for from the far rotation.
+
+    The direction of the derotated flow is refined jointly with the rotation, then compared with
+    five-ray hypotheses: with no far points, or parallax that a rotation can imitate, the first
+    answer is a local maximum. Where the search used a part of the matches and two modes have nearly
+    the same likelihood, all matches compare them; the second must be clearly likelier.
+    """
+    n = len(matches)
+    found = _empty_buffers(n)
+    samples = max(options.min_iterations, math.ceil(HALF_DRAWN * math.comb(n, 5)))
+    budget = Effort(
+        tolerance=tolerance,
+        confidence=options.confidence,
+        min_iterations=options.min_iterations,
+        max_iterations=min(samples, options.max_iterations),
+    )
+    iterations, is_planar, has_mode, has_close_mode, numbers = fit_motion(
+        _packed(matches, found), budget, _least_signal(matches), state, found
+    )
+    mode = (found.R_rival, found.t_rival) if has_mode else None
+    summary = Settled(*numbers)
+    fit = _general_motion_fit(matches, iterations, bool(is_planar), mode, found, summary)
+    if not has_close_mode:
+        return fit
+    close = refit_general_motion(matches, fit.at(found.R_second, found.t_second))
+    if not is_clearly_likelier(close, fit):
+        return fit
+    return replace(close, secondary_mode=(fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0))
+
+
+def fit_with_bounded_noise(
+    matches: Matches,
+    variance: float,
+    samples: int,
+    tolerance: float,
+    options: RelativePoseOptions,
+    state: np.ndarray,
+) -> GeneralMotionFit:
+    """`fit_general_motion` of a part of the matches, with a bounded noise scale and few samples.
+
+    ``variance`` is the upper bound of the noise variance, in squared units of the matches' noise;
+    ``samples`` that of the number of samples.
+    """
+    least, most = (min(n, samples) for n in (options.min_iterations, options.max_iterations))
+    budget = replace(options, min_iterations=least, max_iterations=most)
+    part = matches.subsample(MAX_SEARCHED).with_noise_up_to(variance)
+    return fit_general_motion(part, tolerance, budget, state)
+
+
+def is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool:
+    """Whether a fit is likelier than another by more than the margin of modes to be compared."""
+    return is_likelier(fit, other, by=NEAR)
+
+
+def is_likelier(fit: GeneralMotionFit, other: GeneralMotionFit, by: float = 0.0) -> bool:
+    """Whether a fit is likelier than another to the same matches, by parallax and by its ratios.
+
+    The prior of a match is a density of its parallax. That density grows where all parallax
+    shrinks, for a rotation that takes up a part common to all; a density of ratios does not.
+    """
+    by_parallax = fit.log_likelihood - other.log_likelihood
+    return min(by_parallax, by_parallax + _log_ratios(fit) - _log_ratios(other)) > by
+
+
+def _log_ratios(fit: GeneralMotionFit) -> float:
+    """Logarithm of the density of all parallax over that of its ratios."""
+    return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, BAND_SIGMA)))
+
+
+def refit_general_motion(matches: Matches, fit: GeneralMotionFit) -> GeneralMotionFit:
+    """The fit to these matches, or to the same with another noise model, from an earlier fit."""
+    found = _empty_buffers(len(matches))._replace(
+        R_far=fit.far_rotation_cam1_from_cam0,
+        R=fit.R_cam1_from_cam0.copy(),
+        t=fit.direction_cam1_from_cam0.copy(),
+        mixture=fit.noise.array,
+    )
+    summary = Settled(*settle_motion(_packed(matches, found), _least_signal(matches), found))
+    return _general_motion_fit(
+        matches, fit.iterations, fit.is_planar, fit.secondary_mode, found, summary
+    )
+
+
+def evaluate_matches(matches: Matches, fit: GeneralMotionFit) -> np.ndarray:
+    """Residual, parallax and inlier probability (3, N) of any matches by the motion fitted.
+
+    As of `likelihood.explain`, with the noise of these matches and a uniform prior along the
+    epipolar lines.
+    """
+    rows = np.empty((3, packed_length(len(matches))))
+    explain(linearisation_point(fit, matches.pairs, matches.weights()), *rows)
+    return rows[:, : len(matches)]
+
+
+def linearisation_point(fit: GeneralMotionFit, pairs: np.ndarray, prior: np.ndarray) -> Seen:
+    """Motion, noise and matches with their prior, for the kernels."""
+    noise = fit.noise
+    return Seen(
+        pairs,
+        prior,
+        fit.R_cam1_from_cam0,
+        fit.direction_cam1_from_cam0,
+        noise.array,
+        fit.matches.outlier_half_width,
+        TAIL,
+    )
+
+
+def packed_pose(fit: GeneralMotionFit) -> Pose:
+    """The motion, as the kernels take it."""
+    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    return Pose(R, t, fit.noise.array, np.empty((6, 6)), np.empty(1))
+
+
+def _least_signal(matches: Matches) -> float:
+    """Least share of signal in the flow with which a direction is observable.
+
+    Larger where the noise may be misspecified: half of the factor on sigma is allowed for.
+    """
+    sigma = 0.5 * (1.0 + math.sqrt(matches.misspecification))
+    return 1.0 - MOST_NOISE / (sigma * sigma)
+
+
+def _packed(matches: Matches, found: Found) -> PackedMatches:
+    """The matches as the kernels take them; the kernels write their prior into ``found``."""
+    return matches.packed(found.said[0], soft_cheirality=True)
+
+
+def _empty_buffers(n: int) -> Found:
+    """Output buffers of the kernels for a motion of n matches."""
+    return Found(
+        R_far=IDENTITY.copy(),
+        R=np.empty((3, 3)),
+        t=np.empty(3),
+        mixture=np.empty(4),
+        said=np.empty((4, packed_length(n))),
+        labels=np.empty(n, np.uint8),
+        covariance=np.empty((5, 5)),
+        R_second=np.empty((3, 3)),
+        t_second=np.empty(3),
+        R_rival=np.empty((3, 3)),
+        t_rival=np.empty(3),
+        grown=np.empty(packed_length(n) // LANES * PANEL),
+    )
+
+
+def _general_motion_fit(
+    matches: Matches,
+    iterations: int,
+    is_planar: bool,
+    mode: tuple[np.ndarray, np.ndarray] | None,
+    found: Found,
+    summary: Settled,
+) -> GeneralMotionFit:
+    if summary.grows:
+        matches = replace(matches, pairs=found.grown)
+    return GeneralMotionFit(
+        R_cam1_from_cam0=found.R,
+        direction_cam1_from_cam0=found.t,
+        noise=Noise(*found.mixture.tolist()),
+        matches=matches,
+        per_match=found.said,
+        labels=found.labels,
+        covariance=found.covariance,
+        has_shrunk_flow=bool(summary.is_predicted),
+        shows_direction=bool(summary.shows_direction),
+        iterations=iterations,
+        is_planar=is_planar,
+        secondary_mode=mode,
+        cost=summary.cost / len(matches),
+        far_rotation_cam1_from_cam0=found.R_far,
+        laplace_factor=summary.narrowness,
+        agreeing=summary.agreeing,
+        sign_log_odds=summary.sign_log_odds,
+        log_odds=summary.log_odds,
+        beyond_rotation=summary.beyond_rotation,
+        supporting=summary.supporting,
+        residual_correlation=summary.coherence,
+        correlation_z=summary.likeness,
+        design_effect=summary.design_effect,
+        merged_mode_correlation=0.0,
+    )

@@ -1,0 +1,157 @@
+"""Conclusion from a general motion: mode, covariance, and whether the direction is observable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint.pose import conclusion
+from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma, fixes_rotation
+from farpoint.pose.competing_motions import (
+    ComparedModes,
+    compare_modes,
+    covariance_between,
+    likelier_of_plane,
+)
+from farpoint.pose.conclusion import Diagnostics, full_labels
+from farpoint.pose.covariance import (
+    inflation_between_patches,
+    inflation_beyond_patches,
+    inflation_by_halves,
+    shared_covariance,
+    split_half_ratio,
+)
+from farpoint.pose.general_motion import GeneralMotionFit
+from farpoint.pose.matches import Matches
+from farpoint.pose.model_selection import is_motion
+from farpoint.pose.one_object import is_one_object
+from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.pure_rotation import PureRotationFit
+from farpoint.pose.result import PoseStatus, RelativePose
+from farpoint.pose.small import rotation_vector
+
+__all__ = ["conclude_general_motion"]
+
+# Below the direction threshold noise explains about half of the flow; the rotation may be off by
+# that share of its distance to the pure rotation.
+NOISE_SHARE = 0.5
+ONE_OBJECT = (
+    "Independently moving object possible: all matches with parallax lie on one compact part of "
+    "the image, so a pure rotation and a moving object explain them as well."
+)
+MOSTLY_NOISE = "Insufficient parallax: the flow beyond the rotation is mostly noise."
+
+
+def conclude_general_motion(
+    matches: Matches,
+    fit: GeneralMotionFit,
+    pure_rotation: Callable[[], PureRotationFit],
+    options: RelativePoseOptions,
+    diagnostics: Diagnostics,
+) -> RelativePose:
+    """Result by the general motion fitted or a likelier competing one.
+
+    ``pure_rotation`` fits the pure rotation, where it is needed.
+    """
+    rate = options.false_alarm_rate
+    fit, of_plane = likelier_of_plane(fit)
+    diagnostics.time_stage("refinement_s")
+    if not is_motion(fit, rate):
+        return conclusion.no_consensus(matches, fit.agreeing, diagnostics)
+    modes = compare_modes(fit, of_plane, pure_rotation, rate)
+    fit, covariance = modes.fit, _inflated_covariance(matches, modes, options, diagnostics)
+    diagnostics.time_stage("covariance_s")
+    if not fixes_rotation(covariance[:3, :3]):
+        return conclusion.undetermined_rotation(matches, diagnostics)
+    diagnostics.cost, diagnostics.sign_probability = fit.cost, fit.sign_probability
+    sigma = direction_sigma(covariance)
+    labels, noise = full_labels(matches, fit.labels), fit.noise.mean_sigma
+    unobservable = _unobservable_direction(modes, sigma, pure_rotation, rate)
+    if unobservable is not None:
+        return conclusion.without_direction(
+            PoseStatus.ROTATION_ONLY,
+            unobservable.reason,
+            fit.R_cam1_from_cam0,
+            covariance[:3, :3] + unobservable.covariance,
+            labels,
+            noise,
+            diagnostics,
+        )
+    return conclusion.observed(
+        fit.R_cam1_from_cam0,
+        fit.direction_cam1_from_cam0,
+        covariance,
+        sigma,
+        labels,
+        noise,
+        diagnostics,
+        _ambiguity(modes),
+    )
+
+
+def _inflated_covariance(
+    matches: Matches,
+    modes: ComparedModes,
+    options: RelativePoseOptions,
+    diagnostics: Diagnostics,
+) -> np.ndarray:
+    """Covariance (5, 5), rad^2, with the inflation by correlated residuals and common errors."""
+    ratio = diagnostics.split_half_ratio = split_half_ratio(modes.fit, options.half_splits)
+    inflation = inflation_by_halves(ratio, options.expected_half_ratio, 5 * options.half_splits)
+    # The design effect and the correlation of patches measure the same correlation.
+    if matches.design_effect > 1.0:
+        inflation *= matches.design_effect
+    elif ratio is not None:
+        inflation *= inflation_between_patches(modes.fit) * inflation_beyond_patches(ratio, options)
+    covariance = inflation * modes.covariance
+    covariance[:3, :3] += shared_covariance(matches, options.shared_error_px)
+    return covariance
+
+
+class Unobservable(NamedTuple):
+    """A direction that is not observable.
+
+    Attributes
+    ----------
+    reason : str
+    covariance : ndarray, shape (3, 3)
+        What it adds to the covariance of the rotation, rad^2.
+    """
+
+    reason: str
+    covariance: np.ndarray
+
+
+def _unobservable_direction(
+    modes: ComparedModes, sigma: float, pure_rotation: Callable[[], PureRotationFit], rate: float
+) -> Unobservable | None:
+    """Why a direction with this largest ``sigma``, rad, is not observable; None where it is."""
+    fit, mode = modes.fit, modes.secondary_mode
+    if mode is not None and not mode.is_nearby(fit):
+        ambiguity = _ambiguity(modes)
+        reason = ambiguity if fit.shows_direction else f"{ambiguity} {MOSTLY_NOISE}"
+        return Unobservable(reason, mode.rotation_covariance_beside(fit))
+    if is_one_object(fit.matches.rays0, fit.labels):
+        apart = np.array(rotation_vector(pure_rotation().R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
+        return Unobservable(ONE_OBJECT, covariance_between(apart, 0.5))
+    is_vague = sigma > MAX_DIRECTION_SIGMA or fit.sign_probability < 1.0 - rate
+    if fit.shows_direction and not is_vague:
+        return None
+    reason = (
+        "Insufficient parallax: the direction of the flow beyond the rotation has a 1-sigma of "
+        f"{math.degrees(sigma):.0f} deg, and its sign a probability of "
+        f"{100 * fit.sign_probability:.0f} %."
+        if is_vague
+        else MOSTLY_NOISE
+    )
+    apart = np.array(rotation_vector(pure_rotation().R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
+    return Unobservable(reason, covariance_between(apart, NOISE_SHARE**2))
+
+
+def _ambiguity(modes: ComparedModes) -> str:
+    """A sentence about the secondary mode, if there is one."""
+    mode = modes.secondary_mode
+    return "" if mode is None else mode.described_beside(modes.fit)

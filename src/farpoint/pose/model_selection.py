@@ -1,0 +1,156 @@
+"""Model selection: consensus, translation and rotation, each a test at a false-alarm rate.
+
+1. *Consensus*: do more matches agree than by chance? For a general motion by its likelihood ratio
+   to all matches being outliers: the ratio exceeds 1 / rate by chance at most at that rate
+   (Markov's inequality). For a pure rotation by the expected number of such coincidences (an
+   a-contrario test: Moisan and Stival, IJCV 2004, DOI 10.1023/B:VISI.0000013094.38752.34).
+2. *Translation*: is the distance of the matches from the rotation's prediction larger than the
+   noise across the epipolar lines? An F test over the bulk of the matches; or an epipole consensus
+   larger than chance; or a likelihood ratio of the general motion to the pure rotation above
+   1 / rate, each averaged over all poses.
+3. *Rotation*: is the rotation distinguishable from none?
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy  # its parts load on first use
+
+from farpoint._kernels.evidence import NEAR_SIGMA
+from farpoint._kernels.settling import MAX_SEARCHED
+from farpoint._kernels.turning import Judged, flow_beside_rotation, likelier_moving
+from farpoint.pose.general_motion import GeneralMotionFit
+from farpoint.pose.matches import Matches
+from farpoint.pose.pure_rotation import PureRotationFit
+from farpoint.pose.small import rotation_vector, size2
+
+__all__ = [
+    "is_clearly_translating",
+    "is_consensus",
+    "is_motion",
+    "is_static",
+    "translation_evidence",
+]
+
+# Half-width of the band in which a match counts as agreeing, in sigma.
+BAND_SIGMA = 3.0
+# Number of independent tests: the search maximises over direction and rotation, and the tail of the
+# maximum is this many times that of one test (simulated with 20 to 500 matches).
+DIRECTIONS = 300
+# Matches that fix a motion.
+MINIMAL = 5
+# Fewer matches are no bulk for the F test.
+MIN_BULK = 8
+
+
+def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: float) -> bool:
+    """Whether ``agreeing`` of ``total`` matches are more than coincidence, at false-alarm ``rate``.
+
+    Parameters
+    ----------
+    agreeing, total : int
+        Matches that agree with the best hypothesis, and all matches.
+    minimal : int
+        Matches that fix a hypothesis, and so agree with it by construction.
+    chance : float
+        Probability that an outlier agrees with a given hypothesis.
+    rate : float
+        Expected number of hypotheses with such a consensus among outliers.
+    """
+    if agreeing <= minimal:
+        return False
+    tail = _log_binomial_tail(agreeing - minimal, total - minimal, min(max(chance, 0.0), 1.0))
+    return _log_choose(total, minimal) + tail < math.log(rate)
+
+
+def is_motion(fit: GeneralMotionFit, rate: float) -> bool:
+    """Whether the likelihood ratio of the motion to outliers alone exceeds ``1 / rate``.
+
+    Averaged over all motions (Laplace factor): a motion fitted to five matches has a sharp mode.
+    """
+    return fit.agreeing > MINIMAL and fit.log_odds - fit.laplace_factor > -math.log(rate)
+
+
+def is_clearly_translating(fit: GeneralMotionFit) -> bool:
+    """Whether many inliers contradict every rotation that may fit them.
+
+    The common case, decided without fitting a pure rotation: more than 0.1 of the inliers, and more
+    than 8 plus 4 times the outliers expected on their epipolar lines by chance.
+    """
+    outliers = min(len(fit.matches), MAX_SEARCHED) - fit.supporting
+    chance = min(NEAR_SIGMA * fit.noise.sigma / fit.matches.outlier_half_width, 1.0)
+    return fit.beyond_rotation > max(8.0 + 4.0 * outliers * chance, 0.1 * fit.supporting)
+
+
+def translation_evidence(
+    matches: Matches, fit: GeneralMotionFit, pure_rotation: PureRotationFit, rate: float
+) -> float:
+    """Evidence for translation, 0 to 1: 1 where a test passes at the false-alarm ``rate``.
+
+    Between 0 and 1 where it passes at a higher rate only, or only under the given noise, or where
+    the general motion is likelier by less than ``1 / rate``.
+    """
+    band = BAND_SIGMA * fit.noise.mean_sigma
+    unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(
+        fit.residual, fit.parallax, pure_rotation.distance2, pure_rotation.probability, band
+    )
+    # Epipole consensus: more matches flow towards the direction than outliers would.
+    if near and is_consensus(near, unexplained, 2, by_chance / unexplained, rate):
+        return 1.0
+    evidence = _bulk_beyond_noise(bulk, across, flow, matches, rate)
+    return max(evidence, _log_ratio_to_rotation(fit, pure_rotation) / -math.log(rate))
+
+
+def _log_ratio_to_rotation(fit: GeneralMotionFit, pure_rotation: PureRotationFit) -> float:
+    """Log-likelihood ratio of the general motion to the pure rotation, at least 0.
+
+    Averaged over the poses nearby; matches that both explain count only against the motion.
+    """
+    if fit.agreeing <= MINIMAL:
+        return 0.0
+    sigma, half_width = fit.noise.sigma, fit.matches.outlier_half_width
+    gain = likelier_moving(
+        Judged(fit.per_match[0], fit.parallax, fit.probability, pure_rotation.probability),
+        sigma,
+        2.0 * half_width / (math.sqrt(2.0 * math.pi) * sigma),
+        math.log(fit.noise.outlier_share / pure_rotation.noise.outlier_share),
+    )
+    return max(gain - fit.laplace_factor + pure_rotation.laplace_factor, 0.0)
+
+
+def is_static(R_cam1_from_cam0: np.ndarray, covariance: np.ndarray, rate: float) -> bool:
+    """Whether a rotation with this covariance (3, 3), rad^2, may be the identity."""
+    distance2 = size2(rotation_vector(R_cam1_from_cam0), covariance)
+    return bool(scipy.special.chdtrc(3.0, distance2) > rate)
+
+
+def _bulk_beyond_noise(n: int, across: float, flow: float, matches: Matches, rate: float) -> float:
+    """F test of the distance from the rotation's prediction against noise across epipolar lines.
+
+    Over the n matches that both models explain, because one outlier along an epipolar line would
+    decide the test. The evidence is the logarithm of the p-value over that of the ``rate``, at most
+    1, times a factor for the misspecification of the noise, which many matches would take for flow:
+    ``min(2 ratio / misspecification - 1, 1)^4``.
+    """
+    if n < MIN_BULK:
+        return 0.0
+    # Without noise, rounding remains.
+    across = max(across, n * matches.min_variance)
+    ratio = max(flow - across, 0.0) / n / (across / (n - 3))
+    false_alarms = DIRECTIONS * scipy.special.fdtrc(float(n), n - 3.0, ratio)
+    if false_alarms >= 1.0:
+        return 0.0
+    digits = 1.0 if false_alarms < rate else math.log(false_alarms) / math.log(rate)
+    return digits * min(max(2.0 * ratio / matches.misspecification - 1.0, 0.0), 1.0) ** 4
+
+
+def _log_binomial_tail(k: int, n: int, p: float) -> float:
+    """Logarithm of the probability of at least ``k`` of ``n``."""
+    tail = float(scipy.special.bdtrc(k - 1.0, n, p))
+    return math.log(tail) if tail > 0.0 else -math.inf
+
+
+def _log_choose(n: int, k: int) -> float:
+    return math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)
