@@ -13,7 +13,7 @@ from farpoint.metrics import chi2_quantile
 from farpoint.odometry.angular_velocity import AngularVelocity
 from farpoint.path.path import _between
 from farpoint.pose import RelativePoseOptions, failed_pose
-from farpoint.pose.shutter import Turning, shutter_of
+from farpoint.pose.shutter import AngularVelocityPrior, shutter_of
 from farpoint.pose.views import Views, estimate_views
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
@@ -32,7 +32,7 @@ def test_a_rate_is_exact_for_a_velocity_of_second_degree(image):
     linear, quadratic = rng.normal(0.0, 0.01, (2, 3)), rng.normal(0.0, 0.01, (3, 3))
     points = np.array([[10.0, 20.0], [600.0, 400.0]])
     for velocity in (linear, quadratic):
-        turning = Turning(before=means_of(velocity, -1.0), sigma=0.01)
+        turning = AngularVelocityPrior(before=means_of(velocity, -1.0), sigma=0.01)
         shutter = shutter_of(CAMERA, points, points, READOUT_S, INTERVAL_S, turning)
         second = 2.0 * velocity[2] if len(velocity) > 2 else np.zeros(3)
         rate = shutter._replace(derivative=second).rate(means_of(velocity, 0.0), image)
@@ -42,7 +42,7 @@ def test_a_rate_is_exact_for_a_velocity_of_second_degree(image):
 def test_a_rate_without_one_before_is_exact_with_the_first_derivative():
     velocity = np.array([[0.01, 0.02, -0.01], [0.003, -0.002, 0.001]])
     points = np.array([[10.0, 20.0]])
-    turning = Turning(before=None, sigma=0.01)
+    turning = AngularVelocityPrior(before=None, sigma=0.01)
     shutter = shutter_of(CAMERA, points, points, READOUT_S, INTERVAL_S, turning)
     for image in (0, 1):
         rate = shutter._replace(derivative=velocity[1]).rate(means_of(velocity, 0.0), image)
@@ -67,13 +67,13 @@ def turned(rates: np.ndarray) -> AngularVelocity:
 def test_smooth_velocities_are_continued_and_rough_ones_are_not():
     times = np.arange(30.0)
     smooth = np.outer(0.3 * np.sin(0.3 * times), [1.0, 0.0, 0.0])
-    turning = turned(smooth).turning(INTERVAL_S)
+    turning = turned(smooth).prior(INTERVAL_S)
     np.testing.assert_allclose(turning.before, smooth[-1] * INTERVAL_S, atol=1e-12)
     second = np.diff(smooth[:, 0], 2)
     expected = np.sqrt(np.mean(second**2) / 3.0) * INTERVAL_S
     assert turning.sigma == pytest.approx(expected, rel=1e-6)
     rough = np.random.default_rng(1).normal(0.0, 0.1, (30, 3))
-    turning = turned(rough).turning(INTERVAL_S)
+    turning = turned(rough).prior(INTERVAL_S)
     assert turning.before is None
     assert turning.sigma == pytest.approx(np.sqrt(2.0) * 0.1 * INTERVAL_S, rel=0.2)
 
@@ -81,8 +81,8 @@ def test_smooth_velocities_are_continued_and_rough_ones_are_not():
 def test_nothing_is_known_after_a_cut():
     history = turned(np.full((5, 3), 0.1))
     history.break_off()
-    assert history.turning(INTERVAL_S) is None
-    assert AngularVelocity().turning(INTERVAL_S) is None
+    assert history.prior(INTERVAL_S) is None
+    assert AngularVelocity().prior(INTERVAL_S) is None
 
 
 def shaken(seed: int) -> tuple[Views, np.ndarray]:
@@ -115,7 +115,7 @@ def shaken(seed: int) -> tuple[Views, np.ndarray]:
         points[inside] + rng.normal(0.0, NOISE_PX, (inside.sum(), 2))
         for points in (points0, points1)
     )
-    turning = Turning(before=means_of(velocity, -1.0), sigma=0.002)
+    turning = AngularVelocityPrior(before=means_of(velocity, -1.0), sigma=0.002)
     views = Views(points0, points1, CAMERA, CAMERA, None, None, READOUT_S, INTERVAL_S, turning)
     return views, pose_at(np.ones(1))[0]
 
@@ -125,7 +125,7 @@ def test_velocities_that_change_are_taken_into_account():
     inside = []
     for seed in range(40):
         views, R = shaken(seed)
-        for name, given in (("changing", views), ("constant", views._replace(turning=None))):
+        for name, given in (("changing", views), ("constant", views._replace(angular_prior=None))):
             pose = estimate_views(given, RelativePoseOptions(), 0)
             error = so3.log(R @ pose.rotation_cam1_from_cam0.T)
             errors[name].append(float(np.linalg.norm(error)))

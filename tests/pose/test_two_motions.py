@@ -186,7 +186,7 @@ def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
 def test_what_neighbours_share_of_a_small_noise_is_not_looked_at_again(monkeypatch):
     monkeypatch.setattr(two_motions, "fit_with_bounded_noise", searched_again)
     matches, fit = fit_of(*traffic(1, 0.0, 0.0)[:2])
-    small = replace(fit, noise=fit.noise._replace(variance=0.14**2), coherence=0.9)
+    small = replace(fit, noise=fit.noise._replace(variance=0.14**2), residual_correlation=0.9)
     assert dominant_of(matches, small) is small
     # A tolerance of less says that less is wrong.
     with pytest.raises(AssertionError, match="searched again"):
@@ -221,7 +221,7 @@ def test_the_motion_of_most_is_doubted_as_far_as_the_likelier_one_is_off_alike()
 def test_neighbours_may_be_off_by_more_than_each_match():
     """The correlation is no more than one on average only."""
     matches, fit = fit_of(*traffic(2, 0.4, 6.0)[:2])
-    found = dominant_of(matches, replace(fit, coherence=1.1))
+    found = dominant_of(matches, replace(fit, residual_correlation=1.1))
     assert np.isfinite(found.covariance).all()
 
 
@@ -242,13 +242,13 @@ def test_a_likelier_motion_that_the_first_search_missed_is_taken():
             R_cam1_from_cam0=so3.exp(np.array([0.02, 0.0, 0.0])) @ fit.R_cam1_from_cam0,
             noise=fit.noise._replace(variance=16.0 * fit.noise.variance),
             cost=fit.cost + 1.0,
-            coherence=0.7,
+            residual_correlation=0.7,
         )
         found = dominant_of(matches, missed)
         assert found is not missed
         assert so3.angle_between(found.R_cam1_from_cam0, fit.R_cam1_from_cam0) < 1e-4
         # One that is as likely stays.
-        alike = replace(fit, coherence=0.7)
+        alike = replace(fit, residual_correlation=0.7)
         assert dominant_of(matches, alike) is alike
 
 
