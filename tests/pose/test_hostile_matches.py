@@ -145,7 +145,7 @@ def test_points_on_the_border_and_beyond_the_lens(count, seed, kind, lens, refin
 @hostile
 @given(
     count=counts,
-    outlier_half_width=st.sampled_from([1e-3, 1.0, 1e3]),
+    spread=st.sampled_from([1e-3, 1.0, 1e3]),
     scale=st.sampled_from([1e-200, 1e-30, 1.0, 1e30, 1e200]),
     seed=seeds,
     refine=refine,
