@@ -16,7 +16,7 @@ _TURN_CHI2 = 11.3  # 0.99 quantile, 3 degrees of freedom
 
 
 def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
-    """The motion without a translation: STATIC, or ROTATION_ONLY where the camera turned.
+    """The motion without a translation: STATIC, or ROTATION_ONLY where the camera rotates.
 
     Parameters
     ----------
@@ -34,8 +34,8 @@ def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
         pose,
         status=PoseStatus.ROTATION_ONLY if is_rotating else PoseStatus.STATIC,
         reason=(
-            f"{rest.points} points of known distance stand still: what moves is in front of the "
-            f"camera, which {'only is_rotating' if is_rotating else 'is at rest'}."
+            f"Independently moving object: {rest.points} points of known distance show that the "
+            f"camera {'rotates without a translation' if is_rotating else 'is at rest'}."
         ),
         rotation_cam1_from_cam0=rest.rotation_cam1_from_cam0,
         rotation_covariance=rest.rotation_covariance,

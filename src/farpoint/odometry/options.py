@@ -18,12 +18,12 @@ class OdometryOptions:
     Attributes
     ----------
     tracker : TrackerOptions
-        How points are found and followed.
+        Detection and tracking of points.
     pose : RelativePoseOptions
-        How the motion is estimated from them. By default `shared_error_px` is 0.002: what the
-        tracker's windows were seen to have in common on rendered streets; `half_splits` is 8; and
-        `sharing_beyond_patches` is 6.5, the most likely slope for the errors of compressed streets.
-        `expected_half_ratio` is that of the first pair, from which it goes on.
+        The two-view estimate. By default `shared_error_px` is 0.002, the common error of the
+        tracker's windows on rendered streets; `half_splits` is 8; and `sharing_beyond_patches` is
+        6.5, the most likely slope for the errors of compressed streets. `expected_half_ratio` is
+        that of the first pair; later pairs take the mean of those before.
     path : PathOptions
         The window that keeps one scale.
     lens : LensRefinementOptions

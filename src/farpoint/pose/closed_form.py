@@ -50,9 +50,10 @@ def estimate_closed_form(
     diagnostics.time_stage("search_s")
     epipole = mean_epipole(flowing, R, options.flow_saturation_px, agree)
     chance = 0.5 * tolerance / matches.outlier_half_width
-    seen = is_consensus(int(agree.sum()), len(flowing), 2, chance, options.false_alarm_rate)
-    if epipole is None or not seen or largest_sigma(epipole.covariance) > MAX_EPIPOLE_SIGMA:
-        still = is_static(R, rotation_covariance, options.false_alarm_rate)
+    rate = options.false_alarm_rate
+    is_common = is_consensus(int(agree.sum()), len(flowing), 2, chance, rate)
+    if epipole is None or not is_common or largest_sigma(epipole.covariance) > MAX_EPIPOLE_SIGMA:
+        still = is_static(R, rotation_covariance, rate)
         return conclusion.without_direction(
             PoseStatus.STATIC if still else PoseStatus.ROTATION_ONLY,
             f"No motion: {agreeing} of {len(matches)} matches stand still within the noise."

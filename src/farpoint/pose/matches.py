@@ -235,10 +235,10 @@ class PixelMatches:
         if camera0 is camera1:
             rays, by_pixel = _rays_of(camera0, np.concatenate((points0, points1)))
             n = len(points0)
-            seen = (rays[:n], by_pixel[:n]), (rays[n:], by_pixel[n:])
+            images = (rays[:n], by_pixel[:n]), (rays[n:], by_pixel[n:])
         else:
-            seen = _rays_of(camera0, points0), _rays_of(camera1, points1)
-        (rays0, by_pixel0), (rays1, by_pixel1) = seen
+            images = _rays_of(camera0, points0), _rays_of(camera1, points1)
+        (rays0, by_pixel0), (rays1, by_pixel1) = images
         return cls(
             rays=(rays0, rays1),
             by_pixel=(by_pixel0, by_pixel1),
@@ -248,10 +248,10 @@ class PixelMatches:
 
     def matches(self, unrolled: Unrolled | None = None) -> Matches:
         """As the estimator takes them, with rays that are ``unrolled``."""
-        seen = tuple(zip(self.rays, self.by_pixel, strict=True))
+        images = tuple(zip(self.rays, self.by_pixel, strict=True))
         if unrolled is not None:
-            seen = unrolled(0, *seen[0]), unrolled(1, *seen[1])
-        (rays0, by_pixel0), (rays1, by_pixel1) = seen
+            images = unrolled(0, *images[0]), unrolled(1, *images[1])
+        (rays0, by_pixel0), (rays1, by_pixel1) = images
 
         def packed(first: np.ndarray, second: np.ndarray) -> Matches:
             noise, least = (first, second), LEAST_RAD_PER_PX**2
