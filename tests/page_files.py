@@ -157,7 +157,7 @@ def _felt(drive: Drive) -> tuple[np.ndarray, np.ndarray]:
         Trajectory(timestamps=drive.sequence.timestamps, world_from_body=poses), 1.0 / FPS
     )
     times = np.arange(round(path.duration_s * _IMU_HZ) + 1) / _IMU_HZ
-    felt = path.felt(times)
+    felt = path.measured(times)
     until_the_end = np.ones((2 * _IMU_HZ // FPS, 1))
     at_rest = np.tile(-(poses[0, :3, :3].T @ GRAVITY), (_AT_REST, 1))
     gyro = np.vstack([np.zeros((_AT_REST, 3)), felt.gyro, until_the_end * felt.gyro[-1]])

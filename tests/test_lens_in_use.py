@@ -9,7 +9,7 @@ import pytest
 
 from farpoint.camera import Camera
 from farpoint.odometry.lens_in_use import LensInUse
-from farpoint.path.lens import LensEstimate
+from farpoint.path.lens import LensEstimate, with_prior
 from farpoint.path.options import LensRefinementOptions
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
@@ -30,22 +30,37 @@ def found_of(camera: Camera, *, focal: float, sigma: float, readout_s: float) ->
 def test_a_lens_is_taken_where_it_is_plainly_another(camera):
     in_use = LensInUse(camera, LensRefinementOptions())
     in_use.update(found_of(camera, focal=0.1, sigma=1.0, readout_s=0.0))
-    assert in_use.camera == camera
+    assert in_use.camera.model == camera.model
     found = found_of(camera, focal=1.0, sigma=0.01, readout_s=0.0)
     in_use.update(found)
     assert in_use.camera.model == found.found().model
     assert in_use.camera.model != camera.model
 
 
-def test_what_is_left_of_a_doubt_that_was_given_counts_and_no_other():
-    exact = LensInUse(CAMERA, LensRefinementOptions())
-    exact.update(found_of(CAMERA, focal=1.0, sigma=0.01, readout_s=0.0))
-    assert exact.camera.uncertainty is None
+@pytest.mark.parametrize("camera", [CAMERA, CAMERA.with_uncertainty(focal=0.03)])
+def test_an_adopted_lens_is_as_uncertain_as_the_estimate(camera):
+    in_use = LensInUse(camera, LensRefinementOptions())
+    found = found_of(camera, focal=1.0, sigma=0.01, readout_s=0.0)
+    in_use.update(found)
+    prior = with_prior(camera, LensRefinementOptions()).parameter_sigmas()["fx"]
+    assert in_use.camera.parameter_sigmas()["fx"] == pytest.approx(0.01 * prior, rel=1e-2)
+    # A later estimate, two of its sigmas away, is not adopted: its difference is an uncertainty.
+    found.z, found.covariance = 1.02 * found.z, found.covariance.copy()
+    in_use.update(found)
+    sigma = in_use.camera.parameter_sigmas()["fx"]
+    assert sigma == pytest.approx(np.hypot(0.01, 0.02) * prior, rel=1e-2)
+
+
+def test_an_exact_lens_stays_exact_until_another_is_adopted():
+    in_use = LensInUse(CAMERA, LensRefinementOptions())
+    in_use.update(found_of(CAMERA, focal=0.1, sigma=1.0, readout_s=0.0))
+    assert in_use.camera.uncertainty is None
     given = CAMERA.with_uncertainty(focal=0.03)
-    unsure = LensInUse(given, LensRefinementOptions())
-    unsure.update(found_of(given, focal=1.0, sigma=0.01, readout_s=0.0))
-    sigma = unsure.camera.parameter_sigmas()["fx"]
-    assert sigma == pytest.approx(0.01 * given.parameter_sigmas()["fx"])
+    uncertain = LensInUse(given, LensRefinementOptions())
+    uncertain.update(found_of(given, focal=0.1, sigma=0.5, readout_s=0.0))
+    prior = given.parameter_sigmas()["fx"]
+    sigma = uncertain.camera.parameter_sigmas()["fx"]
+    assert sigma == pytest.approx(np.hypot(0.5, 0.1) * prior, rel=1e-2)
 
 
 def test_a_shutter_is_global_until_its_read_out_stands_out():

@@ -18,7 +18,7 @@ from farpoint.trajectory.files import Trajectory
 
 CAMERA = Camera.pinhole(400, 300, 320.0, 320.0, 199.5, 149.5)
 FPS, STANDING = 10.0, 9
-VAN = (150, 90)  # px
+VAN = (300, 150)  # px: so large that two views alone take some pairs for a motion
 
 
 def stop_and_go() -> tuple[Trajectory, int, int]:

@@ -147,7 +147,8 @@ def test_of_a_flow_that_is_mostly_noise_more_is_asked(matches, fit, other, gain,
 
 def test_the_less_is_known_of_noise_the_clearer_it_must_be(matches, fit, other):
     other(20.0)
-    found = asked(replace(matches, misspecification=4.0), fit)
+    unsure = replace(matches, misspecification=4.0)
+    found = asked(unsure, replace(fit, matches=unsure))
     assert found.candidate_mode is not None
 
 

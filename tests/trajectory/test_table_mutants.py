@@ -46,16 +46,16 @@ def samples(tmp_path: Path) -> dict[str, tuple[str, Callable[[Path], object]]]:
         "motions": (MOTIONS, read_motions),
         "speeds": (
             "rpm,timestamp,speed\n" + "".join(f"7,{k / 10},{k}.5\n" for k in range(6)),
-            lambda path: MetricOptions(speed=path).hints(),
+            lambda path: MetricOptions(speed=path).measurements(),
         ),
         "degrees": (
             "timestamp,latitude,longitude,altitude\n"
             + "".join(f"{k / 10},48.{k},11.{k},500.0\n" for k in range(6)),
-            lambda path: MetricOptions(gnss=path).hints(),
+            lambda path: MetricOptions(gnss=path).measurements(),
         ),
         "metres": (
             "timestamp,x,y,z\n" + "".join(f"{k / 10},{k}.5,1,2\n" for k in range(6)),
-            lambda path: MetricOptions(gnss=path).hints(),
+            lambda path: MetricOptions(gnss=path).measurements(),
         ),
         "imu": (
             "#timestamp [ns],w_x,w_y,w_z,a_x,a_y,a_z\n"

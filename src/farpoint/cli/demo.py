@@ -114,9 +114,9 @@ class Demo:
 
 
 _INSIDE = "in 95 of 100 frames the true place is inside the ellipse around it"
-# A hand's velocities are not constant from frame to frame, which two views take them to be.
+# Two views take the lens for exact until the path has found another.
 _INSIDE_BY_HAND = """in how many frames the true place is inside the ellipse around it,
-the row "direction" above has: a hand that shakes makes it less than the 95 of 100 it should be"""
+the row "direction" above: until lens and shutter are found, fewer than 95 of 100"""
 _IN_THE_CURVE = """In the bend the 1-sigma of the direction rises: its direction is less
 certain there. """
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from farpoint.camera import Camera
 from farpoint.path.lens import LensEstimate
@@ -12,14 +13,16 @@ from farpoint.path.options import LensRefinementOptions
 
 __all__ = ["LensInUse"]
 
-_SIGNIFICANT_SIGMAS = 3.0  # deviation from the lens in use that replaces it
+_SIGNIFICANT_SIGMAS = 3.0  # deviation of the read-out time from 0 that makes it one
+_SIGNIFICANCE = 0.0027  # false-alarm rate of a change of the lens: that of 3 sigma (convention)
 
 
 class LensInUse:
-    """The camera of two-view estimates: as given, until the path's estimate differs by 3 sigma.
+    """The camera of two-view estimates: as given, until the path's estimate differs significantly.
 
-    Smaller differences are noise, and each change recomputes tables of the lens. An unknown shutter
-    is global until its read-out time exceeds 3 sigma.
+    Smaller differences are noise, and each change recomputes tables of the lens. From then on, or
+    where the given camera is uncertain, the covariance is that of the path's estimate, plus the
+    square of its difference. An unknown shutter is global until its read-out time exceeds 3 sigma.
 
     Parameters
     ----------
@@ -34,18 +37,22 @@ class LensInUse:
         if options.readout_ms is not None:
             self.camera = camera.with_readout(1e-3 * options.readout_ms)
         self._is_shutter_known = self.camera.readout_s is not None
-        self._z: np.ndarray | None = None
+        self._z: np.ndarray | None = None  # in use, once another than the given lens is
+        self._solution: np.ndarray | None = None  # of the last update
 
     def update(self, lens: LensEstimate | None) -> None:
-        """Adopt the path's estimate where it differs by more than 3 sigma."""
-        if lens is None:
+        """Adopt the path's estimate where it differs significantly."""
+        if lens is None or lens.covariance is self._solution:
             return
+        self._solution = lens.covariance
         moved = lens.z if self._z is None else lens.z - self._z
-        if lens.size and lens.moved_px(moved) > _SIGNIFICANT_SIGMAS * lens.sigma_px():
-            self._z, found = lens.z, lens.report().camera
-            # The posterior uncertainty where the given camera has one; else exact.
-            uncertainty = None if self.camera.uncertainty is None else found.uncertainty
-            self.camera = replace(self.camera, model=found.model, uncertainty=uncertainty)
+        if lens.size and _is_significant(moved, lens.covariance[:-1, :-1]):
+            self._z, moved = lens.z, np.zeros(lens.size)
+            self.camera = replace(self.camera, model=lens.found().model)
+        if lens.size and (self._z is not None or self.camera.uncertainty is not None):
+            covariance = lens.covariance[:-1, :-1] + np.outer(moved, moved)
+            covariance = lens.factor @ covariance @ lens.factor.T
+            self.camera = self.camera.with_parameter_covariance(covariance)
         sigma_s = lens.readout_sigma_s
         if not self._is_shutter_known and lens.readout_s > _SIGNIFICANT_SIGMAS * sigma_s:
             self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
@@ -55,3 +62,9 @@ class LensInUse:
         if seconds <= 0.0 or self.camera.readout_s is None:
             return None
         return max(seconds, self.camera.readout_s)
+
+
+def _is_significant(moved: np.ndarray, covariance: np.ndarray) -> bool:
+    """Whether a change (r,) is larger than its covariance explains."""
+    distance2 = float(moved @ np.linalg.solve(covariance, moved))
+    return distance2 > float(scipy.special.chdtri(len(moved), _SIGNIFICANCE))

@@ -50,6 +50,15 @@ class _Reference:
     timestamp: float
     motion: RelativePose | None
     tracks: Tracks
+    direction: np.ndarray | None = None
+    """Last known direction, cam1_from_cam0."""
+
+    def predicted(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """The next motion, cam1_from_cam0, if velocities in camera axes are constant."""
+        if self.motion is None or self.direction is None:
+            return None
+        R = self.motion.rotation_cam1_from_cam0
+        return None if R is None else (R, self.direction)
 
 
 class Odometry:
@@ -258,7 +267,7 @@ class Odometry:
         tracks = self._tracker.match(image, self._prediction(reference))
         matched = time.perf_counter()
         seconds = timestamp - reference.timestamp
-        tracks, searched = self._without_perspective(tracks, seconds, reference.motion)
+        tracks, searched = self._without_perspective(tracks, seconds, reference)
         views = self._views(self._lens.camera, tracks, seconds)
         pose = estimate_views(views, self._pose_options(), self.options.seed, searched)
         self._half_ratios.add(pose.stats.half_ratio)
@@ -271,9 +280,13 @@ class Odometry:
             self._lens.update(self._path.lens)
             solved = time.perf_counter()
             pose = at_rest(pose, point.rest)
-            is_good = pose.labels != TrackLabel.OUTLIER
+            is_good, direction = pose.labels != TrackLabel.OUTLIER, pose.direction_cam1_from_cam0
             self._reference = _Reference(
-                index=index, timestamp=timestamp, motion=pose, tracks=tracks.select(is_good)
+                index=index,
+                timestamp=timestamp,
+                motion=pose,
+                tracks=tracks.select(is_good),
+                direction=reference.direction if direction is None else direction,
             )
             if point.fitting is not None:  # points of known distance are inliers
                 is_good |= np.isin(tracks.ids, point.fitting)
@@ -294,14 +307,14 @@ class Odometry:
         return self._result(reference, index, timestamp, pose, tracks, point)
 
     def _without_perspective(
-        self, tracks: Tracks, seconds: float, last: RelativePose | None
+        self, tracks: Tracks, seconds: float, reference: _Reference
     ) -> tuple[Tracks, Searched | None]:
         """Tracks corrected for perspective by the motion of a search, and that motion."""
         options = self.options.pose
         if not options.refine:
             return tracks, None
         views = self._views(self._lens.camera, tracks, seconds)
-        searched = search_views(views, options, self.options.seed, last)
+        searched = search_views(views, options, self.options.seed, reference.predicted())
         if searched is None:
             return tracks, None
         motion = rough_motion(searched, options)

@@ -29,7 +29,7 @@ from farpoint.pose.model_selection import is_consensus
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.two_motions import is_correlated
 
-__all__ = ["likeliest_motion"]
+__all__ = ["CLEAR", "likeliest_motion"]
 
 # Pairs of rejected matches whose directions are tried: where 1/4 of them has the direction,
 # 100 pairs miss it with a probability of (1 - 1/16)^100 = 0.002.
@@ -69,18 +69,19 @@ def likeliest_motion(
         return fit
     others = (refit_general_motion(matches, start) for start in starts)
     found = max(others, key=attrgetter("log_likelihood"))
-    gain = found.log_likelihood - fit.log_likelihood
-    if gain > _margin(matches, found):
+    if _is_clearly_likelier(found, fit):
         return found
     if not is_noisy:
         return fit
-    other = found.R_cam1_from_cam0, found.direction_cam1_from_cam0, max(-gain, 0.0)
+    behind = max(fit.log_likelihood - found.log_likelihood, 0.0)
+    other = found.R_cam1_from_cam0, found.direction_cam1_from_cam0, behind
     return replace(fit, candidate_mode=other)
 
 
-def _margin(matches: Matches, fit: GeneralMotionFit) -> float:
-    """Least log-likelihood ratio with which a candidate replaces the fit."""
-    return (CLEAR + OF_NOISE if fit.has_shrunk_flow else CLEAR) * matches.misspecification
+def _is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool:
+    """Whether a motion is likelier than another by the margin of candidates."""
+    margin = CLEAR + OF_NOISE if fit.has_shrunk_flow else CLEAR
+    return fit.log_likelihood - other.log_likelihood > margin * other.matches.misspecification
 
 
 def _from_rejected(

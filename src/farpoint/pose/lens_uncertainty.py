@@ -94,11 +94,12 @@ def with_lens_uncertainty(
     inliers = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
     inliers = inliers[:: max(-(-len(inliers) // _MOST), 1)]
     views = view0, view1
+    rays = lenses.rays(*views, inliers)
     if pose.status is PoseStatus.OK:
-        errors = _explained_by_a_rotation(lenses, views, inliers, pose, false_alarm_rate)
+        errors = _explained_by_a_rotation(lenses, views, inliers, rays, pose, false_alarm_rate)
         if errors is not None and _has_no_direction(estimate(*lenses.at(errors))):
             pose = _without_direction(pose)
-    by_lens = _sensitivity(pose, *lenses.rays(*views, inliers))
+    by_lens = _sensitivity(pose, *rays)
     spread = by_lens @ by_lens.T
     rotation_covariance, covariance = pose.rotation_covariance, pose.covariance
     assert rotation_covariance is not None
@@ -284,7 +285,12 @@ class _Flow(NamedTuple):
 
 
 def _explained_by_a_rotation(
-    lenses: _Lenses, views: tuple[View, View], rows: np.ndarray, pose: RelativePose, rate: float
+    lenses: _Lenses,
+    views: tuple[View, View],
+    rows: np.ndarray,
+    rays: tuple[_Rays, _Rays],
+    pose: RelativePose,
+    rate: float,
 ) -> np.ndarray | None:
     """Errors of the lenses (r,) with which a rotation explains most of the flow.
 
@@ -299,7 +305,7 @@ def _explained_by_a_rotation(
     prior = np.diag([0.0] * 3 + [1.0] * len(z))
     farthest2 = float(scipy.special.chdtri(float(len(z)), rate))
     contradicts2 = float(scipy.special.chdtri(2.0, rate))
-    taken, rays = z, lenses.rays(*views, rows, z)
+    taken = z
     for _ in range(_STEPS):
         if float(np.abs(z - taken).max(initial=0.0)) > _LINEAR:
             taken, rays = z, lenses.rays(*views, rows, z)

@@ -23,10 +23,21 @@ _CLOSE = 0.1  # sigma; converged
 
 
 class Searched(NamedTuple):
-    """A motion that a search found, and the rotation vector (3,), rad, undone in its rows."""
+    """Motions that a search found.
+
+    Attributes
+    ----------
+    fit : GeneralMotionFit
+        The likeliest.
+    theta : ndarray, shape (3,)
+        Rotation vector that was undone for it, rad.
+    other : GeneralMotionFit, optional
+        A predicted one in another direction, to be compared after correction of the rows.
+    """
 
     fit: GeneralMotionFit
     theta: np.ndarray
+    other: GeneralMotionFit | None = None
 
 
 def search_rolling(
@@ -87,8 +98,18 @@ def estimate_rolling(
 def _closer(
     shutter: Shutter, pixels: PixelMatches, searched: Searched
 ) -> tuple[GeneralMotionFit, np.ndarray]:
-    """The motion and its rotation, refitted until the rest is within its noise."""
-    fit, theta = searched
+    """The likelier motion after correction of the rows, and its rotation."""
+    closer = _closer_to(shutter, pixels, searched.fit, searched.theta)
+    if searched.other is None:
+        return closer
+    other = _closer_to(shutter, pixels, searched.other, searched.theta)
+    return max(closer, other, key=lambda each: each[0].log_likelihood)
+
+
+def _closer_to(
+    shutter: Shutter, pixels: PixelMatches, fit: GeneralMotionFit, theta: np.ndarray
+) -> tuple[GeneralMotionFit, np.ndarray]:
+    """A motion and its rotation, refitted until the rest is within its noise."""
     theta, _ = _unrolled(shutter, fit.R_cam1_from_cam0, fit.matches.used(fit.labels), theta)
     for _ in range(_MOST_PASSES):
         matches = pixels.matches(partial(shutter.unrolled, theta))

@@ -61,6 +61,7 @@ EXPLAINED = 0.5
 # Residual correlation from which on a part of the image may have its own motion; number of centers
 # of the discs tried, their shares of all matches, and the least number of matches.
 SUSPECT, CENTERS, SHARES, LEAST_SPLIT = 0.3, 16, (0.1, 0.2, 0.3, 0.4, 0.5), 40
+SCREENED = 100  # matches, about, that compare discs
 # Largest sum of squares with two motions over that with one.
 MOST_LEFT = 0.5
 # Exchanges of patches between two parts, at most; matches that a part has, at least.
@@ -199,17 +200,16 @@ def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMo
 
 def _best_disc(rays: np.ndarray, squares: np.ndarray, total: np.ndarray) -> np.ndarray:
     """Mask (N,) of a disc, around one of the rays, that leaves the least with two motions."""
-    n = len(rays)
-    centers = rays[np.arange(CENTERS) * n // CENTERS]
-    nearest = np.argsort(-(centers @ rays.T), axis=1)
+    some = np.arange(0, len(rays), max(len(rays) // SCREENED, 1))
+    n, scale = len(some), len(rays) / len(some)
+    cosines = rays[some[np.arange(CENTERS) * n // CENTERS]] @ rays[some].T
+    nearest = np.argsort(-cosines, axis=1)
     counts = np.array([round(share * n) for share in SHARES])
-    within = np.cumsum(squares[nearest], axis=1)[:, counts - 1].reshape(-1, 6, 6)
-    disc, count = divmod(
-        int(np.argmin(_left_over(within) + _left_over(total - within))), len(counts)
-    )
-    mask = np.zeros(n, bool)
-    mask[nearest[disc, : counts[count]]] = True
-    return mask
+    within = scale * np.cumsum(squares[some][nearest], axis=1)[:, counts - 1].reshape(-1, 6, 6)
+    left = _left_over(within) + _left_over(total - within)
+    disc, count = divmod(int(np.argmin(left)), len(counts))
+    center, last = nearest[disc, 0], nearest[disc, counts[count] - 1]
+    return rays @ rays[some[center]] >= cosines[disc, last]
 
 
 def _own_step(squares: np.ndarray) -> np.ndarray:

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint.camera import Camera
+from farpoint.pose.candidates import CLEAR
+from farpoint.pose.competing_motions import COS_NEARBY
 from farpoint.pose.general_motion import refit_general_motion
 from farpoint.pose.lens_uncertainty import View, with_lens_uncertainty
 from farpoint.pose.matches import PixelMatches
@@ -80,19 +82,27 @@ def estimate_views(
 
 
 def search_views(
-    views: Views, options: RelativePoseOptions, seed: int, predicted: RelativePose | None = None
+    views: Views,
+    options: RelativePoseOptions,
+    seed: int,
+    predicted: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Searched | None:
-    """The motion that a search finds, or one near the predicted motion, if that is likelier.
+    """The motion that a search finds, or the one near a predicted motion, if that is clearly likelier.
 
-    None for too few matches.
+    ``predicted`` is a rotation and a direction, cam1_from_cam0. None for too few matches.
     """
-    searched = search_rolling(views.shutter(), views.pixels(), options, seed)
-    if searched is None or predicted is None or predicted.direction_cam1_from_cam0 is None:
+    shutter = views.shutter()
+    searched = search_rolling(shutter, views.pixels(), options, seed)
+    if searched is None or predicted is None:
         return searched
-    assert predicted.rotation_cam1_from_cam0 is not None
-    fit, R = searched.fit, predicted.rotation_cam1_from_cam0.copy()
-    near = refit_general_motion(fit.matches, fit.at(R, predicted.direction_cam1_from_cam0.copy()))
-    is_likelier = near.log_likelihood > fit.log_likelihood
+    fit = searched.fit
+    near = fit.at(*(each.copy() for each in predicted))
+    if near.direction_cam1_from_cam0 @ fit.direction_cam1_from_cam0 > COS_NEARBY:
+        return searched
+    if shutter is not None:  # compared after correction of the rows, each with its own rotation
+        return searched._replace(other=near)
+    near = refit_general_motion(fit.matches, near)
+    is_likelier = near.log_likelihood > fit.log_likelihood + CLEAR
     return searched._replace(fit=near) if is_likelier else searched
 
 

@@ -1,0 +1,136 @@
+"""Angular velocities that change from frame to frame, and what a rolling shutter makes of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from farpoint.camera import Camera
+from farpoint.geometry import so3
+from farpoint.metrics import chi2_quantile
+from farpoint.odometry.angular_velocity import AngularVelocity
+from farpoint.path.path import _between
+from farpoint.pose import RelativePoseOptions, failed_pose
+from farpoint.pose.shutter import AngularVelocityPrior, shutter_of
+from farpoint.pose.views import Views, estimate_views
+
+CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
+INTERVAL_S, READOUT_S, NOISE_PX = 1.0 / 30.0, 0.025, 0.2
+
+
+def means_of(coefficients: np.ndarray, begin: float) -> np.ndarray:
+    """Mean of a polynomial (K, 3), lowest power first, over the unit of time from ``begin``."""
+    powers = np.arange(1, len(coefficients) + 1)
+    return ((begin + 1.0) ** powers - begin**powers) / powers @ coefficients
+
+
+@pytest.mark.parametrize("image", [0, 1])
+def test_a_rate_is_exact_for_a_velocity_of_second_degree(image):
+    rng = np.random.default_rng(image)
+    linear, quadratic = rng.normal(0.0, 0.01, (2, 3)), rng.normal(0.0, 0.01, (3, 3))
+    points = np.array([[10.0, 20.0], [600.0, 400.0]])
+    for velocity in (linear, quadratic):
+        turning = AngularVelocityPrior(before=means_of(velocity, -1.0), sigma=0.01)
+        shutter = shutter_of(CAMERA, points, points, READOUT_S, INTERVAL_S, turning)
+        second = 2.0 * velocity[2] if len(velocity) > 2 else np.zeros(3)
+        rate = shutter._replace(derivative=second).rate(means_of(velocity, 0.0), image)
+        np.testing.assert_allclose(rate, float(image) ** np.arange(len(velocity)) @ velocity)
+
+
+def test_a_rate_without_one_before_is_exact_with_the_first_derivative():
+    velocity = np.array([[0.01, 0.02, -0.01], [0.003, -0.002, 0.001]])
+    points = np.array([[10.0, 20.0]])
+    turning = AngularVelocityPrior(before=None, sigma=0.01)
+    shutter = shutter_of(CAMERA, points, points, READOUT_S, INTERVAL_S, turning)
+    for image in (0, 1):
+        rate = shutter._replace(derivative=velocity[1]).rate(means_of(velocity, 0.0), image)
+        np.testing.assert_allclose(rate, velocity[0] + image * velocity[1])
+
+
+def test_a_velocity_between_frames_is_exact_for_the_third_degree():
+    coefficients = np.random.default_rng(3).normal(size=(4, 6))
+    around = [means_of(coefficients, begin) for begin in (-2.0, -1.0, 0.0, 1.0)]
+    np.testing.assert_allclose(_between(*around), coefficients[0])
+
+
+def turned(rates: np.ndarray) -> AngularVelocity:
+    """After motions with these angular velocities (N, 3), rad/s."""
+    history, nothing = AngularVelocity(), failed_pose("none")
+    for rate in rates:
+        motion = replace(nothing, rotation_cam1_from_cam0=so3.exp(rate * INTERVAL_S))
+        history.add(motion, INTERVAL_S)
+    return history
+
+
+def test_smooth_velocities_are_continued_and_rough_ones_are_not():
+    times = np.arange(30.0)
+    smooth = np.outer(0.3 * np.sin(0.3 * times), [1.0, 0.0, 0.0])
+    turning = turned(smooth).prior(INTERVAL_S)
+    np.testing.assert_allclose(turning.before, smooth[-1] * INTERVAL_S, atol=1e-12)
+    second = np.diff(smooth[:, 0], 2)
+    expected = np.sqrt(np.mean(second**2) / 3.0) * INTERVAL_S
+    assert turning.sigma == pytest.approx(expected, rel=1e-6)
+    rough = np.random.default_rng(1).normal(0.0, 0.1, (30, 3))
+    turning = turned(rough).prior(INTERVAL_S)
+    assert turning.before is None
+    assert turning.sigma == pytest.approx(np.sqrt(2.0) * 0.1 * INTERVAL_S, rel=0.2)
+
+
+def test_nothing_is_known_after_a_cut():
+    history = turned(np.full((5, 3), 0.1))
+    history.break_off()
+    assert history.prior(INTERVAL_S) is None
+    assert AngularVelocity().prior(INTERVAL_S) is None
+
+
+def shaken(seed: int) -> tuple[Views, np.ndarray]:
+    """Matches through a rolling shutter whose angular velocity is of second degree; the motion."""
+    rng = np.random.default_rng(seed)
+    velocity = rng.normal(0.0, 1.0, (3, 3)) * np.array([[0.015], [0.008], [0.001]])
+    integral = np.array([1.0, 2.0, 3.0])
+
+    def pose_at(t: np.ndarray) -> np.ndarray:
+        theta = (t[:, None] ** integral / integral) @ velocity
+        return so3.exp(theta)
+
+    X = rng.uniform([-3.0, -2.5, 1.5], [3.0, 2.5, 6.0], (400, 3))
+    translation = np.array([0.03, 0.01, 0.02])
+
+    def seen(image: float) -> np.ndarray:
+        row = np.full(len(X), 239.5)
+        for _ in range(6):
+            t = image + (row / 479.0 - 0.5) * READOUT_S / INTERVAL_S
+            pixels = CAMERA.project(
+                np.einsum("nij,nj->ni", pose_at(t), X) + t[:, None] * translation
+            )
+            row = pixels[:, 1]
+        return pixels
+
+    points0, points1 = seen(0.0), seen(1.0)
+    inside = np.all((points0 > 0) & (points1 > 0), axis=1)
+    inside &= np.all((points0 < [639, 479]) & (points1 < [639, 479]), axis=1)
+    points0, points1 = (
+        points[inside] + rng.normal(0.0, NOISE_PX, (inside.sum(), 2))
+        for points in (points0, points1)
+    )
+    turning = AngularVelocityPrior(before=means_of(velocity, -1.0), sigma=0.002)
+    views = Views(points0, points1, CAMERA, CAMERA, None, None, READOUT_S, INTERVAL_S, turning)
+    return views, pose_at(np.ones(1))[0]
+
+
+def test_velocities_that_change_are_taken_into_account():
+    errors: dict[str, list[float]] = {"changing": [], "constant": []}
+    inside = []
+    for seed in range(40):
+        views, R = shaken(seed)
+        for name, given in (("changing", views), ("constant", views._replace(angular_prior=None))):
+            pose = estimate_views(given, RelativePoseOptions(), 0)
+            error = so3.log(R @ pose.rotation_cam1_from_cam0.T)
+            errors[name].append(float(np.linalg.norm(error)))
+            if name == "changing":
+                square = error @ np.linalg.solve(pose.rotation_covariance, error)
+                inside.append(square < chi2_quantile(0.95, 3))
+    assert np.median(errors["changing"]) < 0.5 * np.median(errors["constant"])
+    assert np.mean(inside) >= 0.85
