@@ -87,7 +87,7 @@ def search_views(
     seed: int,
     predicted: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Searched | None:
-    """The motion that a search finds, or the one near a predicted motion, if that is clearly likelier.
+    """The motion that a search finds, or one near a predicted motion, if clearly likelier.
 
     ``predicted`` is a rotation and a direction, cam1_from_cam0. None for too few matches.
     """
