@@ -210,12 +210,16 @@ def test_an_interruption_in_a_destructor_is_not_lost(capfd: pytest.CaptureFixtur
         def __del__(self) -> None:
             signal.raise_signal(signal.SIGINT)
 
-    before = signal.getsignal(signal.SIGINT)
-    with lasting_interrupts() as look:
-        look()
-        ended = Ended()
-        del ended  # Python goes on
-        with pytest.raises(KeyboardInterrupt):
+    # Whoever starts the tests in the background of a shell has the signal ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with lasting_interrupts() as look:
             look()
-    assert signal.getsignal(signal.SIGINT) is before
+            ended = Ended()
+            del ended  # Python goes on
+            with pytest.raises(KeyboardInterrupt):
+                look()
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert capfd.readouterr().err == ""
