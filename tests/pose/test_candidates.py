@@ -178,6 +178,15 @@ def test_one_that_has_not_clearly_lost_is_a_rival(fit, against, is_rival):
     assert (held.secondary_mode is not None) == is_rival
 
 
+def test_correlated_residuals_leave_another_mode_in_doubt(fit):
+    """A log-likelihood ratio of 20 is one of 5, if the variance of a sum is four times as large."""
+    mode = replace(fit, candidate_mode=(fit.R_cam1_from_cam0, UP, 20.0))
+    assert compare_modes(mode, None, lambda: turned(fit), 1e-3).secondary_mode is None
+    correlated = mode.matches.with_design_effect(4.0, is_misspecified=False)
+    mode = replace(mode, matches=correlated)
+    assert compare_modes(mode, None, lambda: turned(fit), 1e-3).secondary_mode is not None
+
+
 def test_the_same_way_with_less_noise_is_no_rival(fit):
     same = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0, 0.0
     candidate_mode = replace(fit, candidate_mode=same)
