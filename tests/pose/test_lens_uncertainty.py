@@ -170,3 +170,15 @@ def test_a_distortion_in_pixels_needs_the_size_of_the_image():
     camera = replace(made.camera, size=None).with_uncertainty(distortion_px=1.0)
     with pytest.raises(ValueError, match=r"camera\.size"):
         estimate(made, camera)
+
+
+def test_the_reason_states_the_widened_sigma_of_the_direction():
+    made = scene(3, baseline_m=0.4)
+    exact, uncertain = estimate(made, GUESS.with_uncertainty()), estimate(made, GUESS)
+    assert exact.status is uncertain.status is PoseStatus.OK
+    sigmas = []
+    for pose in (exact, uncertain):
+        sigma = np.degrees(np.sqrt(np.linalg.eigvalsh(pose.covariance[3:, 3:])[-1]))
+        assert f"1-sigma of {sigma:.2g} deg" in pose.reason
+        sigmas.append(sigma)
+    assert sigmas[1] > 1.1 * sigmas[0]

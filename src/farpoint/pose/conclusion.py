@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from farpoint._kernels.vectors import tangent_columns
+from farpoint.pose.certainty import direction_sigma
 from farpoint.pose.matches import Matches
 from farpoint.pose.result import PoseStats, PoseStatus, RelativePose, TrackLabel
 
@@ -20,6 +21,7 @@ __all__ = [
     "no_consensus",
     "observed",
     "undetermined_rotation",
+    "with_covariance",
     "without_direction",
 ]
 
@@ -96,7 +98,7 @@ def observed(
     R: np.ndarray,
     direction: np.ndarray,
     covariance: np.ndarray,
-    direction_sigma: float,
+    largest_direction_sigma: float,
     labels: np.ndarray,
     noise: float,
     diagnostics: Diagnostics,
@@ -107,13 +109,12 @@ def observed(
     ``detail`` is a further sentence of the reason.
     """
     stats = _stats(labels, diagnostics)
-    sigma_deg = math.degrees(direction_sigma)
     first, second = tangent_columns(direction.tolist())
     return RelativePose(
         status=PoseStatus.OK,
         reason=_joined(
             f"General motion: {stats.near} near and {stats.far} far matches agree on one motion; "
-            f"its direction has a 1-sigma of {sigma_deg:.2g} deg.",
+            f"its direction has a {_sigma_text(largest_direction_sigma)}.",
             detail,
             *diagnostics.notes,
         ),
@@ -126,6 +127,22 @@ def observed(
         noise_px=noise,
         stats=stats,
     )
+
+
+def with_covariance(pose: RelativePose, covariance: np.ndarray) -> RelativePose:
+    """An OK pose with another covariance (5, 5), rad^2, and its reason with that 1-sigma."""
+    assert pose.covariance is not None
+    before, after = (_sigma_text(direction_sigma(C)) for C in (pose.covariance, covariance))
+    return replace(
+        pose,
+        reason=pose.reason.replace(before, after, 1),
+        rotation_covariance=covariance[:3, :3].copy(),
+        covariance=covariance,
+    )
+
+
+def _sigma_text(sigma_rad: float) -> str:
+    return f"1-sigma of {math.degrees(sigma_rad):.2g} deg"
 
 
 def without_direction(

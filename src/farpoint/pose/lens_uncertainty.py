@@ -20,6 +20,7 @@ from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.geometry.sphere import normalize, tangent_basis
+from farpoint.pose.conclusion import with_covariance
 from farpoint.pose.result import PoseStatus, RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter
 
@@ -101,13 +102,10 @@ def with_lens_uncertainty(
             pose = _without_direction(pose)
     by_lens = _sensitivity(pose, *rays)
     spread = by_lens @ by_lens.T
-    rotation_covariance, covariance = pose.rotation_covariance, pose.covariance
-    assert rotation_covariance is not None
-    return replace(
-        pose,
-        rotation_covariance=rotation_covariance + spread[:3, :3],
-        covariance=None if covariance is None else covariance + spread,
-    )
+    if pose.covariance is not None:
+        return with_covariance(pose, pose.covariance + spread)
+    assert pose.rotation_covariance is not None
+    return replace(pose, rotation_covariance=pose.rotation_covariance + spread)
 
 
 class _Rays(NamedTuple):
