@@ -183,14 +183,13 @@ def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMo
     moved = _best_disc(matches.rays0, squares, total)
     for _ in range(EXCHANGES):
         within = np.sum(squares[moved], axis=0)
-        steps = [_own_step(part) for part in (total - within, within)]
-        apart = [(r + J @ step) ** 2 for step in steps]
+        apart = (r + _own_steps(np.stack([total - within, within])) @ J.T) ** 2
         gain = np.bincount(patch, fit.probability * (apart[0] - apart[1]))
         before, moved = moved, gain[patch] > 0.0
         if (moved == before).all():
             break
     within = np.sum(squares[moved], axis=0)
-    left = sum(_left_over(part[None])[0] for part in (total - within, within))
+    left = float(np.sum(_left_over(np.stack([total - within, within]))))
     if left > MOST_LEFT * total[0, 0]:
         return
     for part in (moved, ~moved):
@@ -212,18 +211,17 @@ def _best_disc(rays: np.ndarray, squares: np.ndarray, total: np.ndarray) -> np.n
     return rays @ rays[some[center]] >= cosines[disc, last]
 
 
-def _own_step(squares: np.ndarray) -> np.ndarray:
-    """Gauss-Newton step (5,) of the ``[r, J]`` products (6, 6) of a part."""
-    H = squares[1:, 1:]
-    return -np.linalg.solve(H + (1e-9 * np.trace(H) + 1e-300) * np.eye(5), squares[1:, 0])
+def _own_steps(squares: np.ndarray) -> np.ndarray:
+    """Gauss-Newton steps (K, 5), from the sums (K, 6, 6) of products of ``[r, J]``."""
+    H = squares[:, 1:, 1:]
+    damping = 1e-9 * np.trace(H, axis1=1, axis2=2) + 1e-300
+    damped = H + damping[:, None, None] * np.eye(5)
+    return -np.linalg.solve(damped, squares[:, 1:, :1])[:, :, 0]
 
 
 def _left_over(squares: np.ndarray) -> np.ndarray:
-    """Squares (K,) left by a motion of its own, of ``[r, J]`` products (K, 6, 6)."""
-    g, H = squares[:, 1:, 0], squares[:, 1:, 1:]
-    scale = np.trace(H, axis1=1, axis2=2)[:, None, None] * 1e-9 + 1e-300
-    step = np.linalg.solve(H + scale * np.eye(5), g[:, :, None])[:, :, 0]
-    return squares[:, 0, 0] - np.sum(g * step, axis=1)
+    """Sums (K,) of squared residuals after these steps."""
+    return squares[:, 0, 0] + np.sum(squares[:, 1:, 0] * _own_steps(squares), axis=1)
 
 
 def _linearised(matches: Matches, fit: GeneralMotionFit) -> tuple[np.ndarray, np.ndarray]:
