@@ -35,12 +35,13 @@ def is_one_object(rays: np.ndarray, labels: np.ndarray) -> bool:
         `TrackLabel` of each match.
     """
     near, inliers = labels == 2, labels > 0
-    count = np.count_nonzero(near)
-    if count < FEWEST_NEAR or np.count_nonzero(inliers) - count < FEWEST_FAR:
+    count, total = np.count_nonzero(near), np.count_nonzero(inliers)
+    # The region holds its share of the near matches at the least: no need to look for it.
+    if count < FEWEST_NEAR or total - count < FEWEST_FAR or REGION_SHARE * count >= COMPACT * total:
         return False
     center = normalize(np.median(rays[near], axis=0)[None])[0]
     distance2 = np.sum((rays - center) ** 2, axis=1)
     within = inliers & (distance2 <= np.quantile(distance2[near], REGION_SHARE))
     region = np.count_nonzero(within)
-    is_compact = region < COMPACT * np.count_nonzero(inliers)
+    is_compact = region < COMPACT * total
     return bool(is_compact and np.count_nonzero(within & near) > PURE * region)
