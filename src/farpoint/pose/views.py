@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +64,7 @@ def estimate_views(
     """
 
     def by(
-        options: RelativePoseOptions, camera0: Camera, camera1: Camera, shutter: Shutter | None
+        camera0: Camera, camera1: Camera, shutter: Shutter | None, options: RelativePoseOptions
     ) -> RelativePose:
         """The motion through these lenses and this shutter."""
         pixels = views._replace(camera0=camera0, camera1=camera1).pixels()
@@ -75,9 +74,13 @@ def estimate_views(
         return estimate(pixels.matches(), options.matching_tolerance_px, options, seed, start)
 
     shutter, cameras = views.shutter(), (views.camera0, views.camera1)
-    pose = by(options, *cameras, shutter)
+    pose = by(*cameras, shutter, options)
     both = View(views.points0, views.camera0), View(views.points1, views.camera1)
-    unsplit = partial(by, replace(options, half_splits=0))
+
+    def unsplit(camera0: Camera, camera1: Camera, shutter: Shutter | None) -> RelativePose:
+        """By other lenses, for their status alone. Options are validated when they are replaced."""
+        return by(camera0, camera1, shutter, replace(options, half_splits=0))
+
     return with_lens_uncertainty(pose, *both, shutter, unsplit, options.false_alarm_rate)
 
 
