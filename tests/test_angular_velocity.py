@@ -14,7 +14,7 @@ from farpoint.odometry.angular_velocity import AngularVelocity
 from farpoint.path.path import _between
 from farpoint.pose import RelativePoseOptions, failed_pose
 from farpoint.pose.shutter import AngularVelocityPrior, shutter_of
-from farpoint.pose.views import Views, estimate_views
+from farpoint.pose.views import Views, estimate_views, search_views
 
 CAMERA = Camera.pinhole(640, 480, 500.0, 500.0, 319.5, 239.5)
 INTERVAL_S, READOUT_S, NOISE_PX = 1.0 / 30.0, 0.025, 0.2
@@ -134,3 +134,36 @@ def test_velocities_that_change_are_taken_into_account():
                 inside.append(square < chi2_quantile(0.95, 3))
     assert np.median(errors["changing"]) < 0.5 * np.median(errors["constant"])
     assert np.mean(inside) >= 0.85
+
+
+def test_a_predicted_motion_is_found_where_the_search_ended_elsewhere():
+    """The likelier of two starts, each with its own rotation undone in the rows."""
+    lost = 0
+    for seed in range(8):
+        views, R = shaken(seed)
+        options = RelativePoseOptions()
+        right = search_views(views, options, 0)
+        turned_away = so3.exp(np.array([0.0, 0.01, 0.0])) @ right.fit.R_cam1_from_cam0
+        wrong = right.fit.at(turned_away, -right.fit.direction_cam1_from_cam0)
+        elsewhere = right._replace(fit=wrong)
+        alone = estimate_views(views, options, 0, elsewhere)
+        both = estimate_views(views, options, 0, elsewhere._replace(other=right.fit))
+        lost += _angle(alone, R) > 3.0 * _angle(both, R)
+        again = estimate_views(views, options, 0, right)
+        assert so3.angle_between(both.rotation_cam1_from_cam0, again.rotation_cam1_from_cam0) < 1e-4
+    assert lost >= 2
+
+
+def _angle(pose, R: np.ndarray) -> float:
+    return so3.angle_between(pose.rotation_cam1_from_cam0, R)
+
+
+def test_a_prediction_in_another_direction_is_a_second_start():
+    views, _ = shaken(0)
+    options = RelativePoseOptions()
+    fit = search_views(views, options, 0).fit
+    R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
+    assert search_views(views, options, 0, (R, t)).other is None
+    across = np.cross(t, [0.0, 0.0, 1.0])
+    other = search_views(views, options, 0, (R, across / np.linalg.norm(across))).other
+    np.testing.assert_allclose(other.direction_cam1_from_cam0 @ t, 0.0, atol=1e-12)
