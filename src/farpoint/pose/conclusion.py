@@ -108,7 +108,7 @@ def observed(
     """
     stats = _stats(labels, course)
     sigma_deg = math.degrees(direction_sigma)
-    first, second = tangent_columns(direction.tolist())
+    first, second = tangent_columns(tuple(direction.tolist()))
     return RelativePose(
         status=PoseStatus.OK,
         reason=_said(
