@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from numba import typeof
 
-from farpoint._kernels import compile as compiling
+# Kernels that only kernels call are called by their tests, too; said before any is imported.
+os.environ["FARPOINT_TEST_KERNELS"] = "1"
 
 # The same examples in every run: a change is judged by what it changes, not by luck.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -26,27 +25,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         for item in items:
             item.add_marker(pytest.mark.filterwarnings(OF_KERNELS))
-
-
-@pytest.fixture(autouse=True, scope="session")
-def same_types_at_every_door() -> Iterator[None]:
-    """Hold the arguments of kernels that take records against the types they are compiled for.
-
-    After the first call such a kernel does not look at types any more: here it does, in all tests.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        if os.environ.get("NUMBA_DISABLE_JIT") != "1" and compiling.with_door is not None:
-            from farpoint._kernels.linking import RecordDoor
-
-            straight = RecordDoor.__call__
-
-            def checked(door: RecordDoor, *arguments: object) -> object:
-                for compiled in door.overloads:
-                    assert tuple(map(typeof, arguments)) == compiled
-                return straight(door, *arguments)
-
-            patch.setattr(RecordDoor, "__call__", checked)
-        yield
 
 
 @pytest.fixture(scope="session")

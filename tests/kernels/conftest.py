@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from numba import config
 
 from farpoint._kernels import compile as compiling
-from farpoint._kernels import scratch
 
 compiling.forget_stale(Path(__file__).parent, Path(compiling.__file__).parent)
 
 
-class Unwritten:
-    """NumPy, for `scratch`: what nobody has written yet is no number, and no index."""
+_EMPTY = np.empty
 
-    ndarray = np.ndarray
-    int64 = np.int64
 
-    @staticmethod
-    def empty(shape: int | tuple[int, int], dtype: type = np.float64) -> np.ndarray:
-        return np.full(shape, np.nan if dtype is np.float64 else np.iinfo(np.int64).min, dtype)
+def _unwritten(shape: int | tuple[int, ...], dtype: type = float, **options: Any) -> np.ndarray:
+    """What nobody has written yet is no number, and no index."""
+    array = _EMPTY(shape, dtype, **options)
+    if array.dtype == np.float64:
+        array.fill(np.nan)
+    elif array.dtype == np.int64:
+        array.fill(np.iinfo(np.int64).min)
+    return array
 
 
 @pytest.fixture(autouse=True)
 def unwritten(monkeypatch):
     """Interpreted kernels that read what they have not written get their results wrong."""
-    if config.DISABLE_JIT:
-        monkeypatch.setattr(scratch, "np", Unwritten)
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        monkeypatch.setattr(np, "empty", _unwritten)

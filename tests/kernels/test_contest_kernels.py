@@ -43,9 +43,9 @@ def followed(monkeypatch):
     ) -> Followed:
         steps: list[int] = []
 
-        def advance(_matches, _precision, refinement):
+        def advance(_matches, _seen, _precision, _normal, cost, _shares, state, _kept):
             steps.append(len(steps) + 1)
-            refinement.pose.cost[0], refinement.state[PROMISED] = course[len(steps) - 1]
+            cost[0], state[PROMISED] = course[len(steps) - 1]
             return len(steps) < len(course)
 
         mocks = {

@@ -9,20 +9,27 @@ from hypothesis import strategies as st
 
 from farpoint._kernels import squares
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.formulas import formula
-from farpoint._kernels.scratch import index_scratch, scratch
 
 quick = settings(max_examples=60, deadline=None)
 seeds = st.integers(0, 2**32)
 
 
 @kernel
-def gram(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
-    sums = squares.FOUR
+def gram_of_six(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
+    sums = squares.SIX
     for i in range(rows.shape[0]):
-        row = rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
-        sums = squares.add_square(sums, weights[i], row)
-    squares.write_square(sums, out)
+        row = rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3], rows[i, 4], rows[i, 5]
+        sums = squares.add_six(sums, weights[i], row)
+    squares.write_six(sums, out)
+
+
+@kernel
+def gram_of_five(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
+    sums = squares.FIVE
+    for i in range(rows.shape[0]):
+        row = rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3], rows[i, 4]
+        sums = squares.add_five(sums, weights[i], row)
+    squares.write_five(sums, out)
 
 
 @kernel
@@ -52,9 +59,10 @@ def damped(H: np.ndarray, damping: float) -> np.ndarray:
     return H + damping * np.diag(np.diag(H))
 
 
-def test_rows_are_added_up_with_their_weights():
+@pytest.mark.parametrize(("gram", "n"), [(gram_of_five, 5), (gram_of_six, 6)])
+def test_rows_are_added_up_with_their_weights(gram, n):
     rng = np.random.default_rng(0)
-    rows, weights, out = rng.normal(size=(37, 4)), rng.uniform(size=37), np.full((4, 4), np.nan)
+    rows, weights, out = rng.normal(size=(37, n)), rng.uniform(size=37), np.full((n, n), np.nan)
     gram(rows, weights, out)
     np.testing.assert_allclose(out, rows.T @ (weights[:, None] * rows), rtol=1e-13)
     np.testing.assert_array_equal(out, out.T)
@@ -128,32 +136,6 @@ def test_a_row_is_measured_by_the_inverse(seed):
     H = A @ A.T
     assert size2(H, row) == pytest.approx(row @ np.linalg.solve(H, row), rel=1e-7)
     assert size2(np.diag([1.0, 1.0, 0.0, 1.0, 1.0]), row) == -1.0
-
-
-@formula
-def element(table: np.ndarray, i: int, j: int) -> float:
-    return table[i, j]
-
-
-@kernel
-def on_the_stack(x: float, out: np.ndarray) -> int:
-    line, table, indices = scratch(3), scratch(2, 4), index_scratch(2)
-    for i in range(3):
-        line[i] = x + i
-    for i in range(2):
-        indices[i] = 1 - i
-        for j in range(4):
-            table[i, j] = 10.0 * i + j
-    for i in range(2):
-        for j in range(4):
-            out[i, j] = element(table, indices[i], j) + line[i]
-    return line.shape[0] + table.shape[0] * table.size
-
-
-def test_scratch_is_an_array_of_its_kernel():
-    out = np.empty((2, 4))
-    assert on_the_stack(0.5, out) == 19
-    np.testing.assert_array_equal(out, [[10.5, 11.5, 12.5, 13.5], [1.5, 2.5, 3.5, 4.5]])
 
 
 @kernel

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 from farpoint._kernels.compile import forget_stale
@@ -39,3 +41,24 @@ def test_a_folder_without_a_cache_is_left_as_it_is(tmp_path):
     written(tmp_path / "search.py", 500.0)
     forget_stale(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["search.py"]
+
+
+def test_a_folder_of_its_own_for_the_cache_is_looked_at_too(tmp_path, monkeypatch):
+    """Under the name that numba gives it."""
+    kernels = tmp_path / "some_kernels"
+    source = kernels / "double.py"
+    written(source, 1000.0)
+    source.write_text("import numba\n@numba.njit(cache=True)\ndef double(x): return 2 * x\n")
+    cache = tmp_path / "cache"
+    script = "import double; double.double(1)"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(kernels)}
+    environment.pop("NUMBA_DISABLE_JIT", None)
+    subprocess.run([sys.executable, "-c", script], env=environment, check=True)
+    assert list(cache.rglob("*.nbi"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
+    forget_stale(kernels)
+    assert list(cache.rglob("*.nbi"))
+    later = source.stat().st_mtime + 1e6
+    os.utime(source, (later, later))
+    forget_stale(kernels)
+    assert not list(cache.rglob("*.nbi"))

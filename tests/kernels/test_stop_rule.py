@@ -182,7 +182,6 @@ def test_the_other_motion_of_a_plane_may_be_as_far_away_as_chance_has_it(monkeyp
         "near_of_plane": interpreted(contest.near_of_plane),
         "copy": lambda *_: None,
     }
-    monkeypatch.setattr(contest, "greater", max)
     for name, mock in mocks.items():
         monkeypatch.setattr(search, name, mock)
     empty = np.ones(9)

@@ -26,8 +26,8 @@ from farpoint._kernels.affine_slopes import (
     normal_matrix,
     pulls,
 )
-from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.scratch import copy
+from farpoint._kernels.arrays import copy
+from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.warped_window import Around, blank_around, residual_of
 from farpoint._kernels.window_covariance import (
     Influence,
@@ -163,14 +163,14 @@ def match_windows(
         covary(template, space.residual, variance, precision, influence, covariance)
 
 
-@inner_kernel
+@step_kernel
 def _expect(warp: np.ndarray, expected: np.ndarray) -> None:
     """Parameters of a warp ``I + M``, with no displacement and no change of brightness."""
     expected[2], expected[3] = warp[0, 0] - 1.0, warp[0, 1]
     expected[4], expected[5] = warp[1, 0], warp[1, 1] - 1.0
 
 
-@inner_kernel
+@step_kernel
 def _take_template(image: Image, point: np.ndarray, space: Workspace) -> bool:
     """Read the window around a point of the first image; False if the image has not all of it."""
     template, patch_line, half = space.template, space.patch_line, space.template.window.half
@@ -184,14 +184,14 @@ def _take_template(image: Image, point: np.ndarray, space: Workspace) -> bool:
     return True
 
 
-@inner_kernel
+@step_kernel
 def _holds(image: Image, x: float, y: float, width: int) -> bool:
     """Whether the image has all pixels that a window which begins at (x, y) is made of."""
     left, top = math.floor(x), math.floor(y)  # of NaN, a negative number
     return left >= 0 and top >= 0 and left + width < image.width and top + width < image.height
 
 
-@inner_kernel
+@step_kernel
 def _fit(
     image: Image,
     start: tuple[float, float],
@@ -237,7 +237,7 @@ def _fit(
     return variance, correlation
 
 
-@inner_kernel
+@step_kernel
 def _factorise(
     normal: np.ndarray, precision: np.ndarray, variance: float, factor: np.ndarray
 ) -> bool:
@@ -259,7 +259,7 @@ def _factorise(
     return True
 
 
-@inner_kernel
+@step_kernel
 def _correlation(contrast_square: float, sums: Nine, gain: float, count: int) -> float:
     """Correlation of the template with the warped window, from the residual of the match.
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, sum_kernel
+from farpoint._kernels.compile import inner_kernel, step_kernel, sum_kernel
 from farpoint._kernels.windows import Window, blank_values, blank_window, line_px
 
 __all__ = [
@@ -53,7 +53,7 @@ def blank_template(half: int) -> Template:
     return Template(window, blank_values(size), u, v)
 
 
-@inner_kernel
+@step_kernel
 def linearise(template: Template, expected: np.ndarray) -> None:
     """Turn Scharr's gradients into the second image's, as expected, and set the contrast.
 
@@ -158,7 +158,7 @@ def _spreads(template: Template) -> Nine:
     return float(a), float(b), float(c), float(d), float(e), float(f), float(g), float(h), float(k)
 
 
-@inner_kernel
+@step_kernel
 def normal_matrix(template: Template, normal: np.ndarray) -> None:
     """Lower triangle of the sums over the window of products of two derivatives."""
     window = template.window

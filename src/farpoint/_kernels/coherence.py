@@ -6,10 +6,8 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import formula, greater, lesser
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel
 from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.scratch import index_room, room
 from farpoint._kernels.vectors import combine, dot
 
 __all__ = ["bounded", "coherence"]
@@ -35,7 +33,7 @@ def coherence(
     images together. At ``most`` so many are asked for theirs. 0 on average where residuals are
     noise; 0 as well where there are hardly any.
     """
-    in_order = index_room(rows.size)
+    in_order = np.empty(rows.size, np.int64)
     _sort(pairs, rows, in_order)
     asked = rows.size if rows.size < most else most
     product = square = 0.0
@@ -57,13 +55,13 @@ def _sort(pairs: np.ndarray, rows: np.ndarray, in_order: np.ndarray) -> None:
     in one strip.
     """
     count = rows.size
-    places, ends = room(count), index_room(count)
+    places, ends = np.empty(count), np.empty(count, np.int64)
     low, high = math.inf, -math.inf
     for k in range(count):
         places[k] = ray0(pairs, address(rows[k]))[0]
-        low, high = lesser(low, places[k]), greater(high, places[k])
+        low, high = min(low, places[k]), max(high, places[k])
         ends[k] = 0
-    over = (count - 1.0) / greater(high - low, LEAST_WIDTH)
+    over = (count - 1.0) / max(high - low, LEAST_WIDTH)
     for k in range(count):
         ends[int((places[k] - low) * over)] += 1
     for s in range(1, count):
@@ -99,7 +97,7 @@ def _neighbour(pairs: np.ndarray, rows: np.ndarray, patch: np.ndarray, place: in
     return found
 
 
-@formula
+@inlined_kernel
 def _distances2(pairs: np.ndarray, at: int, other: int) -> tuple[float, float]:
     """Of two matches, rad^2: by the first coordinate in image 0, and in both images together."""
     first = combine(1.0, ray0(pairs, at), -1.0, ray0(pairs, other))
@@ -107,7 +105,7 @@ def _distances2(pairs: np.ndarray, at: int, other: int) -> tuple[float, float]:
     return first[0] * first[0], dot(first, first) + dot(second, second)
 
 
-@formula
+@inlined_kernel
 def bounded(residual: float, sigma: float) -> float:
     """A residual in units of its sigma, as far as it counts."""
-    return lesser(greater(residual / sigma, -MOST_SIGMA), MOST_SIGMA)
+    return min(max(residual / sigma, -MOST_SIGMA), MOST_SIGMA)

@@ -6,20 +6,20 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel
+from farpoint._kernels.arrays import clear, copy
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel
 from farpoint._kernels.epipolar import sampson
-from farpoint._kernels.formulas import formula, greater
-from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.pose import PackedMatches, Pose, copy_pose
+from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
+from farpoint._kernels.pose import PackedMatches, Pose, copy_pose, seen_by
 from farpoint._kernels.refinement import (
+    KEPT,
     PROMISED,
-    Refinement,
     advance,
     begin,
     finish,
     refine_pose,
 )
-from farpoint._kernels.scratch import copy, scratch
+from farpoint._kernels.scalars import where
 from farpoint._kernels.squares import determinant_beside_one
 from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
 
@@ -35,6 +35,7 @@ __all__ = [
     "is_close_second",
     "is_rival",
     "is_same",
+    "mark_agreeing",
     "narrowness",
     "near_of_plane",
     "noise_of",
@@ -69,7 +70,7 @@ START_POOR = 0.1
 START_REPEATED = 0.05
 
 
-@inner_kernel
+@step_kernel
 def narrowness(normal: np.ndarray) -> float:
     """What the likelihood loses when it is averaged over the poses around its maximum.
 
@@ -81,14 +82,14 @@ def narrowness(normal: np.ndarray) -> float:
     return 0.5 * math.log(determinant) if positive else math.inf
 
 
-@inner_kernel
+@step_kernel
 def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
     """Improve a pose and weigh it."""
     refine_pose(matches, COARSE, steps, pose)
     _weigh(matches, pose)
 
 
-@inner_kernel
+@step_kernel
 def _weigh(matches: PackedMatches, pose: Pose) -> None:
     """Make its cost that of a pose with the room around it: `narrowness`.
 
@@ -98,16 +99,16 @@ def _weigh(matches: PackedMatches, pose: Pose) -> None:
     pose.cost[0] += narrowness(pose.normal)
     if not _explains(pose):
         none = matches.total * math.log(2.0 * matches.spread / math.sqrt(2.0 * math.pi))
-        pose.cost[0] = greater(pose.cost[0], none)
+        pose.cost[0] = max(pose.cost[0], none)
 
 
-@inner_kernel
+@step_kernel
 def _explains(pose: Pose) -> bool:
     """Whether a pose takes more than hardly any match for right."""
     return 1.0 - pose.mixture[1] > LEAST_RIGHT
 
 
-@inner_kernel
+@step_kernel
 def start_noise(tolerance: float, mixture: np.ndarray) -> None:
     """What EM starts from, knowing nothing."""
     mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
@@ -116,7 +117,7 @@ def start_noise(tolerance: float, mixture: np.ndarray) -> None:
     mixture[3] = START_REPEATED
 
 
-@inner_kernel
+@step_kernel
 def noise_of(matches: PackedMatches, best: Pose, tolerance: float, mixture: np.ndarray) -> None:
     """What EM starts from: the noise of the best pose, if it explains more than a sample.
 
@@ -135,11 +136,29 @@ def unexplained(matches: PackedMatches, best: Pose, tolerance: float) -> float:
 
     A wrong minimum calls all matches right and noisy: only the tolerance gives it away.
     """
-    turn, towards = matrix(best.R), vector(best.t)
-    within = 0
+    agreeing = np.empty(matches.prior.size)
+    clear(agreeing)
+    mark_agreeing(matches.pairs, best.R, best.t, tolerance, agreeing)
+    within = 0.0
     for i in range(matches.total):
-        within += 1 if abs(sampson(matches.pairs, address(i), turn, towards)) < tolerance else 0
-    return greater(best.mixture[1], 1.0 - within / matches.total)
+        within += agreeing[i]
+    return max(best.mixture[1], 1.0 - within / matches.total)
+
+
+@inner_kernel
+def mark_agreeing(
+    pairs: np.ndarray, R: np.ndarray, t: np.ndarray, tolerance: float, agreeing: np.ndarray
+) -> None:
+    """Write 1 for each match whose residual is within the tolerance; others stay as they are.
+
+    The panels are full, and ``agreeing`` has room for what fills them up.
+    """
+    turn, towards = matrix(R), vector(t)
+    for panel in range(agreeing.size // LANES):
+        for lane in range(LANES):
+            i = panel * LANES + lane
+            residual = sampson(pairs, panel * PANEL + lane, turn, towards)
+            agreeing[i] = where(abs(residual) < tolerance, 1.0, agreeing[i])
 
 
 @inner_kernel
@@ -151,7 +170,7 @@ def is_same(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
     return trace > 2.0 and distance2 < 2.0 * SAME
 
 
-@formula
+@inlined_kernel
 def _apart(
     R: np.ndarray, t: np.ndarray, other_R: np.ndarray, other_t: np.ndarray, normal: np.ndarray
 ) -> tuple[float, float]:
@@ -159,8 +178,14 @@ def _apart(
     A, B = matrix(R), matrix(other_R)
     trace = dot(A[0], B[0]) + dot(A[1], B[1]) + dot(A[2], B[2])
     # The rotation between the two is small: half the difference of its off-diagonal elements.
-    x = [0.5 * (dot(A[j], B[i]) - dot(A[i], B[j])) for i, j in ((1, 2), (2, 0), (0, 1))]
-    x += [dot(e, vector(t)) for e in tangent_columns(vector(other_t))]
+    first, second = tangent_columns(vector(other_t))
+    x = (
+        0.5 * (dot(A[2], B[1]) - dot(A[1], B[2])),
+        0.5 * (dot(A[0], B[2]) - dot(A[2], B[0])),
+        0.5 * (dot(A[1], B[0]) - dot(A[0], B[1])),
+        dot(first, vector(t)),
+        dot(second, vector(t)),
+    )
     distance2 = 0.0
     for k in range(5):
         for j in range(5):
@@ -168,7 +193,7 @@ def _apart(
     return trace, distance2
 
 
-@inner_kernel
+@step_kernel
 def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
     """Whether most matches lie on the other side of the direction: a half turn about it too much.
 
@@ -183,10 +208,8 @@ def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
     return 2 * twisted > matches.total
 
 
-@inner_kernel
-def follow(
-    matches: PackedMatches, refinement: Refinement, best: Pose, within: float
-) -> tuple[bool, bool]:
+@step_kernel
+def follow(matches: PackedMatches, pose: Pose, best: Pose, within: float) -> tuple[bool, bool]:
     """Refine a hypothesis that may compete; whether it does, and whether it was near as it was.
 
     Near is ``within`` such a log likelihood of the best. Given up as soon as it does not promise to
@@ -194,20 +217,23 @@ def follow(
     come within reach with it, and that there is less noise gains, too. As much as the last step
     gained, the next one may.
     """
-    pose, enough = refinement.pose, best.cost[0] + within
-    begin(matches, refinement)
+    enough, normal, reached, shares = best.cost[0] + within, pose.normal, pose.cost, np.empty(4)
+    seen = seen_by(matches, pose.R, pose.t, pose.mixture)
+    state, kept = np.empty(5), np.empty(KEPT)
+    begin(matches, seen.mixture, state)
     cost, was_near = math.inf, False
     for step in range(REFINEMENTS):
-        before, goes_on = cost, advance(matches, COARSE, refinement)
-        cost = pose.cost[0] + narrowness(pose.normal)
+        before = cost
+        goes_on = advance(matches, seen, COARSE, normal, reached, shares, state, kept)
+        cost = reached[0] + narrowness(normal)
         if step == 0:
             before, was_near = cost, cost < enough
-        hoped_for = PROMISES * refinement.state[PROMISED] + before - cost
-        if not cost - hoped_for < enough or is_same(pose.R, pose.t, best):
+        hoped_for = PROMISES * state[PROMISED] + before - cost
+        if not cost - hoped_for < enough or is_same(seen.R, seen.t, best):
             return False, was_near
         if not goes_on:
             break
-    finish(refinement)
+    finish(seen.R, seen.t, seen.mixture, normal, reached, shares, kept)
     _weigh(matches, pose)
     return pose.cost[0] < enough and not is_same(pose.R, pose.t, best), was_near
 
@@ -222,9 +248,7 @@ def challenge(
     it came near as it was. ``second`` receives the one that has lost then, if it is better than the
     one before; ``rival`` too if the two come near each other and their directions do not.
     """
-    lowest = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
-    refinement = Refinement(challenger, lowest, scratch(4), scratch(4), scratch(5))
-    competes, was_near = follow(matches, refinement, best, within)
+    competes, was_near = follow(matches, challenger, best, within)
     if not competes:
         return False, was_near
     if _is_twisted(matches, challenger):
@@ -240,13 +264,13 @@ def challenge(
     return True, was_near
 
 
-@inner_kernel
+@step_kernel
 def near_of_plane(count: int) -> float:
     """Log likelihood that the two motions of a plane may differ by, of so many matches."""
-    return greater(NEAR, NEAR_OF_PLANE * math.sqrt(count / OF_MATCHES))
+    return max(NEAR, NEAR_OF_PLANE * math.sqrt(count / OF_MATCHES))
 
 
-@inner_kernel
+@step_kernel
 def is_close_second(second: Pose, best: Pose) -> bool:
     """Whether a pose that has lost to an earlier one comes near the best, too, and is another."""
     return second.cost[0] < best.cost[0] + NEAR and not is_same(second.R, second.t, best)
@@ -258,12 +282,12 @@ def is_rival(rival: Pose, best: Pose) -> bool:
     return rival.cost[0] < best.cost[0] + NEAR and _is_elsewhere(rival, best)
 
 
-@inner_kernel
+@step_kernel
 def _is_elsewhere(pose: Pose, best: Pose) -> bool:
     return dot(vector(pose.t), vector(best.t)) < ELSEWHERE
 
 
-@inner_kernel
+@step_kernel
 def _keep_better(pose: Pose, kept: Pose) -> None:
     if pose.cost[0] < kept.cost[0]:
         copy_pose(pose, kept)

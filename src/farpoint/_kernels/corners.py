@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
 
 __all__ = ["corner_strength", "strongest_places"]
 
@@ -48,7 +48,7 @@ def corner_strength(image: np.ndarray, block: int, strength: np.ndarray) -> None
             _weakest(sums[0], sums[1], sums[2], scale, block, line)
 
 
-@inner_kernel
+@step_kernel
 def _move_on(
     above: np.ndarray,
     here: np.ndarray,
@@ -87,7 +87,7 @@ def _sum_along(values: np.ndarray, block: int, sums: np.ndarray) -> None:
             sums[i] += values[i + np.uintp(b)]
 
 
-@inner_kernel
+@step_kernel
 def _weakest(
     xx: np.ndarray,
     xy: np.ndarray,
@@ -154,7 +154,7 @@ def strongest_places(
     return count
 
 
-@inner_kernel
+@step_kernel
 def _highest(lines: np.ndarray, highest: np.ndarray) -> None:
     """The largest of each column."""
     for x in range(np.uintp(len(highest))):

@@ -6,14 +6,13 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.arrays import clear, copy
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
 from farpoint._kernels.contest import narrowness
-from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.information import information
 from farpoint._kernels.likelihood import linearize
 from farpoint._kernels.linear import eigen_five, sandwich, tangent_basis
 from farpoint._kernels.pose import Seen, apply_step, take_step
-from farpoint._kernels.scratch import clear, copy, scratch
 from farpoint._kernels.squares import promise, solve_five_spd
 
 __all__ = [
@@ -50,7 +49,7 @@ ROUNDS = 3
 WIDE = math.radians(12.0) ** 2
 
 
-@inner_kernel
+@kernel
 def covariance_here(
     seen: Seen, right: float, predicted: bool, least: float, out: np.ndarray
 ) -> bool:
@@ -62,8 +61,8 @@ def covariance_here(
     signal; then, if it is not predicted, and where the matches tell nothing, ``out`` is infinite:
     if none of them is known to be right or wrong, less than nothing is known of the pose.
     """
-    normal, noise, spare = scratch(6, 6), scratch(5, 5), scratch(5, 5)
-    scatter, variance, whole = scratch(5, 5), scratch(5, 5), scratch(5, 5)
+    normal, noise, spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
+    scatter, variance, whole = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5))
     share, alike = information(seen, predicted, normal, noise, scatter)
     heard, sure = _heard(alike), _sure(right, alike)
     known = sure * share
@@ -84,23 +83,23 @@ def covariance_here(
     return False
 
 
-@inner_kernel
+@kernel
 def step_by_prediction(seen: Seen) -> None:
     """Move the pose by the solution of the normal equations of `information`."""
-    normal, noise, scatter, x = scratch(6, 6), scratch(5, 5), scratch(5, 5), scratch(5)
+    normal, noise, scatter, x = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5)), np.empty(5)
     information(seen, PREDICTED, normal, noise, scatter)
     _bound(normal)
     if solve_five_spd(normal, 0.0, x):
         take_step(seen.R, seen.t, x, promise(normal, x)[1])
 
 
-@formula
+@inlined_kernel
 def _heard(alike: float) -> float:
     """How much the scatter of the residuals counts, of 1, where so many matches tell alike."""
     return alike / (alike + STATED)
 
 
-@formula
+@inlined_kernel
 def _sure(right: float, alike: float) -> float:
     """What is left of the information for having estimated the noise and the scatter, too.
 
@@ -110,11 +109,11 @@ def _sure(right: float, alike: float) -> float:
     heard.
     """
     heard = _heard(alike)
-    scattered = 2.0 * TELLING * heard * heard / greater(alike, TELLING)
-    return 1.0 / growth_by_few(greater(right - 5.0, 4.0)) - scattered
+    scattered = 2.0 * TELLING * heard * heard / max(alike, TELLING)
+    return 1.0 / growth_by_few(max(right - 5.0, 4.0)) - scattered
 
 
-@formula
+@kernel
 def growth_by_few(freedom: float) -> float:
     """How much larger a covariance is for a variance that was estimated with f degrees of freedom.
 
@@ -126,7 +125,7 @@ def growth_by_few(freedom: float) -> float:
     return 0.5 * (on_average + for_most)
 
 
-@formula
+@inlined_kernel
 def _bound(information: np.ndarray) -> None:
     """Add that of one radian on the direction, none on the rotation: the sphere is bounded."""
     for i in (3, 4):
@@ -148,7 +147,7 @@ def covariance_around(
     likely. Along no axis it shrinks, or grows by more than `MOST_GROWTH` times. Where it grows
     much, it is averaged again over what it then allows.
     """
-    allowed = scratch(5, 5)
+    allowed = np.empty((5, 5))
     copy(covariance, out)
     for _ in range(ROUNDS):
         copy(out, allowed)
@@ -157,7 +156,7 @@ def covariance_around(
             break
 
 
-@inner_kernel
+@step_kernel
 def _average(
     seen: Seen,
     right: float,
@@ -167,8 +166,8 @@ def _average(
     out: np.ndarray,
 ) -> None:
     """The ``covariance`` (5, 5) here, grown to the mean over the poses that ``allowed`` allows."""
-    steps, variances = scratch(5, 5), scratch(5)
-    growth, half = scratch(5, 5), scratch(5, 5)
+    steps, variances = np.empty((5, 5)), np.empty(5)
+    growth, half = np.empty((5, 5)), np.empty((5, 5))
     _half_axes(allowed, steps, variances)
     _grow(seen, right, predicted, covariance, steps, growth)
     _half_axes(covariance, steps, variances)
@@ -181,7 +180,7 @@ def _average(
     eigen_five(growth, half)
     clear(out)
     for k in range(5):
-        more = 1.0 + lesser(greater(growth[k, k], 0.0), MOST_GROWTH)
+        more = 1.0 + min(max(growth[k, k], 0.0), MOST_GROWTH)
         for i in range(5):
             for j in range(5):
                 out[i, j] += more * _along(half, steps, k, i) * _along(half, steps, k, j)
@@ -190,7 +189,7 @@ def _average(
 @inner_kernel
 def _half_axes(covariance: np.ndarray, out: np.ndarray, variances: np.ndarray) -> None:
     """A sigma along each axis of a covariance (5, 5), the rows of ``out``, and its square."""
-    values, axes = scratch(5, 5), scratch(5, 5)
+    values, axes = np.empty((5, 5)), np.empty((5, 5))
     copy(covariance, values)
     eigen_five(values, axes)
     for k in range(5):
@@ -199,7 +198,7 @@ def _half_axes(covariance: np.ndarray, out: np.ndarray, variances: np.ndarray) -
             out[k, i] = math.sqrt(values[k, k]) * axes[k, i]
 
 
-@formula
+@inlined_kernel
 def _along(A: np.ndarray, B: np.ndarray, i: int, j: int) -> float:
     """An element of ``A @ B`` (5, 5)."""
     total = 0.0
@@ -208,7 +207,7 @@ def _along(A: np.ndarray, B: np.ndarray, i: int, j: int) -> float:
     return total
 
 
-@inner_kernel
+@step_kernel
 def _grow(
     seen: Seen,
     right: float,
@@ -222,7 +221,7 @@ def _grow(
     Of the two poses a step ahead and back, each counts as its likelihood, averaged over the poses
     nearby. The covariance is `MOST_GROWTH` times as large again where hardly anything is signal.
     """
-    back = scratch(5)
+    back = np.empty(5)
     clear(out)
     clear(back)
     _add_beside(seen, right, predicted, covariance, back, -5.0, out)
@@ -231,7 +230,7 @@ def _grow(
         for i in range(5):
             back[i] = -ahead[i]
         against = _log_likelihood_beside(seen, back) - _log_likelihood_beside(seen, ahead)
-        share = 1.0 / (1.0 + math.exp(lesser(against, 50.0)))
+        share = 1.0 / (1.0 + math.exp(min(against, 50.0)))
         _add_beside(seen, right, predicted, covariance, ahead, share, out)
         _add_beside(seen, right, predicted, covariance, back, 1.0 - share, out)
 
@@ -247,7 +246,7 @@ def _add_beside(
     out: np.ndarray,
 ) -> None:
     """Add the covariance a ``step`` beside this pose, times a weight."""
-    there = scratch(5, 5)
+    there = np.empty((5, 5))
     shows = covariance_beside(seen, right, predicted, step, there)
     for i in range(5):
         for j in range(5):
@@ -258,13 +257,13 @@ def _add_beside(
 @inner_kernel
 def _log_likelihood_beside(seen: Seen, step: np.ndarray) -> float:
     """Of all matches, averaged over the poses around that a ``step`` (5,) beside this one."""
-    moved_R, moved_t, normal, shares = scratch(3, 3), scratch(3), scratch(6, 6), scratch(4)
+    moved_R, moved_t, normal, shares = np.empty((3, 3)), np.empty(3), np.empty((6, 6)), np.empty(4)
     copy(seen.R, moved_R)
     copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
     moved = Seen(seen.pairs, seen.prior, moved_R, moved_t, seen.mixture, seen.spread, seen.tail)
     cost = linearize(moved, False, normal, shares)
-    return greater(-cost - narrowness(normal), -1e300)
+    return max(-cost - narrowness(normal), -1e300)
 
 
 @inner_kernel
@@ -276,9 +275,9 @@ def covariance_beside(
     As `covariance_here`, in the axes of this pose; the residuals there are not those of a fit, and
     are not heard.
     """
-    moved_R, moved_t, there = scratch(3, 3), scratch(3), scratch(5, 5)
-    normal, noise, scatter = scratch(6, 6), scratch(5, 5), scratch(5, 5)
-    whole = scratch(5, 5)
+    moved_R, moved_t, there = np.empty((3, 3)), np.empty(3), np.empty((5, 5))
+    normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
+    whole = np.empty((5, 5))
     copy(seen.R, moved_R)
     copy(seen.t, moved_t)
     apply_step(moved_R, moved_t, step)
@@ -296,10 +295,15 @@ def covariance_beside(
     return True
 
 
-@inner_kernel
+@step_kernel
 def _turn_axes(t: np.ndarray, moved_t: np.ndarray, there: np.ndarray, out: np.ndarray) -> None:
     """Bring a covariance (5, 5) from the tangent basis of one direction to that of another."""
-    basis, moved_basis, turn, half = scratch(3, 2), scratch(3, 2), scratch(5, 5), scratch(5, 5)
+    basis, moved_basis, turn, half = (
+        np.empty((3, 2)),
+        np.empty((3, 2)),
+        np.empty((5, 5)),
+        np.empty((5, 5)),
+    )
     tangent_basis(t, basis)
     tangent_basis(moved_t, moved_basis)
     for i in range(5):

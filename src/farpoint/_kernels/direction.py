@@ -11,11 +11,10 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
-from farpoint._kernels.formulas import formula
-from farpoint._kernels.linear import put
+from farpoint._kernels.arrays import clear
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel
+from farpoint._kernels.linear import add, put
 from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.scratch import clear
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
@@ -31,7 +30,7 @@ from farpoint._kernels.vectors import (
 __all__ = ["intersect_circles", "pairwise_direction"]
 
 
-@formula
+@inlined_kernel
 def circle(pairs: np.ndarray, R: Matrix, i: int) -> tuple[Vector, Vector]:
     """Normal ``m x b`` (not normalised) and flow ``b - m`` of match ``i`` with ``m = R a``."""
     at = address(i)
@@ -41,7 +40,7 @@ def circle(pairs: np.ndarray, R: Matrix, i: int) -> tuple[Vector, Vector]:
     return cross(m, flow), flow
 
 
-@kernel
+@inner_kernel
 def intersect_circles(pairs: np.ndarray, R: np.ndarray, i: int, j: int, t: np.ndarray) -> bool:
     """Direction ``t`` (3,) from matches ``i`` and ``j``, signed so that both flow towards it."""
     turn = matrix(R)
@@ -77,9 +76,8 @@ def pairwise_direction(
     for i in range(n):
         normal, flow = circle(pairs, turn, i)
         length = max(norm(normal), 1e-300)
-        for k in range(3):
-            normals[i, k] = normal[k] / length
-            flows[i, k] = flow[k] / length
+        put(1.0 / length, normal, normals[i])
+        put(1.0 / length, flow, flows[i])
     clear(partial)
     for i in range(n):
         if weight[i] == 0.0:
@@ -90,6 +88,5 @@ def pairwise_direction(
             meeting = cross(vector(normals[i]), vector(normals[j]))
             along = dot(meeting, vector(flows[i])) + dot(meeting, vector(flows[j]))
             scale = math.copysign(weight[i] * weight[j], along)
-            for k in range(3):
-                partial[i, k] += scale * meeting[k]
-                partial[j, k] += scale * meeting[k]
+            add(scale, meeting, partial[i])
+            add(scale, meeting, partial[j])

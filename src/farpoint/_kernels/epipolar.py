@@ -12,11 +12,13 @@ derivative out costs a factor of 2.5 in the direction at small baselines.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from farpoint._kernels.formulas import formula, root
-from farpoint._kernels.fused import fused
+from farpoint._kernels.compile import inlined_kernel
 from farpoint._kernels.pairs import noise0, noise1, ray0, ray1
+from farpoint._kernels.scalars import fma
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
@@ -40,7 +42,7 @@ __all__ = [
 TINY = 1e-300
 
 
-@formula
+@inlined_kernel
 def _constraint(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector
 ) -> tuple[Vector, Vector, Vector, Vector, Vector, float, float]:
@@ -52,14 +54,14 @@ def _constraint(
     return m, b, q, w, z, dot(b, n), dot(w, q) + dot(z, n) + TINY
 
 
-@formula
+@inlined_kernel
 def sampson(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> float:
     """Residual of the match at this address, in units of the noise."""
     _, _, _, _, _, e, g = _constraint(pairs, at, R, t)
-    return e / root(g)
+    return e / math.sqrt(g)
 
 
-@formula
+@inlined_kernel
 def _row(
     inv: float, by_theta: Vector, by_t: Vector, basis: tuple[Vector, Vector], value: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -74,7 +76,7 @@ def _row(
     )
 
 
-@formula
+@inlined_kernel
 def sampson_jacobian(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, basis: tuple[Vector, Vector]
 ) -> tuple[float, float, float, float, float, float]:
@@ -84,14 +86,14 @@ def sampson_jacobian(
     ``dr = (de - f dg / 2) / sqrt(g)``.
     """
     m, b, q, w, z, e, g = _constraint(pairs, at, R, t)
-    inv = 1.0 / root(g)
+    inv = 1.0 / math.sqrt(g)
     f = e * inv * inv
     by_theta = combine(1.0, cross(m, combine(1.0, q, -f, cross(z, t))), -f, cross(w, q))
     by_t = combine(1.0, cross(m, combine(1.0, b, -f, z)), -f, cross(w, b))
     return _row(inv, by_theta, by_t, basis, e)
 
 
-@formula
+@inlined_kernel
 def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
     """Flow from ``m`` to ``b`` along the great circle towards ``t``, and squared sine of its reach.
 
@@ -99,10 +101,10 @@ def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
     ``a = t - (m . t) m``.
     """
     reach = dot(m, t)
-    return fused(-reach, dot(m, b), dot(b, t)), fused(-reach, reach, 1.0)
+    return fma(-reach, dot(m, b), dot(b, t)), fma(-reach, reach, 1.0)
 
 
-@formula
+@inlined_kernel
 def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vector) -> float:
     """Variance, for unit noise, of the first of `flow_along`."""
     along = combine(1.0, t, -dot(m, t), m)
@@ -110,7 +112,7 @@ def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vecto
     return dot(back, noise0(pairs, at, back)) + dot(along, noise1(pairs, at, along))
 
 
-@formula
+@inlined_kernel
 def shift_jacobian(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, basis: tuple[Vector, Vector]
 ) -> tuple[float, float, float, float, float, float]:
@@ -120,14 +122,14 @@ def shift_jacobian(
     """
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
-    inv = 1.0 / root(parallax_variance(pairs, at, R, m, t) + TINY)
+    inv = 1.0 / math.sqrt(parallax_variance(pairs, at, R, m, t) + TINY)
     alike = dot(m, b)
     by_theta = combine(-alike, cross(m, t), -dot(m, t), cross(m, b))
     by_t = combine(1.0, b, -alike, m)
     return _row(inv, by_theta, by_t, basis, flow)
 
 
-@formula
+@inlined_kernel
 def variances(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[float, float]:
     """For unit noise: the variance ``g`` of the constraint, and of the flow once it is known.
 

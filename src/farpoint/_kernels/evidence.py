@@ -6,13 +6,11 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel
-from farpoint._kernels.formulas import greater, lesser, whole
+from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
 from farpoint._kernels.rotation import rotation_linearize
 from farpoint._kernels.rotation_residual import count_beyond
-from farpoint._kernels.scratch import scratch
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.vectors import combine, dot
 
@@ -29,7 +27,7 @@ LEAST_DOUBT = 1e-16
 BEYOND_ANY = 1e20
 
 
-@kernel
+@step_kernel
 def weigh(
     parallax: np.ndarray,
     right: np.ndarray,
@@ -53,15 +51,15 @@ def weigh(
         agrees = right[i] > 0.5 and p > -NEAR_SIGMA
         agreeing += 1 if agrees else 0
         labels[i] = 0 if not agrees else 2 if p > NEAR_SIGMA else 1
-        trust = lesser(right[i], MOST_TRUST)
+        trust = min(right[i], MOST_TRUST)
         doubt = 0.5 * (1.0 - trust)
         backward = 0.5 * math.erfc(p / math.sqrt(2.0)) if abs(p) < 8.0 else 0.0 if p > 0.0 else 1.0
         odds += math.log((trust * (1.0 - backward) + doubt) / (trust * backward + doubt))
-        likelier += math.log(wrong / greater(1.0 - right[i], LEAST_DOUBT))
+        likelier += math.log(wrong / max(1.0 - right[i], LEAST_DOUBT))
     return agreeing, odds, likelier
 
 
-@kernel
+@step_kernel
 def count_beyond_rotation(
     pairs: np.ndarray, right: np.ndarray, R: np.ndarray, other_R: np.ndarray, distance: float
 ) -> tuple[int, int]:
@@ -72,8 +70,8 @@ def count_beyond_rotation(
     by one step from ``R``, about which the prediction is linear, undo what a motion took from the
     rotation, but a few wrong matches drag them away.
     """
-    step, nearest = scratch(3), scratch(3, 3)
-    H, g, sums, alike = scratch(3, 3), scratch(3), scratch(4), scratch(3)
+    step, nearest = np.empty(3), np.empty((3, 3))
+    H, g, sums, alike = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(3)
     alike[0], alike[1], alike[2] = BEYOND_ANY, 0.0, 0.0
     rotation_linearize(pairs, right, R, alike, 1e-300, H, g, sums)
     if not solve_three_spd(H, g, 0.0, step):
@@ -83,10 +81,8 @@ def count_beyond_rotation(
     for i in range(right.size):
         total += 1 if right[i] > 0.5 else 0
     limit = distance * distance
-    fewest = lesser(
-        count_beyond(pairs, right, R, limit), count_beyond(pairs, right, other_R, limit)
-    )
-    return whole(lesser(fewest, count_beyond(pairs, right, nearest, limit))), total
+    fewest = min(count_beyond(pairs, right, R, limit), count_beyond(pairs, right, other_R, limit))
+    return int(min(fewest, count_beyond(pairs, right, nearest, limit))), total
 
 
 @kernel

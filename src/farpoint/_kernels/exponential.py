@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from farpoint._kernels.formulas import exponent_and_mantissa, formula, lesser
-from farpoint._kernels.fused import fused
+from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.scalars import exponent_and_mantissa, fma
 
 __all__ = ["exp_and_roots", "lane_log"]
 
@@ -11,20 +11,20 @@ _LN2 = 0.6931471805599453
 _SQRT2 = 1.4142135623730951
 
 
-@formula
+@inlined_kernel
 def exp_and_roots(x: float) -> tuple[float, float, float, float]:
     """``exp(-x)``, its eighth root, the eighth root of that, and of that; constant beyond 15000.
 
     For x >= 0. The series at x / 65536, squared seven times, and thrice more each; the relative
     errors are below 1e-9 up to x = 300, and below 1e-4 where any of them is more than nothing.
     """
-    y = lesser(x, 15360.0) * (1.0 / 65536.0)
+    y = min(x, 15360.0) * (1.0 / 65536.0)
     s = 1.0 / 120.0
-    s = fused(-y, s, 1.0 / 24.0)
-    s = fused(-y, s, 1.0 / 6.0)
-    s = fused(-y, s, 0.5)
-    s = fused(-y, s, 1.0)
-    s = fused(-y, s, 1.0)
+    s = fma(-y, s, 1.0 / 24.0)
+    s = fma(-y, s, 1.0 / 6.0)
+    s = fma(-y, s, 0.5)
+    s = fma(-y, s, 1.0)
+    s = fma(-y, s, 1.0)
     last = _to_the_eighth(_to_the_eighth(s))
     last *= last
     third = _to_the_eighth(last)
@@ -32,18 +32,18 @@ def exp_and_roots(x: float) -> tuple[float, float, float, float]:
     return _to_the_eighth(second), second, third, last
 
 
-@formula
+@inlined_kernel
 def _to_the_eighth(x: float) -> float:
     square = x * x
     fourth = square * square
     return fourth * fourth
 
 
-@formula
+@inlined_kernel
 def lane_log(x: float) -> float:
     """``log(x)`` of a positive normal number, to 1e-8."""
     exponent, mantissa = exponent_and_mantissa(x)
     z = (mantissa - _SQRT2) / (mantissa + _SQRT2)
     y = z * z
-    series = fused(y, fused(y, fused(y, fused(y, 2.0 / 9.0, 2.0 / 7.0), 0.4), 2.0 / 3.0), 2.0)
-    return fused(exponent + 0.5, _LN2, z * series)
+    series = fma(y, fma(y, fma(y, fma(y, 2.0 / 9.0, 2.0 / 7.0), 0.4), 2.0 / 3.0), 2.0)
+    return fma(exponent + 0.5, _LN2, z * series)

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel, sum_kernel
+from farpoint._kernels.arrays import clear
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
 from farpoint._kernels.epipolar import flow_along, sampson
-from farpoint._kernels.formulas import choose, formula, greater, lesser, whole
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
 from farpoint._kernels.pose import apply_step
-from farpoint._kernels.scratch import clear, scratch
-from farpoint._kernels.squares import SIX, add_square, promise, solve_five_spd, write_square
+from farpoint._kernels.scalars import where
+from farpoint._kernels.squares import SIX, add_six, promise, solve_five_spd, write_six
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
@@ -61,7 +61,7 @@ class Effort(NamedTuple):
     """Samples that are drawn at the most."""
 
 
-@formula
+@inlined_kernel
 def _cost_each_way(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, limit: float
 ) -> tuple[float, float]:
@@ -70,9 +70,9 @@ def _cost_each_way(
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, reach2 = flow_along(m, b, t)
     # On opposite sides of t: the pose is twisted by half a turn about it.
-    cost = choose(dot(m, b) < dot(m, t) * dot(b, t), limit, lesser(r * r, limit))
+    cost = where(dot(m, b) < dot(m, t) * dot(b, t), limit, min(r * r, limit))
     ahead, noise = flow * abs(flow), limit * flow_variance(pairs, at) * reach2
-    return choose(ahead < -noise, limit, cost), choose(ahead > noise, limit, cost)
+    return where(ahead < -noise, limit, cost), where(ahead > noise, limit, cost)
 
 
 @sum_kernel
@@ -99,7 +99,7 @@ def score_pose(
             weight = 1.0 if prior[panel * LANES + lane] > 0.0 else 0.0
             forward += weight * ahead
             backward += weight * back
-        if lesser(forward, backward) >= best:
+        if min(forward, backward) >= best:
             return best
     if backward < forward:
         for k in range(3):
@@ -119,23 +119,25 @@ def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np
     sums = SIX
     for lane in range(SEATS):
         weight, row = _row(rays, lane, turn, towards)
-        sums = add_square(sums, weight, row)
-    write_square(sums, normal)
+        sums = add_six(sums, weight, row)
+    write_six(sums, normal)
 
 
-@formula
+@inlined_kernel
 def _row(rays: np.ndarray, seat: int, R: Matrix, t: Vector) -> tuple[float, Row]:
     """Weight and row of the pair in this seat; the last element is the constraint itself."""
-    ax, ay, az, bx, by, bz = (rays[i * SEATS + seat] for i in range(6))
-    m, b = rotate(R, (ax, ay, az)), (bx, by, bz)
+    a = rays[seat], rays[SEATS + seat], rays[2 * SEATS + seat]
+    b = rays[3 * SEATS + seat], rays[4 * SEATS + seat], rays[5 * SEATS + seat]
+    m = rotate(R, a)
     first, second = tangent_columns(t)
     by_t = cross(m, b)
-    j = *cross(m, cross(b, t)), dot(by_t, first), dot(by_t, second)
-    square = j[0] * j[0] + j[1] * j[1] + j[2] * j[2] + j[3] * j[3] + j[4] * j[4]
-    return 1.0 / (square + 1e-300), (*j, dot(t, by_t))
+    x, y, z = cross(m, cross(b, t))
+    u, v = dot(by_t, first), dot(by_t, second)
+    square = x * x + y * y + z * z + u * u + v * v
+    return 1.0 / (square + 1e-300), (x, y, z, u, v, dot(t, by_t))
 
 
-@kernel
+@inner_kernel
 def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarray) -> bool:
     """Pose that satisfies the epipolar constraint of five matches, by Newton from ``R, t``.
 
@@ -143,7 +145,7 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
     DOI 10.5244/C.27.116). It ends where the next step would be within the noise of five rays; False
     where it does not get there.
     """
-    rays, normal, x = scratch(SEATED), scratch(6, 6), scratch(5)
+    rays, normal, x = np.empty(SEATED), np.empty((6, 6)), np.empty(5)
     clear(rays)
     for s in range(5):
         at = address(sample[s])
@@ -166,7 +168,7 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
     return False
 
 
-@kernel
+@inner_kernel
 def iterations_needed(
     wrong: float,
     known: float,
@@ -185,16 +187,16 @@ def iterations_needed(
     without a wrong match converges to the right pose every second time; half as often where that
     flow is long and samples start from their own rotation, and where nothing is known.
     """
-    right = greater(1.0 - wrong, 0.0)
+    right = max(1.0 - wrong, 0.0)
     square = right * right
     away = 1.0 + flow / LONG_FLOW * flow / LONG_FLOW
-    start_doubt = lesser(START_DOUBT * away / (square + 1e-9), 1.0)
+    start_doubt = min(START_DOUBT * away / (square + 1e-9), 1.0)
     doubt = 1.0 if is_contested else start_doubt
-    among = lesser(right / known, 1.0) * lesser(right / BEYOND_CHANCE, 1.0)
+    among = min(right / known, 1.0) * min(right / BEYOND_CHANCE, 1.0)
     clean = 0.5 * (right**5 + among**5)
-    hit = CONVERGING / (1.0 + doubt) / lesser(away, AS_FAR_AS_ANY) * clean
+    hit = CONVERGING / (1.0 + doubt) / min(away, AS_FAR_AS_ANY) * clean
     if hit <= 0.0:
         return effort.max_iterations
-    needed = math.log(lesser((1.0 - effort.confidence) / doubt, 1.0)) / math.log(1.0 - hit)
+    needed = math.log(min((1.0 - effort.confidence) / doubt, 1.0)) / math.log(1.0 - hit)
     least, most = float(effort.min_iterations), float(effort.max_iterations)
-    return whole(lesser(greater(needed + 1.0, least), most))
+    return int(min(max(needed + 1.0, least), most))

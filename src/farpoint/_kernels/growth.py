@@ -14,11 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
+from farpoint._kernels.arrays import copy
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel, sum_kernel
 from farpoint._kernels.exponential import lane_log
-from farpoint._kernels.formulas import formula, greater
 from farpoint._kernels.pairs import COVARIANCE0, FLOW, LANES, address, flow_variance
-from farpoint._kernels.scratch import copy, room
 
 __all__ = ["grow_noise"]
 
@@ -45,7 +44,7 @@ class Told(NamedTuple):
     """1 for a right match, 0 for any other."""
 
 
-@kernel
+@inner_kernel
 def grow_noise(
     pairs: np.ndarray,
     residual: np.ndarray,
@@ -63,7 +62,7 @@ def grow_noise(
     ``residual``, ``parallax`` and ``right`` are those of `likelihood.explain`.
     """
     # A kernel that handed back what it has made room for would keep it.
-    told = Told(room(residual.size), room(residual.size), room(residual.size))
+    told = Told(np.empty(residual.size), np.empty(residual.size), np.empty(residual.size))
     total = _listen(pairs, residual, parallax, right, count, variance, told)
     steepness = _steepness(told, total)
     if steepness > 0.0:
@@ -71,7 +70,7 @@ def grow_noise(
     return steepness > 0.0
 
 
-@inner_kernel
+@step_kernel
 def _listen(
     pairs: np.ndarray,
     residual: np.ndarray,
@@ -92,14 +91,14 @@ def _listen(
         if i < count:
             flows[i] = parallax[i] * parallax[i] * flow_variance(pairs, address(i))
             square = residual[i] * residual[i] / variance
-            logs[i] = math.log(greater(square, LEAST_RESIDUAL * LEAST_RESIDUAL))
+            logs[i] = math.log(max(square, LEAST_RESIDUAL * LEAST_RESIDUAL))
     return total
 
 
-@inner_kernel
+@step_kernel
 def _steepness(told: Told, total: float) -> float:
     """One over the squared length, rad^-2, that explains the residuals best; 0 for no growth."""
-    mean = _parallax(told) / greater(total, 1.0)
+    mean = _parallax(told) / max(total, 1.0)
     if total < FEWEST or not mean > 0.0:
         return 0.0
     even = _unexplained(told, total, 0.0)
@@ -112,11 +111,11 @@ def _steepness(told: Told, total: float) -> float:
         if not left < least or _within(told, length) < LEAST_WITHIN * total:
             break
         least, steepness = left, 1.0 / (length * length)
-    shown = total * math.log(even / greater(least, 1e-300))
+    shown = total * math.log(even / max(least, 1e-300))
     return steepness if shown > BY_CHANCE else 0.0
 
 
-@inner_kernel
+@step_kernel
 def _parallax(told: Told) -> float:
     """Of all right matches together, rad."""
     flows, used = told.flows, told.used
@@ -136,7 +135,7 @@ def _within(told: Told, length: float) -> float:
     return count
 
 
-@formula
+@inlined_kernel
 def _log_factor(flow2: float, steepness: float) -> float:
     """Of the variance of a match of this squared parallax."""
     return 0.5 * lane_log(1.0 + steepness * flow2)
@@ -161,7 +160,7 @@ def _moments(
     return first, second
 
 
-@inner_kernel
+@step_kernel
 def _scale_noise(
     pairs: np.ndarray, told: Told, total: float, steepness: float, grown: np.ndarray
 ) -> None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.arrays import copy
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel
 from farpoint._kernels.covariance import SIGNAL, covariance_here
-from farpoint._kernels.formulas import formula, lesser
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.patches import deal
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
-from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.squares import inverse_square, size2
 from farpoint._kernels.vectors import Matrix, combine, dot, matrix, tangent_columns, vector
 
@@ -43,10 +42,10 @@ def disagreement(
     half fixes no motion are left out; 1 where all are.
     """
     total, counted = 0.0, 0
-    half = index_room(matches.total)
-    one = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
-    other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
-    expected, beside = scratch(5, 5), scratch(5, 5)
+    half = np.empty(matches.total, np.int64)
+    one = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
+    other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
+    expected, beside = np.empty((5, 5)), np.empty((5, 5))
     for _ in range(deals):
         taken = deal(patch, state, half)
         some, rest = _rows_of(half, 0, taken), _rows_of(half, 1, matches.total - taken)
@@ -61,7 +60,7 @@ def disagreement(
         if not positive:
             continue
         square = size2(inverse, _apart(one.R, one.t, other.R, other.t, pose.t))
-        total += lesser(square / 5.0, MOST)
+        total += min(square / 5.0, MOST)
         counted += 1
     return total / counted if counted > 0 else 1.0
 
@@ -69,7 +68,7 @@ def disagreement(
 @inner_kernel
 def _rows_of(half: np.ndarray, which: int, count: int) -> np.ndarray:
     """The matches of one half, of which there are so many."""
-    rows = index_room(count)
+    rows = np.empty(count, np.int64)
     k = 0
     for i in range(half.size):
         if half[i] == which:
@@ -94,7 +93,7 @@ def _refine_by(
     motion. As if as many were ``right`` as of all: few would know their noise less well.
     """
     panels = (rows.size + LANES - 1) // LANES
-    pairs, prior = room(panels * PANEL), room(panels * LANES)
+    pairs, prior = np.empty(panels * PANEL), np.empty(panels * LANES)
     take_pairs(matches.pairs, rows, pairs)
     for j in range(prior.size):
         prior[j] = matches.prior[rows[j]] if j < rows.size else 0.0
@@ -111,7 +110,7 @@ def _refine_by(
     return True
 
 
-@formula
+@inlined_kernel
 def _apart(
     R: np.ndarray, t: np.ndarray, other_R: np.ndarray, other_t: np.ndarray, base: np.ndarray
 ) -> tuple[float, float, float, float, float]:
@@ -122,7 +121,7 @@ def _apart(
     return x, y, z, dot(first, shift), dot(second, shift)
 
 
-@formula
+@inlined_kernel
 def _turn(R: Matrix, other: Matrix) -> tuple[float, float, float]:
     """Rotation vector of ``R other^T``, to first order."""
     return (

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
 from farpoint._kernels.epipolar import flow_along, sampson_jacobian, variances
-from farpoint._kernels.formulas import choose, formula, greater, lesser, root
 from farpoint._kernels.mixture import (
     Clutter,
     clutter_at,
@@ -18,8 +19,17 @@ from farpoint._kernels.mixture import (
 )
 from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0, ray1
 from farpoint._kernels.pose import Seen
-from farpoint._kernels.scratch import room
-from farpoint._kernels.squares import FIVE, SIX, add_square, inverse_square, size2, write_square
+from farpoint._kernels.scalars import where
+from farpoint._kernels.squares import (
+    FIVE,
+    SIX,
+    add_five,
+    add_six,
+    inverse_square,
+    size2,
+    write_five,
+    write_six,
+)
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
@@ -51,7 +61,7 @@ JACOBIAN, RESIDUAL, CHANGE, WEIGHT, SHARE, KNOWN, MISSING, SCATTER, DEPTH, DOUBT
 TOLD = 18 * LANES
 
 
-@kernel
+@inner_kernel
 def information(
     seen: Seen,
     predicted: bool,
@@ -88,12 +98,12 @@ def information(
     1982, DOI 10.1111/j.2517-6161.1982.tb01203.x). And as how many matches they tell: all of them if
     all have the same leverage, the fewer the more of it a few have.
     """
-    told = room(seen.prior.size // LANES * TOLD)
+    told = np.empty(seen.prior.size // LANES * TOLD)
     _tell(seen, told)
     if predicted:
         _predict(told)
     _normal_equations(told, normal)
-    alike = _weigh_by_leverage(told, normal[:5, :5])
+    alike = _weigh_by_leverage(told, normal)
     _normal_equations(told, normal)
     _gram(told, CHANGE, SHARE, noise)
     _gram(told, JACOBIAN, SCATTER, scatter)
@@ -106,12 +116,14 @@ def _predict(told: np.ndarray) -> None:
     """Bring each inverse depth, and the Jacobian with it, to where the others let expect it."""
     mean, variance = 0.0, 0.0
     for k in range(DEPTH_ROUNDS):
-        total, weighted, weight2, excess = _spread_of_depths(told, mean, variance, k == 0)
+        total, weighted, weight2, excess = _spread_of_depths(
+            told, mean, variance, 1.0 if k == 0 else 0.0
+        )
         if not (total > 0.0 and weight2 > 0.0):
             return
         before = variance
         mean = weighted / total if k > 0 else 0.0
-        variance = greater(excess / weight2, 0.0)
+        variance = max(excess / weight2, 0.0)
         if k > 1 and abs(variance - before) <= SETTLED * variance:
             break
     for panel in range(told.size // TOLD):
@@ -127,13 +139,13 @@ def _predict(told: np.ndarray) -> None:
 
 @sum_kernel
 def _spread_of_depths(
-    told: np.ndarray, mean: float, variance: float, is_first: bool
+    told: np.ndarray, mean: float, variance: float, first: float
 ) -> tuple[float, float, float, float]:
     """Sums over the inverse depths, as a mean and variance of them weigh each.
 
     Of their weights, of the weighted depths, of the weights of their squared distances from the
-    mean, and of these squares beyond what is noise. The first time there is neither: each depth
-    counts by its own noise alone.
+    mean, and of these squares beyond what is noise. The ``first`` time (1, else 0) there is
+    neither: each depth counts by its own noise alone.
     """
     total = weighted = weight2 = excess = 0.0
     for panel in range(told.size // TOLD):
@@ -142,11 +154,11 @@ def _spread_of_depths(
             depth, doubt = told[at + DEPTH * LANES], told[at + DOUBT * LANES]
             over = 1.0 / (variance + doubt + 1e-300)
             w = told[at + KNOWN * LANES] * over
-            each = w * choose(is_first, 1.0, over)
+            each = w * (first + (1.0 - first) * over)
             total += w
             weighted += w * depth
             weight2 += each
-            excess += each * ((depth - mean) ** 2 - choose(is_first, 0.0, doubt))
+            excess += each * ((depth - mean) ** 2 - (1.0 - first) * doubt)
     return total, weighted, weight2, excess
 
 
@@ -163,7 +175,7 @@ def _tell(seen: Seen, told: np.ndarray) -> None:
             _tell_of(seen.pairs, at, share, turn, towards, basis, noise, told, to)
 
 
-@formula
+@inlined_kernel
 def _tell_of(
     pairs: np.ndarray,
     at: int,
@@ -177,7 +189,8 @@ def _tell_of(
 ) -> None:
     """Write down what one match tells, in a column of a panel."""
     precision, poor, clutter, tail = noise
-    *jacobian, r = sampson_jacobian(pairs, at, R, t, basis)
+    jacobian = sampson_jacobian(pairs, at, R, t, basis)
+    r = jacobian[5]
     m = rotate(R, ray0(pairs, at))
     reach = dot(m, t)
     along = combine(reach, t, -reach * reach, m)
@@ -186,19 +199,27 @@ def _tell_of(
     flow, square = flow_along(m, ray1(pairs, at), t)
     elsewhere = square > EPIPOLE_SIGMA**2 / precision * flow_variance(pairs, at)
     lost, _ = clutter_at(clutter, r)
-    over = choose(elsewhere, 1.0 / (sum_of(each) + lost), 0.0)
+    over = where(elsewhere, 1.0 / (sum_of(each) + lost), 0.0)
     w, w2 = weight_of(each) * over, weight2_of(each) * over
     g, v = variances(pairs, at, R, t)
-    scale = 1.0 / root(g)
-    change = *combine(scale, along, 0.0, along), scale * dot(basis[0], across)
+    scale = 1.0 / math.sqrt(g)
+    x, y, z = combine(scale, along, 0.0, along)
+    change = x, y, z, scale * dot(basis[0], across), scale * dot(basis[1], across)
     over_square = 1.0 / (square + 1e-150)
     depth, doubt = flow * over_square, v * over_square * over_square / precision
     weight = w * precision
     missing, scatter = r * r * precision * (w2 - w * w), weight * r * weight * r
     told_here = weight, weight * doubt, w, missing, scatter, depth, doubt
-    rows = *jacobian, r, *change, scale * dot(basis[1], across), *told_here
-    for row, value in enumerate(rows):
-        told[to + row * LANES] = value
+    _write_rows(told, to, jacobian)
+    _write_rows(told, to + CHANGE * LANES, change)
+    _write_rows(told, to + WEIGHT * LANES, told_here)
+
+
+@inlined_kernel
+def _write_rows(told: np.ndarray, to: int, values: tuple[float, ...]) -> None:
+    """Write down some numbers of a match, each in the row below the last one."""
+    for row in range(len(values)):
+        told[to + row * LANES] = values[row]
 
 
 @inner_kernel
@@ -214,14 +235,14 @@ def _weigh_by_leverage(told: np.ndarray, whole: np.ndarray) -> float:
     for panel in range(told.size // TOLD):
         for lane in range(LANES):
             at = panel * TOLD + lane
-            drawn = lesser(told[at + WEIGHT * LANES] * size2(inverse, _five(told, at)), 1.0)
+            drawn = min(told[at + WEIGHT * LANES] * size2(inverse, _five(told, at)), 1.0)
             total += drawn
             squares += drawn * drawn
             heard = 1.0 - drawn * drawn * drawn
             told[at + WEIGHT * LANES] *= heard
             told[at + SHARE * LANES] *= heard
-            told[at + SCATTER * LANES] *= heard / (1.0 - lesser(drawn, MOST_LEVERAGE))
-    return total * total / greater(squares, 1e-300)
+            told[at + SCATTER * LANES] *= heard / (1.0 - min(drawn, MOST_LEVERAGE))
+    return total * total / max(squares, 1e-300)
 
 
 @sum_kernel
@@ -231,8 +252,8 @@ def _gram(told: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
     for panel in range(told.size // TOLD):
         for lane in range(LANES):
             at = panel * TOLD + lane
-            sums = add_square(sums, told[at + weight * LANES], _five(told, at + row * LANES))
-    write_square(sums, out)
+            sums = add_five(sums, told[at + weight * LANES], _five(told, at + row * LANES))
+    write_five(sums, out)
 
 
 @sum_kernel
@@ -242,15 +263,16 @@ def _normal_equations(told: np.ndarray, out: np.ndarray) -> None:
     for panel in range(told.size // TOLD):
         for lane in range(LANES):
             at = panel * TOLD + lane
-            row = *_five(told, at), told[at + RESIDUAL * LANES]
-            sums = add_square(sums, told[at + WEIGHT * LANES], row)
-    write_square(sums, out)
+            x, y, z, u, v = _five(told, at)
+            row = x, y, z, u, v, told[at + RESIDUAL * LANES]
+            sums = add_six(sums, told[at + WEIGHT * LANES], row)
+    write_six(sums, out)
 
 
-@formula
+@inlined_kernel
 def _five(told: np.ndarray, at: int) -> tuple[float, float, float, float, float]:
-    a, b, c, d, e = (told[at + row * LANES] for row in range(5))
-    return a, b, c, d, e
+    a, b, c = told[at], told[at + LANES], told[at + 2 * LANES]
+    return a, b, c, told[at + 3 * LANES], told[at + 4 * LANES]
 
 
 @inner_kernel

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import choose, formula, root
+from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
+from farpoint._kernels.scalars import where
 from farpoint._kernels.vectors import Vector
 
 __all__ = [
@@ -36,13 +36,13 @@ def pinhole_rays(
         _pinhole_ray(pixels, i, fx, fy, cx, cy, rays)
 
 
-@formula
+@step_kernel
 def _pinhole_ray(
     pixels: np.ndarray, i: int, fx: float, fy: float, cx: float, cy: float, rays: np.ndarray
 ) -> None:
     x, y = (pixels[i, 0] - cx) / fx, (pixels[i, 1] - cy) / fy
     square = x * x + y * y + 1.0
-    scale = choose(square < math.inf, 1.0 / root(square), math.nan)
+    scale = where(square < math.inf, 1.0 / math.sqrt(square), math.nan)
     rays[i, 0], rays[i, 1], rays[i, 2] = x * scale, y * scale, scale
 
 
@@ -69,7 +69,7 @@ def invert_projection(rays: np.ndarray, forward: np.ndarray, jacobian: np.ndarra
         jacobian[i, 2, 1] = (rx * uy - ry * ux) * inverse
 
 
-@formula
+@inlined_kernel
 def _distort_point(
     k: np.ndarray, x: float, y: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -99,7 +99,7 @@ def distort(k: np.ndarray, x: np.ndarray, y: np.ndarray, out: np.ndarray) -> Non
         )
 
 
-@inner_kernel
+@step_kernel
 def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> float:
     """Piecewise linear function through a table of growing arguments, held constant outside."""
     low, high = 0, len(arguments) - 1
@@ -115,7 +115,7 @@ def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> fl
     return values[low] + share * (values[high] - values[low])
 
 
-@inner_kernel
+@step_kernel
 def _undistort_point(k: np.ndarray, a: float, b: float, x: float, y: float) -> tuple[float, float]:
     """Newton's method from (x, y); NaN where it does not settle."""
     for _ in range(NEWTON_ITERATIONS):
@@ -171,7 +171,7 @@ def pinhole_ray_jacobian(
         _pinhole_ray_jacobian(k, fold, fx, fy, rays, i, jacobian)
 
 
-@formula
+@step_kernel
 def _pinhole_ray_jacobian(
     k: np.ndarray,
     fold: float,
@@ -182,13 +182,13 @@ def _pinhole_ray_jacobian(
     jacobian: np.ndarray,
 ) -> None:
     x, y, z = rays[i, 0], rays[i, 1], rays[i, 2]
-    over = 1.0 / root(x * x + y * y + z * z)
+    over = 1.0 / math.sqrt(x * x + y * y + z * z)
     rx, ry, rz = x * over, y * over, z * over
     inverse = 1.0 / z
     x, y = x * inverse, y * inverse
     _, _, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
     seen = (rz > 0.0) & (x * x + y * y < fold * fold)
-    scale = choose(seen, rz / (a_x * b_y - a_y * b_x), math.nan)
+    scale = where(seen, rz / (a_x * b_y - a_y * b_x), math.nan)
     over_x, over_y = scale * (1.0 / fx), scale * (1.0 / fy)
     by_x, by_y = (b_y * over_x, -b_x * over_x), (-a_y * over_y, a_x * over_y)
     _write_tangents((rx, ry, rz), (by_x, by_y), jacobian, i)
@@ -201,17 +201,18 @@ def straight_ray_jacobian(fx: float, fy: float, rays: np.ndarray, jacobian: np.n
         _straight_ray_jacobian(fx, fy, rays, i, jacobian)
 
 
-@formula
+@step_kernel
 def _straight_ray_jacobian(
     fx: float, fy: float, rays: np.ndarray, i: int, jacobian: np.ndarray
 ) -> None:
     x, y, z = rays[i, 0], rays[i, 1], rays[i, 2]
-    over = 1.0 / root(x * x + y * y + z * z)
-    scale = choose(z > 0.0, z * over, math.nan)
+    over = 1.0 / math.sqrt(x * x + y * y + z * z)
+    scale = where(z > 0.0, z * over, math.nan)
     by_x, by_y = (scale * (1.0 / fx), 0.0), (0.0, scale * (1.0 / fy))
     _write_tangents((x * over, y * over, z * over), (by_x, by_y), jacobian, i)
 
 
+@inlined_kernel
 def _write_tangents(
     ray: Vector,
     steps: tuple[tuple[float, float], tuple[float, float]],
@@ -219,7 +220,8 @@ def _write_tangents(
     i: int,
 ) -> None:
     """Write what is perpendicular to the ray of its steps (x, y, 0), one a column."""
-    for column, (x, y) in enumerate(steps):
+    for column in range(2):
+        x, y = steps[column]
         along = ray[0] * x + ray[1] * y
         jacobian[i, 0, column] = x - ray[0] * along
         jacobian[i, 1, column] = y - ray[1] * along

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel, sum_kernel
 from farpoint._kernels.epipolar import (
     flow_along,
     parallax_variance,
@@ -13,7 +15,6 @@ from farpoint._kernels.epipolar import (
     shift_jacobian,
 )
 from farpoint._kernels.exponential import lane_log
-from farpoint._kernels.formulas import choose, formula, root
 from farpoint._kernels.mixture import (
     FAR_SIGMA,
     STEEPER,
@@ -29,12 +30,12 @@ from farpoint._kernels.mixture import (
 )
 from farpoint._kernels.pairs import LANES, PANEL, ray0, ray1
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
-from farpoint._kernels.scratch import room
+from farpoint._kernels.scalars import where
 from farpoint._kernels.squares import (
     SIX,
-    add_square,
+    add_six,
     add_to_square,
-    write_square,
+    write_six,
 )
 from farpoint._kernels.vectors import Matrix, Vector, matrix, rotate, tangent_columns, vector
 
@@ -80,9 +81,9 @@ def linearize(seen: Seen, gives_way: bool, normal: np.ndarray, shares: np.ndarra
             trials += trials_of(each, seen.tail) * over
             repeated += used * near * over
             retreat = retreat2(pairs, at, turn, towards, precision)
-            retreating += choose(retreat > 0.0, whole * over, 0.0)
-            sums = add_square(sums, precision * weight_of(each) * over, row)
-    write_square(sums, normal)
+            retreating += where(retreat > 0.0, whole * over, 0.0)
+            sums = add_six(sums, precision * weight_of(each) * over, row)
+    write_six(sums, normal)
     if gives_way and retreating > FEW_RETREATING:
         _add_retreats(seen, normal)
     shares[0], shares[1], shares[2], shares[3] = right, steps, trials, repeated
@@ -100,7 +101,7 @@ def _add_retreats(seen: Seen, normal: np.ndarray) -> None:
     turn, towards = matrix(seen.R), vector(seen.t)
     basis = tangent_columns(towards)
     precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
-    beyond2 = room(prior.size)
+    beyond2 = np.empty(prior.size)
     _tell_retreats(pairs, turn, towards, precision, beyond2)
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
@@ -114,7 +115,7 @@ def _add_retreats(seen: Seen, normal: np.ndarray) -> None:
             right = good / (sum_of(each) + lost)
             weight = STEEPER * precision * (1.0 - poor) * (1.0 - poor) * right
             x, y, z, u, v, shift = shift_jacobian(pairs, at, turn, towards, basis)
-            beyond = shift + FAR_SIGMA / root(precision)
+            beyond = shift + FAR_SIGMA / math.sqrt(precision)
             add_to_square(weight, (x, y, z, u, v, beyond), normal)
 
 
@@ -129,7 +130,7 @@ def _tell_retreats(
             beyond2[panel * LANES + lane] = retreat2(pairs, at, R, t, precision)
 
 
-@inner_kernel
+@step_kernel
 def judge_pose(matches: PackedMatches, pose: Pose, shares: np.ndarray) -> float:
     """The negative log likelihood of a pose, with the rest as of `linearize`."""
     variance, wrong, spread, tail = pose.mixture[0], pose.mixture[1], matches.spread, matches.tail
@@ -138,7 +139,7 @@ def judge_pose(matches: PackedMatches, pose: Pose, shares: np.ndarray) -> float:
     return cost + matches.total * mixture_cost(variance, wrong)
 
 
-@formula
+@inlined_kernel
 def _said_of(
     pairs: np.ndarray,
     at: int,
@@ -155,7 +156,7 @@ def _said_of(
     flow, _ = flow_along(m, b, t)
     variance = parallax_variance(pairs, at, R, m, t)
     each = densities(pairs, at, R, t, residual, precision, poor, prior, tail)
-    return residual, flow / root(variance + 1e-300), sum_of(each)
+    return residual, flow / math.sqrt(variance + 1e-300), sum_of(each)
 
 
 @kernel

@@ -10,8 +10,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import formula, greater, whole
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel
 from farpoint._kernels.squares import sandwich_five
 from farpoint._kernels.vectors import (
     Vector,
@@ -44,7 +43,7 @@ __all__ = [
 MOST_SWEEPS = 30
 
 
-@kernel
+@inner_kernel
 def draw_unit(state: np.ndarray) -> float:
     """Uniform number in [0, 1) from a splitmix64 ``state`` (1,) uint64, which is advanced."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
@@ -55,13 +54,13 @@ def draw_unit(state: np.ndarray) -> float:
     return float(z >> np.uint64(11)) * 1.1102230246251565e-16
 
 
-@kernel
+@inner_kernel
 def draw_index(state: np.ndarray, n: int) -> int:
     """Uniform integer in [0, n); its bias over n < 2^32 is beyond notice."""
-    return whole(draw_unit(state) * n)
+    return int(draw_unit(state) * n)
 
 
-@kernel
+@step_kernel
 def draw_direction(state: np.ndarray, d: np.ndarray) -> None:
     """Unit vector ``d`` (3,), uniform on the sphere."""
     z = 2.0 * draw_unit(state) - 1.0
@@ -70,14 +69,15 @@ def draw_direction(state: np.ndarray, d: np.ndarray) -> None:
     d[0], d[1], d[2] = radius * math.cos(angle), radius * math.sin(angle), z
 
 
-@formula
+@inlined_kernel
 def tangent_basis(d: np.ndarray, basis: np.ndarray) -> None:
     """Orthonormal basis (3, 2) perpendicular to the unit vector ``d`` (Duff et al., JCGT 2017)."""
-    for column, e in enumerate(tangent_columns(vector(d))):
-        basis[0, column], basis[1, column], basis[2, column] = e
+    first, second = tangent_columns(vector(d))
+    basis[0, 0], basis[1, 0], basis[2, 0] = first
+    basis[0, 1], basis[1, 1], basis[2, 1] = second
 
 
-@kernel
+@inner_kernel
 def apply_rotation_step(R: np.ndarray, x: float, y: float, z: float, out: np.ndarray) -> None:
     """``out = Exp((x, y, z)) @ R``; ``out`` may be ``R`` itself."""
     angle2 = x * x + y * y + z * z
@@ -92,7 +92,7 @@ def apply_rotation_step(R: np.ndarray, x: float, y: float, z: float, out: np.nda
     turn(qw, f * x, f * y, f * z, R, out)
 
 
-@formula
+@inlined_kernel
 def turn(qw: float, qx: float, qy: float, qz: float, R: np.ndarray, out: np.ndarray) -> None:
     """``out = E @ R`` with the rotation E of a unit quaternion."""
     e00, e01, e02 = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qw * qz), 2 * (qx * qz + qw * qy)
@@ -105,7 +105,7 @@ def turn(qw: float, qx: float, qy: float, qz: float, R: np.ndarray, out: np.ndar
         out[2, j] = e20 * r0 + e21 * r1 + e22 * r2
 
 
-@kernel
+@inner_kernel
 def sandwich(
     whole: np.ndarray, part: np.ndarray, inner: np.ndarray, least: float, out: np.ndarray
 ) -> bool:
@@ -117,7 +117,7 @@ def sandwich(
     return sandwich_five(whole, part, inner, least, out)
 
 
-@kernel
+@inner_kernel
 def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
     """Eigenvectors of a symmetric matrix (5, 5), in rows; its diagonal receives the values.
 
@@ -138,7 +138,7 @@ def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
                     _make_zero(A, p, q, axes)
 
 
-@inner_kernel
+@step_kernel
 def _make_zero(A: np.ndarray, p: int, q: int, axes: np.ndarray) -> None:
     """Turn the axes ``p`` and ``q`` into those in which their element is zero."""
     cotangent = 0.5 * (A[q, q] - A[p, p]) / A[p, q]
@@ -157,7 +157,7 @@ def _make_zero(A: np.ndarray, p: int, q: int, axes: np.ndarray) -> None:
     A[p, q] = A[q, p] = 0.0
 
 
-@kernel
+@inner_kernel
 def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     """Rotation maximising ``trace(R.T @ M)`` for ``M = sum b a^T`` (3, 3).
 
@@ -170,7 +170,7 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     # The root has (trace^2 - square)^2 = 4 (cofactors + 2 det trace). With an upper bound on the
     # right, that gives a better one on the left: exact for rays of a narrow view, whose det is 0.
     # Newton's method comes down from there to the largest root and stops.
-    bound = cofactors + 2.0 * greater(det, 0.0) * math.sqrt(3.0 * square)
+    bound = cofactors + 2.0 * max(det, 0.0) * math.sqrt(3.0 * square)
     trace = math.sqrt(square + 2.0 * math.sqrt(bound))
     for _ in range(60):
         k = trace * trace - square
@@ -186,7 +186,7 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     return True
 
 
-@formula
+@step_kernel
 def _invariants(M: np.ndarray) -> tuple[float, float, float]:
     """Squares of all elements, determinant, and squares of all cofactors."""
     x, y, z = matrix(M)
@@ -195,7 +195,7 @@ def _invariants(M: np.ndarray) -> tuple[float, float, float]:
     return square, dot(x, over_x), dot(over_x, over_x) + dot(over_y, over_y) + dot(over_z, over_z)
 
 
-@formula
+@step_kernel
 def _write_nearest(M: np.ndarray, square: float, trace: float, R: np.ndarray) -> None:
     """The rotation with the largest ``trace`` of ``R.T @ M``."""
     x, y, z = matrix(M)
@@ -209,27 +209,29 @@ def _write_nearest(M: np.ndarray, square: float, trace: float, R: np.ndarray) ->
     third = cross(first, second)
     third = combine(1.0 / norm(third), third, 0.0, third)
     second = cross(third, first)
-    for i in range(3):
-        R[0, i], R[1, i], R[2, i] = first[i], second[i], third[i]
+    R[0, 0], R[0, 1], R[0, 2] = first
+    R[1, 0], R[1, 1], R[1, 2] = second
+    R[2, 0], R[2, 1], R[2, 2] = third
 
 
-@formula
+@inlined_kernel
 def add_outer(b: Vector, a: Vector, weight: float, M: np.ndarray) -> None:
     """``M += weight b a^T``."""
+    x, y, z = a
     for j in range(3):
-        for k in range(3):
-            M[j, k] += weight * b[j] * a[k]
+        scaled = weight * b[j]
+        M[j, 0] += scaled * x
+        M[j, 1] += scaled * y
+        M[j, 2] += scaled * z
 
 
-@formula
+@inlined_kernel
 def put(s: float, a: Vector, v: np.ndarray) -> None:
     """``v = s a``."""
-    for k in range(3):
-        v[k] = s * a[k]
+    v[0], v[1], v[2] = s * a[0], s * a[1], s * a[2]
 
 
-@formula
+@inlined_kernel
 def add(s: float, a: Vector, v: np.ndarray) -> None:
     """``v += s a``."""
-    for k in range(3):
-        v[k] += s * a[k]
+    v[0], v[1], v[2] = v[0] + s * a[0], v[1] + s * a[1], v[2] + s * a[2]

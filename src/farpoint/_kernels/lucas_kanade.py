@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, sum_kernel
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel, sum_kernel
 from farpoint._kernels.windows import (
     LANES,
     Image,
@@ -166,7 +166,7 @@ def _within(image: Image, x: float, y: float) -> bool:
     return 0.0 <= x <= image.width - 1.0 and 0.0 <= y <= image.height - 1.0
 
 
-@inlined_kernel
+@step_kernel
 def _descend(
     image: Image, x: float, y: float, patience: Patience, space: Workspace
 ) -> tuple[float, float, bool]:
@@ -200,7 +200,7 @@ def _descend(
     return x, y, _within(image, x, y)
 
 
-@inner_kernel
+@step_kernel
 def _project_out_brightness(window: Window) -> None:
     """Make the gradients orthogonal to a change of gain and offset, over the window.
 

@@ -23,10 +23,9 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel
+from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
 from farpoint._kernels.epipolar import flow_along, parallax_variance
 from farpoint._kernels.exponential import exp_and_roots
-from farpoint._kernels.formulas import formula, greater, lesser, root
 from farpoint._kernels.pairs import ray0, ray1
 from farpoint._kernels.vectors import rotate
 
@@ -79,7 +78,7 @@ STEEPER = 2.0
 REPEATED_WITHIN = 32.0
 
 
-@formula
+@inlined_kernel
 def clutter_of(mixture: np.ndarray, spread: float) -> Clutter:
     """Density of wrong matches over that of good ones at r = 0.
 
@@ -87,13 +86,13 @@ def clutter_of(mixture: np.ndarray, spread: float) -> Clutter:
     half as much.
     """
     variance, wrong, repeated = mixture[0], mixture[1], mixture[3]
-    density = wrong / (1.0 - wrong) * root(2.0 * math.pi * variance) / (2.0 * spread)
+    density = wrong / (1.0 - wrong) * math.sqrt(2.0 * math.pi * variance) / (2.0 * spread)
     over = REPEATED_WITHIN / spread
     about = density * repeated * (2.0 / math.pi * REPEATED_WITHIN)
     return density * (1.0 - repeated), about, over * over
 
 
-@formula
+@inlined_kernel
 def clutter_at(clutter: Clutter, residual: float) -> tuple[float, float]:
     """Density of wrong matches so far off, and of the repeated ones among them."""
     anywhere, about, over2 = clutter
@@ -101,32 +100,32 @@ def clutter_at(clutter: Clutter, residual: float) -> tuple[float, float]:
     return anywhere + near, near
 
 
-@formula
+@kernel
 def mean_variance(variance: float, poor: float) -> float:
     """Of right matches, good and poor."""
     good, eightfold = 1.0 - poor, poor * POOR * POOR
     return variance * (good + eightfold * (good + eightfold * (good + eightfold)))
 
 
-@inner_kernel
+@step_kernel
 def unusual(share: float) -> float:
     """Cost of a share of poor or of repeated matches that is not the usual one."""
     return -USUAL * (FEW * math.log(share) + (1.0 - FEW) * math.log(1.0 - share))
 
 
-@formula
+@step_kernel
 def repeated_share(repeated: float, wrong: float) -> float:
     """Step of EM of the share of repeated matches, from their and the wrong ones' numbers."""
     return (repeated + FEW * USUAL) / (wrong + USUAL)
 
 
-@inner_kernel
+@step_kernel
 def mixture_cost(variance: float, wrong: float) -> float:
     """What each match adds to the cost by the noise alone."""
     return 0.5 * math.log(variance) - math.log(1.0 - wrong)
 
 
-@formula
+@inlined_kernel
 def densities(
     pairs: np.ndarray,
     at: int,
@@ -143,7 +142,7 @@ def densities(
     return densities_of(residual * residual * precision + retreat, poor, poor / POOR, prior, tail)
 
 
-@formula
+@inlined_kernel
 def densities_of(square: float, poor: float, again: float, prior: float, tail: float) -> Densities:
     """Densities so many squared sigma off, each step of the tails ``again`` times as high.
 
@@ -160,7 +159,7 @@ def densities_of(square: float, poor: float, again: float, prior: float, tail: f
     )
 
 
-@formula
+@inlined_kernel
 def retreat2(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> float:
     """How much farther away from the direction a match lies than noise may bring it, squared.
 
@@ -168,46 +167,46 @@ def retreat2(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -
     """
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
-    shift = flow * root(precision / (parallax_variance(pairs, at, R, m, t) + 1e-300))
-    beyond = lesser(shift + FAR_SIGMA, 0.0)
+    shift = flow * math.sqrt(precision / (parallax_variance(pairs, at, R, m, t) + 1e-300))
+    beyond = min(shift + FAR_SIGMA, 0.0)
     return STEEPER * beyond * beyond
 
 
-@formula
+@inlined_kernel
 def sum_of(each: Densities) -> float:
     good, fair, bad, worst = each
     return good + fair + bad + worst
 
 
-@formula
+@inlined_kernel
 def steps_of(each: Densities) -> float:
     """Sum of the densities, each times how often the match is poorer."""
     _, fair, bad, worst = each
     return fair + 2.0 * bad + 3.0 * worst
 
 
-@formula
+@inlined_kernel
 def trials_of(each: Densities, tail: float) -> float:
     """Sum of the densities, each times how often the match could have been poorer."""
     good, fair, bad, worst = each
     return good + 2.0 * fair + (2.0 + tail) * bad + 3.0 * worst
 
 
-@formula
+@inlined_kernel
 def weight_of(each: Densities) -> float:
     """Sum of the densities, each over its variance in units of a good one's."""
     good, fair, bad, worst = each
     return good + fair * 0.125 + bad * 0.015625 + worst * 0.001953125
 
 
-@formula
+@inlined_kernel
 def weight2_of(each: Densities) -> float:
     """As `weight_of`, each over the square of its variance."""
     good, fair, bad, worst = each
     return weight_of((good, fair * 0.125, bad * 0.015625, worst * 0.001953125))
 
 
-@formula
+@inlined_kernel
 def update_mixture(
     square: float,
     shares: np.ndarray,
@@ -225,8 +224,8 @@ def update_mixture(
     total, steps, trials = shares[0], shares[1], shares[2]
     share = (steps + FEW * USUAL) / (trials + USUAL)
     # EM goes the right way, and the more slowly the heavier the tails: farther that way helps.
-    farther = haste * lesser(FARTHER * mixture[2], MOST_FARTHER)
-    change = lesser(greater(farther * (square / mixture[0] - 1.0), -0.5), 1.0)
-    mixture[0] = greater((1.0 + change) * square, minimum)
-    mixture[1] = lesser(greater(1.0 - total / count, 0.005), 0.95)
-    mixture[2] = lesser(greater(share + farther * (share - mixture[2]), 0.5 * share), 0.5)
+    farther = haste * min(FARTHER * mixture[2], MOST_FARTHER)
+    change = min(max(farther * (square / mixture[0] - 1.0), -0.5), 1.0)
+    mixture[0] = max((1.0 + change) * square, minimum)
+    mixture[1] = min(max(1.0 - total / count, 0.005), 0.95)
+    mixture[2] = min(max(share + farther * (share - mixture[2]), 0.5 * share), 0.5)

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.arrays import copy
+from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
-from farpoint._kernels.scratch import copy, index_room, room, scratch
 from farpoint._kernels.search import search_pose
 from farpoint._kernels.settling import (
     MAX_SEARCHED,
     Found,
     Numbers,
-    every_so_manieth,
     searched_of,
     settle,
+    some_of,
 )
 
 __all__ = ["fit_motion"]
@@ -32,7 +32,6 @@ WIDER = 4.0
 WIDENINGS = 8
 
 
-@kernel
 def fit_motion(
     matches: PackedMatches, effort: Effort, least_signal: float, state: np.ndarray, found: Found
 ) -> tuple[int, bool, bool, bool, Numbers]:
@@ -46,34 +45,40 @@ def fit_motion(
     at first; where there are none, at the rotation that most matches roughly agree on. The other
     matches may carry translation, and where few are left, all may.
     """
-    # A kernel that handed back the array itself would make numba lose count of who holds it.
-    few = matches.total <= MAX_SEARCHED
-    some = matches.pairs if few else every_so_manieth(matches.pairs, matches.total)
-    searched = searched_of(some, matches)
-    candidates = _candidates(searched, effort.tolerance, state, found.R_far)
-    best = Pose(found.R, found.t, found.mixture, scratch(6, 6), scratch(1))
-    second = Pose(found.R_second, found.t_second, scratch(4), scratch(6, 6), scratch(1))
-    rival = Pose(found.R_rival, found.t_rival, scratch(4), scratch(6, 6), scratch(1))
+    some, few = some_of(matches), matches.total <= MAX_SEARCHED
+    count = matches.total if few else MAX_SEARCHED
+    candidates = find_candidates(some, count, effort.tolerance, state, found.R_far)
+    iterations, is_planar, has_met, has_second = _search(
+        some, matches, candidates, effort, state, found
+    )
+    numbers = settle(some, matches, least_signal, found)
+    return iterations, is_planar, has_met, has_second and not few, numbers
+
+
+@kernel
+def _search(
+    some: np.ndarray,
+    matches: PackedMatches,
+    candidates: np.ndarray,
+    effort: Effort,
+    state: np.ndarray,
+    found: Found,
+) -> tuple[int, bool, bool, bool]:
+    """The search of `fit_motion`, by some of the matches."""
+    best = Pose(found.R, found.t, found.mixture, np.empty((6, 6)), np.empty(1))
+    second = Pose(found.R_second, found.t_second, np.empty(4), np.empty((6, 6)), np.empty(1))
+    rival = Pose(found.R_rival, found.t_rival, np.empty(4), np.empty((6, 6)), np.empty(1))
     copy(found.R_far, best.R)
-    iterations, is_planar, has_met, has_second = search_pose(
-        searched, candidates, effort, state, best, second, rival
-    )
-    return (
-        iterations,
-        is_planar,
-        has_met,
-        has_second and not few,
-        settle(searched, matches, least_signal, found),
-    )
+    searched = searched_of(some, matches)
+    return search_pose(searched, candidates, effort, state, best, second, rival)
 
 
-@inner_kernel
-def _candidates(
-    searched: PackedMatches, tolerance: float, state: np.ndarray, R_far: np.ndarray
+@kernel
+def find_candidates(
+    pairs: np.ndarray, count: int, tolerance: float, state: np.ndarray, R_far: np.ndarray
 ) -> np.ndarray:
     """Find the rotation of the far matches; which others may carry translation."""
-    pairs, count = searched.pairs, searched.total
-    consistent = room(count)
+    consistent = np.empty(count)
     search_rotation(pairs, count, tolerance, START_SAMPLES, state, R_far)
     enlarge_rotation(pairs, count, tolerance, R_far, consistent)
     flowing = 0
@@ -83,7 +88,7 @@ def _candidates(
     if lost:
         _widen(pairs, count, tolerance, state, R_far, consistent)
     few = lost or flowing < MIN_FLOWING
-    candidates = index_room(count if few else flowing)
+    candidates = np.empty(count if few else flowing, np.int64)
     taken = 0
     for i in range(count):
         if few or not consistent[i]:
@@ -92,7 +97,7 @@ def _candidates(
     return candidates
 
 
-@inner_kernel
+@step_kernel
 def _widen(
     pairs: np.ndarray,
     count: int,

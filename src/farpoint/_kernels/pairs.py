@@ -11,9 +11,8 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import formula, greater
-from farpoint._kernels.fused import fused
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
+from farpoint._kernels.scalars import fma
 from farpoint._kernels.vectors import Vector, combine, dot
 
 __all__ = [
@@ -35,7 +34,7 @@ __all__ = [
     "take_pairs",
 ]
 
-LANES = 16
+LANES = 16  # as in `address`
 # Rows of a panel: two rays, their covariances (upper triangles), the mean variance of their flow.
 RAY0, RAY1, COVARIANCE0, COVARIANCE1, FLOW = 0, 3, 6, 12, 18
 PANEL = 19 * LANES
@@ -50,73 +49,72 @@ def packed_length(count: int) -> int:
     return -(-count // LANES) * LANES
 
 
-@formula
+@inlined_kernel
 def address(i: int) -> int:
     """Where the first row has match ``i``; the next row has it `LANES` further on."""
-    return i // LANES * PANEL + i % LANES
+    return (i >> 4) * PANEL + (i & 15)
 
 
-@formula
-def _at(pairs: np.ndarray, at: int, row: int) -> Vector:
-    return pairs[at + row * LANES], pairs[at + (row + 1) * LANES], pairs[at + (row + 2) * LANES]
+@inlined_kernel
+def _three(pairs: np.ndarray, at: int) -> Vector:
+    """Numbers of a match in three rows, from this address on."""
+    return pairs[at], pairs[at + LANES], pairs[at + 2 * LANES]
 
 
-@formula
+@inlined_kernel
 def ray0(pairs: np.ndarray, at: int) -> Vector:
     """Unit ray in camera 0 of the match at this address."""
-    return _at(pairs, at, RAY0)
+    return _three(pairs, at)
 
 
-@formula
+@inlined_kernel
 def ray1(pairs: np.ndarray, at: int) -> Vector:
     """Unit ray in camera 1."""
-    return _at(pairs, at, RAY1)
+    return _three(pairs, at + RAY1 * LANES)
 
 
-@formula
-def _covariance_times(pairs: np.ndarray, at: int, row: int, v: Vector) -> Vector:
-    x, y = _at(pairs, at, row), _at(pairs, at, row + 3)
+@inlined_kernel
+def _covariance_times(pairs: np.ndarray, at: int, v: Vector) -> Vector:
+    x, y = _three(pairs, at), _three(pairs, at + 3 * LANES)
     return (
-        fused(x[0], v[0], fused(x[1], v[1], x[2] * v[2])),
-        fused(x[1], v[0], fused(y[0], v[1], y[1] * v[2])),
-        fused(x[2], v[0], fused(y[1], v[1], y[2] * v[2])),
+        fma(x[0], v[0], fma(x[1], v[1], x[2] * v[2])),
+        fma(x[1], v[0], fma(y[0], v[1], y[1] * v[2])),
+        fma(x[2], v[0], fma(y[1], v[1], y[2] * v[2])),
     )
 
 
-@formula
+@inlined_kernel
 def noise0(pairs: np.ndarray, at: int, v: Vector) -> Vector:
     """Covariance of the ray in camera 0, for unit noise, times ``v``."""
-    return _covariance_times(pairs, at, COVARIANCE0, v)
+    return _covariance_times(pairs, at + COVARIANCE0 * LANES, v)
 
 
-@formula
+@inlined_kernel
 def noise1(pairs: np.ndarray, at: int, v: Vector) -> Vector:
     """Covariance of the ray in camera 1, for unit noise, times ``v``."""
-    return _covariance_times(pairs, at, COVARIANCE1, v)
+    return _covariance_times(pairs, at + COVARIANCE1 * LANES, v)
 
 
-@formula
+@inlined_kernel
 def flow_variance(pairs: np.ndarray, at: int) -> float:
     """Variance, rad^2 for unit noise, of the flow in one direction, on average."""
     return pairs[at + FLOW * LANES]
 
 
-@formula
-def _put_ray(pairs: np.ndarray, at: int, row: int, rays: np.ndarray, i: int) -> Vector:
+@inlined_kernel
+def _put_ray(pairs: np.ndarray, slot: int, rays: np.ndarray, i: int) -> Vector:
     """Store ray ``i``, and return it."""
-    ray = rays[i, 0], rays[i, 1], rays[i, 2]
     for k in range(3):
-        pairs[at + (row + k) * LANES] = ray[k]
-    return ray
+        pairs[slot + k * LANES] = rays[i, k]
+    return rays[i, 0], rays[i, 1], rays[i, 2]
 
 
-@formula
+@inlined_kernel
 def _put_covariance(
-    pairs: np.ndarray, at: int, row: int, A: np.ndarray, i: int, C: np.ndarray, j: int
+    pairs: np.ndarray, slot: int, A: np.ndarray, i: int, C: np.ndarray, j: int
 ) -> float:
     """Store ``A C A^T`` of match ``i``, with the noise ``C[j]`` (2, 2); its trace."""
     c00, c01, c11 = C[j, 0, 0], C[j, 0, 1], C[j, 1, 1]
-    slot = at + row * LANES
     trace = 0.0
     for k in range(3):
         u, v = c00 * A[i, k, 0] + c01 * A[i, k, 1], c01 * A[i, k, 0] + c11 * A[i, k, 1]
@@ -128,7 +126,7 @@ def _put_covariance(
     return trace
 
 
-@formula
+@inlined_kernel
 def _squares(factors: np.ndarray, i: int) -> float:
     """Sum of the squares of a derivative (3, 2)."""
     square = 0.0
@@ -183,7 +181,7 @@ def pack_pairs(
         Half the width, in units of the noise, of a uniform distribution with the second moment of
         the later rays.
     """
-    n = 0
+    n = np.int64(0)
     square = precision = 0.0
     mean = 0.0, 0.0, 0.0
     for i in range(len(rays0)):
@@ -192,16 +190,14 @@ def pack_pairs(
         if not _squares(factors1, i) > least_variance:
             continue
         at = address(n)
-        _put_ray(pairs, at, RAY0, rays0, i)
-        ray = _put_ray(pairs, at, RAY1, rays1, i)
+        _put_ray(pairs, at, rays0, i)
+        ray = _put_ray(pairs, at + RAY1 * LANES, rays1, i)
         square += dot(ray, ray)
         mean = combine(1.0, mean, 1.0, ray)
-        trace = _put_covariance(
-            pairs, at, COVARIANCE0, factors0, i, covariance0, i if len(covariance0) > 1 else 0
-        ) + _put_covariance(
-            pairs, at, COVARIANCE1, factors1, i, covariance1, i if len(covariance1) > 1 else 0
-        )
-        variance = greater(0.5 * trace, MIN_VARIANCE_RAD2)
+        j, k = i if len(covariance0) > 1 else 0, i if len(covariance1) > 1 else 0
+        trace = _put_covariance(pairs, at + COVARIANCE0 * LANES, factors0, i, covariance0, j)
+        trace += _put_covariance(pairs, at + COVARIANCE1 * LANES, factors1, i, covariance1, k)
+        variance = max(0.5 * trace, MIN_VARIANCE_RAD2)
         pairs[at + FLOW * LANES] = variance
         precision += 1.0 / variance
         index[n] = i
@@ -210,7 +206,7 @@ def pack_pairs(
     if n == 0:
         return 0, 10.0
     square -= dot(mean, mean) / n
-    return n, greater(math.sqrt(1.5 * greater(square, 0.0) / n * precision / n), 10.0)
+    return n, max(math.sqrt(1.5 * max(square, 0.0) / n * precision / n), 10.0)
 
 
 @inner_kernel
@@ -220,11 +216,16 @@ def _fill_up(pairs: np.ndarray, n: int) -> None:
         _put_harmless(pairs, address(i))
 
 
-@formula
+@step_kernel
 def _put_harmless(pairs: np.ndarray, at: int) -> None:
-    ray, covariance = (0.0, 0.0, 1.0), (VAGUE, 0.0, 0.0, VAGUE, 0.0, VAGUE)
-    for row, value in enumerate((*ray, *ray, *covariance, *covariance, VAGUE)):
-        pairs[at + row * LANES] = value
+    for row in range(FLOW):
+        pairs[at + row * LANES] = 0.0
+    for row in (RAY0 + 2, RAY1 + 2):
+        pairs[at + row * LANES] = 1.0
+    for row in (COVARIANCE0, COVARIANCE1):
+        for diagonal in (0, 3, 5):
+            pairs[at + (row + diagonal) * LANES] = VAGUE
+    pairs[at + FLOW * LANES] = VAGUE
 
 
 @kernel

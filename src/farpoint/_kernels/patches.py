@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import greater
+from farpoint._kernels.arrays import clear
+from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.linear import draw_index
-from farpoint._kernels.scratch import clear, index_room, room
 
 __all__ = ["deal", "split_image"]
 
@@ -25,10 +24,10 @@ def split_image(rays: np.ndarray, splits: int, patch: np.ndarray) -> None:
         _split(rays, 1 << k, patch)
 
 
-@inner_kernel
+@step_kernel
 def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
     """Move what lies beyond the mean of its part, of so many, to a new one."""
-    sizes, sums, squares = room(parts), room(3 * parts), room(3 * parts)
+    sizes, sums, squares = np.empty(parts), np.empty(3 * parts), np.empty(3 * parts)
     clear(sizes)
     clear(sums)
     clear(squares)
@@ -39,9 +38,9 @@ def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
             x = rays[3 * k + i]
             sums[3 * part + i] += x
             squares[3 * part + i] += x * x
-    longest, middle = index_room(parts), room(parts)
+    longest, middle = np.empty(parts, np.int64), np.empty(parts)
     for part in range(parts):
-        size, widest = greater(sizes[part], 1.0), -1.0
+        size, widest = max(sizes[part], 1.0), -1.0
         for i in range(3):
             total = sums[3 * part + i]
             spread = squares[3 * part + i] - total * total / size
@@ -62,7 +61,11 @@ def deal(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
     patches = 0
     for i in range(patch.size):
         patches = max(patches, patch[i] + 1)
-    sizes, order, half_of = index_room(patches), index_room(patches), index_room(patches)
+    sizes, order, half_of = (
+        np.empty(patches, np.int64),
+        np.empty(patches, np.int64),
+        np.empty(patches, np.int64),
+    )
     for k in range(patches):
         sizes[k], order[k] = 0, k
     for i in range(patch.size):

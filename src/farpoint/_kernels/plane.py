@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel, sum_kernel
+from farpoint._kernels.arrays import clear, copy
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel, sum_kernel
 from farpoint._kernels.contest import GATE_SIGMA, is_same, near_of_plane
 from farpoint._kernels.exponential import exp_and_roots, lane_log
-from farpoint._kernels.formulas import choose, formula, greater, root
 from farpoint._kernels.likelihood import explain, judge_pose
 from farpoint._kernels.linear import add, add_outer
 from farpoint._kernels.mixture import clutter_at, clutter_of, densities, sum_of
@@ -24,7 +24,7 @@ from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, noise0
 from farpoint._kernels.plausible import largest
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
-from farpoint._kernels.scratch import clear, copy, room, scratch
+from farpoint._kernels.scalars import where
 from farpoint._kernels.settling import MAX_REFINEMENTS
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.twins import planar_twin
@@ -67,10 +67,10 @@ def other_motion(
     """
     count = matches.total
     gate = GATE_SIGMA * math.sqrt(pose.mixture[0])
-    twin_R, twin_t = scratch(3, 3), scratch(3)
+    twin_R, twin_t = np.empty((3, 3)), np.empty(3)
     if not planar_twin(matches.pairs, count, gate, pose.R, pose.t, twin_R, twin_t):
         return False, 0.0
-    own = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
+    own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _put(own, pose.R, pose.t, pose.mixture)
     refine_pose(matches, FINE, MAX_REFINEMENTS, own)
     _put(other, twin_R, twin_t, pose.mixture)
@@ -78,7 +78,7 @@ def other_motion(
     if is_same(other.R, other.t, own):
         # By chance there may be no minimum. The matches are explained as well for all that.
         _put(other, twin_R, twin_t, own.mixture)
-        other.cost[0] = judge_pose(matches, other, scratch(4))
+        other.cost[0] = judge_pose(matches, other, np.empty(4))
     is_near = other.cost[0] < own.cost[0] + near_of_plane(count)
     if not is_near or is_same(other.R, other.t, own):
         return False, 0.0
@@ -93,7 +93,7 @@ def _put(pose: Pose, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> None:
     copy(mixture, pose.mixture)
 
 
-@inner_kernel
+@step_kernel
 def _evidence(matches: PackedMatches, pose: Pose, other: Pose, is_told: bool) -> float:
     """Log likelihood of the first motion over the other, whatever the relief and the noise.
 
@@ -101,7 +101,7 @@ def _evidence(matches: PackedMatches, pose: Pose, other: Pose, is_told: bool) ->
     """
     pairs, prior, mixture, evidence = matches.pairs, matches.prior, pose.mixture, 0.0
     spread, tail = matches.spread, matches.tail
-    off, parts = room(3 * matches.total), room(2 * matches.prior.size)
+    off, parts = np.empty(3 * matches.total), np.empty(2 * matches.prior.size)
     clear(parts)
     for k in range(2):
         planar = pose if k == 0 else other
@@ -129,7 +129,7 @@ def _likelihood_by(
     spread, tail = matches.spread, matches.tail
     peak = 2.0 * spread / math.sqrt(2.0 * math.pi * mixture[0])
     seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, mixture, spread, tail)
-    relief, sums, likelihood = scratch(3), scratch(5), -math.inf
+    relief, sums, likelihood = np.empty(3), np.empty(5), -math.inf
     across, along, off_share = 1.0, 1.0, OFF / OF_ALL
     for _ in range(RELIEF_ROUNDS):
         relief[0], relief[1], relief[2] = across, along, off_share
@@ -139,7 +139,7 @@ def _likelihood_by(
         on_line, off_plane, weight = OF_ALL + sums[0], OFF + sums[1], sums[2]
         squares_across, squares_along = sums[3], sums[4]
         across = (squares_across + KNOWN) / (weight + KNOWN)
-        along = squares_along / greater(weight, 1.0)
+        along = squares_along / max(weight, 1.0)
         if along < across:
             along = (squares_across + squares_along + KNOWN) / (2.0 * weight + KNOWN)
             across = along
@@ -164,14 +164,14 @@ def _hear(
     across, along, off_share = relief[0], relief[1], relief[2]
     # Wrong matches speak for neither, wherever they lie, nor do those that fill up the panels.
     clutter, _ = clutter_at(clutter_of(seen.mixture, seen.spread), 0.0)
-    precision, likeness = 1.0 / (variance * across), 1.0 / root(across)
-    highest = (1.0 - off_share) * peak / root(along)
+    precision, likeness = 1.0 / (variance * across), 1.0 / math.sqrt(across)
+    highest = (1.0 - off_share) * peak / math.sqrt(along)
     likelihood = on_line = off_plane = about_it = squares_across = squares_along = 0.0
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             i, at = panel * LANES + lane, panel * PANEL + lane
             across2, along2 = parts[i], parts[prior.size + i]
-            residual = root(across2 * variance)
+            residual = math.sqrt(across2 * variance)
             each = densities(
                 pairs, at, turn, towards, residual, precision, poor, prior[i] * likeness, seen.tail
             )
@@ -221,20 +221,20 @@ def _part(
         shared = dot(aside, by_line) / variance
         parts[i] = x * x / variance
         along = y - shared * x
-        own = greater(dot(line, by_line) - shared * shared * variance, 0.0) + 1e-300
+        own = max(dot(line, by_line) - shared * shared * variance, 0.0) + 1e-300
         parts[matches.prior.size + i] = along * along / own
 
 
-@formula
+@inlined_kernel
 def _noise_times(pairs: np.ndarray, at: int, R: Matrix, is_told: bool, v: Vector) -> Vector:
     """Covariance of the flow from ``R a`` to b, for unit noise, times ``v`` across b."""
-    size = choose(is_told, flow_variance(pairs, at), 0.0)
-    shape = choose(is_told, 0.0, 1.0)
+    size = where(is_told, flow_variance(pairs, at), 0.0)
+    shape = where(is_told, 0.0, 1.0)
     first, second = rotate(R, noise0(pairs, at, rotate_back(R, v))), noise1(pairs, at, v)
     return combine(size, v, shape, combine(1.0, first, 1.0, second))
 
 
-@inner_kernel
+@step_kernel
 def _measure(seen: Seen, count: int, off: np.ndarray) -> None:
     """How far the later rays are ``off`` (3 N,) where the plane through most would have them.
 
@@ -242,9 +242,9 @@ def _measure(seen: Seen, count: int, off: np.ndarray) -> None:
     ``n . X = 1`` (camera 0, unit of the translation) moves a ray a to ``R a + t (n . a)``.
     """
     size = seen.prior.size
-    right, square, spare, sizes = room(size), room(size), room(size), room(count)
+    right, square, spare, sizes = np.empty(size), np.empty(size), np.empty(size), np.empty(count)
     explain(seen, square, spare, right)
-    M, v, n = scratch(3, 3), scratch(3), scratch(3)
+    M, v, n = np.empty((3, 3)), np.empty(3), np.empty(3)
     turn, towards, variance = matrix(seen.R), vector(seen.t), seen.mixture[0]
     clear(square)
     typical = MEDIAN
@@ -256,10 +256,10 @@ def _measure(seen: Seen, count: int, off: np.ndarray) -> None:
         _solve(M, v, variance, n)
         for i in range(count):
             square[i] = _put_off(seen.pairs, i, turn, towards, variance, n, off)
-        typical = greater(_median(square, right, sizes), MEDIAN)
+        typical = max(_median(square, right, sizes), MEDIAN)
 
 
-@formula
+@inlined_kernel
 def _apart(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[Vector, Vector, Vector]:
     """Ray a of a match and, across the later ray b, where ``R a`` is and where ``t`` leads.
 
@@ -269,7 +269,7 @@ def _apart(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[Vector, Ve
     return a, cross(b, rotate(R, a)), cross(b, t)
 
 
-@formula
+@step_kernel
 def _add_to_plane(
     pairs: np.ndarray,
     i: int,
@@ -285,12 +285,12 @@ def _add_to_plane(
     a, still, moved = _apart(pairs, address(i), R, t)
     doubt = 1.0 + square[i] / (9.0 / MEDIAN * typical)
     precision = 1.0 / (doubt * doubt * flow_variance(pairs, address(i)))
-    weight = choose(right[i] > 0.5, precision, 0.0)
+    weight = where(right[i] > 0.5, precision, 0.0)
     add_outer(a, a, weight * dot(moved, moved), M)
     add(-weight * dot(moved, still), a, v)
 
 
-@formula
+@inlined_kernel
 def _solve(M: np.ndarray, v: np.ndarray, variance: float, n: np.ndarray) -> None:
     """The plane; where the rays fix none, the farthest of those they allow."""
     damping = 1e-9 * (M[0, 0] + M[1, 1] + M[2, 2]) + 1e-300 * variance
@@ -299,7 +299,7 @@ def _solve(M: np.ndarray, v: np.ndarray, variance: float, n: np.ndarray) -> None
     solve_three_spd(M, v, 0.0, n)
 
 
-@formula
+@step_kernel
 def _put_off(
     pairs: np.ndarray,
     i: int,
@@ -311,14 +311,13 @@ def _put_off(
 ) -> float:
     """Write down how far a match is ``off`` the plane; the square of it in units of its noise."""
     a, still, moved = _apart(pairs, address(i), R, t)
-    over = 1.0 / root(variance)
+    over = 1.0 / math.sqrt(variance)
     away = combine(over, still, over * dot(vector(n), a), moved)
-    for k in range(3):
-        off[3 * i + k] = away[k]
+    off[3 * i], off[3 * i + 1], off[3 * i + 2] = away
     return dot(away, away) / flow_variance(pairs, address(i))
 
 
-@inner_kernel
+@step_kernel
 def _median(square: np.ndarray, right: np.ndarray, sizes: np.ndarray) -> float:
     """Median of the squares of right matches; 0 of none. ``sizes`` (count,) is room for these."""
     agreeing = 0

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.arrays import clear
+from farpoint._kernels.compile import inner_kernel, step_kernel
 from farpoint._kernels.exponential import lane_log
-from farpoint._kernels.formulas import formula, greater, lesser, root
-from farpoint._kernels.scratch import clear, room
 
 __all__ = ["BAND_SIGMA", "FADE", "LEAST_TAIL", "NONE", "largest", "plausible_parallax"]
 
@@ -41,7 +40,7 @@ def largest(values: np.ndarray, k: int) -> float:
     """The ``k``-th largest of non-negative values, to a millionth of the largest."""
     low, high = 0.0, 0.0
     for i in range(values.size):
-        high = greater(high, values[i])
+        high = max(high, values[i])
     least = 1e-6 * high
     while high - low > least:
         middle = 0.5 * (low + high)
@@ -55,7 +54,7 @@ def largest(values: np.ndarray, k: int) -> float:
     return high
 
 
-@kernel
+@inner_kernel
 def plausible_parallax(
     parallax: np.ndarray,
     right: np.ndarray,
@@ -79,18 +78,18 @@ def plausible_parallax(
     Who is ``right`` is asked without a prior: of those that are left when some were implausible, as
     many again would not vouch for one another.
     """
-    sizes = room(count)
+    sizes = np.empty(count)
     bulk = _tell_sizes(parallax, right, sigma, sizes)
     wrong = count - bulk
     # Where no match is off the lines, none is on one by chance. Half of those flow backwards.
     by_chance = 0.5 * wrong * BAND_SIGMA * sigma / spread
-    captured = lesser(wrong, 2 + _most_by_chance(by_chance, 0.5 * wrong * (wrong - 1)))
+    captured = min(wrong, 2 + _most_by_chance(by_chance, 0.5 * wrong * (wrong - 1)))
     if bulk <= captured:
         for i in range(count):
             prior[i] = 1.0
         return math.inf
     last, tail = _reach(sizes, captured)
-    ranks, bins = room(count), room(BINS)
+    ranks, bins = np.empty(count), np.empty(BINS)
     total = _count(parallax, right, sizes, sigma, ranks, bins)
     for i in range(count):
         p, own = parallax[i] / sigma, right[i] if sizes[i] >= 0.0 else 0.0
@@ -98,11 +97,11 @@ def plausible_parallax(
         density = (ANYWHERE / (last + tail + BAND_SIGMA) + there) / (ANYWHERE + total - own)
         beyond = (p - last) / tail - 1.0
         fading = math.exp(-0.5 * (beyond / FADE) ** 2) if beyond > 0.0 else 1.0
-        prior[i] = greater(2.0 * spread / sigma * density * fading, LEAST_PRIOR)
+        prior[i] = max(2.0 * spread / sigma * density * fading, LEAST_PRIOR)
     return (last + (1.0 + NONE * FADE) * tail) * sigma
 
 
-@inner_kernel
+@step_kernel
 def _tell_sizes(parallax: np.ndarray, right: np.ndarray, sigma: float, sizes: np.ndarray) -> int:
     """Parallax of right matches, in sigma, -1 of others; how many are right."""
     bulk = 0
@@ -114,15 +113,15 @@ def _tell_sizes(parallax: np.ndarray, right: np.ndarray, sigma: float, sizes: np
     return bulk
 
 
-@inner_kernel
+@step_kernel
 def _reach(sizes: np.ndarray, captured: int) -> tuple[float, float]:
     """The last match that the others vouch for, and how far beyond one may lie, in sigma."""
-    last = greater(largest(sizes, captured + 1), BAND_SIGMA)
-    nearer = greater(largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
-    return last, greater(greater(1.0 / (nearer * nearer) - 1.0, LEAST_TAIL) * last, BAND_SIGMA)
+    last = max(largest(sizes, captured + 1), BAND_SIGMA)
+    nearer = max(largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
+    return last, max(max(1.0 / (nearer * nearer) - 1.0, LEAST_TAIL) * last, BAND_SIGMA)
 
 
-@inner_kernel
+@step_kernel
 def _most_by_chance(expected: float, directions: float) -> int:
     """Most matches that, where so many are expected of each direction, any of them may have.
 
@@ -136,7 +135,7 @@ def _most_by_chance(expected: float, directions: float) -> int:
     return k - 1 if k > 0 else 0
 
 
-@inner_kernel
+@step_kernel
 def _count(
     parallax: np.ndarray,
     right: np.ndarray,
@@ -172,19 +171,19 @@ def _at(bins: np.ndarray, rank: float, own: float) -> float:
     return others - own * ((1.0 - share) * (1.0 - share) + share * share)
 
 
-@formula
+@step_kernel
 def _rank(p: float) -> float:
     """Bin of a parallax, in sigma: even steps within the noise, equal ratios beyond.
 
     The inverse hyperbolic sine (Burbidge, Magee and Robb, J. Am. Stat. Assoc. 83, 1988,
     DOI 10.1080/01621459.1988.10478575) from that of the end of the band on.
     """
-    u = greater(p / BAND_SIGMA, -1.0)
-    rank = (lane_log(u + root(u * u + 1.0)) - FIRST) / BIN
-    return lesser(greater(rank, 0.0), BINS - 1.5)
+    u = max(p / BAND_SIGMA, -1.0)
+    rank = (lane_log(u + math.sqrt(u * u + 1.0)) - FIRST) / BIN
+    return min(max(rank, 0.0), BINS - 1.5)
 
 
-@formula
+@step_kernel
 def _slope(p: float) -> float:
     """Derivative of `_rank`."""
-    return 1.0 / (BIN * root(p * p + BAND_SIGMA * BAND_SIGMA))
+    return 1.0 / (BIN * math.sqrt(p * p + BAND_SIGMA * BAND_SIGMA))

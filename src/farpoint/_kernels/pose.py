@@ -7,13 +7,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import formula, root
+from farpoint._kernels.compile import inner_kernel, step_kernel
 from farpoint._kernels.linear import apply_rotation_step
-from farpoint._kernels.scratch import copy
 from farpoint._kernels.vectors import combine, dot, tangent_columns, vector
 
-__all__ = ["PackedMatches", "Pose", "Seen", "apply_step", "copy_pose", "take_step"]
+__all__ = [
+    "PackedMatches",
+    "Pose",
+    "Seen",
+    "apply_step",
+    "copy_motion",
+    "copy_pose",
+    "seen_by",
+    "take_step",
+]
 
 
 class PackedMatches(NamedTuple):
@@ -74,17 +81,35 @@ class Seen(NamedTuple):
     """As of `PackedMatches`."""
 
 
+@step_kernel
+def seen_by(matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> Seen:
+    """The matches as a pose sees them."""
+    spread, tail = matches.spread, matches.tail
+    return Seen(matches.pairs, matches.prior, R, t, mixture, spread, tail)
+
+
 @inner_kernel
 def copy_pose(pose: Pose, target: Pose) -> None:
     """All of it."""
-    copy(pose.R, target.R)
-    copy(pose.t, target.t)
-    copy(pose.mixture, target.mixture)
-    copy(pose.normal, target.normal)
-    copy(pose.cost, target.cost)
+    copy_motion(pose.R, pose.t, target.R, target.t)
+    for k in range(4):
+        target.mixture[k] = pose.mixture[k]
+    for i in range(6):
+        for j in range(6):
+            target.normal[i, j] = pose.normal[i, j]
+    target.cost[0] = pose.cost[0]
 
 
-@kernel
+@inner_kernel
+def copy_motion(R: np.ndarray, t: np.ndarray, target_R: np.ndarray, target_t: np.ndarray) -> None:
+    """Rotation and direction."""
+    for i in range(3):
+        target_t[i] = t[i]
+        for j in range(3):
+            target_R[i, j] = R[i, j]
+
+
+@inner_kernel
 def apply_step(R: np.ndarray, t: np.ndarray, x: np.ndarray) -> None:
     """Move the pose by ``x = [dtheta (3), dbeta (2)]`` in place."""
     apply_rotation_step(R, x[0], x[1], x[2], R)
@@ -100,9 +125,9 @@ def take_step(R: np.ndarray, t: np.ndarray, x: np.ndarray, size2: float) -> None
     apply_step(R, t, x)
 
 
-@formula
+@step_kernel
 def _apply_direction_step(t: np.ndarray, x: float, y: float) -> None:
     first, second = tangent_columns(vector(t))
     moved = combine(1.0, vector(t), 1.0, combine(x, first, y, second))
-    scale = 1.0 / root(dot(moved, moved))
+    scale = 1.0 / math.sqrt(dot(moved, moved))
     t[0], t[1], t[2] = scale * moved[0], scale * moved[1], scale * moved[2]

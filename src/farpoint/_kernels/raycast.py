@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel, kernel
+from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
 from farpoint._kernels.scene_arrays import (
     BOX,
     ELLIPSOID,
@@ -56,7 +56,7 @@ def slab(origin: float, direction: float, half: float) -> tuple[float, float]:
     return centre - reach, centre + reach
 
 
-@inlined_kernel
+@step_kernel
 def hit_box(ray: Ray, half: Vector) -> tuple[float, int]:
     """Distance and face; infinity for a miss.
 
@@ -76,7 +76,7 @@ def hit_box(ray: Ray, half: Vector) -> tuple[float, int]:
     return enter, TOP_FACE if dy > 0.0 else TOP_FACE + 1
 
 
-@inlined_kernel
+@step_kernel
 def hit_round(ray: Ray, radius: float, half_height: float, stretch: float) -> float:
     """Distance to the outside of an ellipsoid (stretched to a ball) or a tube (stretch 0)."""
     (px, py, pz), (dx, dy, dz) = ray.origin, ray.direction
@@ -91,7 +91,7 @@ def hit_round(ray: Ray, radius: float, half_height: float, stretch: float) -> fl
     return t if t > 0.0 and abs(py + t * dy) <= half_height * 1.000001 else math.inf
 
 
-@inlined_kernel
+@step_kernel
 def hit_shape(shape: np.ndarray, index: int, ray: Ray) -> tuple[float, int]:
     """Distance to a shape and its face."""
     (ox, oy, oz), (dx, dy, dz) = ray.origin, ray.direction
@@ -108,7 +108,7 @@ def hit_shape(shape: np.ndarray, index: int, ray: Ray) -> tuple[float, int]:
     return hit_round(Ray((x, y, z), ray.direction), half_x, half_height, stretch), 0
 
 
-@inlined_kernel
+@step_kernel
 def hit_hills(hills: Hills, ray: Ray) -> tuple[float, int]:
     """Distance to the nearest ring of hills, and the ring; the origin lies within all of them."""
     ring, height = hills.ring, hills.height
@@ -146,7 +146,7 @@ def first_wall(
     return cell, step, (wall - origin) / direction, size / abs(direction)
 
 
-@inlined_kernel
+@step_kernel
 def hit_shapes(blocks: Blocks, ray: Ray, limit: float) -> tuple[float, int, int]:
     """Nearest shape closer than ``limit``: distance, shape (NOTHING if none) and face."""
     shape, cell_shape, grid = blocks.shape, blocks.cell_shape, blocks.grid

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import greater, lesser
-from farpoint._kernels.likelihood import judge_pose
-from farpoint._kernels.mixture import repeated_share, unusual, update_mixture
-from farpoint._kernels.pose import PackedMatches, Pose, copy_pose, take_step
-from farpoint._kernels.scratch import copy, scratch
+from farpoint._kernels.compile import inner_kernel, step_kernel
+from farpoint._kernels.likelihood import linearize
+from farpoint._kernels.mixture import mixture_cost, repeated_share, unusual, update_mixture
+from farpoint._kernels.pose import PackedMatches, Pose, Seen, seen_by, take_step
 from farpoint._kernels.squares import promise, solve_five_spd
 
-__all__ = ["PROMISED", "Refinement", "advance", "begin", "finish", "refine_pose"]
+__all__ = ["PROMISED", "advance", "begin", "finish", "refine_pose"]
 
 # What EM with unbiased variance may climb; a step that climbs more has gone astray.
 CLIMB = 0.5
@@ -29,22 +26,12 @@ NONE = 1e-9
 LOWEST, SQUARE, DAMPING, HASTE, PROMISED = range(5)
 
 
-class Refinement(NamedTuple):
-    """A pose that is being refined."""
-
-    pose: Pose
-    """Where it is; with the normal equations and the cost of where it was."""
-    lowest: Pose
-    """The likeliest so far."""
-    shares: np.ndarray
-    """(4,) as of `likelihood.linearize`."""
-    lowest_shares: np.ndarray
-    """(4,) those of the likeliest so far."""
-    state: np.ndarray
-    """(5,) numbers that are kept from step to step."""
+# The likeliest pose so far, in one array: rotation, direction, mixture, normal equations, cost, and
+# the shares as of `likelihood.linearize`.
+AT_T, AT_MIXTURE, AT_NORMAL, AT_COST, AT_SHARES, KEPT = 9, 12, 16, 52, 53, 57
 
 
-@kernel
+@inner_kernel
 def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, pose: Pose) -> None:
     """Maximum-likelihood pose, with its noise by EM.
 
@@ -53,68 +40,154 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
     from which a step promises less than ``precision``, in the unit of the log likelihood; with the
     normal equations and the cost there.
     """
-    lowest = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
-    refinement = Refinement(pose, lowest, scratch(4), scratch(4), scratch(5))
-    begin(matches, refinement)
+    normal, cost, shares = pose.normal, pose.cost, np.empty(4)
+    seen = seen_by(matches, pose.R, pose.t, pose.mixture)
+    state, kept = np.empty(5), np.empty(KEPT)
+    begin(matches, seen.mixture, state)
     for _ in range(max_iterations):
-        if not advance(matches, precision, refinement):
+        if not advance(matches, seen, precision, normal, cost, shares, state, kept):
             break
-    finish(refinement)
+    finish(seen.R, seen.t, seen.mixture, normal, cost, shares, kept)
 
 
-@inner_kernel
-def begin(matches: PackedMatches, refinement: Refinement) -> None:
+@step_kernel
+def begin(matches: PackedMatches, mixture: np.ndarray, state: np.ndarray) -> None:
     """From where the pose is, with as much of its noise as is believed."""
-    state = refinement.state
-    _believe(matches, refinement.pose.mixture)
+    believe(matches.max_variance, mixture)
     state[LOWEST] = state[SQUARE] = math.inf
     state[DAMPING], state[HASTE], state[PROMISED] = 0.0, 1.0, 0.0
 
 
-@inner_kernel
-def advance(matches: PackedMatches, precision: float, refinement: Refinement) -> bool:
-    """Judge the pose and take a step; False where there is none that promises enough."""
-    pose, lowest, state = refinement.pose, refinement.lowest, refinement.state
-    mixture, normal, shares = pose.mixture, pose.normal, refinement.lowest_shares
-    x, count, variance = scratch(5), float(matches.total), mixture[0]
-    pose.cost[0] = judge_pose(matches, pose, refinement.shares)
-    judged = pose.cost[0] + unusual(mixture[2]) + unusual(mixture[3])
+@step_kernel
+def advance(
+    matches: PackedMatches,
+    seen: Seen,
+    precision: float,
+    normal: np.ndarray,
+    cost: np.ndarray,
+    shares: np.ndarray,
+    state: np.ndarray,
+    kept: np.ndarray,
+) -> bool:
+    """Judge the pose and take a step; False where there is none that promises enough.
+
+    The pose that is ``seen`` moves, with its ``normal`` equations and ``cost`` of where it was;
+    ``kept`` (57,) is the likeliest so far, and ``state`` (5,) what is kept from step to step.
+    """
+    R, t, mixture = seen.R, seen.t, seen.mixture
+    variance = mixture[0]
+    cost[0] = linearize(seen, matches.gives_way, normal, shares)
+    cost[0] += matches.total * mixture_cost(variance, mixture[1])
+    judged = cost[0] + unusual(mixture[2]) + unusual(mixture[3])
     if judged > state[LOWEST] + CLIMB:
-        copy_pose(lowest, pose)
+        bring_back(kept, R, t, mixture, normal, cost, shares)
         # Either the noise or the pose went too far: the noise first.
         if state[HASTE] == 0.0:
-            state[DAMPING] = greater(100.0 * state[DAMPING], 1e-2)
+            state[DAMPING] = max(100.0 * state[DAMPING], 1e-2)
         state[HASTE] = 0.0
     else:
-        copy_pose(pose, lowest)
-        copy(refinement.shares, shares)
+        keep(R, t, mixture, normal, cost, shares, kept)
         state[LOWEST] = judged
-        state[SQUARE] = normal[5, 5] * variance / greater(shares[0] - 5.0, 1.0)
+        state[SQUARE] = normal[5, 5] * variance / max(shares[0] - 5.0, 1.0)
         state[DAMPING] *= 0.1
+    return _take_step(matches, precision, variance, R, t, mixture, normal, shares, state)
+
+
+@inner_kernel
+def _take_step(
+    matches: PackedMatches,
+    precision: float,
+    variance: float,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    normal: np.ndarray,
+    shares: np.ndarray,
+    state: np.ndarray,
+) -> bool:
+    """A step of EM and one of Gauss-Newton from the likeliest pose; False if that promises less."""
+    x, count = np.empty(5), float(matches.total)
     update_mixture(state[SQUARE], shares, count, matches.min_variance, state[HASTE], mixture)
     mixture[3] = repeated_share(shares[3], count - shares[0])
-    _believe(matches, mixture)
+    believe(matches.max_variance, mixture)
     while not solve_five_spd(normal, state[DAMPING], x) and state[DAMPING] < 1e6:
-        state[DAMPING] = greater(10.0 * state[DAMPING], 1e-9)
+        state[DAMPING] = max(10.0 * state[DAMPING], 1e-9)
     if not state[DAMPING] < 1e6:
         return False
     state[PROMISED], size2 = promise(normal, x)
-    settled = abs(mixture[0] - variance) < greater(0.01, precision) * variance
+    settled = abs(mixture[0] - variance) < max(0.01, precision) * variance
     if settled and state[PROMISED] < precision:
         return False
-    take_step(pose.R, pose.t, x, size2)
+    take_step(R, t, x, size2)
     return True
 
 
-@inner_kernel
-def _believe(matches: PackedMatches, mixture: np.ndarray) -> None:
+@step_kernel
+def believe(max_variance: float, mixture: np.ndarray) -> None:
     """No larger noise than is believed."""
-    if matches.max_variance < math.inf:
-        mixture[0], mixture[2] = lesser(mixture[0], matches.max_variance), NONE
+    if max_variance < math.inf:
+        mixture[0], mixture[2] = min(mixture[0], max_variance), NONE
+
+
+@step_kernel
+def finish(
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    normal: np.ndarray,
+    cost: np.ndarray,
+    shares: np.ndarray,
+    kept: np.ndarray,
+) -> None:
+    """The likeliest pose is the end; its noise is that of EM one step further."""
+    for k in range(4):
+        kept[AT_MIXTURE + k] = mixture[k]
+    bring_back(kept, R, t, mixture, normal, cost, shares)
 
 
 @inner_kernel
-def finish(refinement: Refinement) -> None:
-    """The likeliest pose is the end; its noise is that of EM one step further."""
-    copy(refinement.pose.mixture, refinement.lowest.mixture)
-    copy_pose(refinement.lowest, refinement.pose)
+def keep(
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    normal: np.ndarray,
+    cost: np.ndarray,
+    shares: np.ndarray,
+    kept: np.ndarray,
+) -> None:
+    """Write down a pose, as the likeliest so far."""
+    for i in range(3):
+        kept[AT_T + i] = t[i]
+        for j in range(3):
+            kept[3 * i + j] = R[i, j]
+    for i in range(6):
+        for j in range(6):
+            kept[AT_NORMAL + 6 * i + j] = normal[i, j]
+    for k in range(4):
+        kept[AT_MIXTURE + k] = mixture[k]
+        kept[AT_SHARES + k] = shares[k]
+    kept[AT_COST] = cost[0]
+
+
+@inner_kernel
+def bring_back(
+    kept: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    mixture: np.ndarray,
+    normal: np.ndarray,
+    cost: np.ndarray,
+    shares: np.ndarray,
+) -> None:
+    """The pose that `keep` has written down."""
+    for i in range(3):
+        t[i] = kept[AT_T + i]
+        for j in range(3):
+            R[i, j] = kept[3 * i + j]
+    for i in range(6):
+        for j in range(6):
+            normal[i, j] = kept[AT_NORMAL + 6 * i + j]
+    for k in range(4):
+        mixture[k] = kept[AT_MIXTURE + k]
+        shares[k] = kept[AT_SHARES + k]
+    cost[0] = kept[AT_COST]

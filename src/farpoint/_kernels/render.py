@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel, kernel
+from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
 from farpoint._kernels.raycast import Hit, Ray, trace
 from farpoint._kernels.scene_arrays import NOTHING, Scene
 from farpoint._kernels.surfaces import Spread, ray_grey
@@ -47,7 +47,7 @@ def turned(R: np.ndarray, x: float, y: float, z: float) -> Vector:
     )
 
 
-@inlined_kernel
+@step_kernel
 def is_edge(surfaces: np.ndarray, row: int, column: int) -> bool:
     """Whether a pixel or one of its eight neighbours shows another face."""
     here = surfaces[row, column]
@@ -60,7 +60,7 @@ def is_edge(surfaces: np.ndarray, row: int, column: int) -> bool:
     return False
 
 
-@inlined_kernel
+@step_kernel
 def pixel_grey(
     scene: Scene,
     pose: np.ndarray,

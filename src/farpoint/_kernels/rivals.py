@@ -11,11 +11,10 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.arrays import copy
+from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
 from farpoint._kernels.contest import NEAR, REFINEMENTS, follow, refine
 from farpoint._kernels.pose import PackedMatches, Pose, copy_pose
-from farpoint._kernels.refinement import Refinement
-from farpoint._kernels.scratch import copy, scratch
 from farpoint._kernels.vectors import dot, vector
 
 __all__ = ["judge_rival", "nearest_rival"]
@@ -35,17 +34,15 @@ def nearest_rival(matches: PackedMatches, pose: Pose, start_R: np.ndarray, rival
     directions all over the sphere, and the noise of ``pose``, which stays as it is. ``rival``
     receives it; infinite where there is none that comes near, as of `contest.follow`.
     """
-    own = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
-    other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
-    lowest = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
-    refinement = Refinement(other, lowest, scratch(4), scratch(4), scratch(5))
+    own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
+    other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
     rival.cost[0] = math.inf
-    start_t = scratch(3)
+    start_t = np.empty(3)
     for k in range(STARTS):
         _place(k, start_t)
         _start_from(start_R, start_t, pose.mixture, other)
-        competes, _ = follow(matches, refinement, own, NEAR)
+        competes, _ = follow(matches, other, own, NEAR)
         if competes and other.cost[0] < rival.cost[0] and _is_elsewhere(other, pose):
             copy_pose(other, rival)
     return rival.cost[0] - own.cost[0]
@@ -54,7 +51,7 @@ def nearest_rival(matches: PackedMatches, pose: Pose, start_R: np.ndarray, rival
 @kernel
 def judge_rival(matches: PackedMatches, pose: Pose, rival: Pose) -> float:
     """What `nearest_rival` does, of a rival that is known, and refined in place."""
-    own = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
+    own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
     _refine_from(matches, rival.R, rival.t, pose.mixture, rival)
     return rival.cost[0] - own.cost[0] if _is_elsewhere(rival, pose) else math.inf
@@ -81,7 +78,7 @@ def _is_elsewhere(rival: Pose, pose: Pose) -> bool:
     return dot(vector(rival.t), vector(pose.t)) < COS_ELSEWHERE
 
 
-@inner_kernel
+@step_kernel
 def _place(k: int, t: np.ndarray) -> None:
     """The k-th of directions that are evenly spread (a Fibonacci lattice)."""
     z, angle = (2.0 * k + 1.0) / STARTS - 1.0, k * GOLDEN_ANGLE

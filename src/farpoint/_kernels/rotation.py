@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel, sum_kernel
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
 from farpoint._kernels.exponential import lane_log
-from farpoint._kernels.formulas import formula, greater
 from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.mixture import (
     POOR,
@@ -24,8 +23,7 @@ from farpoint._kernels.mixture import (
 )
 from farpoint._kernels.pairs import LANES, PANEL
 from farpoint._kernels.rotation_residual import rotation_distance2, whitened_turn
-from farpoint._kernels.scratch import scratch
-from farpoint._kernels.squares import FOUR, add_square, solve_three_spd, write_square
+from farpoint._kernels.squares import FOUR, add_four, solve_three_spd
 from farpoint._kernels.vectors import matrix
 
 __all__ = [
@@ -35,7 +33,7 @@ __all__ = [
 ]
 
 
-@formula
+@inlined_kernel
 def _densities(square: float, precision: float, poor: float, prior: float) -> Densities:
     """Densities of a match, over a good one's at 0, in two dimensions."""
     return densities_of(square * precision, poor, poor / (POOR * POOR), prior, TAIL)
@@ -77,7 +75,7 @@ def rotation_linearize(
             steps += steps_of(each) * over
             trials += trials_of(each, TAIL) * over
             weight = precision * weight_of(each) * over
-            normal = add_square(add_square(normal, weight, row0), weight, row1)
+            normal = add_four(add_four(normal, weight, row0), weight, row1)
     sums[0], sums[1], sums[2], sums[3] = (
         right,
         steps,
@@ -87,15 +85,17 @@ def rotation_linearize(
     return cost + (prior.size - used) * lane_log(clutter)
 
 
-@formula
+@inlined_kernel
 def _write_normal(sums: tuple, H: np.ndarray, g: np.ndarray) -> float:
     """Write Gauss-Newton matrix and gradient; the sum of the squares."""
-    write_square(sums[:6], H)
-    g[0], g[1], g[2] = sums[6:9]
-    return sums[9]
+    aa, ba, bb, ca, cb, cc, g[0], g[1], g[2], square = sums
+    H[0, 0], H[0, 1], H[0, 2] = aa, ba, ca
+    H[1, 0], H[1, 1], H[1, 2] = ba, bb, cb
+    H[2, 0], H[2, 1], H[2, 2] = ca, cb, cc
+    return square
 
 
-@kernel
+@inner_kernel
 def refine_rotation(
     pairs: np.ndarray,
     prior: np.ndarray,
@@ -113,13 +113,13 @@ def refine_rotation(
     and that of poor ones, in and out (EM); wrong matches fill a disc of radius ``spread`` (in units
     of the noise).
     """
-    g, step, sums = scratch(3), scratch(3), scratch(4)
+    g, step, sums = np.empty(3), np.empty(3), np.empty(4)
     cost = math.inf
     for _ in range(max_iterations):
         variance, wrong = mixture[0], mixture[1]
         clutter = _clutter(variance, wrong, spread)
         cost = rotation_linearize(pairs, prior, R, mixture, clutter, H, g, sums)
-        square = sums[3] / greater(2.0 * sums[0] - 3.0, 1.0)
+        square = sums[3] / max(2.0 * sums[0] - 3.0, 1.0)
         update_mixture(square, sums, float(count), min_variance, 1.0, mixture)
         if not solve_three_spd(H, g, 0.0, step):
             break
@@ -132,13 +132,13 @@ def refine_rotation(
     return cost
 
 
-@formula
+@inlined_kernel
 def _clutter(variance: float, wrong: float, spread: float) -> float:
     """Density of wrong matches over that of good ones at 0, in two dimensions."""
     return wrong / (1.0 - wrong) * 2.0 * variance / (spread * spread)
 
 
-@kernel
+@inner_kernel
 def explain_rotation(
     pairs: np.ndarray,
     prior: np.ndarray,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from farpoint._kernels.compile import kernel, sum_kernel
-from farpoint._kernels.formulas import formula, root
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
 from farpoint._kernels.pairs import LANES, PANEL, noise0, noise1, ray0, ray1
 from farpoint._kernels.vectors import (
     Matrix,
+    Vector,
     combine,
     cross,
     dot,
@@ -23,7 +25,7 @@ __all__ = ["count_beyond", "rotation_distance2", "whitened_turn"]
 Row = tuple[float, float, float, float]
 
 
-@formula
+@inlined_kernel
 def _tangent_residual(
     pairs: np.ndarray, at: int, R: Matrix
 ) -> tuple[tuple, tuple, float, float, float, float, float]:
@@ -31,10 +33,7 @@ def _tangent_residual(
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     d = combine(1.0, b, -1.0, m)
     first, second = tangent_columns(b)
-    x, y = (
-        combine(1.0, noise1(pairs, at, e), 1.0, rotate(R, noise0(pairs, at, rotate_back(R, e))))
-        for e in (first, second)
-    )
+    x, y = _noise_along(pairs, at, R, first), _noise_along(pairs, at, R, second)
     return (
         first,
         second,
@@ -46,28 +45,39 @@ def _tangent_residual(
     )
 
 
-@formula
+@inlined_kernel
+def _noise_along(pairs: np.ndarray, at: int, R: Matrix, e: Vector) -> Vector:
+    """Covariance of ``b - R a``, for unit noise, times ``e``."""
+    later, earlier = noise1(pairs, at, e), noise0(pairs, at, rotate_back(R, e))
+    return combine(1.0, later, 1.0, rotate(R, earlier))
+
+
+@inlined_kernel
 def _square(pairs: np.ndarray, at: int, R: Matrix) -> float:
     """Squared Mahalanobis distance of ``b`` from ``R a``."""
     _, _, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
     return (s11 * z0 * z0 - 2.0 * s01 * z0 * z1 + s00 * z1 * z1) / (s00 * s11 - s01 * s01)
 
 
-@formula
+@inlined_kernel
 def whitened_turn(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row, Row]:
     """Squared distance, and Jacobian and residual in axes in which their noise is 1 and round."""
     first, second, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
     m = rotate(R, ray0(pairs, at))
     # d(b - R a) = m x dtheta, so the rows of J = E^T [m]x are e x m.
     j, k = cross(first, m), cross(second, m)
-    scale0, slope = 1.0 / root(s00), s01 / s00
-    scale1 = 1.0 / root(s11 - slope * s01)
+    scale0, slope = 1.0 / math.sqrt(s00), s01 / s00
+    scale1 = 1.0 / math.sqrt(s11 - slope * s01)
     u, v = scale0 * z0, scale1 * (z1 - slope * z0)
     rest = combine(scale1, k, -scale1 * slope, j)
-    return u * u + v * v, (scale0 * j[0], scale0 * j[1], scale0 * j[2], u), (*rest, v)
+    return (
+        u * u + v * v,
+        (scale0 * j[0], scale0 * j[1], scale0 * j[2], u),
+        (rest[0], rest[1], rest[2], v),
+    )
 
 
-@kernel
+@inner_kernel
 def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
     """Squared Mahalanobis distances ``out`` of ``b`` from ``R a``, in units of the noise.
 

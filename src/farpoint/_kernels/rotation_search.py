@@ -6,17 +6,16 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import kernel, sum_kernel
-from farpoint._kernels.formulas import formula, lesser, sum_formula, whole
+from farpoint._kernels.arrays import clear, copy
+from farpoint._kernels.compile import inlined_kernel, inlined_sum, kernel, sum_kernel
 from farpoint._kernels.linear import add_outer, draw_index, kabsch
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
-from farpoint._kernels.scratch import clear, copy, scratch
 from farpoint._kernels.vectors import Matrix, Vector, combine, dot, matrix, rotate
 
 __all__ = ["enlarge_rotation", "search_rotation"]
 
 
-@formula
+@inlined_kernel
 def _distance2(pairs: np.ndarray, at: int, R: Matrix) -> float:
     """``|b - R a|^2`` in units of the noise of one coordinate (isotropic)."""
     d = combine(1.0, ray1(pairs, at), -1.0, rotate(R, ray0(pairs, at)))
@@ -33,7 +32,7 @@ def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float, best: flo
     cost = 0.0
     for panel in range(pairs.size // PANEL):
         for lane in range(LANES):
-            cost += lesser(_distance2(pairs, panel * PANEL + lane, turn), limit)
+            cost += min(_distance2(pairs, panel * PANEL + lane, turn), limit)
         if cost >= best:
             return cost
     return cost
@@ -55,7 +54,7 @@ def search_rotation(
     receives the best rotation.
     """
     limit = tolerance * tolerance
-    hypothesis, M = scratch(3, 3), scratch(3, 3)
+    hypothesis, M = np.empty((3, 3)), np.empty((3, 3))
     best = math.inf
     needed = max_iterations
     iteration = 0
@@ -74,7 +73,7 @@ def search_rotation(
             share = 1.0 - best / (limit * count)
             miss = 1.0 - share * share * share
             if 1e-3 < miss < 1.0:
-                needed = lesser(max_iterations, whole(math.log(1e-3) / math.log(miss)) + 1)
+                needed = min(max_iterations, int(math.log(1e-3) / math.log(miss)) + 1)
             elif miss <= 1e-3:
                 break
     return iteration
@@ -88,7 +87,7 @@ def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) ->
     """
     turn = matrix(R)
     inside = 0.0
-    sums = (0.0,) * 9
+    sums = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for panel in range(pairs.size // PANEL):
         for lane in range(LANES):
             at = panel * PANEL + lane
@@ -100,18 +99,27 @@ def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) ->
     return inside
 
 
-@sum_formula
-def _add_product(sums: tuple, weight: float, b: Vector, a: Vector) -> tuple:
+@inlined_sum
+def _add_product(sums: Matrix, weight: float, b: Vector, a: Vector) -> Matrix:
     """``sums + weight b a^T``, by rows."""
-    terms = [weight * y * x for y in b for x in a]
-    return tuple(so_far + term for so_far, term in zip(sums, terms, strict=True))
+    by_x, by_y, by_z = sums
+    x, y, z = weight * b[0], weight * b[1], weight * b[2]
+    return _plus(by_x, x, a), _plus(by_y, y, a), _plus(by_z, z, a)
 
 
-@formula
-def _write_rows(elements: tuple, M: np.ndarray) -> None:
+@inlined_sum
+def _plus(sums: Vector, s: float, a: Vector) -> Vector:
+    """``sums + s a``."""
+    return sums[0] + s * a[0], sums[1] + s * a[1], sums[2] + s * a[2]
+
+
+@inlined_kernel
+def _write_rows(elements: Matrix, M: np.ndarray) -> None:
     """Write a matrix (3, 3)."""
-    for i, element in enumerate(elements):
-        M[i // 3, i % 3] = element
+    x, y, z = elements
+    M[0, 0], M[0, 1], M[0, 2] = x
+    M[1, 0], M[1, 1], M[1, 2] = y
+    M[2, 0], M[2, 1], M[2, 2] = z
 
 
 @kernel
@@ -124,15 +132,15 @@ def enlarge_rotation(
     about as much as the far points that it should recognise. ``consistent`` (count,) receives
     whether a match belongs to it; ``R`` is improved in place.
     """
-    M = scratch(3, 3)
+    M = np.empty((3, 3))
     filled_up = pairs.size // PANEL * LANES - count
     limit = tolerance * tolerance
     size = 0
     for step in range(12):
         previous = size
-        part = lesser(1.0, 0.5 + 0.125 * step)
+        part = min(1.0, 0.5 + 0.125 * step)
         within = limit * part * part
-        size = whole(_correlate(pairs, R, within, M)) - filled_up
+        size = int(_correlate(pairs, R, within, M)) - filled_up
         if step > 4 and size == previous:
             break
         if size < 2 or not kabsch(M, R):

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.arrays import clear, copy
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
 from farpoint._kernels.contest import (
     GATE_SIGMA,
     NEAR,
@@ -14,6 +15,7 @@ from farpoint._kernels.contest import (
     challenge,
     is_close_second,
     is_rival,
+    mark_agreeing,
     near_of_plane,
     noise_of,
     refine,
@@ -21,7 +23,6 @@ from farpoint._kernels.contest import (
     unexplained,
 )
 from farpoint._kernels.direction import intersect_circles
-from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.five_rays import (
     LONG_FLOW,
     Effort,
@@ -29,7 +30,6 @@ from farpoint._kernels.five_rays import (
     score_pose,
     solve_five,
 )
-from farpoint._kernels.formulas import formula, greater, lesser
 from farpoint._kernels.linear import (
     add_outer,
     apply_rotation_step,
@@ -41,9 +41,8 @@ from farpoint._kernels.linear import (
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
 from farpoint._kernels.pose import PackedMatches, Pose
-from farpoint._kernels.scratch import clear, copy, index_scratch, room, scratch
 from farpoint._kernels.twins import layer_twin, planar_twin
-from farpoint._kernels.vectors import Vector, combine, dot, matrix, rotate, vector
+from farpoint._kernels.vectors import Vector, combine, dot, matrix, rotate
 
 __all__ = ["search_direction", "search_pose"]
 
@@ -73,7 +72,7 @@ def search_direction(
     The two are drawn from ``candidates`` (M,), indices of the matches that may carry translation.
     """
     limit = tolerance * tolerance
-    hypothesis = scratch(3)
+    hypothesis = np.empty(3)
     best = limit * prior.size
     t[0], t[1], t[2] = 0.0, 0.0, 1.0
     for _ in range(iterations):
@@ -107,23 +106,21 @@ def _get_to_know(matches: PackedMatches, pose: Pose, tolerance: float, known: np
 
     1 where so few are that samples of them would all be alike.
     """
-    turn, towards = matrix(pose.R), vector(pose.t)
+    mark_agreeing(matches.pairs, pose.R, pose.t, tolerance, known)
     count = 0
     for i in range(matches.total):
-        if abs(sampson(matches.pairs, address(i), turn, towards)) < tolerance:
-            known[i] = 1.0
         count += 1 if known[i] > 0.0 else 0
     return count / matches.total if count >= LEAST_KNOWN else 1.0
 
 
-@formula
+@inlined_kernel
 def _flow(pairs: np.ndarray, R: np.ndarray, i: int) -> Vector:
     """The flow that the rotation leaves of match ``i``."""
     at = address(i)
     return combine(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
 
 
-@formula
+@inlined_kernel
 def _flow2(pairs: np.ndarray, R: np.ndarray, i: int) -> float:
     """Its squared length."""
     flow = _flow(pairs, R, i)
@@ -144,16 +141,16 @@ def _longest_flow_first(pairs: np.ndarray, R: np.ndarray, sample: np.ndarray) ->
         sample[s], sample[first] = sample[first], sample[s]
 
 
-@inner_kernel
+@step_kernel
 def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
     """Median angle, rad, that the rotation ``R`` leaves between matched rays."""
-    squares = room(count)
+    squares = np.empty(count)
     for i in range(count):
         squares[i] = _flow2(pairs, R, i)
     return math.sqrt(largest(squares, count // 2 + 1))
 
 
-@kernel
+@step_kernel
 def search_pose(
     matches: PackedMatches,
     candidates: np.ndarray,
@@ -178,17 +175,17 @@ def search_pose(
     rival, and whether there is a rival and a second that came near the best.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, effort.tolerance
-    other = Pose(scratch(3, 3), scratch(3), scratch(4), scratch(6, 6), scratch(1))
-    sample, start = index_scratch(5), scratch(3, 3)
+    other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
+    sample, start = np.empty(5, np.int64), np.empty((3, 3))
     second.cost[0] = rival.cost[0] = math.inf
     copy(best.R, start)
     flow = _typical_flow(pairs, count, start)
     limit, lowest = _start(matches, candidates, tolerance, state, best, other)
     wrong = unexplained(matches, best, tolerance)
-    known = room(count)
+    known = np.empty(prior.size)
     clear(known)
     share = _get_to_know(matches, best, tolerance, known)
-    is_contested = False
+    is_contested = np.bool_(False)  # a plain word has a type of its own
     iteration = 0
     while iteration < iterations_needed(wrong, share, flow, is_contested, effort):
         iteration += 1
@@ -198,18 +195,18 @@ def search_pose(
         turn = 1 + iteration // 2 % 2 if are_known else iteration // 2 % 3
         if not _solve_sample(pairs, sample, turn, start, flow, state, best, other):
             continue
-        most = lesser(PROMISING * lowest, SUPPORTED * lowest + (1.0 - SUPPORTED) * limit * count)
+        most = min(PROMISING * lowest, SUPPORTED * lowest + (1.0 - SUPPORTED) * limit * count)
         raw = score_pose(pairs, prior, other.R, other.t, limit, most)
         if raw >= most:
             continue
-        lowest = lesser(raw, lowest)
+        lowest = min(raw, lowest)
         noise_of(matches, best, tolerance, other.mixture)
         # Once others are known, one that is no better than they are tells nothing new.
-        worst = greater(second.cost[0], rival.cost[0])
+        worst = max(second.cost[0], rival.cost[0])
         within = worst - best.cost[0] if worst < best.cost[0] + NEAR else NEAR
         competes, _ = challenge(matches, other, best, second, rival, within)
         if competes:
-            is_contested = True
+            is_contested = np.bool_(True)
             wrong = unexplained(matches, best, tolerance)
             _get_to_know(matches, best, tolerance, known)
             share = _get_to_know(matches, other, tolerance, known)
@@ -217,7 +214,7 @@ def search_pose(
     return iteration, is_planar, is_rival(rival, best), is_close_second(second, best)
 
 
-@inner_kernel
+@step_kernel
 def _start(
     matches: PackedMatches,
     candidates: np.ndarray,
@@ -242,7 +239,7 @@ def _start(
     return limit, score_pose(matches.pairs, matches.prior, best.R, other.t, limit, math.inf)
 
 
-@inner_kernel
+@step_kernel
 def _search_twins(
     matches: PackedMatches, best: Pose, other: Pose, second: Pose, rival: Pose
 ) -> bool:
@@ -296,10 +293,10 @@ def _solve_sample(
     return solve_five(pairs, sample, other.R, other.t)
 
 
-@inner_kernel
+@step_kernel
 def _turn_of_sample(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> bool:
     """The rotation that brings the rays of a sample nearest to each other, if there is one."""
-    M = scratch(3, 3)
+    M = np.empty((3, 3))
     clear(M)
     for s in range(sample.size):
         at = address(sample[s])
@@ -307,7 +304,7 @@ def _turn_of_sample(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> boo
     return kabsch(M, R)
 
 
-@inner_kernel
+@step_kernel
 def _along_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None:
     """The direction ``t`` in which the rotation leaves match ``i`` to flow."""
     x, y, z = _flow(pairs, R, i)
@@ -315,7 +312,7 @@ def _along_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None
     t[0], t[1], t[2] = x * over, y * over, z * over
 
 
-@inner_kernel
+@step_kernel
 def _step_away(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
     """The rotation of the start, or one about as far from it as the flow it leaves."""
     if flow < 0.2 * LONG_FLOW:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.contest import COARSE, narrowness
 from farpoint._kernels.covariance import (
     MEASURED,
@@ -24,7 +24,6 @@ from farpoint._kernels.pairs import LANES, PANEL, take_pairs
 from farpoint._kernels.plausible import plausible_parallax
 from farpoint._kernels.pose import PackedMatches, Pose, Seen
 from farpoint._kernels.refinement import refine_pose
-from farpoint._kernels.scratch import index_room, room, scratch
 from farpoint._kernels.sharing import tell_sharing
 
 __all__ = [
@@ -117,34 +116,33 @@ class Found(NamedTuple):
     """Panels of the matches with the noise that was found, if it grows with the parallax."""
 
 
-@inner_kernel
+@kernel
 def every_so_manieth(pairs: np.ndarray, count: int) -> np.ndarray:
     """As many of the ``count`` matches as the search looks at."""
-    rows, taken = index_room(MAX_SEARCHED), room(MAX_SEARCHED // LANES * PANEL)
+    rows, taken = np.empty(MAX_SEARCHED, np.int64), np.empty(MAX_SEARCHED // LANES * PANEL)
     for j in range(MAX_SEARCHED):
         rows[j] = j * count // MAX_SEARCHED
     take_pairs(pairs, rows, taken)
     return taken
 
 
-@inner_kernel
+@step_kernel
 def searched_of(some: np.ndarray, matches: PackedMatches) -> PackedMatches:
     """Those of the matches, with nothing known of them, and errors without a tail."""
     total = matches.total if matches.total < MAX_SEARCHED else MAX_SEARCHED
-    prior = room(some.size // PANEL * LANES)
+    prior = np.empty(some.size // PANEL * LANES)
     _leave_out_none(prior, total)
     spread, least, most = matches.spread, matches.min_variance, matches.max_variance
     return PackedMatches(some, prior, total, spread, NO_TAIL, least, most, matches.gives_way)
 
 
-@inner_kernel
+@step_kernel
 def _leave_out_none(prior: np.ndarray, count: int) -> None:
     """Prior 1 for each match, 0 for those that fill up the panels."""
     for i in range(prior.size):
         prior[i] = 1.0 if i < count else 0.0
 
 
-@kernel
 def settle_motion(matches: PackedMatches, least_signal: float, found: Found) -> Numbers:
     """Refine a pose by all matches, with what parallax they make plausible, and hear them on it.
 
@@ -152,50 +150,111 @@ def settle_motion(matches: PackedMatches, least_signal: float, found: Found) -> 
     receives what is plausible of each. It shows a direction if at least ``least_signal`` of the
     flow is signal.
     """
-    # A kernel that handed back the array itself would make numba lose count of who holds it.
+    return settle(some_of(matches), matches, least_signal, found)
+
+
+def some_of(matches: PackedMatches) -> np.ndarray:
+    """Panels of the matches that the search looks at."""
     few = matches.total <= MAX_SEARCHED
-    some = matches.pairs if few else every_so_manieth(matches.pairs, matches.total)
-    return settle(searched_of(some, matches), matches, least_signal, found)
+    return matches.pairs if few else every_so_manieth(matches.pairs, matches.total)
 
 
-@inner_kernel
-def settle(
-    searched: PackedMatches, matches: PackedMatches, least_signal: float, found: Found
-) -> Numbers:
-    """As `settle_motion`; the prior of those searched is then 1 only for the right ones."""
-    normal, count = scratch(6, 6), matches.total
-    _refine(matches, COARSE, found, normal)
-    residual, parallax, right = found.said[1], found.said[2], found.said[3]
-    variance, grown = found.mixture[0], found.grown
-    grows = grow_noise(matches.pairs, residual, parallax, right, count, variance, grown)
-    pairs = grown if grows else matches.pairs
-    spread, least, most = matches.spread, matches.min_variance, matches.max_variance
-    prior, tail, gives_way = matches.prior, matches.tail, matches.gives_way
-    told = PackedMatches(pairs, prior, count, spread, tail, least, most, gives_way)
-    return _conclude(searched, told, least_signal, grows, found)
+def settle(some: np.ndarray, matches: PackedMatches, least_signal: float, found: Found) -> Numbers:
+    """As `settle_motion`, with the panels of `some_of` them."""
+    cost, narrow, right, grows = _settle(matches, found)
+    if grows:
+        matches = matches._replace(pairs=found.grown)
+    seen = Seen(
+        matches.pairs,
+        matches.prior,
+        found.R,
+        found.t,
+        found.mixture,
+        matches.spread,
+        matches.tail,
+    )
+    predicted, shows = _be_sure(seen, right, least_signal, found)
+    said, count = found.said, matches.total
+    heard = _weigh_all(some, count, found.R, found.R_far, found.mixture, said, found.labels)
+    sharing = tell_sharing(matches.pairs, said[1], said[3], count, math.sqrt(found.mixture[0]))
+    return (cost, narrow, *heard, predicted, shows, grows, *sharing)
 
 
-@inner_kernel
+@kernel
+def _settle(matches: PackedMatches, found: Found) -> tuple[float, float, float, bool]:
+    """Refine the pose, and once more when its noise is known.
+
+    Returns its cost, its `contest.narrowness`, the expected number of right matches, and whether
+    their noise grows.
+    """
+    normal, cost, grows = np.empty((6, 6)), 0.0, False
+    for precision in (COARSE, FINE):
+        told = _with_noise(matches, found.grown if grows else matches.pairs)
+        cost = _refine(told, precision, found, normal)
+        if precision == COARSE:
+            residual, parallax, right = found.said[1], found.said[2], found.said[3]
+            variance, grown = found.mixture[0], found.grown
+            grows = grow_noise(
+                matches.pairs, residual, parallax, right, matches.total, variance, grown
+            )
+    total = 0.0
+    for i in range(matches.total):
+        total += found.said[3, i]
+    return cost, narrowness(normal), total, grows
+
+
+@kernel
+def _weigh_all(
+    some: np.ndarray,
+    count: int,
+    R: np.ndarray,
+    R_far: np.ndarray,
+    mixture: np.ndarray,
+    said: np.ndarray,
+    labels: np.ndarray,
+) -> tuple[int, float, float, int, int]:
+    """What `evidence.weigh` returns of all, and `evidence.count_beyond_rotation` of some."""
+    right = said[3]
+    agreeing, odds, likelier = weigh(said[2], right, math.sqrt(mixture[0]), mixture[1], labels)
+    prior = np.empty(some.size // PANEL * LANES)
+    total = min(count, MAX_SEARCHED)
+    for j in range(prior.size):
+        prior[j] = 1.0 if j < total and right[j * count // total] > 0.5 else 0.0
+    # A pose may take some of the flow: a match is off a rotation by twice what its noise would do.
+    distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
+    beyond, supporting = count_beyond_rotation(some, prior, R, R_far, distance)
+    return agreeing, odds, likelier, beyond, supporting
+
+
+@step_kernel
+def _with_noise(matches: PackedMatches, pairs: np.ndarray) -> PackedMatches:
+    """The matches, with the noise of these panels."""
+    total, spread, tail, prior = matches.total, matches.spread, matches.tail, matches.prior
+    least, most, gives_way = matches.min_variance, matches.max_variance, matches.gives_way
+    return PackedMatches(pairs, prior, total, spread, tail, least, most, gives_way)
+
+
+@step_kernel
 def _explain(matches: PackedMatches, found: Found) -> None:
     """As `likelihood.explain`."""
     said = found.said
     explain(_seen(matches, found), said[1], said[2], said[3])
 
 
-@inner_kernel
+@step_kernel
 def _seen(matches: PackedMatches, found: Found) -> Seen:
     """The matches as the pose sees them."""
     spread, tail = matches.spread, matches.tail
     return Seen(matches.pairs, matches.prior, found.R, found.t, found.mixture, spread, tail)
 
 
-@inner_kernel
+@step_kernel
 def _refine(matches: PackedMatches, precision: float, found: Found, normal: np.ndarray) -> float:
     """As `refinement.refine_pose`, by what the pose as it was makes plausible of the matches.
 
     Again where it ends at a pose that some of them made, and from which they lie too far away.
     """
-    pose = Pose(found.R, found.t, found.mixture, normal, scratch(1))
+    pose = Pose(found.R, found.t, found.mixture, normal, np.empty(1))
     for _ in range(MAX_ROUNDS):
         end = _plausible(matches, found)
         refine_pose(matches, precision, MAX_REFINEMENTS, pose)
@@ -205,7 +264,7 @@ def _refine(matches: PackedMatches, precision: float, found: Found, normal: np.n
     return pose.cost[0]
 
 
-@inner_kernel
+@step_kernel
 def _plausible(matches: PackedMatches, found: Found) -> float:
     """As `plausible.plausible_parallax`, of all matches alike."""
     _leave_out_none(matches.prior, matches.total)
@@ -214,7 +273,7 @@ def _plausible(matches: PackedMatches, found: Found) -> float:
     return plausible_parallax(parallax, right, matches.total, sigma, matches.spread, matches.prior)
 
 
-@inner_kernel
+@step_kernel
 def _beyond(end: float, parallax: np.ndarray, right: np.ndarray) -> int:
     """Right matches of more parallax."""
     count = 0
@@ -223,63 +282,13 @@ def _beyond(end: float, parallax: np.ndarray, right: np.ndarray) -> int:
     return count
 
 
-@inner_kernel
-def _conclude(
-    searched: PackedMatches, matches: PackedMatches, least_signal: float, grows: bool, found: Found
-) -> Numbers:
-    """Refine the pose once more, now that its noise is known, and hear all matches on it."""
-    normal = scratch(6, 6)
-    cost = _refine(matches, FINE, found, normal)
-    predicted, shows = _be_sure(matches, least_signal, found)
-    parallax, right = found.said[2], found.said[3]
-    sigma, wrong = math.sqrt(found.mixture[0]), found.mixture[1]
-    agreeing, odds, likelier = weigh(parallax, right, sigma, wrong, found.labels)
-    beyond, supporting = _count_beyond(searched, right, matches.total, found)
-    alike, likeness, effect = tell_sharing(
-        matches.pairs, found.said[1], right, matches.total, sigma
-    )
-    return (
-        cost,
-        narrowness(normal),
-        agreeing,
-        odds,
-        likelier,
-        beyond,
-        supporting,
-        predicted,
-        shows,
-        grows,
-        alike,
-        likeness,
-        effect,
-    )
-
-
-@inner_kernel
-def _be_sure(matches: PackedMatches, least_signal: float, found: Found) -> tuple[bool, bool]:
+def _be_sure(seen: Seen, right: float, least_signal: float, found: Found) -> tuple[bool, bool]:
     """Covariance of the pose; where much of the flow is noise, by predicted flow, as is the pose.
 
     Returns whether it was predicted, and whether at least so much of it is signal.
     """
-    right = 0.0
-    for i in range(matches.total):
-        right += found.said[3, i]
-    seen, covariance = _seen(matches, found), found.covariance
-    if covariance_here(seen, right, MEASURED, PLAIN, covariance):
+    if covariance_here(seen, right, MEASURED, PLAIN, found.covariance):
         return False, True
     step_by_prediction(seen)
-    _explain(matches, found)
-    return True, covariance_here(seen, right, PREDICTED, least_signal, covariance)
-
-
-@inner_kernel
-def _count_beyond(
-    searched: PackedMatches, right: np.ndarray, count: int, found: Found
-) -> tuple[int, int]:
-    """Of the right matches searched, those that no rotation explains, and all."""
-    for j in range(searched.prior.size):
-        is_right = j < searched.total and right[j * count // searched.total] > 0.5
-        searched.prior[j] = 1.0 if is_right else 0.0
-    # A pose may take some of the flow: a match is off a rotation by twice what its noise would do.
-    distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(found.mixture[0], found.mixture[2]))
-    return count_beyond_rotation(searched.pairs, searched.prior, found.R, found.R_far, distance)
+    explain(seen, found.said[1], found.said[2], found.said[3])
+    return True, covariance_here(seen, right, PREDICTED, least_signal, found.covariance)

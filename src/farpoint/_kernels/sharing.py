@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.arrays import clear
 from farpoint._kernels.coherence import bounded, coherence
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
 from farpoint._kernels.pairs import address, ray0
 from farpoint._kernels.patches import split_image
-from farpoint._kernels.scratch import clear, index_room, room, scratch
 
 __all__ = ["ASKED", "LIKELY", "PARTS", "design_effect", "tell_sharing"]
 
@@ -27,7 +27,7 @@ PARTS = 2 ** int(SPLITS)
 OF_POSE = 5.0
 
 
-@inner_kernel
+@kernel
 def tell_sharing(
     pairs: np.ndarray, residual: np.ndarray, right: np.ndarray, count: int, sigma: float
 ) -> tuple[float, float, float]:
@@ -46,22 +46,22 @@ def tell_sharing(
     return alike, likeness, design_effect(pairs, residual, rows, sigma)
 
 
-@inner_kernel
+@step_kernel
 def _each_by_itself(count: int) -> np.ndarray:
     """A patch for each match."""
-    patch = index_room(count)
+    patch = np.empty(count, np.int64)
     for i in range(count):
         patch[i] = i
     return patch
 
 
-@inner_kernel
+@step_kernel
 def _right(right: np.ndarray, count: int) -> np.ndarray:
     """Rows of the right matches."""
     total = 0
     for i in range(count):
         total += 1 if right[i] > 0.5 else 0
-    rows, taken = index_room(total), 0
+    rows, taken = np.empty(total, np.int64), 0
     for i in range(count):
         if right[i] > 0.5:
             rows[taken] = i
@@ -69,7 +69,7 @@ def _right(right: np.ndarray, count: int) -> np.ndarray:
     return rows
 
 
-@kernel
+@inner_kernel
 def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: float) -> float:
     """How many times larger the variance of a sum is than of residuals that are independent.
 
@@ -77,7 +77,7 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
     "Survey Sampling", 1965): ``sum S^2 / n`` over the parts, with S the sum of n residuals, has 16
     of the mean square, less five that the pose has taken, if each is by itself.
     """
-    parts, sums, sizes = _parts(pairs, rows), scratch(PARTS), scratch(PARTS)
+    parts, sums, sizes = _parts(pairs, rows), np.empty(PARTS), np.empty(PARTS)
     clear(sums)
     clear(sizes)
     square = 0.0
@@ -96,10 +96,10 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
     return scatter * rows.size / (square * (used - OF_POSE))
 
 
-@inner_kernel
+@step_kernel
 def _parts(pairs: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """The part of each match, by its ray in camera 0."""
-    rays, parts = room(3 * rows.size), index_room(rows.size)
+    rays, parts = np.empty(3 * rows.size), np.empty(rows.size, np.int64)
     for k in range(rows.size):
         ray = ray0(pairs, address(rows[k]))
         for i in range(3):

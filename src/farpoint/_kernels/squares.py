@@ -1,23 +1,25 @@
 """Least squares in registers: sums of ``weight row row^T``, and what they are equal to.
 
 A sum is kept as a tuple, the lower triangle by rows: an array would make each term wait for the one
-before to be stored.
+before to be stored. For the same reason the factors of a matrix are written out: three times as
+fast as loops over indices, which wait for memory and for one root after another.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from farpoint._kernels.formulas import formula, sum_formula
+from farpoint._kernels.compile import inlined_kernel, inlined_sum, inner_kernel, step_kernel
 
 __all__ = [
     "FIVE",
     "FOUR",
     "SIX",
-    "add_square",
+    "add_five",
+    "add_four",
+    "add_six",
     "add_to_square",
     "determinant_beside_one",
     "inverse_square",
@@ -26,7 +28,8 @@ __all__ = [
     "size2",
     "solve_five_spd",
     "solve_three_spd",
-    "write_square",
+    "write_five",
+    "write_six",
 ]
 
 Sums = tuple[float, ...]
@@ -36,24 +39,67 @@ FIVE: Sums = (0.0,) * 15
 SIX: Sums = (0.0,) * 21
 
 
-@sum_formula
-def add_square(sums: Sums, weight: float, row: Sums) -> Sums:
-    """``sums + weight row row^T``."""
-    scaled = [weight * x for x in row]
-    terms = [scaled[j] * row[i] for i in range(len(row)) for j in range(i + 1)]
-    return tuple(so_far + term for so_far, term in zip(sums, terms, strict=True))
+@inlined_sum
+def add_four(sums: Sums, weight: float, row: Sums) -> Sums:
+    """``sums + weight row row^T``, of four numbers."""
+    aa, ba, bb, ca, cb, cc, da, db, dc, dd = sums
+    a, b, c, d = row
+    u, v, w, x = weight * a, weight * b, weight * c, weight * d
+    return (
+        aa + u * a,
+        ba + u * b,
+        bb + v * b,
+        ca + u * c,
+        cb + v * c,
+        cc + w * c,
+        da + u * d,
+        db + v * d,
+        dc + w * d,
+        dd + x * d,
+    )
 
 
-@formula
-def write_square(sums: Sums, out: np.ndarray) -> None:
-    """Write both triangles of a sum into ``out`` (n, n)."""
-    rest = iter(sums)
-    for i in range(math.isqrt(2 * len(sums))):
-        for j in range(i + 1):
-            out[i, j] = out[j, i] = next(rest)
+@inlined_sum
+def add_five(sums: Sums, weight: float, row: Sums) -> Sums:
+    """``sums + weight row row^T``, of five numbers."""
+    ea, eb, ec, ed, ee = sums[10:]
+    a, b, c, d, e = row
+    by_e = weight * e
+    last = ea + by_e * a, eb + by_e * b, ec + by_e * c, ed + by_e * d, ee + by_e * e
+    return add_four(sums[:10], weight, (a, b, c, d)) + last
 
 
-@formula
+@inlined_sum
+def add_six(sums: Sums, weight: float, row: Sums) -> Sums:
+    """``sums + weight row row^T``, of six numbers."""
+    fa, fb, fc, fd, fe, ff = sums[15:]
+    a, b, c, d, e, f = row
+    by_f = weight * f
+    last = fa + by_f * a, fb + by_f * b, fc + by_f * c, fd + by_f * d, fe + by_f * e, ff + by_f * f
+    return add_five(sums[:15], weight, (a, b, c, d, e)) + last
+
+
+@inner_kernel
+def write_five(sums: Sums, out: np.ndarray) -> None:
+    """Write both triangles of a sum into ``out`` (5, 5), or the first five rows of a larger one."""
+    aa, ba, bb, ca, cb, cc, da, db, dc, dd, ea, eb, ec, ed, ee = sums
+    out[0, 0], out[0, 1], out[0, 2], out[0, 3], out[0, 4] = aa, ba, ca, da, ea
+    out[1, 0], out[1, 1], out[1, 2], out[1, 3], out[1, 4] = ba, bb, cb, db, eb
+    out[2, 0], out[2, 1], out[2, 2], out[2, 3], out[2, 4] = ca, cb, cc, dc, ec
+    out[3, 0], out[3, 1], out[3, 2], out[3, 3], out[3, 4] = da, db, dc, dd, ed
+    out[4, 0], out[4, 1], out[4, 2], out[4, 3], out[4, 4] = ea, eb, ec, ed, ee
+
+
+@inner_kernel
+def write_six(sums: Sums, out: np.ndarray) -> None:
+    """Write both triangles of a sum into ``out`` (6, 6)."""
+    write_five(sums[:15], out)
+    a, b, c, d, e, out[5, 5] = sums[15:]
+    out[5, 0], out[5, 1], out[5, 2], out[5, 3], out[5, 4] = a, b, c, d, e
+    out[0, 5], out[1, 5], out[2, 5], out[3, 5], out[4, 5] = a, b, c, d, e
+
+
+@step_kernel
 def add_to_square(weight: float, row: Sums, out: np.ndarray) -> None:
     """Add ``weight row row^T`` to ``out`` (n, n)."""
     for i in range(len(row)):
@@ -61,123 +107,169 @@ def add_to_square(weight: float, row: Sums, out: np.ndarray) -> None:
             out[i, j] = out[j, i] = out[i, j] + weight * row[i] * row[j]
 
 
-@formula
+@inlined_kernel
+def _triangle_of(A: np.ndarray) -> Sums:
+    """Lower triangle of the first five rows of a symmetric array."""
+    a, ba, b, ca, cb, c = A[0, 0], A[1, 0], A[1, 1], A[2, 0], A[2, 1], A[2, 2]
+    da, db, dc, d = A[3, 0], A[3, 1], A[3, 2], A[3, 3]
+    return a, ba, b, ca, cb, c, da, db, dc, d, A[4, 0], A[4, 1], A[4, 2], A[4, 3], A[4, 4]
+
+
+@inner_kernel
+def _factor(triangle: Sums, damping: float) -> tuple[Sums, bool]:
+    """A symmetric matrix (5, 5), its diagonal ``1 + damping`` times as large, as ``L D L^T``.
+
+    The rows of L below the diagonal, then the inverse of D; and whether the matrix is positive
+    definite.
+    """
+    a, ba, b, ca, cb, c, da, db, dc, d, ea, eb, ec, ed, e = triangle
+    more = 1.0 + damping
+    p = more * a
+    over_p = 1.0 / p
+    bp, cp, dp, ep = ba * over_p, ca * over_p, da * over_p, ea * over_p
+    q = more * b - bp * ba
+    over_q = 1.0 / q
+    qc, qd, qe = cb - cp * ba, db - dp * ba, eb - ep * ba
+    cq, dq, eq = qc * over_q, qd * over_q, qe * over_q
+    r = more * c - cp * ca - cq * qc
+    over_r = 1.0 / r
+    rd, re = dc - dp * ca - dq * qc, ec - ep * ca - eq * qc
+    dr, er = rd * over_r, re * over_r
+    s = more * d - dp * da - dq * qd - dr * rd
+    over_s = 1.0 / s
+    se = ed - ep * da - eq * qd - er * rd
+    es = se * over_s
+    t = more * e - ep * ea - eq * qe - er * re - es * se
+    positive = (
+        _is_positive(p, a)
+        & _is_positive(q, b)
+        & _is_positive(r, c)
+        & _is_positive(s, d)
+        & _is_positive(t, e)
+    )
+    inverses = over_p, over_q, over_r, over_s, 1.0 / t
+    return (bp, cp, cq, dp, dq, dr, ep, eq, er, es) + inverses, positive  # noqa: RUF005
+
+
+@inlined_kernel
+def _is_positive(pivot: float, diagonal: float) -> bool:
+    """Whether an element of D is more than the rounding of the matrix's own."""
+    return (pivot > 1e-14 * diagonal) & (pivot < math.inf)
+
+
+@inlined_kernel
+def _forward(factors: Sums, right: Sums) -> Sums:
+    """``y`` with ``L y`` the right side."""
+    bp, cp, cq, dp, dq, dr, ep, eq, er, es = factors[:10]
+    a, b, c, d, e = right
+    b = b - bp * a
+    c = c - cp * a - cq * b
+    d = d - dp * a - dq * b - dr * c
+    return a, b, c, d, e - ep * a - eq * b - er * c - es * d
+
+
+@inner_kernel
+def _solve(factors: Sums, right: Sums) -> Sums:
+    """``x`` with the matrix times ``x`` the right side."""
+    bp, cp, cq, dp, dq, dr, ep, eq, er, es, over_a, over_b, over_c, over_d, over_e = factors
+    a, b, c, d, e = _forward(factors, right)
+    e = e * over_e
+    d = d * over_d - es * e
+    c = c * over_c - dr * d - er * e
+    b = b * over_b - cq * c - dq * d - eq * e
+    return a * over_a - bp * b - cp * c - dp * d - ep * e, b, c, d, e
+
+
+@inner_kernel
 def solve_five_spd(normal: np.ndarray, damping: float, x: np.ndarray) -> bool:
     """Solve normal equations (6, 6), the right side in their last column, for the five of a pose.
 
     As `solve_three_spd`.
     """
-    factors = _Factors(lambda i, j: normal[i, j], 5, damping)
-    for i, element in enumerate(factors.solve([normal[i, 5] for i in range(5)])):
-        x[i] = element
-    return factors.positive
+    factors, positive = _factor(_triangle_of(normal), damping)
+    right = normal[0, 5], normal[1, 5], normal[2, 5], normal[3, 5], normal[4, 5]
+    x[0], x[1], x[2], x[3], x[4] = _solve(factors, right)
+    return positive
 
 
-@formula
+@inner_kernel
 def solve_three_spd(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray) -> bool:
     """Solve ``(H + damping * diag(H)) x = g``, all (3, 3) and (3,).
 
     False, and ``x`` without a meaning, where that is not positive definite.
     """
-    factors = _Factors(lambda i, j: H[i, j], 3, damping)
-    for i, element in enumerate(factors.solve([g[i] for i in range(3)])):
-        x[i] = element
-    return factors.positive
+    more = 1.0 + damping
+    p = more * H[0, 0]
+    over_p = 1.0 / p
+    bp, cp = H[1, 0] * over_p, H[2, 0] * over_p
+    q = more * H[1, 1] - bp * H[1, 0]
+    over_q = 1.0 / q
+    qc = H[2, 1] - cp * H[1, 0]
+    cq = qc * over_q
+    r = more * H[2, 2] - cp * H[2, 0] - cq * qc
+    a, b = g[0], g[1] - bp * g[0]
+    c = (g[2] - cp * a - cq * b) * (1.0 / r)
+    b = b * over_q - cq * c
+    x[0], x[1], x[2] = a * over_p - bp * b - cp * c, b, c
+    return _is_positive(p, H[0, 0]) & _is_positive(q, H[1, 1]) & _is_positive(r, H[2, 2])
 
 
-@formula
+@step_kernel
 def sandwich_five(
     whole: np.ndarray, part: np.ndarray, inner: np.ndarray, least: float, out: np.ndarray
 ) -> bool:
     """As `linear.sandwich`; ``out`` has no meaning where it is False."""
-    bound = _Factors(lambda i, j: (1.0 - least) * whole[i, j] - part[i, j], 5)
-    H = _Factors(lambda i, j: whole[i, j] - part[i, j], 5)
-    rows = [H.solve([inner[i, j] for j in range(5)]) for i in range(5)]  # of V H^-1
-    columns = [H.solve([row[j] for row in rows]) for j in range(5)]
+    H, half = np.empty((5, 5)), np.empty((5, 5))
     for i in range(5):
-        for j in range(i + 1):
-            out[i, j] = out[j, i] = 0.5 * (columns[j][i] + columns[i][j])
-    return bound.positive
+        for j in range(5):
+            H[i, j] = (1.0 - least) * whole[i, j] - part[i, j]
+    _, positive = _factor(_triangle_of(H), 0.0)
+    for i in range(5):
+        for j in range(5):
+            H[i, j] = whole[i, j] - part[i, j]
+    factors, _ = _factor(_triangle_of(H), 0.0)
+    for i in range(len(out)):  # rows of V H^-1
+        row = inner[i, 0], inner[i, 1], inner[i, 2], inner[i, 3], inner[i, 4]
+        half[i, 0], half[i, 1], half[i, 2], half[i, 3], half[i, 4] = _solve(factors, row)
+    for j in range(len(out)):
+        column = half[0, j], half[1, j], half[2, j], half[3, j], half[4, j]
+        H[0, j], H[1, j], H[2, j], H[3, j], H[4, j] = _solve(factors, column)
+    for i in range(5):
+        for j in range(5):
+            out[i, j] = 0.5 * (H[i, j] + H[j, i])
+    return positive
 
 
-@formula
+@inner_kernel
 def inverse_square(H: np.ndarray) -> tuple[Sums, bool]:
     """What `size2` needs of a matrix (5, 5), and whether that is positive definite."""
-    factors = _Factors(lambda i, j: H[i, j], 5)
-    lower = [factors.lower[i][j] for i in range(5) for j in range(i)]
-    return (*lower, *factors.over), factors.positive
+    return _factor(_triangle_of(H), 0.0)
 
 
-@formula
+@inlined_kernel
 def size2(inverse: Sums, row: Sums) -> float:
     """``row^T H^-1 row`` with what `inverse_square` says of H."""
-    lower = [[inverse[i * (i - 1) // 2 + j] for j in range(i)] for i in range(5)]
-    y = _forward(lower, row)
-    total = 0.0
-    for k in range(5):
-        total = total + y[k] * y[k] * inverse[10 + k]
-    return total
+    a, b, c, d, e = _forward(inverse, row)
+    over_a, over_b, over_c, over_d, over_e = inverse[10:]
+    return a * a * over_a + b * b * over_b + c * c * over_c + d * d * over_d + e * e * over_e
 
 
-@formula
+@step_kernel
 def determinant_beside_one(H: np.ndarray) -> tuple[float, bool]:
     """Determinant of ``H + 1``, of five rows and columns, and whether that is positive definite."""
-    factors = _Factors(lambda i, j: H[i, j] + (1.0 if i == j else 0.0), 5)
-    determinant = 1.0
-    for over in factors.over:
-        determinant = determinant / over
-    return determinant, factors.positive
+    a, ba, b, ca, cb, c, da, db, dc, d, ea, eb, ec, ed, e = _triangle_of(H)
+    a, b, c, d, e = a + 1.0, b + 1.0, c + 1.0, d + 1.0, e + 1.0
+    triangle = a, ba, b, ca, cb, c, da, db, dc, d, ea, eb, ec, ed, e
+    factors, positive = _factor(triangle, 0.0)
+    over_a, over_b, over_c, over_d, over_e = factors[10:]
+    return 1.0 / over_a / over_b / over_c / over_d / over_e, positive
 
 
-def _forward(lower: Sequence[Sequence[float]], right: Sequence[float]) -> list[float]:
-    """``y`` with ``L y`` the right side."""
-    y: list[float] = []
-    for i, left in enumerate(right):
-        for k in range(i):
-            left = left - lower[i][k] * y[k]
-        y.append(left)
-    return y
-
-
-class _Factors:
-    """A symmetric matrix (n, n), its diagonal ``1 + damping`` times as large, as ``L D L^T``.
-
-    Each element is in a register of its own: three times as fast as loops over indices, which wait
-    for memory and for one root after another.
-    """
-
-    def __init__(self, element: Callable[[int, int], float], n: int, damping: float = 0.0) -> None:
-        self.lower = [[0.0] * n for _ in range(n)]
-        self.over: list[float] = []  # inverse of D
-        scaled = [[0.0] * n for _ in range(n)]  # L D
-        self.positive = element(0, 0) < math.inf
-        for j in range(n):
-            for i in range(j, n):
-                left = element(i, j) if i > j else (1.0 + damping) * element(j, j)
-                for k in range(j):
-                    left = left - self.lower[i][k] * scaled[j][k]
-                scaled[i][j] = left
-            pivot = scaled[j][j]
-            self.positive = self.positive & (pivot > 1e-14 * element(j, j)) & (pivot < math.inf)
-            self.over.append(1.0 / pivot)
-            for i in range(j + 1, n):
-                self.lower[i][j] = scaled[i][j] * self.over[j]
-
-    def solve(self, right: Sequence[float]) -> list[float]:
-        """``x`` with the matrix times ``x`` the right side."""
-        x = _forward(self.lower, right)
-        for i in reversed(range(len(x))):
-            x[i] = x[i] * self.over[i]
-            for k in range(i + 1, len(x)):
-                x[i] = x[i] - self.lower[k][i] * x[k]
-        return x
-
-
-@formula
+@inlined_kernel
 def promise(normal: np.ndarray, x: np.ndarray) -> tuple[float, float]:
     """What a step that solves normal equations gains, and its square."""
     gain = square = 0.0
     for k in range(5):
-        gain = gain + normal[k, 5] * x[k]
-        square = square + x[k] * x[k]
+        gain += normal[k, 5] * x[k]
+        square += x[k] * x[k]
     return gain, square

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.compile import inlined_kernel, step_kernel
 from farpoint._kernels.raycast import TOP_FACE, Hit, Ray
 from farpoint._kernels.scene_arrays import (
     BOX,
@@ -59,7 +59,7 @@ class Frame(NamedTuple):
     """m."""
 
 
-@inlined_kernel
+@step_kernel
 def box_frame(shape: np.ndarray, index: int, face: int, point: Vector) -> Frame:
     """The face of a box at a point that is seen from the box's axis."""
     x, y, z = point
@@ -86,7 +86,7 @@ def round_frame(radius: float, slope: float, point: Vector, v: float) -> Frame:
     return Frame(normal, around, (0.0, 1.0, 0.0), radius * abs(angle), v)
 
 
-@inlined_kernel
+@step_kernel
 def surface_frame(blocks: Blocks, hills: Hills, hit: Hit, point: Vector) -> Frame:
     """The surface at the point that was hit."""
     shape, ring, surface = blocks.shape, hills.ring, hit.surface
@@ -112,14 +112,14 @@ def dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inlined_kernel
+@step_kernel
 def light(normal: Vector) -> float:
     """Brightness by orientation: walls that face different ways differ."""
     lit = abs(0.35 * normal[0] - 0.75 * normal[1] + 0.55 * normal[2])
     return 0.72 + 0.28 * lit / math.sqrt(dot(normal, normal))
 
 
-@inlined_kernel
+@step_kernel
 def sky_footprint(direction: Vector, spread: Spread) -> Footprint:
     """On clouds that bend down towards the horizon, infinitely far away."""
     (right_x, right_y, right_z), (down_x, down_y, down_z) = spread.right, spread.down
@@ -130,7 +130,7 @@ def sky_footprint(direction: Vector, spread: Spread) -> Footprint:
     return footprint_of(u, v, (ux, vx), (uy, vy))
 
 
-@inlined_kernel
+@step_kernel
 def wall_footprint(frame: Frame, t: float, direction: Vector, spread: Spread) -> Footprint:
     """On a surface, m."""
     normal, along_u, along_v = frame.normal, frame.along_u, frame.along_v
@@ -146,7 +146,7 @@ def wall_footprint(frame: Frame, t: float, direction: Vector, spread: Spread) ->
     return footprint_of(frame.u, frame.v, (ux, vx), (uy, vy))
 
 
-@inlined_kernel
+@step_kernel
 def sky_grey(finish: Finish, direction: Vector, spread: Spread) -> float:
     """Grey value of the sky: a gradient, and coarse noise."""
     footprint = sky_footprint(direction, spread)
@@ -154,7 +154,7 @@ def sky_grey(finish: Finish, direction: Vector, spread: Spread) -> float:
     return 205.0 + 25.0 * (direction[1] + 0.3) + CLOUD_GAIN * clouds
 
 
-@inlined_kernel
+@step_kernel
 def paint_row(blocks: Blocks, surface: int) -> int:
     """Of a surface, in the table of paints."""
     if surface >= 0:
@@ -163,7 +163,7 @@ def paint_row(blocks: Blocks, surface: int) -> int:
     return row + 1 + FIRST_RING - surface if surface <= FIRST_RING else row
 
 
-@inlined_kernel
+@step_kernel
 def ray_grey(
     blocks: Blocks, hills: Hills, finish: Finish, ray: Ray, spread: Spread, hit: Hit
 ) -> float:

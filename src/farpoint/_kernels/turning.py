@@ -7,10 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
-from farpoint._kernels.formulas import formula, greater, lesser
+from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
 from farpoint._kernels.rotation import explain_rotation, refine_rotation
-from farpoint._kernels.scratch import room
 from farpoint._kernels.vectors import matrix
 
 __all__ = ["Judged", "fit_rotation", "flow_beside_rotation", "likelier_moving"]
@@ -45,7 +43,7 @@ def fit_rotation(
     ``information`` (3, 3) receives that of the rotation, less what is not known of the matches, and
     of the noise, as for a motion.
     """
-    prior = room(right.size)
+    prior = np.empty(right.size)
     for i in range(right.size):
         prior[i] = 1.0 if i < count else 0.0
     cost = refine_rotation(
@@ -60,19 +58,19 @@ def fit_rotation(
     return cost, narrowness
 
 
-@formula
+@step_kernel
 def _determinant_beside_one(H: np.ndarray) -> float:
     """Determinant of ``H + 1``, H symmetric (3, 3) and positive."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = matrix(H)
     xx, yy, zz = xx + 1.0, yy + 1.0, zz + 1.0
     first = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz)
-    return greater(first + xz * (xy * yz - yy * xz), 1.0)
+    return max(first + xz * (xy * yz - yy * xz), 1.0)
 
 
-@formula
+@step_kernel
 def _keep_known(known: float, supporting: float, information: np.ndarray) -> None:
-    freedom = greater(2.0 * supporting - 3.0, 4.0)
-    share = greater(known, LEAST_KNOWN) * (freedom - 2.0) / freedom
+    freedom = max(2.0 * supporting - 3.0, 4.0)
+    share = max(known, LEAST_KNOWN) * (freedom - 2.0) / freedom
     for i in range(3):
         for j in range(3):
             information[i, j] *= share
@@ -113,7 +111,7 @@ def flow_beside_rotation(
         if right[i] < 0.5:
             unexplained += 1
             near += 1 if agrees and parallax[i] > 0.0 else 0
-            chance += math.asin(lesser(band / (math.sqrt(distance2[i]) + 1e-300), 1.0)) / math.pi
+            chance += math.asin(min(band / (math.sqrt(distance2[i]) + 1e-300), 1.0)) / math.pi
         elif agrees and right[i] > 0.5:
             bulk += 1
             across += residual[i] * residual[i]
@@ -158,13 +156,13 @@ def likelier_moving(judged: Judged, sigma: float, lift: float, wrong: float) -> 
         Log of the share of wrong matches by the motion, over that by the rotation.
     """
     count, middle, variance = _far_together(judged, sigma)
-    places = greater(_largest_parallax(judged, sigma) * math.sqrt(count / variance), 1.0)
+    places = max(_largest_parallax(judged, sigma) * math.sqrt(count / variance), 1.0)
     most = -math.inf
     for share in FAR_SHARES:
-        most = greater(most, _likelier(judged, sigma, lift, wrong, share, 0.0, 1.0))
+        most = max(most, _likelier(judged, sigma, lift, wrong, share, 0.0, 1.0))
         if count >= 2.0:
             together = _likelier(judged, sigma, lift, wrong, share, middle, variance)
-            most = greater(most, together - math.log(places))
+            most = max(most, together - math.log(places))
     return most - math.log(len(FAR_SHARES))
 
 
@@ -183,28 +181,28 @@ def _likelier(
     for i in range(judged.parallax.size):
         p = judged.parallax[i] / sigma - middle
         far = share * lift * math.exp(-0.5 * p * p / variance) / math.sqrt(variance)
-        far /= greater(judged.prior[i], LEAST_PRIOR)
+        far /= max(judged.prior[i], LEAST_PRIOR)
         right, turned_right = judged.right[i], judged.turned_right[i]
-        odds = right / greater(1.0 - right, LEAST_DOUBT) * (1.0 - share + far)
-        gain = wrong + math.log1p(odds) + math.log(greater(1.0 - turned_right, LEAST_DOUBT))
+        odds = right / max(1.0 - right, LEAST_DOUBT) * (1.0 - share + far)
+        gain = wrong + math.log1p(odds) + math.log(max(1.0 - turned_right, LEAST_DOUBT))
         if odds > 1.0 and turned_right > 0.5:
             both += gain
         else:
             only += gain
-    return only + lesser(both, 0.0)
+    return only + min(both, 0.0)
 
 
-@inner_kernel
+@step_kernel
 def _largest_parallax(judged: Judged, sigma: float) -> float:
     """Of the right matches, in sigma."""
     largest = 0.0
     for i in range(judged.parallax.size):
         if judged.right[i] > 0.5:
-            largest = greater(largest, judged.parallax[i] / sigma)
+            largest = max(largest, judged.parallax[i] / sigma)
     return largest
 
 
-@inner_kernel
+@step_kernel
 def _far_together(judged: Judged, sigma: float) -> tuple[float, float, float]:
     """Number of matches that both explain; mean of their parallax and its variance, in sigma."""
     count = middle = square = 0.0
@@ -214,5 +212,5 @@ def _far_together(judged: Judged, sigma: float) -> tuple[float, float, float]:
             count += 1.0
             middle += p
             square += p * p
-    middle /= greater(count, 1.0)
-    return count, middle, 1.0 + greater(square / greater(count, 1.0) - middle * middle, 0.0)
+    middle /= max(count, 1.0)
+    return count, middle, 1.0 + max(square / max(count, 1.0) - middle * middle, 0.0)

@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.arrays import clear
+from farpoint._kernels.compile import inner_kernel, step_kernel
 from farpoint._kernels.epipolar import flow_along, sampson
-from farpoint._kernels.formulas import formula, greater
 from farpoint._kernels.linear import add, add_outer, kabsch, put, turn
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.plausible import largest
-from farpoint._kernels.scratch import clear, room, scratch
 from farpoint._kernels.squares import solve_three_spd
 from farpoint._kernels.vectors import (
     Matrix,
@@ -30,7 +29,7 @@ from farpoint._kernels.vectors import (
 __all__ = ["layer_twin", "planar_twin"]
 
 
-@kernel
+@inner_kernel
 def planar_twin(
     pairs: np.ndarray,
     count: int,
@@ -51,7 +50,7 @@ def planar_twin(
     camera; where most matches lie behind it, it and the direction change their signs. Matches with
     a residual beyond ``gate`` are left out.
     """
-    inverse, accuracy, n = room(count), room(count), scratch(3)
+    inverse, accuracy, n = np.empty(count), np.empty(count), np.empty(3)
     towards = vector(t)
     tau = rotate_back(matrix(R), towards)
     _tell_distances(pairs, gate, matrix(R), towards, inverse, accuracy)
@@ -71,7 +70,7 @@ def planar_twin(
     return True
 
 
-@inner_kernel
+@step_kernel
 def _ahead_of(pairs: np.ndarray, accuracy: np.ndarray, normal: Vector) -> int:
     """How many more matches of any accuracy look along a direction than against it."""
     ahead = 0
@@ -81,7 +80,7 @@ def _ahead_of(pairs: np.ndarray, accuracy: np.ndarray, normal: Vector) -> int:
     return ahead
 
 
-@inner_kernel
+@step_kernel
 def _tell_distances(
     pairs: np.ndarray,
     gate: float,
@@ -100,7 +99,7 @@ def _tell_distances(
         accuracy[i] = square if agrees else 0.0
 
 
-@formula
+@step_kernel
 def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, float]:
     """Inverse distance of a match, and the square of the sine that tells it."""
     # back = l0 a + tau up to length: its cross product gives a x back = (back x tau) / l0.
@@ -109,7 +108,7 @@ def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, floa
     return dot(cross(a, back), across) / square, square
 
 
-@inner_kernel
+@step_kernel
 def _fit_plane(pairs: np.ndarray, inverse: np.ndarray, accuracy: np.ndarray, n: np.ndarray) -> bool:
     """The plane through the matches, whose inverse distances are ``n . a``; False if there is none.
 
@@ -117,12 +116,12 @@ def _fit_plane(pairs: np.ndarray, inverse: np.ndarray, accuracy: np.ndarray, n: 
     nearer they are: a motion before a plane can go exactly through a wrong match or two, wherever
     these lie.
     """
-    sizes, agreeing = room(inverse.size), 0
+    sizes, agreeing = np.empty(inverse.size), 0
     for i in range(inverse.size):
         sizes[i] = abs(inverse[i]) if accuracy[i] > 0.0 else -1.0
         agreeing += 1 if accuracy[i] > 0.0 else 0
     typical = largest(sizes, (agreeing + 1) // 2)
-    M, v = scratch(3, 3), scratch(3)
+    M, v = np.empty((3, 3)), np.empty(3)
     clear(M)
     clear(v)
     for i in range(inverse.size):
@@ -134,7 +133,7 @@ def _fit_plane(pairs: np.ndarray, inverse: np.ndarray, accuracy: np.ndarray, n: 
     return solve_three_spd(M, v, 1e-9, n)
 
 
-@kernel
+@inner_kernel
 def layer_twin(
     pairs: np.ndarray,
     count: int,
@@ -152,7 +151,7 @@ def layer_twin(
     imitates it. Near are those nearer than most; matches with a residual beyond ``gate`` are left
     out.
     """
-    M, nearness, ahead = scratch(3, 3), room(count), scratch(3)
+    M, nearness, ahead = np.empty((3, 3)), np.empty(count), np.empty(3)
     clear(M)
     clear(ahead)
     towards, agreeing = vector(t), 0
@@ -162,7 +161,7 @@ def layer_twin(
         flow, reach2 = flow_along(m, b, towards)
         agrees = abs(sampson(pairs, at, matrix(R), towards)) <= gate
         # Inverse distance, and nothing at the epipole.
-        nearness[i] = greater(flow, 0.0) / greater(reach2, 1e-6) if agrees else -1.0
+        nearness[i] = max(flow, 0.0) / max(reach2, 1e-6) if agrees else -1.0
         agreeing += 1 if agrees else 0
         if agrees:
             add(1.0, b, ahead)

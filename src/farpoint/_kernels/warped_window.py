@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.affine_slopes import Template
-from farpoint._kernels.compile import inlined_kernel, inner_kernel
-from farpoint._kernels.fused import fused
+from farpoint._kernels.compile import inlined_kernel, step_kernel
+from farpoint._kernels.scalars import fma
 from farpoint._kernels.windows import Image, blank_values, line_px, read, room_px
 
 __all__ = ["Around", "blank_around", "residual_of"]
@@ -34,7 +34,7 @@ def blank_around(half: int) -> Around:
     return Around(blank_values(room_px(span, line) + _STEP), line)
 
 
-@inner_kernel
+@step_kernel
 def residual_of(
     image: Image,
     x: float,
@@ -65,7 +65,7 @@ def residual_of(
     return True
 
 
-@inner_kernel
+@step_kernel
 def _warp(
     around: Around,
     x: float,
@@ -98,7 +98,7 @@ def _warp(
             _warp_part(pixels, place, pixel_line, begin, slope, v * line + part, out)
 
 
-@inlined_kernel
+@step_kernel
 def _warp_part(
     pixels: np.ndarray,
     i: np.uintp,
@@ -122,17 +122,17 @@ def _warp_part(
     k, m = i + np.uintp(line), i + np.uintp(2 * line)
     for j in range(np.uintp(_STEP)):
         u = np.float32(np.int32(j))
-        to_x, to_y = fused(slope_x, u, x), fused(slope_y, u, y)
+        to_x, to_y = fma(slope_x, u, x), fma(slope_y, u, y)
         a, b = min(to_x, one), max(to_x - one, zero)
         row0 = _along(pixels, i + j, a, b)
         row1 = _along(pixels, k + j, a, b)
         row2 = _along(pixels, m + j, a, b)
         a, b = min(to_y, one), max(to_y - one, zero)
-        out[o + j] = fused(b, row2 - row1, fused(a, row1 - row0, row0))
+        out[o + j] = fma(b, row2 - row1, fma(a, row1 - row0, row0))
 
 
 @inlined_kernel
 def _along(pixels: np.ndarray, i: np.uintp, a: float, b: float) -> float:
     """Value at ``a + b`` pixels to the right of the i-th."""
     left, middle, right = pixels[i], pixels[i + np.uintp(1)], pixels[i + np.uintp(2)]
-    return fused(b, right - middle, fused(a, middle - left, left))
+    return fma(b, right - middle, fma(a, middle - left, left))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.affine_slopes import PARAMETERS, Template, changes
-from farpoint._kernels.compile import inner_kernel, sum_kernel
+from farpoint._kernels.compile import inner_kernel, step_kernel, sum_kernel
 from farpoint._kernels.windows import LANES, line_px
 
 __all__ = ["Influence", "bend", "blank_influence", "covary", "find_influence", "solve"]
@@ -56,7 +56,7 @@ def solve(factor: np.ndarray, vector: np.ndarray) -> None:
         vector[a] *= factor[a, a]
 
 
-@inner_kernel
+@step_kernel
 def find_influence(factor: np.ndarray, template: Template, influence: Influence) -> None:
     """Fill in the rows, and the pixels' influence."""
     rows, pixels = influence.rows, influence.pixels
@@ -67,7 +67,7 @@ def find_influence(factor: np.ndarray, template: Template, influence: Influence)
         changes(template, rows[a], pixels[a])
 
 
-@inner_kernel
+@step_kernel
 def bend(template: Template, influence: Influence, bending: np.ndarray) -> None:
     """What the quadratic part of a window's motion, which is not modelled, does to the match.
 
@@ -98,7 +98,7 @@ def _quadratic_moves(template: Template, influence: np.ndarray) -> tuple:
     return float(xuu), float(xuv), float(xvv), float(yuu), float(yuv), float(yvv)
 
 
-@inner_kernel
+@step_kernel
 def covary(
     template: Template,
     residual: np.ndarray,
@@ -161,7 +161,7 @@ def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, floa
     return float(xx) / _BLOCK**2, float(xy) / _BLOCK**2, float(yy) / _BLOCK**2
 
 
-@inner_kernel
+@step_kernel
 def _undo_attenuation(rows: np.ndarray, power: float, covariance: np.ndarray) -> None:
     """Allow for noise in the gradients, which makes a window seem to hold more than it does.
 

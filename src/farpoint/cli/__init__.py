@@ -17,6 +17,7 @@ import tyro
 from farpoint import __version__
 from farpoint.cli.bench import Bench
 from farpoint.cli.camera import ShowCamera
+from farpoint.cli.compile import Compile
 from farpoint.cli.demo import Demo
 from farpoint.cli.evaluate import Evaluate
 from farpoint.cli.fleet import Fleet
@@ -36,6 +37,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "evaluate": Evaluate,
     "bench": Bench,
     "camera": ShowCamera,
+    "compile": Compile,
 }
 """Each command's options, by its name; calling the record runs the command."""
 

@@ -109,7 +109,7 @@ def observed(
     ``detail`` is a further sentence of the reason.
     """
     stats = _stats(labels, diagnostics)
-    first, second = tangent_columns(direction.tolist())
+    first, second = tangent_columns(tuple(direction.tolist()))
     return RelativePose(
         status=PoseStatus.OK,
         reason=_joined(

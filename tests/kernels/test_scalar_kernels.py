@@ -6,16 +6,16 @@ import numba
 import numpy as np
 import pytest
 
-from farpoint._kernels.fused import fused
+from farpoint._kernels.scalars import fma
 
 
 def test_a_product_is_added():
     @numba.njit
     def compiled(a, b, c):
-        return fused(a, b, c)
+        return fma(a, b, c)
 
     for a, b, c in ((2.0, 3.0, 4.0), (-0.5, 8.0, 0.25), (np.inf, 1.0, 0.0)):
-        assert fused(a, b, c) == compiled(a, b, c) == a * b + c
+        assert fma(a, b, c) == compiled(a, b, c) == a * b + c
     assert np.isnan(compiled(np.nan, 1.0, 0.0))
 
 
@@ -23,7 +23,7 @@ def test_a_loop_over_several_has_the_digits_of_one():
     @numba.njit
     def sums(a, b, c, out):
         for i in range(a.shape[0]):
-            out[i] = fused(a[i], b[i], c[i])
+            out[i] = fma(a[i], b[i], c[i])
 
     a, b, c = np.random.default_rng(0).normal(size=(3, 1000))
     together, alone = np.empty(1000), np.empty(1000)
@@ -35,7 +35,7 @@ def test_a_loop_over_several_has_the_digits_of_one():
 
 
 def test_narrow_numbers_stay_narrow():
-    compiled = numba.njit(lambda a, b, c: fused(a, b, c))
+    compiled = numba.njit(lambda a, b, c: fma(a, b, c))
     a, b, c = (np.float32(value) for value in (0.1, 0.3, -0.7))
     result = compiled(a, b, c)
     assert result == np.float32(result)

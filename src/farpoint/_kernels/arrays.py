@@ -1,0 +1,23 @@
+"""Copying and clearing of the small arrays that kernels work on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel
+
+__all__ = ["clear", "copy"]
+
+
+@inner_kernel
+def copy(source: np.ndarray, target: np.ndarray) -> None:
+    """``target[...] = source``, both in C order and of one size."""
+    for i in range(target.size):
+        target.flat[i] = source.flat[i]
+
+
+@inner_kernel
+def clear(target: np.ndarray) -> None:
+    """``target[...] = 0``."""
+    for i in range(target.size):
+        target.flat[i] = 0.0

@@ -1,0 +1,48 @@
+"""Arithmetic on single numbers that loops over many matches can do for several at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import lower_builtin, type_callable
+
+from farpoint._kernels.compile import inlined_kernel
+
+__all__ = ["exponent_and_mantissa", "fma", "where"]
+
+
+def fma(a: Any, b: Any, c: Any) -> Any:
+    """``a b + c``, rounded once when compiled.
+
+    Written where it is meant, every loop has the same digits; a compiler that is free to contract
+    does so differently from loop to loop.
+    """
+    return a * b + c
+
+
+@type_callable(fma)
+def _type_of_fma(_context: Any) -> Any:
+    return lambda a, b, c: a if a == b == c else types.float64
+
+
+@lower_builtin(fma, types.Float, types.Float, types.Float)
+def _lower_fma(_context: Any, builder: Any, _signature: Any, numbers: Any) -> Any:
+    return builder.fma(*numbers)
+
+
+@inlined_kernel
+def where(condition: bool, a: float, b: float) -> float:
+    """``a`` where the condition holds, else ``b``; both are computed."""
+    return a if condition else b
+
+
+@inlined_kernel
+def exponent_and_mantissa(x: float) -> tuple[float, float]:
+    """``e`` and ``m``, from 1 to 2, of a positive normal number ``m 2^e``; both are numbers."""
+    bits = np.float64(x).view(np.int64)
+    # By way of 32 bits, which processors make numbers of several at a time.
+    exponent = np.int32(bits >> 52)
+    mantissa = np.int64((bits & 0x000FFFFFFFFFFFFF) | 0x3FF0000000000000)
+    return exponent - 1023.0, mantissa.view(np.float64)

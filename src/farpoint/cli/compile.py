@@ -1,0 +1,22 @@
+"""``farpoint compile``: kernels compiled ahead of their first use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from farpoint.fleet.kernels import compile_kernels
+
+__all__ = ["Compile"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compile:
+    """Compile the kernels into numba's cache, as a container image or a fleet's machine wants it.
+
+    What is compiled lies beside the package, or in the folder of ``NUMBA_CACHE_DIR``.
+    """
+
+    def __call__(self) -> None:
+        """Do it."""
+        compile_kernels()
+        print("compiled")
