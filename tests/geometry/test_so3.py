@@ -131,3 +131,13 @@ def test_quaternions_keep_the_rotation_with_a_positive_real_part_last(v):
     assert np.linalg.norm(q) == pytest.approx(1.0, abs=4e-15)
     assert abs(q[3]) == pytest.approx(abs(math.cos(np.linalg.norm(v) / 2)), abs=1e-13)
     np.testing.assert_allclose(so3.matrix_from_quat_xyzw(q), R, rtol=0.0, atol=4e-14)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-12, 1e-9, 1e-3, 1.0, 3.0, 3.14159])
+def test_one_rotation_in_plain_numbers_is_what_a_stack_of_them_is(size):
+    for axis in ((0.6, -0.48, 0.64), (-0.36, 0.8, 0.48), (0.48, 0.6, -0.64), (1.0, 0.0, 0.0)):
+        vector = size * np.array(axis)
+        R = so3.exp(vector)
+        np.testing.assert_allclose(R, so3.exp(vector[None])[0], rtol=0.0, atol=1e-15)
+        assert so3.rotation_vector(R) == pytest.approx(vector, rel=1e-9, abs=1e-30)
+        np.testing.assert_allclose(so3.log(R), so3.log(R[None])[0], rtol=1e-9, atol=1e-15)

@@ -13,12 +13,12 @@ from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.rivals import judge_rival as compare_with_mode
 from farpoint._kernels.rivals import nearest_rival as likeliest_other_mode
 from farpoint._kernels.settling import MAX_SEARCHED
+from farpoint.geometry.so3 import rotation_vector
 from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma
 from farpoint.pose.covariance import general_motion_covariance
 from farpoint.pose.general_motion import GeneralMotionFit, packed_pose, refit_general_motion
 from farpoint.pose.pure_rotation import PureRotationFit
-from farpoint.pose.small import rotation_vector
 
 __all__ = [
     "ComparedModes",

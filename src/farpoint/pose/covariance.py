@@ -12,6 +12,7 @@ from farpoint._kernels.covariance import covariance_around
 from farpoint._kernels.halves import MOST, disagreement
 from farpoint._kernels.patches import deal as split_patches
 from farpoint._kernels.sharing import ASKED
+from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.general_motion import GeneralMotionFit, linearisation_point, packed_pose
 from farpoint.pose.information import positive
@@ -19,7 +20,7 @@ from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.patches import patches_of
 from farpoint.pose.pure_rotation import PureRotationFit, fit_pure_rotation
-from farpoint.pose.small import rotation_vector, size2
+from farpoint.pose.small import size2
 
 __all__ = [
     "general_motion_covariance",
@@ -173,7 +174,8 @@ def inflation_between_patches(fit: GeneralMotionFit) -> float:
 def _averaged(fit: GeneralMotionFit, covariance: np.ndarray) -> np.ndarray:
     """Mean of the covariance over the poses within it."""
     averaged, inliers = np.empty((5, 5)), float(np.add.reduce(fit.probability))
-    point = linearisation_point(fit, fit.matches.pairs, fit.per_match[0])
+    matches = fit.matches
+    point = linearisation_point(fit, matches.outlier_half_width, matches.pairs, fit.per_match[0])
     covariance_around(point, inliers, fit.has_shrunk_flow, covariance, averaged)
     return averaged
 

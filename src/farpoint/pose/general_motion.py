@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.contest import NEAR
+from farpoint._kernels.contest import NEAR, START_POOR, START_REPEATED
 from farpoint._kernels.five_rays import Effort
 from farpoint._kernels.likelihood import explain
 from farpoint._kernels.mixture import TAIL
@@ -24,9 +25,11 @@ from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise
 from farpoint.pose.options import RelativePoseOptions
+from farpoint.pose.result import RelativePose
 
 __all__ = [
     "GeneralMotionFit",
+    "Start",
     "evaluate_matches",
     "fit_general_motion",
     "fit_with_bounded_noise",
@@ -35,6 +38,7 @@ __all__ = [
     "linearisation_point",
     "packed_pose",
     "refit_general_motion",
+    "start_at",
 ]
 
 # With few matches, samples over the number of distinct samples of five: half of these are drawn, so
@@ -43,6 +47,18 @@ HALF_DRAWN = math.log(2.0)
 # Largest share of noise in the shrunk flow, along any axis, with which a direction is observable:
 # where all points are far the share is larger, and half of the directions are wrong.
 MOST_NOISE = 0.55
+
+
+class Start(NamedTuple):
+    """A motion from which a fit is refined, as far as it is known of a `GeneralMotionFit`."""
+
+    R_cam1_from_cam0: np.ndarray
+    direction_cam1_from_cam0: np.ndarray
+    noise: Noise
+    far_rotation_cam1_from_cam0: np.ndarray
+    iterations: int = 0
+    is_planar: bool = False
+    secondary_mode: tuple[np.ndarray, np.ndarray] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -241,7 +257,7 @@ def _log_ratios(fit: GeneralMotionFit) -> float:
     return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, BAND_SIGMA)))
 
 
-def refit_general_motion(matches: Matches, fit: GeneralMotionFit) -> GeneralMotionFit:
+def refit_general_motion(matches: Matches, fit: GeneralMotionFit | Start) -> GeneralMotionFit:
     """The fit to these matches, or to the same with another noise model, from an earlier fit."""
     found = _empty_buffers(len(matches))._replace(
         R_far=fit.far_rotation_cam1_from_cam0,
@@ -255,18 +271,32 @@ def refit_general_motion(matches: Matches, fit: GeneralMotionFit) -> GeneralMoti
     )
 
 
-def evaluate_matches(matches: Matches, fit: GeneralMotionFit) -> np.ndarray:
+def start_at(pose: RelativePose) -> Start:
+    """A result with a direction as the start of a fit."""
+    R, t, noise = pose.rotation_cam1_from_cam0, pose.direction_cam1_from_cam0, pose.noise_px
+    assert R is not None
+    assert t is not None
+    assert noise is not None
+    stats = pose.stats
+    outlier_share = (1.0 + stats.outliers) / (2.0 + stats.matches)  # Laplace's rule of succession
+    return Start(R, t, Noise(noise**2, outlier_share, START_POOR, START_REPEATED), R)
+
+
+def evaluate_matches(matches: Matches, fit: GeneralMotionFit | Start) -> np.ndarray:
     """Residual, parallax and inlier probability (3, N) of any matches by the motion fitted.
 
     As of `likelihood.explain`, with the noise of these matches and a uniform prior along the
     epipolar lines.
     """
     rows = np.empty((3, packed_length(len(matches))))
-    explain(linearisation_point(fit, matches.pairs, matches.weights()), *rows)
+    half_width, prior = matches.outlier_half_width, matches.weights()
+    explain(linearisation_point(fit, half_width, matches.pairs, prior), *rows)
     return rows[:, : len(matches)]
 
 
-def linearisation_point(fit: GeneralMotionFit, pairs: np.ndarray, prior: np.ndarray) -> Seen:
+def linearisation_point(
+    fit: GeneralMotionFit | Start, half_width: float, pairs: np.ndarray, prior: np.ndarray
+) -> Seen:
     """Motion, noise and matches with their prior, for the kernels."""
     noise = fit.noise
     return Seen(
@@ -275,7 +305,7 @@ def linearisation_point(fit: GeneralMotionFit, pairs: np.ndarray, prior: np.ndar
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
         noise.array,
-        fit.matches.outlier_half_width,
+        half_width,
         TAIL,
     )
 

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose import conclusion
-from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma, fixes_rotation
+from farpoint.pose.certainty import direction_sigma, fixes_rotation
 from farpoint.pose.competing_motions import (
     ComparedModes,
     compare_modes,
@@ -26,12 +27,11 @@ from farpoint.pose.covariance import (
 )
 from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches
-from farpoint.pose.model_selection import is_motion
+from farpoint.pose.model_selection import is_motion, is_vague
 from farpoint.pose.one_object import is_one_object
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.pure_rotation import PureRotationFit
 from farpoint.pose.result import PoseStatus, RelativePose
-from farpoint.pose.small import rotation_vector
 
 __all__ = ["conclude_general_motion"]
 
@@ -137,14 +137,14 @@ def _unobservable_direction(
     if is_one_object(fit.matches.rays0, fit.labels):
         apart = np.array(rotation_vector(pure_rotation().R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
         return Unobservable(ONE_OBJECT, covariance_between(apart, 0.5))
-    is_vague = sigma > MAX_DIRECTION_SIGMA or fit.sign_probability < 1.0 - rate
-    if fit.shows_direction and not is_vague:
+    vague = is_vague(fit, sigma, rate)
+    if fit.shows_direction and not vague:
         return None
     reason = (
         "Insufficient parallax: the direction of the flow beyond the rotation has a 1-sigma of "
         f"{math.degrees(sigma):.0f} deg, and its sign a probability of "
         f"{100 * fit.sign_probability:.0f} %."
-        if is_vague
+        if vague
         else MOSTLY_NOISE
     )
     apart = np.array(rotation_vector(pure_rotation().R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))

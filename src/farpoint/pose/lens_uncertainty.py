@@ -57,13 +57,13 @@ def with_lens_uncertainty(
     view0: View,
     view1: View,
     shutter: Shutter | None,
-    estimate: Callable[[Camera, Camera, Shutter | None], RelativePose],
+    is_observable: Callable[[Camera, Camera, Shutter | None], bool],
     false_alarm_rate: float,
 ) -> RelativePose:
     """The motion with a covariance that holds the uncertainty of its cameras and their shutter.
 
-    No direction is observable where the lens alone may have made the flow: where the estimate with
-    the lens, within its uncertainty, that explains most of the flow by a rotation has none.
+    No direction is observable where the lens alone may have made the flow: where the lens, within
+    its uncertainty, that explains most of the flow by a rotation shows no direction.
 
     Parameters
     ----------
@@ -73,8 +73,8 @@ def with_lens_uncertainty(
         Of its matches. If both have the same camera, its error is common to both.
     shutter : Shutter or None
         None for a global one.
-    estimate : callable
-        The motion between the same pixels by other cameras and another shutter.
+    is_observable : callable
+        Whether the same pixels show a direction by other cameras and another shutter.
     false_alarm_rate : float
         Lenses less probable than this are excluded; flows that noise explains at this rate do not
         contradict a rotation.
@@ -98,7 +98,7 @@ def with_lens_uncertainty(
     rays = lenses.rays(*views, inliers)
     if pose.status is PoseStatus.OK:
         errors = _explained_by_a_rotation(lenses, views, inliers, rays, pose, false_alarm_rate)
-        if errors is not None and _has_no_direction(estimate(*lenses.at(errors))):
+        if errors is not None and not is_observable(*lenses.at(errors)):
             pose = _without_direction(pose)
     by_lens = _sensitivity(pose, *rays)
     spread = by_lens @ by_lens.T
@@ -328,10 +328,6 @@ def _explained_by_a_rotation(
         if float(np.abs(step[3:]).max(initial=0.0)) < _NEGLIGIBLE:
             break
     return z
-
-
-def _has_no_direction(pose: RelativePose) -> bool:
-    return pose.status in (PoseStatus.ROTATION_ONLY, PoseStatus.STATIC)
 
 
 def _without_direction(pose: RelativePose) -> RelativePose:

@@ -21,16 +21,19 @@ import scipy  # its parts load on first use
 from farpoint._kernels.evidence import NEAR_SIGMA
 from farpoint._kernels.settling import MAX_SEARCHED
 from farpoint._kernels.turning import Judged, flow_beside_rotation, likelier_moving
+from farpoint.geometry.so3 import rotation_vector
+from farpoint.pose.certainty import MAX_DIRECTION_SIGMA
 from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches
 from farpoint.pose.pure_rotation import PureRotationFit
-from farpoint.pose.small import rotation_vector, size2
+from farpoint.pose.small import size2
 
 __all__ = [
     "is_clearly_translating",
     "is_consensus",
     "is_motion",
     "is_static",
+    "is_vague",
     "translation_evidence",
 ]
 
@@ -82,6 +85,11 @@ def is_clearly_translating(fit: GeneralMotionFit) -> bool:
     outliers = min(len(fit.matches), MAX_SEARCHED) - fit.supporting
     chance = min(NEAR_SIGMA * fit.noise.sigma / fit.matches.outlier_half_width, 1.0)
     return fit.beyond_rotation > max(8.0 + 4.0 * outliers * chance, 0.1 * fit.supporting)
+
+
+def is_vague(fit: GeneralMotionFit, sigma: float, rate: float) -> bool:
+    """Whether a direction with this largest ``sigma``, rad, or its sign is too uncertain."""
+    return sigma > MAX_DIRECTION_SIGMA or fit.sign_probability < 1.0 - rate
 
 
 def translation_evidence(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint._kernels.noise_floor import floor_likelihoods
-from farpoint.pose.general_motion import GeneralMotionFit, evaluate_matches
+from farpoint.pose.general_motion import GeneralMotionFit, Start, evaluate_matches
 from farpoint.pose.matches import Matches
 
 __all__ = ["noise_floor"]
@@ -24,7 +24,7 @@ ROUNDS = 8
 LEAST_MATCHES = 30
 
 
-def noise_floor(matches: Matches, fit: GeneralMotionFit) -> float:
+def noise_floor(matches: Matches, fit: GeneralMotionFit | Start) -> float:
     """Variance that all matches have in common, over the median of the given variances.
 
     The residuals ``e`` of inliers, with given variances ``v`` across the epipolar lines, have the
@@ -33,8 +33,8 @@ def noise_floor(matches: Matches, fit: GeneralMotionFit) -> float:
     """
     if matches.given_noise is None:
         return 0.0
-    residual = evaluate_matches(matches, fit)[0]
-    inlier = (fit.probability > 0.5) & (np.abs(residual) > 1e-9)
+    residual, _, probability = evaluate_matches(matches, fit)
+    inlier = (probability > 0.5) & (np.abs(residual) > 1e-9)
     if np.count_nonzero(inlier) < LEAST_MATCHES:
         return 0.0
     squares = evaluate_matches(matches.given_noise.uniform(), fit)[0, inlier] ** 2

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose import conclusion
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.conclusion import Diagnostics, label_matches
@@ -23,7 +24,6 @@ from farpoint.pose.model_selection import is_consensus, is_static
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.pure_rotation import PureRotationFit
 from farpoint.pose.result import PoseStatus, RelativePose
-from farpoint.pose.small import rotation_vector
 
 __all__ = ["conclude_pure_rotation"]
 

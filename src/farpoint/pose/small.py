@@ -6,26 +6,10 @@ import math
 
 import numpy as np
 
-__all__ = ["inverse_three", "rotation_vector", "size2"]
+__all__ = ["inverse_three", "size2"]
 
 # Determinant over the product of the diagonal below which rounding dominates.
 LEAST_DETERMINANT = 1e-6
-
-
-def rotation_vector(R: np.ndarray) -> tuple[float, float, float]:
-    """Rotation vector, rad, of a rotation (3, 3), at most pi long."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
-    # With the quaternion q, 4 q q^T; the row of its largest element has the least rounding.
-    w, x, y, z = max(
-        (1.0 + xx + yy + zz, zy - yz, xz - zx, yx - xy),
-        (zy - yz, 1.0 + xx - yy - zz, xy + yx, xz + zx),
-        (xz - zx, xy + yx, 1.0 - xx + yy - zz, yz + zy),
-        (yx - xy, xz + zx, yz + zy, 1.0 - xx - yy + zz),
-        key=_length2,
-    )
-    half = math.hypot(x, y, z)
-    scale = 2.0 * math.atan2(half, abs(w)) / math.copysign(half, w) if half > 0.0 else 0.0
-    return scale * x, scale * y, scale * z
 
 
 def inverse_three(A: np.ndarray) -> np.ndarray | None:
@@ -63,8 +47,3 @@ def _inverse(A: np.ndarray) -> tuple[float, float, float, float, float, float] |
     over = 1.0 / determinant
     a, b, c = first[0] * over, first[1] * over, first[2] * over
     return a, b, c, (xx * zz - xz * xz) * over, (xy * xz - xx * yz) * over, plane * over
-
-
-def _length2(row: tuple[float, float, float, float]) -> float:
-    w, x, y, z = row
-    return w * w + x * x + y * y + z * z

@@ -12,22 +12,28 @@ from farpoint._kernels.compile import AnnouncedCompilation
 from farpoint._kernels.motion import fit_motion
 from farpoint.errors import InputError
 from farpoint.pose.candidates import likeliest_motion
+from farpoint.pose.certainty import direction_sigma
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import Diagnostics, failed_pose
 from farpoint.pose.correlated_residuals import count_residual_correlation
 from farpoint.pose.far_rotation import far_rotation
-from farpoint.pose.general_motion import GeneralMotionFit, fit_general_motion, refit_general_motion
+from farpoint.pose.general_motion import (
+    GeneralMotionFit,
+    fit_general_motion,
+    refit_general_motion,
+    start_at,
+)
 from farpoint.pose.general_motion_conclusion import conclude_general_motion
 from farpoint.pose.matches import Matches
-from farpoint.pose.model_selection import is_clearly_translating, translation_evidence
+from farpoint.pose.model_selection import is_clearly_translating, is_vague, translation_evidence
 from farpoint.pose.noise_floor import noise_floor
 from farpoint.pose.options import RelativePoseOptions
-from farpoint.pose.pure_rotation import lazy_pure_rotation
+from farpoint.pose.pure_rotation import fit_pure_rotation, lazy_pure_rotation
 from farpoint.pose.pure_rotation_conclusion import conclude_pure_rotation
 from farpoint.pose.result import RelativePose
 from farpoint.pose.two_motions import CORRELATED, dominant_motion, without_stationary
 
-__all__ = ["estimate", "search"]
+__all__ = ["estimate", "search", "shows_direction"]
 
 # Five matches fix a motion; a consensus needs a few more.
 MIN_MATCHES = 8
@@ -63,6 +69,25 @@ def estimate(
         return _find(matches, tolerance, options, _random_state(seed), diagnostics, start)
 
 
+def shows_direction(matches: Matches, pose: RelativePose, options: RelativePoseOptions) -> bool:
+    """Whether matches through another lens show a direction, too, near a known motion."""
+    if len(matches) < MIN_MATCHES:
+        return False
+    start, rate = start_at(pose), options.false_alarm_rate
+    floor = noise_floor(matches, start)
+    if floor and matches.given_noise is not None:
+        matches = matches.given_noise.with_floor(floor)
+    general = refit_general_motion(matches, start)
+    sigma = direction_sigma(general.covariance)
+    if not general.shows_direction or is_vague(general, sigma, rate):
+        return False
+    if is_clearly_translating(general):
+        return True
+    tolerance = options.matching_tolerance_px
+    pure_rotation = fit_pure_rotation(matches, general.R_cam1_from_cam0, tolerance)
+    return translation_evidence(matches, general, pure_rotation, rate) >= 1.0
+
+
 def _find(
     matches: Matches,
     tolerance: float,
@@ -74,17 +99,16 @@ def _find(
     if not options.refine:
         rotation = far_rotation(matches, tolerance, state)
         return estimate_closed_form(matches, rotation, tolerance, options, state, diagnostics)
-    if start is None:
-        general = fit_general_motion(matches, tolerance, options, state)
-    else:
-        general = refit_general_motion(matches, start)
+    general = start or fit_general_motion(matches, tolerance, options, state)
     diagnostics.iterations = general.iterations
     diagnostics.time_stage("search_s")
     floor = noise_floor(matches, general)
     if floor and matches.given_noise is not None:
         matches = matches.given_noise.with_floor(floor)
         # The search tested for a plane with noise that lacked the floor.
-        general = replace(refit_general_motion(matches, general), is_planar=True)
+        general = replace(general, is_planar=True)
+    if floor or start:
+        general = refit_general_motion(matches, general)
         diagnostics.time_stage("refinement_s")
     general = likeliest_motion(matches, general, tolerance, options, state)
     given = len(matches)

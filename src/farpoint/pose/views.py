@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from farpoint.camera import Camera
+from farpoint.geometry import so3
 from farpoint.pose.candidates import CLEAR
 from farpoint.pose.competing_motions import COS_NEARBY
 from farpoint.pose.general_motion import refit_general_motion
@@ -19,7 +20,7 @@ from farpoint.pose.pure_rotation import fit_pure_rotation
 from farpoint.pose.result import RelativePose
 from farpoint.pose.rolling import Searched, estimate_rolling, search_rolling
 from farpoint.pose.shutter import AngularVelocityPrior, Shutter, shutter_of
-from farpoint.pose.two_views import estimate
+from farpoint.pose.two_views import estimate, shows_direction
 
 __all__ = ["Views", "estimate_views", "rough_motion", "search_views"]
 
@@ -62,26 +63,24 @@ def estimate_views(
 
     That search may have used their pixels before correction.
     """
+    shutter = views.shutter()
+    pixels, start = views.pixels(), None if searched is None else searched.fit
+    if shutter is not None and shutter.share != 0.0:
+        pose = estimate_rolling(shutter, pixels, options, seed, searched)
+    else:
+        tolerance = options.matching_tolerance_px
+        pose = estimate(pixels.matches(), tolerance, options, seed, start)
 
-    def by(
-        camera0: Camera, camera1: Camera, shutter: Shutter | None, options: RelativePoseOptions
-    ) -> RelativePose:
-        """The motion through these lenses and this shutter."""
-        pixels = views._replace(camera0=camera0, camera1=camera1).pixels()
-        if shutter is not None and shutter.share != 0.0:
-            return estimate_rolling(shutter, pixels, options, seed, searched)
-        start = None if searched is None else searched.fit
-        return estimate(pixels.matches(), options.matching_tolerance_px, options, seed, start)
+    def is_observable(camera0: Camera, camera1: Camera, shutter: Shutter | None) -> bool:
+        """Whether other lenses and another shutter show a direction, too."""
+        pixels, undone = views._replace(camera0=camera0, camera1=camera1).pixels(), None
+        R = pose.rotation_cam1_from_cam0
+        if shutter is not None and R is not None:
+            undone = partial(shutter.unrolled, so3.log(R))
+        return shows_direction(pixels.matches(undone), pose, options)
 
-    shutter, cameras = views.shutter(), (views.camera0, views.camera1)
-    pose = by(*cameras, shutter, options)
     both = View(views.points0, views.camera0), View(views.points1, views.camera1)
-
-    def unsplit(camera0: Camera, camera1: Camera, shutter: Shutter | None) -> RelativePose:
-        """By other lenses, for their status alone. Options are validated when they are replaced."""
-        return by(camera0, camera1, shutter, replace(options, half_splits=0))
-
-    return with_lens_uncertainty(pose, *both, shutter, unsplit, options.false_alarm_rate)
+    return with_lens_uncertainty(pose, *both, shutter, is_observable, options.false_alarm_rate)
 
 
 def search_views(
