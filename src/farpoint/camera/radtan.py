@@ -175,10 +175,8 @@ class RadialTangential:
         """Radii after and before the radial part alone, increasing, evenly spaced in angle."""
         radius = np.tan(np.linspace(0.0, min(np.arctan(self.fold), FARTHEST_RAD), RADIAL_NODES))
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
-        r2 = radius * radius
-        gain, loss = (
-            1.0 + r2 * (a + r2 * (b + r2 * c)) for a, b, c in ((k1, k2, k3), (k4, k5, k6))
-        )
+        gain, _ = _even_polynomial(radius * radius, k1, k2, k3)
+        loss, _ = _even_polynomial(radius * radius, k4, k5, k6)
         return radius * gain / loss, radius
 
     @cached_property
@@ -189,7 +187,8 @@ class RadialTangential:
             return radial_fold
         farthest = min(np.arctan(radial_fold), FARTHEST_RAD)
         radii = np.tan(np.linspace(0.0, farthest, RADIAL_NODES))
-        keeps = self._keeps_orientation(radii)
+        keeps = self._surely_keeps_orientation(radii)
+        keeps[~keeps] = self._keeps_orientation(radii[~keeps])
         return float(radii[-1] if keeps.all() else radii[np.argmin(keeps) - 1])
 
     @cached_property
@@ -203,11 +202,36 @@ class RadialTangential:
         # Short of a pole, where the denominator vanishes; at a fold the height does not change.
         return float(end * (1.0 - 1e-9))
 
+    def _surely_keeps_orientation(self, radius: np.ndarray) -> np.ndarray:
+        """Whether the radial part stretches more, at these radii, than the rest can fold back.
+
+        A sum of matrices ``A + E`` is regular where the least singular value of A exceeds the norm
+        of E. The radial part has the singular values ``g`` and ``d(r g)/dr``; those of the rest are
+        bounded by the sum of all its derivatives.
+        """
+        k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = self._full[:12]
+        r2 = radius * radius
+        gain, gain_slope = _even_polynomial(r2, k1, k2, k3)
+        loss, loss_slope = _even_polynomial(r2, k4, k5, k6)
+        stretch = gain / loss
+        along = stretch + 2.0 * r2 * (gain_slope - stretch * loss_slope) / loss
+        tangential = 9.0 * radius * (abs(p1) + abs(p2))
+        prism = 2.0 * radius * (abs(s1) + abs(s3) + 2.0 * r2 * (abs(s2) + abs(s4)))
+        return np.minimum(stretch, along) > tangential + prism
+
     def _keeps_orientation(self, radius: np.ndarray) -> np.ndarray:
         """Whether the determinant is positive all along circles of these radii."""
         azimuths = np.linspace(-np.pi, np.pi, AZIMUTH_NODES)
         circles = np.multiply.outer(radius, np.array([np.cos(azimuths), np.sin(azimuths)]))
         return np.all(self._map(circles[..., 0, :], circles[..., 1, :]).determinant > 0.0, axis=-1)
+
+
+def _even_polynomial(
+    r2: np.ndarray, first: float, second: float, third: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """``1 + first r^2 + second r^4 + third r^6`` and its derivative by ``r^2``."""
+    value = 1.0 + r2 * (first + r2 * (second + r2 * third))
+    return value, first + r2 * (2.0 * second + 3.0 * r2 * third)
 
 
 def gather_coefficients(parameters: Mapping[str, float]) -> dict[str, Any]:

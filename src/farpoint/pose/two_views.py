@@ -106,9 +106,9 @@ def _find(
     if floor and matches.given_noise is not None:
         matches = matches.given_noise.with_floor(floor)
         # The search tested for a plane with noise that lacked the floor.
-        general = replace(general, is_planar=True)
-    if floor or start:
-        general = refit_general_motion(matches, general)
+        start = replace(general, is_planar=True)
+    if start is not None:
+        general = refit_general_motion(matches, start)
         diagnostics.time_stage("refinement_s")
     general = likeliest_motion(matches, general, tolerance, options, state)
     given = len(matches)
