@@ -20,6 +20,7 @@ from farpoint.path.options import LensRefinementOptions, PathOptions
 from farpoint.path.pending import PendingPoses, pose_matrix
 from farpoint.path.point import FinalPose, PathPoint, Rest
 from farpoint.path.resection import Located, locate_frame
+from farpoint.path.second_order import second_order_variance
 from farpoint.path.selection import redundant_keyframe, select_tracks
 from farpoint.path.window import Window
 from farpoint.pose import PoseStatus, RelativePose, TrackLabel
@@ -552,6 +553,9 @@ class PathBuilder:
         by_key[3:6, :3] = -so3.skew(self._p - self._key_p)
         covariance = by_key @ self._key_covariance @ by_key.T
         covariance[:6, :6] += self._own
+        if self._window is not None:
+            displacement = self._p - self._window.origin
+            covariance[3:6, 3:6] += second_order_variance(displacement, covariance[3:6, 3:6])
         return covariance
 
     def _add_pending(self, frame: int, timestamp: float) -> None:

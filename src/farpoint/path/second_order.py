@@ -1,0 +1,24 @@
+"""What a direction's error does to a position of known distance, to second order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["second_order_variance"]
+
+
+def second_order_variance(displacement: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Variance (3, 3) of a position of known distance, to second order in its direction.
+
+    An error ``e`` across a ``displacement`` (3,) of length l shortens it by ``e . e / (2 l)``; for
+    a normal e with the covariance C that has the mean square ``(2 tr C^2 + (tr C)^2) / (4 l^2)``.
+    Where the distance is the unit of the path, nothing else is uncertain along the displacement. In
+    all directions, since later frames turn the displacement by as much.
+    """
+    length2 = float(displacement @ displacement)
+    if length2 == 0.0:
+        return np.zeros((3, 3))
+    P = np.eye(3) - np.outer(displacement, displacement) / length2
+    across = P @ covariance @ P
+    square = 2.0 * float(np.sum(across**2)) + float(np.trace(across)) ** 2
+    return square / (4.0 * length2) * np.eye(3)
