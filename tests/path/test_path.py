@@ -308,7 +308,7 @@ def test_a_wrong_first_motion_is_replaced_by_one_of_longer_flow():
     assert errors[1] < 2.0 * errors[0] + 0.01
 
 
-def test_a_window_that_begins_anew_keeps_the_error_of_the_scale_it_began_with():
+def test_a_restart_corrects_the_poses_before_it_and_keeps_the_error_of_the_scale():
     poses = poses_of(forward(12, length=0.1), np.zeros((12, 3)))
     pairs = list(cloud(poses, count=3000, noise_px=0.1).tracks())
     first = motion_of(pairs[0])
@@ -318,14 +318,20 @@ def test_a_window_that_begins_anew_keeps_the_error_of_the_scale_it_began_with():
         direction_cam1_from_cam0=basis[:, 0],
         direction_basis=np.column_stack([first.direction_cam1_from_cam0, basis[:, 1]]),
     )
+    true = poses[:, :3, 3]
     drive = Drive()
     drive.add(pairs[0], wrong)
     drive.builder._base[6, 6] = 0.25  # as after a guess
-    window = drive.builder._window
     for tracks in pairs[1:]:
         drive.add(tracks)
-    assert drive.builder._window is not window
-    assert 0.25 < drive.builder._base[6, 6] < 0.3
+    drive.finish()
+    assert drive.builder._base[6, 6] == 0.25
+    told = np.array([point.world_from_cam[:3, 3] for point in drive.points])
+    found = np.array([pose.world_from_cam[:3, 3] for pose in drive.settled])
+    scale = np.sum(found * true) / np.sum(true**2)
+    off, corrected = (np.linalg.norm(p - scale * true, axis=1)[:6] / scale for p in (told, found))
+    assert off[1] > 0.05  # of a way of 0.1
+    assert corrected.max() < 0.02
 
 
 def test_before_a_length_is_known_nobody_knows_where_the_camera_is():

@@ -65,6 +65,17 @@ class Landmarks:
         """Observations of a keyframe."""
         return np.flatnonzero(self.slot == slot)
 
+    def tracks_of(self, slot: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Ids, ascending, pixels and covariances of a keyframe's observations, as for `observe`."""
+        rows = self.observations_of(slot)
+        rows = rows[np.argsort(self.point[rows])]
+        return (
+            self.ids[self.point[rows]],
+            self.pixels[rows],
+            self.last[rows],
+            self.accumulated[rows],
+        )
+
     def latest(self) -> np.ndarray:
         """The last observation (M,) of each point."""
         found = np.zeros(len(self.ids), np.int64)

@@ -17,7 +17,7 @@ from farpoint.path.information import inverse
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.lens import LensEstimate, LensReport
 from farpoint.path.options import LensRefinementOptions, PathOptions
-from farpoint.path.pending import PendingPoses, pose_matrix
+from farpoint.path.pending import Correction, PendingPoses, pose_matrix
 from farpoint.path.point import FinalPose, PathPoint, Rest
 from farpoint.path.resection import Located, locate_frame
 from farpoint.path.second_order import second_order_variance
@@ -122,9 +122,8 @@ class PathBuilder:
     def _reset_window(self) -> None:
         self._window: Window | None = None
         self._key_tracks: TrackObservations | None = None
-        self._first: TrackObservations | None = (
-            None  # tracks of the first keyframe, until reinitialisation
-        )
+        # The keyframe that the unit begins at, and its tracks, until its mode is tested.
+        self._first: tuple[Keyframe, TrackObservations] | None = None
         self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
         self._twist = self._twist_before = np.zeros(6)
@@ -246,7 +245,8 @@ class PathBuilder:
         self._own[:3, :3] += R @ (np.zeros((3, 3)) if rotation is None else rotation) @ R.T
         if self._has_scale:
             if not self._has_moved(self._key_tracks, now, _RELIABLE_FLOW):
-                self._first = self._key_tracks
+                assert self._key_tracks is not None
+                self._first = key, self._key_tracks
             self._add_keyframe(window, inliers, pair)
             window.set_unit()
             window.triangulate()
@@ -277,42 +277,48 @@ class PathBuilder:
         covariances = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2)
         return self._estimate(before.pixels[rows[rows >= 0]], both.pixels, covariances, seconds)
 
-    def _reinitialise(self, window: Window, step: _Step) -> None:
-        """Reinitialise the window from two views with larger flow, if these contradict the path.
+    def _reinitialise(self, window: Window, step: _Step) -> np.ndarray:
+        """Restart the window from two views with larger flow, if these contradict the path.
 
         Short flow may have two modes of the motion, and the path may have started from the wrong
         one. Both are optimised on two views with larger flow, lens and shutter free. The new motion
         replaces the path's if its log likelihood is at least that of the path's less 2, and it
-        differs from the path's. The length is kept; its error is one of the scale.
+        differs from the path's. The difference is spread evenly over the time between the two
+        views, the length kept, and all keyframes optimised again. Returns the shift (3,) of the
+        last frame's position.
         """
-        before, self._first = self._first, None
-        first = window.frames[0]
-        assert before is not None
+        nothing = np.zeros(3)
+        assert self._first is not None
+        (first, before), self._first = self._first, None
         since = self._since(before, step.inliers, step.pair.time1 - first.timestamp)
-        displacement = self._p - first.p
-        length = float(np.linalg.norm(displacement))
-        if window.has_marginalised or length == 0.0 or since.status is not PoseStatus.OK:
-            return
+        length, seconds = (
+            float(np.linalg.norm(self._p - first.p)),
+            step.pair.time1 - first.timestamp,
+        )
+        can_restart = length > 0.0 and seconds > 0.0 and not window.has_marginalised
+        if not can_restart or since.status is not PoseStatus.OK:
+            return nothing
         assert since.rotation_cam1_from_cam0 is not None
         R = first.R @ since.rotation_cam1_from_cam0.T
         p = first.p + length * (first.R @ since.heading_cam0)
         current, alternative = (
-            self._two_views(window, before, step, pose) for pose in ((self._R, self._p), (R, p))
+            self._two_views(window, first, before, step, pose)
+            for pose in ((self._R, self._p), (R, p))
         )
         if alternative.cost > current.cost + _EVIDENCE or self._is_consistent(alternative):
-            return
-        self._base[6, 6] += (
-            displacement @ self._covariance_within()[3:6, 3:6] @ displacement / length**4
-        )
-        self._pending.freeze_all()
-        self._window, self._lens = alternative, alternative.lens
-        self._key_tracks, self._new_keyframe, self._is_key = (
-            step.inliers,
-            alternative.frames[-1],
-            True,
-        )
-        self._solve(alternative, step.motion)
-        self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
+            return nothing
+        last = alternative.frames[-1]
+        rate = np.concatenate([so3.log(last.R @ self._R.T), last.p - self._p]) / seconds
+        if not self._is_key:
+            self._add_keyframe(window, step.inliers, step.pair)
+        correction = Correction(window.frames)
+        self._lens = LensEstimate(window.lens.given, self._lens_options, step.pair.seconds)
+        window.restart(self._lens, alternative.lens.common, rate, first.timestamp)
+        self._twist, self._twist_before = self._twist + rate, self._twist_before + rate
+        self._pending_twist = None
+        self._solve(window, step.motion)
+        self._pending.correct(correction)
+        return correction.at(step.pair.time0)[3:]
 
     def _is_consistent(self, views: Window) -> bool:
         """Whether the two-view motion, its length fixed, is consistent with the path (chi^2)."""
@@ -328,12 +334,13 @@ class PathBuilder:
     def _two_views(
         self,
         window: Window,
+        first: Keyframe,
         before: TrackObservations,
         step: _Step,
         pose: tuple[np.ndarray, np.ndarray],
     ) -> Window:
         """Optimised window of the first keyframe and this frame, from a pose of this frame."""
-        first, pair, most = window.frames[0], step.pair, self._options.max_tracks
+        pair, most = step.pair, self._options.max_tracks
         lens = LensEstimate(window.lens.given, self._lens_options, pair.seconds)
         views = Window(lens, window.size)
         for frame, time, at, twist, observed in (
@@ -383,9 +390,10 @@ class PathBuilder:
             self._own = located.covariance
         else:
             self._own = self._dead_reckoned(motion, pair.seconds)
-        if self._first is not None and self._has_moved(self._first, now, _RELIABLE_FLOW):
-            self._reinitialise(window, step)
-        point = self._point(pair, motion, located, last[1])
+        last_p = last[1]
+        if self._first is not None and self._has_moved(self._first[1], now, _RELIABLE_FLOW):
+            last_p = last_p + self._reinitialise(window, step)
+        point = self._point(pair, motion, located, last_p)
         return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
 
     def _carries_scale(self, window: Window, located: Located, seconds: float) -> bool:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from farpoint.geometry import so3
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.point import FinalPose
 
-__all__ = ["PendingPoses", "pose_matrix"]
+__all__ = ["Correction", "PendingPoses", "pose_matrix"]
 
 _MAX_PENDING = 150  # frames kept until their keyframes leave the window
 
@@ -32,6 +34,39 @@ class _Pending:
         if self.keyframe is not None:
             R, p = self.keyframe.R, self.keyframe.p
             self.R, self.p, self.keyframe = R @ self.R, R @ self.p + p, None
+
+
+class Correction:
+    """How keyframes have moved, to move the poses between them alike.
+
+    Parameters
+    ----------
+    keyframes : sequence of Keyframe
+        Ascending in time, as they are before they move.
+    """
+
+    def __init__(self, keyframes: Sequence[Keyframe]) -> None:
+        self._keyframes = list(keyframes)
+        self._before = {id(key): (key.R, key.p) for key in keyframes}
+
+    def at(self, timestamp: float) -> np.ndarray:
+        """Rotation vector and shift (6,) at a time, linear between keyframes."""
+        changes = []
+        for key in self._keyframes:
+            R, p = self._before[id(key)]
+            changes.append(np.concatenate([so3.log(key.R @ R.T), key.p - p]))
+        times = [key.timestamp for key in self._keyframes]
+        return np.array([np.interp(timestamp, times, each) for each in np.transpose(changes)])
+
+    def move(self, pose: _Pending) -> None:
+        """Move a pose that belongs to one of the keyframes."""
+        key = pose.keyframe
+        if key is None or id(key) not in self._before:
+            return
+        R, p = self._before[id(key)]
+        change = self.at(pose.timestamp)
+        moved, at = so3.exp(change[:3]) @ R @ pose.R, R @ pose.p + p + change[3:]
+        pose.R, pose.p = key.R.T @ moved, key.R.T @ (at - key.p)
 
 
 class PendingPoses:
@@ -70,6 +105,11 @@ class PendingPoses:
         for pose in self._poses:
             if pose.keyframe is keyframe:
                 pose.freeze()
+
+    def correct(self, correction: Correction) -> None:
+        """Move the poses between keyframes as these have moved."""
+        for pose in self._poses:
+            correction.move(pose)
 
     def freeze_all(self) -> None:
         """Make all poses final."""

@@ -77,16 +77,21 @@ class Window:
     """
 
     def __init__(self, lens: LensEstimate, size: tuple[int, int]) -> None:
-        self.lens, self.size = lens, size
-        self.frames: list[Keyframe] = []
-        self.landmarks = Landmarks(lens)
-        self.variance_factor = 1.0
-        self.design_effect = _LINEARISATION_EFFECT * _FIRST_EFFECT
-        self._prior = Prior(lens.common, lens.covariance)
+        self.size = size
         # Slots of the baseline of unit length, until the prior fixes the scale.
         self._unit: tuple[int, int] | None = None
         self._unit_variance = self._scale_variance = 0.0
+        self._rests: dict[int, float] = {}  # by slot, until a keyframe is marginalised
         self._has_marginalised = False
+        self._begin(lens)
+
+    def _begin(self, lens: LensEstimate) -> None:
+        """Without keyframes, landmarks and prior but that of the lens."""
+        self.lens, self.landmarks = lens, Landmarks(lens)
+        self.frames: list[Keyframe] = []
+        self.variance_factor = 1.0
+        self.design_effect = _LINEARISATION_EFFECT * _FIRST_EFFECT
+        self._prior = Prior(lens.common, lens.covariance)
         self.origin = np.zeros(3)
         self.covariance = lens.covariance
         self.cost = 0.0
@@ -107,13 +112,40 @@ class Window:
     ) -> Keyframe:
         """Append a keyframe with an initial pose."""
         keyframe = Keyframe(frame=frame, timestamp=timestamp, R=R, p=p, twist=twist)
+        self._append(keyframe)
+        return keyframe
+
+    def _append(self, keyframe: Keyframe) -> None:
         self._prior.add_pose(keyframe)
         if not self.frames:  # the first keyframe of the window fixes the gauge
             self._prior.fix_first(_POSE_SIGMA)
-            self.origin = p
+            self.origin = keyframe.p
         self.frames.append(keyframe)
         self._linear = None
-        return keyframe
+
+    def restart(
+        self, lens: LensEstimate, common: np.ndarray, rate: np.ndarray, since: float
+    ) -> None:
+        """Start again from other poses and another lens, with the same observations.
+
+        Before any keyframe is marginalised. The lens starts at the unknowns ``common``. Each pose
+        is corrected by ``rate`` (6,), a velocity as of `Keyframe.twist`, from the time
+        ``since`` on.
+        """
+        marks, frames = self.landmarks, self.frames
+        self._begin(lens)
+        lens.z, lens.readout_s = common[:-1], float(common[-1])
+        for slot, frame in enumerate(frames):
+            if frame.timestamp >= since:
+                change = rate * (frame.timestamp - since)
+                frame.R, frame.p = so3.exp(change[:3]) @ frame.R, frame.p + change[3:]
+                frame.twist = frame.twist + rate
+            self._append(frame)
+            self.landmarks.observe(slot, *marks.tracks_of(slot))
+            if slot in self._rests:
+                self._measure_rest(self._rests[slot])
+            if slot:
+                self.triangulate()
 
     def observe(self, tracks: TrackObservations) -> None:
         """Add the newest keyframe's observations."""
@@ -121,6 +153,10 @@ class Window:
 
     def add_rest_prior(self, sigma: float) -> None:
         """Add a zero-displacement prior between the last two keyframes, 1-sigma in path units."""
+        self._rests[len(self.frames) - 1] = sigma
+        self._measure_rest(sigma)
+
+    def _measure_rest(self, sigma: float) -> None:
         displacement = self.frames[-1].p - self.frames[-2].p
         for axis in np.eye(3):
             self._add_measurement(axis, float(axis @ displacement), sigma)
@@ -464,6 +500,7 @@ class Window:
         self.covariance = np.delete(np.delete(self.covariance, out, axis=0), out, axis=1)
         self._prior.replace(system, slot, Poses.of(self.frames), self.lens.common)
         self._has_marginalised, self._unit, self._linear = True, None, None
+        self._rests.clear()
         return frame
 
     def _change_anchors(self, rows: np.ndarray, slot: int) -> np.ndarray:
