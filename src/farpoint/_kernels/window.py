@@ -36,7 +36,7 @@ UNSEEN_PX = 1e9
 UNSEEN_COST = 50.0
 """What it costs to have a point behind the camera: as a residual of many sigma."""
 
-_DOF = 5.0  # of Student's t, whose tails residuals of tracks have
+DOF = 5.0  # of Student's t, whose tails residuals of tracks have
 _RIDGE = 1e-9  # relative, of a diagonal: keeps what no point tells where it is
 _FACING = 0.2  # least cosine between a point and where it is expected
 
@@ -299,7 +299,7 @@ def gather_information(
         uu, uv, vv, square = _whitened(noise, last[o], travelled[o], travelled[b], e[0], e[1])
         if not uu > 0.0:
             continue
-        weight = (_DOF + 2.0) / (_DOF + square)
+        weight = (DOF + 2.0) / (DOF + square)
         squares += weight * square
         count += 1
         # Root of the weighted inverse covariance: both rows get a variance of one.
@@ -351,7 +351,7 @@ def robust_cost(point, last, travelled, anchor, used, noise, residuals, before):
         before[j] = o
         du, dv = residuals[o, 0] - residuals[b, 0], residuals[o, 1] - residuals[b, 1]
         square = _whitened(noise, last[o], travelled[o], travelled[b], du, dv)[3]
-        cost += 0.5 * (_DOF + 2.0) * math.log(1.0 + square / _DOF)
+        cost += 0.5 * (DOF + 2.0) * math.log(1.0 + square / DOF)
     return cost
 
 
@@ -503,8 +503,8 @@ def locate(
             uu, uv, vv = vv / det, -uv / det, uu / det
             square = uu * e[0] * e[0] + 2.0 * uv * e[0] * e[1] + vv * e[1] * e[1]
             squares[o] = square
-            weight = (_DOF + 2.0) / (_DOF + square)
-            cost += 0.5 * (_DOF + 2.0) * math.log(1.0 + square / _DOF)
+            weight = (DOF + 2.0) / (DOF + square)
+            cost += 0.5 * (DOF + 2.0) * math.log(1.0 + square / DOF)
             count += 1
             for i in range(6):
                 w0 = weight * (uu * J[0, i] + uv * J[1, i])

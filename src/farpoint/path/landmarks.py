@@ -8,8 +8,14 @@ from farpoint.path.lens import LensEstimate
 
 __all__ = ["Landmarks", "packed"]
 
-_OF_POINTS = ("ids", "anchor", "rays", "ray_by_lens", "s", "s_variance", "has_depth", "is_reliable")
-_OF_OBSERVATIONS = ("point", "slot", "pixels", "last", "accumulated", "residuals", "by_s")
+_OF_POINTS = (
+    *("ids", "anchor", "rays", "ray_by_lens"),
+    *("s", "s_variance", "s_by_state", "has_depth", "is_reliable"),
+)
+_OF_OBSERVATIONS = (
+    *("point", "slot", "pixels", "last", "accumulated"),
+    *("residuals", "by_s", "by_pose", "by_common"),
+)
 
 
 def packed(covariances: np.ndarray) -> np.ndarray:
@@ -30,6 +36,9 @@ class Landmarks:
         Ray of the anchor, and its derivatives by the lens.
     s, s_variance : ndarray, shape (M,)
         Inverse distance from the anchor, and its variance given all other unknowns.
+    s_by_state : ndarray, shape (M, D)
+        Derivatives of the estimated inverse distance by the unknowns of the last solution: poses, 6
+        each, lens and read-out time. Zero for points that it did not have.
     has_depth, is_reliable : ndarray of bool, shape (M,)
         Whether the point has two observations; and whether the error of its inverse distance is
         small against the distance, or against the median inverse distance.
@@ -40,8 +49,10 @@ class Landmarks:
     last, accumulated : ndarray, shape (N, 3)
         Covariances (uu, uv, vv), px^2: of the last match, and summed over the track.
     residuals, by_s : ndarray, shape (N, 2)
-        Expected minus observed pixel, px, and its derivative by the inverse distance, as last
-        computed.
+        Expected minus observed pixel, px, and its derivative by the inverse distance, at the last
+        solution.
+    by_pose, by_common : ndarray, shapes (N, 2, 6), (N, 2, r + 1)
+        Its derivatives by the pose of its keyframe, and by lens and read-out time.
     """
 
     def __init__(self, lens: LensEstimate) -> None:
@@ -52,7 +63,8 @@ class Landmarks:
         self.point, self.slot = np.empty(0, np.int64), np.empty(0, np.int64)
         self.pixels, self.residuals, self.by_s = (np.empty((0, 2)) for _ in range(3))
         self.last, self.accumulated, self.rays = (np.empty((0, 3)) for _ in range(3))
-        self.ray_by_lens = np.empty((0, 3, lens.size))
+        self.ray_by_lens, self.s_by_state = np.empty((0, 3, lens.size)), np.empty((0, 0))
+        self.by_pose, self.by_common = np.empty((0, 2, 6)), np.empty((0, 2, lens.size + 1))
 
     def rows_of(self, ids: np.ndarray) -> np.ndarray:
         """Rows (N,) of the points of tracks, -1 where absent."""
@@ -101,13 +113,15 @@ class Landmarks:
         zeros, new = np.zeros(count - len(self.ids)), fresh[seen]
         of_points = (
             ids[new], rows_new[new], rays[seen], by_lens[seen], zeros, zeros + np.inf,
+            np.zeros((len(new), self.s_by_state.shape[1])),
             np.zeros(len(new), bool), np.zeros(len(new), bool),
         )  # fmt: skip
         self._extend(_OF_POINTS, of_points)
         rows, nothing = rows[observed], np.zeros((int(observed.sum()), 2))
         of_observations = (
             rows, np.full(len(rows), slot), pixels[observed], last[observed], accumulated[observed],
-            nothing, nothing,
+            nothing, nothing, np.zeros((len(rows), 2, 6)),
+            np.zeros((len(rows), 2, self.by_common.shape[2])),
         )  # fmt: skip
         self._extend(_OF_OBSERVATIONS, of_observations)
         if len(new):

@@ -128,9 +128,9 @@ class PathBuilder:
         self._is_key, self._has_scale = False, False
         self._twist = self._twist_before = np.zeros(6)
         self._pending_twist: tuple[Keyframe, np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._key_covariance = np.zeros((7, 7))  # of the newest keyframe at the last solution
-        self._key_p = self._p  # its position then
-        self._own = np.zeros((6, 6))  # of the current pose relative to the newest keyframe
+        # Derivatives (6, D) of the current pose by the window's last solution, if there is one.
+        self._by_state: np.ndarray | None = None
+        self._own = np.zeros((6, 6))  # its covariance with that solution fixed
         self._step = np.zeros((6, 6))  # of the last resection
 
     @property
@@ -251,16 +251,12 @@ class PathBuilder:
             window.set_unit()
             window.triangulate()
             self._solve(window, motion)
-            # The unit has no error by definition.
-            self._key_covariance[6], self._key_covariance[:, 6] = 0.0, 0.0
         elif motion.status is not PoseStatus.STATIC:
             # The displacement is unknown.
             self._own[3:, 3:] += (_UNKNOWN_LENGTH * self._unit(pair.seconds)) ** 2 * np.eye(3)
         if not self._has_scale and self._has_moved(self._key_tracks, now, 2.0):
             self._add_keyframe(window, inliers, pair)
             window.add_rest_prior(_UNKNOWN_LENGTH)
-            while len(window) > self._options.keyframes:
-                self._pending.freeze(window.remove(0, inliers.ids))
         return self._point(pair, motion, None, last_p)
 
     def _unit(self, seconds: float) -> float:
@@ -387,7 +383,7 @@ class PathBuilder:
             window.triangulate()
             self._solve(window, motion)
         elif located is not None:
-            self._own = located.covariance
+            self._own, self._by_state = located.covariance, located.by_state
         else:
             self._own = self._dead_reckoned(motion, pair.seconds)
         last_p = last[1]
@@ -414,7 +410,7 @@ class PathBuilder:
         return replace(self._initialise(fresh, step), scale_is_guessed=True)
 
     def _dead_reckoned(self, motion: RelativePose, seconds: float) -> np.ndarray:
-        """Covariance (6, 6) of the pose relative to the keyframe, without resection."""
+        """Covariance (6, 6) of the pose with the window's solution fixed, without resection."""
         own, displacement = self._own.copy(), (self._speed or 0.0) * seconds
         if motion.rotation_covariance is not None:
             own[:3, :3] += self._R @ motion.rotation_covariance @ self._R.T
@@ -467,6 +463,9 @@ class PathBuilder:
         return bool(np.median(flow) > share * self._options.keyframe_flow_px)
 
     def _add_keyframe(self, window: Window, observed: TrackObservations, pair: Pair) -> None:
+        while len(window) >= self._options.keyframes:
+            alive = self._history.now.ids
+            self._pending.freeze(window.remove(redundant_keyframe(window, alive), alive))
         keyframe = window.add(pair.frame1, pair.time1, self._R, self._p, self._twist)
         window.observe(select_tracks(observed, window.landmarks, self._options.max_tracks))
         self._key_tracks, self._new_keyframe, self._is_key = observed, keyframe, True
@@ -490,17 +489,13 @@ class PathBuilder:
 
     def _solve(self, window: Window, motion: RelativePose) -> None:
         window.solve(_ITERATIONS if window.has_marginalised else _FIRST_ITERATIONS)
-        self._key_covariance = window.pose_covariance()
-        while len(window) > self._options.keyframes:
-            alive = self._history.now.ids
-            self._pending.freeze(window.remove(redundant_keyframe(window, alive), alive))
         newest = window.frames[-1]
         seconds = newest.timestamp - window.frames[-2].timestamp
         displacement, is_significant = window.last_length()
         if is_significant and seconds > 0.0 and motion.status is PoseStatus.OK:
             self._speed = displacement / seconds
         self._R, self._p, self._own = newest.R, newest.p, np.zeros((6, 6))
-        self._key_p = newest.p
+        self._by_state = window.newest_by_state()
 
     def _move_to(self, R: np.ndarray, p: np.ndarray, seconds: float) -> None:
         twist = np.zeros(6)
@@ -556,10 +551,10 @@ class PathBuilder:
         return self._covariance_within() + by_base @ self._base @ by_base.T
 
     def _covariance_within(self) -> np.ndarray:
-        """Covariance (7, 7) of the pose within its window: newest keyframe plus resection."""
-        by_key = np.eye(7)
-        by_key[3:6, :3] = -so3.skew(self._p - self._key_p)
-        covariance = by_key @ self._key_covariance @ by_key.T
+        """Covariance (7, 7) of the pose within its window: of the solution, plus its own."""
+        covariance = np.zeros((7, 7))
+        if self._window is not None and self._by_state is not None:
+            covariance = self._window.covariance_of(self._by_state, self._p)
         covariance[:6, :6] += self._own
         if self._window is not None:
             displacement = self._p - self._window.origin

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.window import locate
+from farpoint._kernels.window import DOF, locate
+from farpoint.geometry import so3
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import inverse
+from farpoint.path.vectors import cross
 from farpoint.path.window import Window
 
 __all__ = ["Located", "locate_frame"]
@@ -18,7 +21,10 @@ FEWEST_POINTS = 8
 
 # Factors on the residual variances, iteration by iteration, for convergence from 10 sigma. The lens
 # is relinearised between the two parts.
-_INFLATIONS = np.array([100.0, 100.0, 25.0, 9.0]), np.array([4.0, 1.0, 1.0, 1.0])
+_INFLATIONS = (
+    (np.array([100.0, 100.0, 25.0, 9.0]), False),
+    (np.array([4.0, 1.0, 1.0, 1.0]), True),
+)
 _LARGEST_VARIANCE = 1e12  # of an inverse distance without information
 
 
@@ -31,7 +37,10 @@ class Located:
     R, p : ndarray, shapes (3, 3), (3,)
         Rotation ``world_from_cam`` and position.
     covariance : ndarray, shape (6, 6)
-        Of ``[theta, rho]``: ``R' = Exp(theta) R``, ``p' = p + rho``, with the points fixed.
+        Of ``[theta, rho]``: ``R' = Exp(theta) R``, ``p' = p + rho``, with the window's keyframes,
+        lens and shutter fixed.
+    by_state : ndarray, shape (6, D)
+        Derivatives of the same by the unknowns of the window.
     ids : ndarray of int64, shape (N,)
         Tracks of the landmarks.
     squares : ndarray, shape (N,)
@@ -41,6 +50,7 @@ class Located:
     R: np.ndarray
     p: np.ndarray
     covariance: np.ndarray
+    by_state: np.ndarray
     ids: np.ndarray
     squares: np.ndarray
 
@@ -90,9 +100,14 @@ def locate_frame(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Points:
-    """Landmarks in a frame, one row each; see `farpoint._kernels.window.locate`."""
+    """Landmarks in a frame, one row each; see `farpoint._kernels.window.locate`.
+
+    ``rows`` are those of the landmarks, and ``since`` their last observations by a keyframe.
+    """
 
     ids: np.ndarray
+    rows: np.ndarray
+    since: np.ndarray
     homogeneous_points: np.ndarray
     base: np.ndarray
     s: np.ndarray
@@ -111,6 +126,8 @@ class _Points:
         s = marks.s[rows]
         return cls(
             ids=observed.ids,
+            rows=rows,
+            since=since,
             homogeneous_points=homogeneous_points,
             base=base,
             s=s,
@@ -133,26 +150,103 @@ class _Points:
         """Optimised pose from an initial one; None with too few points in the lens' field."""
         R, p, (R0, p0) = R.copy(), start.copy(), last
         H, squares = np.empty((6, 6)), np.empty(len(self.s))
-        for inflations in _INFLATIONS:
-            rays, offsets, by_ray = self._linearise(window, R, p)
+        expected = self._linearise(window, R, p)
+        for inflations, relinearises in _INFLATIONS:
+            if relinearises:
+                expected = self._linearise(window, R, p)
             _, count = locate(
-                R, p, R0, p0, seconds, window.lens.readout_s, offsets, self.row_phase, rays, by_ray,
-                self.covariances, inflations, self.homogeneous_points, self.s, self.s_variance,
-                self.base, self.before_by_s, H, squares,
+                R, p, R0, p0, seconds, window.lens.readout_s, expected.offsets, self.row_phase,
+                expected.rays, expected.by_ray, self.covariances, inflations,
+                self.homogeneous_points, self.s, self.s_variance, self.base, self.before_by_s,
+                H, squares,
             )  # fmt: skip
             if count < FEWEST_POINTS:
                 return None
-        covariance = inverse(H / window.design_effect)
-        return Located(R=R, p=p, covariance=covariance, ids=self.ids, squares=squares)
+        twist = np.zeros(6)
+        if seconds > 0.0:
+            twist = np.concatenate([so3.log(R @ R0.T), p - p0]) / seconds
+        covariance = inverse(H)
+        return Located(
+            R=R,
+            p=p,
+            covariance=window.design_effect * covariance,
+            by_state=-covariance @ self._gradient_by_state(window, expected, R, p, twist, squares),
+            ids=self.ids,
+            squares=squares,
+        )
 
-    def _linearise(
-        self, window: Window, R: np.ndarray, p: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Expected rays, expected minus observed pixels, and derivatives by the rays."""
+    def _linearise(self, window: Window, R: np.ndarray, p: np.ndarray) -> _Expected:
+        """Expected rays and pixels, at a pose."""
         rays = (self.homogeneous_points - self.s[:, None] * p) @ R
         rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-300)
         pixels, by_ray, by_lens = window.lens.pixels_of(rays)
         offsets = pixels + by_lens @ window.lens.change - self.pixels - self.before
         unseen = ~(np.isfinite(offsets).all(axis=1) & np.isfinite(by_ray).all(axis=(1, 2)))
-        rays[unseen], offsets[unseen], by_ray[unseen] = 0.0, 0.0, 0.0
-        return rays, offsets, by_ray
+        unseen |= ~np.isfinite(by_lens).all(axis=(1, 2))
+        rays[unseen], offsets[unseen], by_ray[unseen], by_lens[unseen] = 0.0, 0.0, 0.0, 0.0
+        return _Expected(rays, offsets, by_ray, by_lens)
+
+    def _gradient_by_state(
+        self,
+        window: Window,
+        expected: _Expected,
+        R: np.ndarray,
+        p: np.ndarray,
+        twist: np.ndarray,
+        squares: np.ndarray,
+    ) -> np.ndarray:
+        """Derivatives (6, D) of the gradient by the unknowns of the window.
+
+        A residual here is less that of the point's last keyframe. Both depend on the pose of its
+        anchor, on lens and read-out time, and on the inverse distance, which follows from them; a
+        common motion of the anchor and an observer changes neither.
+        """
+        marks, s = window.landmarks, self.s[:, None]
+        anchors = marks.anchor[self.rows]
+        away = self.homogeneous_points - s * p
+        by_point = expected.by_ray @ R.T
+        by_point /= np.maximum(np.linalg.norm(away, axis=1), 1e-300)[:, None, None]
+        by_turn = np.cross(by_point, away[:, None])
+        by_pose = np.concatenate([by_turn, -s[:, :, None] * by_point], axis=2)
+        # As in the window, where a turn moves the position, too.
+        by_observer = by_pose.copy()
+        by_observer[:, :, :3] -= by_pose[:, :, 3:] @ so3.skew(p)
+        before, columns = marks.by_pose[self.since], np.zeros((len(s), 2, len(window.covariance)))
+        _add_poses(columns, marks.slot[anchors], before - by_observer)
+        _add_poses(columns, marks.slot[self.since], -before)
+        common = columns[:, :, 6 * len(window.frames) :]
+        common -= marks.by_common[self.since]
+        turned, moved = window.anchor_derivatives(self.rows)
+        common[:, :, :-1] += expected.by_lens + by_point @ turned
+        lag = cross(np.broadcast_to(twist[:3], away.shape), away) + s * twist[3:]
+        by_readout = moved - self.row_phase[:, None] * lag
+        common[:, :, -1] += np.einsum("nqi,ni->nq", by_point, by_readout)
+        by_s = np.einsum("nqi,ni->nq", by_point, self.base - p) - self.before_by_s
+        columns += by_s[:, :, None] * marks.s_by_state[self.rows][:, None]
+        weighted = self._precision(by_s, squares) @ by_pose
+        return weighted.reshape(-1, 6).T @ columns.reshape(len(s) * 2, -1)
+
+    def _precision(self, by_s: np.ndarray, squares: np.ndarray) -> np.ndarray:
+        """Inverse covariances (N, 2, 2) of the residuals, with their robust weights."""
+        uu, uv, vv = (
+            self.covariances + self.s_variance[:, None] * by_s[:, [0, 0, 1]] * by_s[:, [0, 1, 1]]
+        ).T
+        weight = (DOF + 2.0) / ((DOF + squares) * (uu * vv - uv * uv))
+        weight[~np.isfinite(squares)] = 0.0
+        entries = [weight * vv, -weight * uv, -weight * uv, weight * uu]
+        return np.stack(entries, axis=1).reshape(-1, 2, 2)
+
+
+class _Expected(NamedTuple):
+    """Unit rays (N, 3) to points, their pixels less the observed ones, and derivatives."""
+
+    rays: np.ndarray
+    offsets: np.ndarray
+    by_ray: np.ndarray
+    by_lens: np.ndarray
+
+
+def _add_poses(columns: np.ndarray, slots: np.ndarray, values: np.ndarray) -> None:
+    """Add (N, 2, 6) to the columns of a keyframe each, of (N, 2, D)."""
+    rows = np.arange(len(slots))[:, None, None]
+    columns[rows, np.arange(2)[:, None], 6 * slots[:, None, None] + np.arange(6)] += values

@@ -17,7 +17,7 @@ from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate
 from farpoint.path.prior import Prior, by_position_change
 from farpoint.path.residuals import NOISE, Linear, Normal, Poses, Residuals, row_phase
-from farpoint.path.vectors import cross
+from farpoint.path.vectors import cross, products
 
 __all__ = ["Window"]
 
@@ -81,6 +81,7 @@ class Window:
         # Slots of the baseline of unit length, until the prior fixes the scale.
         self._unit: tuple[int, int] | None = None
         self._unit_variance = self._scale_variance = 0.0
+        self._by_scale = np.zeros(len(lens.covariance))
         self._rests: dict[int, float] = {}  # by slot, until a keyframe is marginalised
         self._has_marginalised = False
         self._begin(lens)
@@ -198,6 +199,16 @@ class Window:
         world = world + delay_s * cross(twist[:, :3], world)
         return world + marks.s[rows, None] * base, base
 
+    def anchor_derivatives(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of homogeneous points by lens (N, 3, r) and read-out time (N, 3)."""
+        marks, poses = self.landmarks, Poses.of(self.frames)
+        at = marks.anchor[rows]
+        slot = marks.slot[at]
+        by_lens, twist = products(poses.R[slot], marks.ray_by_lens[rows]), poses.twist[slot]
+        world = np.einsum("nij,nj->ni", poses.R[slot], marks.rays[rows])
+        lag = cross(twist[:, :3], world) + marks.s[rows, None] * twist[:, 3:]
+        return by_lens, self.row_phase(marks.pixels[at])[:, None] * lag
+
     def row_phase(self, pixels: np.ndarray) -> np.ndarray:
         """Read-out phase of pixels (N, 2), -1/2 to 1/2 of the read-out time."""
         return row_phase(pixels, self.size)
@@ -295,6 +306,7 @@ class Window:
                 damping *= _DAMPING_STEP
         self.cost = cost
         self._store_solution(linear, normal, system)
+        self._find_scale()
 
     def _equations(
         self, residuals: Residuals, linear: Linear, deviation: np.ndarray
@@ -309,37 +321,52 @@ class Window:
             self.landmarks, self.lens, self.size, poses, self.variance_factor, self.design_effect
         )
 
-    def pose_covariance(self) -> np.ndarray:
-        """Covariance (7, 7) of ``[dtheta, dp, dlog_scale]`` of the newest keyframe, in the world.
+    def newest_by_state(self) -> np.ndarray:
+        """Derivatives (6, D) of ``[dtheta, dp]`` of the newest keyframe by all unknowns."""
+        at, rows = 6 * (len(self.frames) - 1), np.zeros((6, len(self.covariance)))
+        rows[:, at : at + 6] = np.eye(6)
+        rows[3:, at : at + 3] = -so3.skew(self.frames[-1].p)
+        return rows
 
-        ``p_true = p + dp``. The scale variance is the least of all baselines to this keyframe;
-        where no baseline is significant, as under pure rotation, the last significant one is kept.
+    def covariance_of(self, by_state: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Covariance (7, 7) of ``[dtheta, dp, dlog_scale]`` of a pose, in the world.
+
+        ``p_true = p + dp``. The derivatives ``by_state`` (6, D) are those by all unknowns of the
+        last solution. The error of the scale is that of its newest keyframe.
         """
-        count, newest = len(self.covariance), len(self.frames) - 1
-        frame, at = self.frames[newest], 6 * newest
+        rows = np.vstack([by_state, self._by_scale])
+        by_unit = np.array([0.0, 0.0, 0.0, *(p - self.origin), 1.0])
         unit = self._unit_variance if self._unit is None else self._variance_of_unit()
-        rows = np.zeros((7, count))
-        rows[:6, at : at + 6] = np.eye(6)
-        rows[3:6, at : at + 3] = -so3.skew(frame.p)
-        least = np.inf
-        for slot, other in enumerate(self.frames[:-1]):
-            displacement = frame.p - other.p
-            length = float(np.linalg.norm(displacement))
-            if length > 0.0:
-                row = by_position_change(self.frames, slot, newest, displacement / length**2, count)
-                variance = float(row @ self.covariance @ row)
-                if variance < least:
-                    least, rows[6] = variance, row
-        is_measured = least < 1.0 / _SIGNIFICANT_SIGMAS**2
-        if is_measured:
-            self._scale_variance = least
-        else:
-            rows[6] = 0.0
-        by_unit = np.array([0.0, 0.0, 0.0, *(frame.p - self.origin), 1.0])
         covariance = rows @ self.covariance @ rows.T + unit * np.outer(by_unit, by_unit)
-        if not is_measured:
+        if self._is_at_unit():  # it has no error by definition
+            covariance[6], covariance[:, 6] = 0.0, 0.0
+        elif not self._by_scale.any():
             covariance[6, 6] += self._scale_variance
         return covariance
+
+    def _is_at_unit(self) -> bool:
+        return self._unit is not None and self._unit[1] == len(self.frames) - 1
+
+    def _find_scale(self) -> None:
+        """Find the derivatives (D,) of the scale's logarithm at the newest keyframe.
+
+        Its variance is the least of all baselines to this keyframe; where no baseline is
+        significant, as under pure rotation, the last significant one is kept.
+        """
+        count, newest, least = len(self.covariance), len(self.frames) - 1, np.inf
+        self._by_scale = np.zeros(count)
+        for slot in range(newest):
+            displacement = self.frames[newest].p - self.frames[slot].p
+            length2 = float(displacement @ displacement)
+            if length2 > 0.0:
+                row = by_position_change(self.frames, slot, newest, displacement / length2, count)
+                variance = float(row @ self.covariance @ row)
+                if variance < least:
+                    least, self._by_scale = variance, row
+        if least < 1.0 / _SIGNIFICANT_SIGMAS**2:
+            self._scale_variance = least
+        else:
+            self._by_scale = np.zeros(count)
 
     def last_length(self) -> tuple[float, bool]:
         """Distance of the last two keyframes, and whether it exceeds 3 sigma."""
@@ -380,12 +407,13 @@ class Window:
         marks, self._linear = self.landmarks, linear
         unseen = linear.residuals[:, :1] == UNSEEN_PX
         marks.residuals = np.where(unseen, 0.0, linear.residuals)
-        marks.by_s = linear.by_s
+        marks.by_s, marks.by_pose, marks.by_common = linear.by_s, linear.by_pose, linear.by_common
         self.covariance = inverse(system.H)
         common = 1 + self.lens.size
         self.lens.covariance = self.covariance[-common:, -common:]
         with np.errstate(divide="ignore"):
             marks.s_variance = np.where(marks.has_depth, 1.0 / normal.point_h, np.inf)
+        marks.s_by_state = -normal.coupling / np.maximum(normal.point_h, 1e-300)[:, None]
         self._mark_reliable(normal)
         free = 2 * normal.residuals - len(normal.g) - int(marks.has_depth.sum())
         if normal.residuals > _FEWEST_RESIDUALS:
