@@ -15,7 +15,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1] / "src" / "farpoint"
 
-EXCLUDED = ("_kernels",)
+EXCLUDED = ()
 """Packages and files that still have names of the list; to be emptied."""
 
 

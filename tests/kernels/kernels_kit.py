@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.mixture import TAIL
+from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.pairs import LANES, PANEL, pack_pairs, packed_length
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry import so3, sphere
@@ -50,14 +50,16 @@ def packed(values: np.ndarray) -> np.ndarray:
 
 
 def matches_of(
-    view: View, spread: float, prior: np.ndarray | None = None, *, gives_way: bool
+    view: View, spread: float, prior: np.ndarray | None = None, *, soft_cheirality: bool
 ) -> PackedMatches:
     """What a pose is judged by; of all matches alike, unless a packed ``prior`` is given."""
     prior = packed(np.ones(view.size)) if prior is None else prior
-    return PackedMatches(view.pairs, prior, view.size, spread, TAIL, 1e-6, math.inf, gives_way)
+    return PackedMatches(
+        view.pairs, prior, view.size, spread, LONG_TAIL, 1e-6, math.inf, soft_cheirality
+    )
 
 
-def shares_of(poor: float, tail: float = TAIL) -> np.ndarray:
+def shares_of(poor: float, tail: float = LONG_TAIL) -> np.ndarray:
     """Shares (4, 1) of good, poor, poorer and still poorer matches among the right ones."""
     ends = np.array([1.0 - poor, 1.0 - poor, 1.0 - tail * poor, tail])
     return (ends * poor ** np.arange(4.0))[:, None]

@@ -13,21 +13,21 @@ from scipy.stats import chi2, f
 from farpoint._kernels import covariance
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.covariance import (
-    MOST_GROWTH,
-    PLAIN,
-    SIGNAL,
-    STATED,
+    MAX_GROWTH,
+    MIN_SIGNAL,
+    MIN_SIGNAL_NEARBY,
+    MODEL_WEIGHT,
     covariance_around,
     covariance_beside,
     covariance_here,
-    step_by_prediction,
+    step_with_shrunk_flow,
 )
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.information import information
 from farpoint._kernels.likelihood import linearize
-from farpoint._kernels.mixture import TAIL
+from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.pairs import address
-from farpoint._kernels.pose import Seen
+from farpoint._kernels.pose import LinearisationPoint
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
 
@@ -36,44 +36,48 @@ SPHERE = np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
 
 
 @kernel
-def here_by(seen: Seen, right: float, predicted: bool, least: float, out: np.ndarray) -> bool:
-    return covariance_here(seen, right, predicted, least, out)
+def here_by(
+    seen: LinearisationPoint, right: float, shrunk_flow: bool, least: float, out: np.ndarray
+) -> bool:
+    return covariance_here(seen, right, shrunk_flow, least, out)
 
 
 @kernel
-def beside_by(seen: Seen, predicted: bool, step: np.ndarray, out: np.ndarray) -> bool:
-    return covariance_beside(seen, RIGHT, predicted, step, out)
+def beside_by(
+    seen: LinearisationPoint, shrunk_flow: bool, step: np.ndarray, out: np.ndarray
+) -> bool:
+    return covariance_beside(seen, RIGHT, shrunk_flow, step, out)
 
 
 @kernel
-def step_by(seen: Seen) -> None:
-    step_by_prediction(seen)
+def step_by(seen: LinearisationPoint) -> None:
+    step_with_shrunk_flow(seen)
 
 
 @kernel
 def sure_by(right: float, alike: float) -> float:
-    return covariance._sure(right, alike)
+    return covariance._estimated_noise_factor(right, alike)
 
 
-def seen_of(view: View) -> Seen:
-    return Seen(
+def seen_of(view: View) -> LinearisationPoint:
+    return LinearisationPoint(
         view.pairs,
         packed(np.ones(view.size)),
         view.R,
         view.t,
         MIXTURE,
         spread_of(MIXTURE, CLUTTER),
-        TAIL,
+        LONG_TAIL,
     )
 
 
 def here(
-    view: View, least: float, out: np.ndarray, predicted: bool = False, right: float = RIGHT
+    view: View, least: float, out: np.ndarray, shrunk_flow: bool = False, right: float = RIGHT
 ) -> bool:
-    return here_by(seen_of(view), right, predicted, least, out)
+    return here_by(seen_of(view), right, shrunk_flow, least, out)
 
 
-class Told(NamedTuple):
+class NoiseSamples(NamedTuple):
     """What is told of a pose: Gauss-Newton matrix, the part of it that is noise, and V."""
 
     whole: np.ndarray
@@ -81,14 +85,14 @@ class Told(NamedTuple):
     variance: np.ndarray
 
 
-def told(view: View, predicted: bool = False, freedom: float = RIGHT - 5.0) -> Told:
+def told(view: View, shrunk_flow: bool = False, freedom: float = RIGHT - 5.0) -> NoiseSamples:
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
-    share, alike = information(seen_of(view), predicted, normal, noise, scatter)
-    heard = alike / (alike + STATED)
+    share, alike = information(seen_of(view), shrunk_flow, normal, noise, scatter)
+    heard = alike / (alike + MODEL_WEIGHT)
     sure = sure_by(freedom + 5.0, 0.0) - 10.0 / alike * heard**2
     whole = share * sure * normal[:5, :5]
     variance = heard * sure * scatter + (1.0 - heard) * whole + SPHERE
-    return Told(whole, share * sure * noise, variance)
+    return NoiseSamples(whole, share * sure * noise, variance)
 
 
 def sandwich(H: np.ndarray, V: np.ndarray) -> np.ndarray:
@@ -99,13 +103,13 @@ def basis_of(t: np.ndarray) -> np.ndarray:
     return np.stack(tangent_columns(t), axis=1)
 
 
-def beside(view: View, step: np.ndarray, predicted: bool = False) -> np.ndarray:
+def beside(view: View, step: np.ndarray, shrunk_flow: bool = False) -> np.ndarray:
     """Covariance if the right pose is this step beside that of the view, in the axes of that."""
     R, t = so3.exp(step[:3]) @ view.R, sphere.normalize(view.t + basis_of(view.t) @ step[3:])
-    whole, noise, *_ = told(view._replace(R=R, t=t), predicted)
+    whole, noise, *_ = told(view._replace(R=R, t=t), shrunk_flow)
     turn = np.eye(5)
     turn[3:, 3:] = basis_of(view.t).T @ basis_of(t)
-    H = whole + SPHERE - (0.0 if predicted else noise)
+    H = whole + SPHERE - (0.0 if shrunk_flow else noise)
     return turn @ sandwich(H, whole + SPHERE) @ turn.T
 
 
@@ -113,72 +117,74 @@ def assert_covariances(actual: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(actual, expected, rtol=1e-8, atol=1e-10 * np.trace(expected))
 
 
-@pytest.mark.parametrize("predicted", [False, True])
-def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen(predicted):
+@pytest.mark.parametrize("shrunk_flow", [False, True])
+def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen(shrunk_flow):
     view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
-    assert here(view, PLAIN, out, predicted)
-    whole, noise, variance = told(view, predicted)
+    assert here(view, MIN_SIGNAL, out, shrunk_flow)
+    whole, noise, variance = told(view, shrunk_flow)
     # What is predicted is no noise.
-    assert_covariances(out, sandwich(whole + SPHERE - (0.0 if predicted else noise), variance))
+    assert_covariances(out, sandwich(whole + SPHERE - (0.0 if shrunk_flow else noise), variance))
 
 
 def test_few_matches_are_hardly_sure_of_anything():
     view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
-    here(view, PLAIN, out, right=5.0)
+    here(view, MIN_SIGNAL, out, right=5.0)
     whole, noise, variance = told(view, freedom=4.0)
     assert_covariances(out, sandwich(whole + SPHERE - noise, variance))
 
 
-@pytest.mark.parametrize("predicted", [False, True])
-def test_matches_that_may_all_be_right_or_wrong_leave_the_pose_open(predicted):
+@pytest.mark.parametrize("shrunk_flow", [False, True])
+def test_matches_that_may_all_be_right_or_wrong_leave_the_pose_open(shrunk_flow):
     # Some three sigma off, each is as likely wrong as right: scores vary by more than they tell.
     view, out = two_views(5, 200, error_rad=2e-3), np.zeros((5, 5))
     R, t = matrix(view.R), vector(view.t)
     off = np.array([abs(sampson(view.pairs, address(i), R, t)) for i in range(view.size)])
     doubtful = packed((off > 2.5) & (off < 3.0))
     mixture = np.array([1.0, 0.1, 0.01, 0.0])
-    seen = Seen(view.pairs, doubtful, view.R, view.t, mixture, spread_of(mixture, 0.02), TAIL)
+    seen = LinearisationPoint(
+        view.pairs, doubtful, view.R, view.t, mixture, spread_of(mixture, 0.02), LONG_TAIL
+    )
     spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
-    assert information(seen, predicted, *spare)[0] < 0.0
-    assert not here_by(seen, RIGHT, predicted, SIGNAL, out)
+    assert information(seen, shrunk_flow, *spare)[0] < 0.0
+    assert not here_by(seen, RIGHT, shrunk_flow, MIN_SIGNAL_NEARBY, out)
     assert np.isposinf(out).all()
 
 
-@pytest.mark.parametrize("predicted", [False, True])
+@pytest.mark.parametrize("shrunk_flow", [False, True])
 @pytest.mark.parametrize("axis", [None, 0, 2, 3, 4])
 def test_the_covariance_beside_a_pose_is_that_of_the_pose_there_in_the_axes_of_this_one(
-    axis, predicted
+    axis, shrunk_flow
 ):
     view = two_views(5, 60, error_rad=2e-3)
     step, out = np.zeros(5), np.empty((5, 5))
     if axis is not None:
         step[axis] = 1e-3 if axis < 3 else 0.02
-    assert beside_by(seen_of(view), predicted, step, out)
-    assert_covariances(out, beside(view, step, predicted))
+    assert beside_by(seen_of(view), shrunk_flow, step, out)
+    assert_covariances(out, beside(view, step, shrunk_flow))
 
 
 @pytest.mark.parametrize(("baseline_m", "shows"), [(0.029, False), (0.031, True)])
 def test_where_less_than_a_quarter_of_the_flow_is_signal_there_is_no_covariance(baseline_m, shows):
     view, out = two_views(5, 60, baseline_m=baseline_m), np.empty((5, 5))
-    assert here(view, SIGNAL, out) == shows
+    assert here(view, MIN_SIGNAL_NEARBY, out) == shows
     assert beside_by(seen_of(view), False, np.zeros(5), out) == shows
-    assert share_of(view) == pytest.approx(SIGNAL, abs=0.1)
-    assert (share_of(view) > SIGNAL) == shows
+    assert share_of(view) == pytest.approx(MIN_SIGNAL_NEARBY, abs=0.1)
+    assert (share_of(view) > MIN_SIGNAL_NEARBY) == shows
 
 
-def share_of(view: View, predicted: bool = False) -> float:
+def share_of(view: View, shrunk_flow: bool = False) -> float:
     """What of the flow is signal, along the axis with the least of it."""
-    whole, noise, *_ = told(view, predicted)
+    whole, noise, *_ = told(view, shrunk_flow)
     return 1.0 - scipy.linalg.eigh(noise, whole + SPHERE, eigvals_only=True)[-1]
 
 
 def test_predicted_flow_has_a_covariance_whatever_it_shows():
     view, out = two_views(5, 60, baseline_m=0.03, error_rad=1e-3), np.empty((5, 5))
-    share = share_of(view, predicted=True)
+    share = share_of(view, shrunk_flow=True)
     assert share > share_of(view) + 0.1
-    assert here(view, share - 0.01, out, predicted=True)
-    assert not here(view, share + 0.01, out, predicted=True)
-    whole, _, variance = told(view, predicted=True)
+    assert here(view, share - 0.01, out, shrunk_flow=True)
+    assert not here(view, share + 0.01, out, shrunk_flow=True)
+    whole, _, variance = told(view, shrunk_flow=True)
     assert_covariances(out, sandwich(whole + SPHERE, variance))
     assert beside_by(seen_of(view), True, np.zeros(5), out)
 
@@ -213,7 +219,7 @@ def log_likelihood(view: View, step: np.ndarray) -> float:
 def around(
     view: View,
     covariance: np.ndarray,
-    predicted: bool = False,
+    shrunk_flow: bool = False,
     allowed: np.ndarray | None = None,
 ) -> np.ndarray:
     """The mean over the poses that are ``allowed``, by the covariance itself if by no other."""
@@ -223,12 +229,12 @@ def around(
         sides = step, -step
         likely = np.exp([log_likelihood(view, side) - log_likelihood(view, step) for side in sides])
         for side, share in zip(sides, likely / likely.sum(), strict=True):
-            shows = beside_by(seen_of(view), predicted, side, np.empty((5, 5)))
-            there = beside(view, side, predicted) if shows else (1.0 + MOST_GROWTH) * covariance
-            growth += share * (there - beside(view, np.zeros(5), predicted))
+            shows = beside_by(seen_of(view), shrunk_flow, side, np.empty((5, 5)))
+            there = beside(view, side, shrunk_flow) if shows else (1.0 + MAX_GROWTH) * covariance
+            growth += share * (there - beside(view, np.zeros(5), shrunk_flow))
     root = np.linalg.cholesky(covariance)
     more, along = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, growth).T))
-    root = root @ along * np.sqrt(1.0 + np.clip(more, 0.0, MOST_GROWTH))
+    root = root @ along * np.sqrt(1.0 + np.clip(more, 0.0, MAX_GROWTH))
     return root @ root.T
 
 
@@ -249,8 +255,8 @@ def test_the_covariance_grows_to_its_mean_around(seed, times, least, most):
     covariance, out = times * beside(view, np.zeros(5)), np.empty((5, 5))
     covariance_around(seen_of(view), RIGHT, False, covariance, out)
     assert_covariances(out, around(view, covariance))
-    grown = scipy.linalg.eigh(out, covariance)[0]
-    assert least - 1e-9 < grown[0] <= grown[-1] < most + 0.01
+    scaled_pairs = scipy.linalg.eigh(out, covariance)[0]
+    assert least - 1e-9 < scaled_pairs[0] <= scaled_pairs[-1] < most + 0.01
 
 
 def test_one_that_grows_much_is_averaged_over_what_it_then_allows():
@@ -269,7 +275,7 @@ def direction_variance(covariance: np.ndarray) -> float:
 
 def test_that_of_predicted_flow_grows_by_its_own():
     view = two_views(6, 60, error_rad=2e-3)
-    covariance, out = 20.0 * beside(view, np.zeros(5), predicted=True), np.empty((5, 5))
+    covariance, out = 20.0 * beside(view, np.zeros(5), shrunk_flow=True), np.empty((5, 5))
     covariance_around(seen_of(view), RIGHT, True, covariance, out)
-    assert_covariances(out, around(view, covariance, predicted=True))
+    assert_covariances(out, around(view, covariance, shrunk_flow=True))
     assert scipy.linalg.eigh(out, covariance)[0][-1] > 1.005

@@ -13,41 +13,45 @@ from farpoint._kernels import evidence
 from farpoint.geometry import so3, sphere
 
 
-def weigh(parallax: list[float], right: list[float], sigma: float = 1.0):
+def label_matches(parallax: list[float], right: list[float], sigma: float = 1.0):
     labels = np.full(len(parallax), 9, np.uint8)
-    agreeing, odds, _ = evidence.weigh(np.array(parallax), np.array(right), sigma, 0.3, labels)
+    agreeing, odds, _ = evidence.label_matches(
+        np.array(parallax), np.array(right), sigma, 0.3, labels
+    )
     return labels.tolist(), agreeing, odds
 
 
 def test_labels_tell_far_near_and_wrong():
-    labels, agreeing, _ = weigh([0.0, -2.9, 2.9, 3.1, -3.1, 9.0], [1.0, 1.0, 1.0, 1.0, 1.0, 0.4])
+    labels, agreeing, _ = label_matches(
+        [0.0, -2.9, 2.9, 3.1, -3.1, 9.0], [1.0, 1.0, 1.0, 1.0, 1.0, 0.4]
+    )
     assert labels == [1, 1, 1, 2, 0, 0]
     assert agreeing == 4
 
 
 def test_parallax_counts_in_units_of_the_noise():
-    assert weigh([4.0], [1.0], sigma=2.0)[0] == [1]
-    assert weigh([7.0], [1.0], sigma=2.0)[0] == [2]
+    assert label_matches([4.0], [1.0], sigma=2.0)[0] == [1]
+    assert label_matches([7.0], [1.0], sigma=2.0)[0] == [2]
 
 
 @pytest.mark.parametrize("p", [0.0, 0.7, 2.5])
 def test_a_match_votes_by_the_odds_that_noise_turned_it_around(p):
     trust = 0.8
     forward = trust * norm.cdf(p) + 0.5 * (1.0 - trust)
-    assert weigh([p], [trust])[2] == pytest.approx(math.log(forward / (1.0 - forward)))
-    assert weigh([-p], [trust])[2] == pytest.approx(-weigh([p], [trust])[2])
+    assert label_matches([p], [trust])[2] == pytest.approx(math.log(forward / (1.0 - forward)))
+    assert label_matches([-p], [trust])[2] == pytest.approx(-label_matches([p], [trust])[2])
 
 
 def test_no_match_alone_is_beyond_doubt():
-    one = weigh([50.0], [1.0])[2]
+    one = label_matches([50.0], [1.0])[2]
     assert one == pytest.approx(math.log(0.995 / 0.005))
-    assert weigh([50.0] * 3 + [-50.0], [1.0] * 4)[2] == pytest.approx(2 * one)
+    assert label_matches([50.0] * 3 + [-50.0], [1.0] * 4)[2] == pytest.approx(2 * one)
 
 
 def test_matches_are_so_much_likelier_right_than_wrong():
     right = np.array([0.5, 0.9, 0.01, 1.0])
-    *_, likelier = evidence.weigh(np.zeros(4), right, 1.0, 0.25, np.empty(4, np.uint8))
-    odds = 0.25 / np.array([0.5, 0.1, 0.99, evidence.LEAST_DOUBT])
+    *_, likelier = evidence.label_matches(np.zeros(4), right, 1.0, 0.25, np.empty(4, np.uint8))
+    odds = 0.25 / np.array([0.5, 0.1, 0.99, evidence.MIN_COMPLEMENT])
     assert likelier == pytest.approx(np.log(odds).sum())
 
 
@@ -99,7 +103,7 @@ def test_who_stands_still_is_told_by_the_noise_of_each(matches):
     view, rng = two_views(9, matches, noise_rad=1e-3), np.random.default_rng(9)
     view.rays1[:] = sphere.normalize(view.rays0 + 5e-3 * rng.normal(size=(matches, 3)))
     standing = np.empty(matches, bool)
-    count = evidence.find_standing(view.pairs, 3.0, standing)
+    count = evidence.find_stationary(view.pairs, 3.0, standing)
     flow = np.linalg.norm(view.rays1 - view.rays0, axis=1)
     squares = (np.sum(noise**2, axis=(1, 2)) for noise in (view.noise0, view.noise1))
     expected = flow < 3.0 * np.sqrt(0.5 * sum(squares))

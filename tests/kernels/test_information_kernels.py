@@ -11,14 +11,14 @@ from kernels_kit import View, packed, shares_of, spread_of, two_views
 from farpoint._kernels import epipolar, likelihood
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.information import information
-from farpoint._kernels.mixture import TAIL
+from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.pairs import address
-from farpoint._kernels.pose import Seen
+from farpoint._kernels.pose import LinearisationPoint
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
 
-VARIANCE, POOR, CLUTTER = 1.3, 0.2, 0.05
-MIXTURE = np.array([VARIANCE, 0.1, POOR, 0.0])
+VARIANCE, TAIL_RATIO, CLUTTER = 1.3, 0.2, 0.05
+MIXTURE = np.array([VARIANCE, 0.1, TAIL_RATIO, 0.0])
 
 
 @kernel
@@ -43,12 +43,12 @@ class Informed(NamedTuple):
         return self.normal[:5, :5]
 
 
-def informed(view: View, prior: np.ndarray, predicted: bool = False) -> Informed:
+def informed(view: View, prior: np.ndarray, shrunk_flow: bool = False) -> Informed:
     told = np.full((6, 6), np.nan), *np.full((2, 5, 5), np.nan)
-    seen = Seen(
-        view.pairs, packed(prior), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER), TAIL
+    seen = LinearisationPoint(
+        view.pairs, packed(prior), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER), LONG_TAIL
     )
-    return Informed(*information(seen, predicted, *told), *told)
+    return Informed(*information(seen, shrunk_flow, *told), *told)
 
 
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -59,7 +59,7 @@ def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
     r = np.array([told_of(view.pairs, i, view.R, view.t)[0][5] for i in range(view.size)])
     z = r / np.sqrt(VARIANCE)
     variance = 8.0 ** np.arange(4.0)[:, None]
-    shares = shares_of(POOR)
+    shares = shares_of(TAIL_RATIO)
     density = prior * shares * np.exp(-0.5 * z * z / variance) / np.sqrt(variance)
     chance = density / (density.sum(axis=0) + CLUTTER)
     return z, np.sum(chance / variance, axis=0), np.sum(chance / variance**2, axis=0)
@@ -89,7 +89,15 @@ def test_a_match_that_tells_little_is_heard_as_the_gauss_newton_matrix_does():
     prior = np.random.default_rng(3).uniform(0.5, 2.0, 400)
     normal = np.empty((6, 6))
     likelihood.linearize(
-        Seen(view.pairs, packed(prior), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER), TAIL),
+        LinearisationPoint(
+            view.pairs,
+            packed(prior),
+            view.R,
+            view.t,
+            MIXTURE,
+            spread_of(MIXTURE, CLUTTER),
+            LONG_TAIL,
+        ),
         False,
         normal,
         np.empty(4),
@@ -192,7 +200,7 @@ class Rows(NamedTuple):
 
 
 def rows(view: View) -> Rows:
-    depth, doubt, jacobian, changes = [], [], [], []
+    depth, doubt, jacobian, jacobian_times = [], [], [], []
     for i in range(view.size):
         (*J, _), (g, flow_variance) = told_of(view.pairs, i, view.R, view.t)
         m, b = view.R @ view.rays0[i], view.rays1[i]
@@ -202,9 +210,9 @@ def rows(view: View) -> Rows:
         doubt.append(VARIANCE * flow_variance / square**2)
         across = np.cross(m, view.t)
         basis = np.stack(tangent_columns(view.t))
-        changes.append(np.r_[(m @ view.t) * along, basis @ across] / np.sqrt(g))
+        jacobian_times.append(np.r_[(m @ view.t) * along, basis @ across] / np.sqrt(g))
         jacobian.append(J)
-    return Rows(*map(np.array, (depth, doubt, jacobian, changes)))
+    return Rows(*map(np.array, (depth, doubt, jacobian, jacobian_times)))
 
 
 def prediction(told: Rows, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -232,7 +240,7 @@ def test_the_flow_is_predicted_from_that_of_all(baseline_m):
     J = told.jacobian + (expected - told.depth)[:, None] * told.change
     weight = weight / VARIANCE
     weight = weight * (1.0 - leverages(J, weight) ** 3)
-    found = informed(view, prior, predicted=True)
+    found = informed(view, prior, shrunk_flow=True)
     scale = np.abs((weight[:, None] * J).T @ J).max()
     np.testing.assert_allclose(
         found.normal[:5, :5], (weight[:, None] * J).T @ J, rtol=1e-3, atol=1e-5 * scale
@@ -248,7 +256,7 @@ def test_the_flow_is_predicted_from_that_of_all(baseline_m):
 
 def test_of_long_flow_the_prediction_is_what_was_measured():
     view = two_views(3, 60, baseline_m=0.5, noise_rad=1e-5)
-    measured, guessed = informed(view, np.ones(60)), informed(view, np.ones(60), predicted=True)
+    measured, guessed = informed(view, np.ones(60)), informed(view, np.ones(60), shrunk_flow=True)
     np.testing.assert_allclose(guessed.normal[:5, :5], measured.whole, rtol=1e-3)
     np.testing.assert_allclose(guessed.noise, measured.noise, rtol=1e-2, atol=1e-12)
     np.testing.assert_allclose(guessed.scatter, measured.scatter, rtol=1e-3, atol=1e-12)
@@ -260,10 +268,10 @@ def test_the_scatter_of_predicted_flow_is_that_of_its_jacobian():
     told = rows(view)
     J = told.jacobian + (prediction(told, weight)[0] - told.depth)[:, None] * told.change
     expected = scattered(J, weight / VARIANCE, z)
-    scatter = informed(view, np.ones(40), predicted=True).scatter
+    scatter = informed(view, np.ones(40), shrunk_flow=True).scatter
     np.testing.assert_allclose(scatter, expected, rtol=1e-3, atol=1e-4 * np.abs(expected).max())
 
 
 def test_nothing_is_predicted_from_no_match():
-    normal = informed(two_views(4, 3), np.zeros(3), predicted=True).normal
+    normal = informed(two_views(4, 3), np.zeros(3), shrunk_flow=True).normal
     np.testing.assert_array_equal(normal, np.zeros((6, 6)))

@@ -26,9 +26,9 @@ from scipy.stats import norm
 from farpoint._kernels import epipolar, likelihood, mixture, refinement
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.information import information
-from farpoint._kernels.mixture import NO_TAIL, TAIL
+from farpoint._kernels.mixture import LONG_TAIL, SHORT_TAIL
 from farpoint._kernels.pairs import address
-from farpoint._kernels.pose import Seen
+from farpoint._kernels.pose import LinearisationPoint
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
 from farpoint.geometry import so3, sphere
 
@@ -59,17 +59,17 @@ def seen_of(
     t: np.ndarray,
     mixture=MIXTURE,
     spread: float = spread_of(MIXTURE, CLUTTER),
-    tail: float = TAIL,
-) -> Seen:
-    return Seen(view.pairs, packed(prior), R, t, mixture, spread, tail)
+    tail: float = LONG_TAIL,
+) -> LinearisationPoint:
+    return LinearisationPoint(view.pairs, packed(prior), R, t, mixture, spread, tail)
 
 
 class Linearized:
     """The robust cost at a pose, as of `seen_of`, with everything that comes along."""
 
-    def __init__(self, *seen: Any, gives_way: bool = False, **told: Any) -> None:
+    def __init__(self, *seen: Any, soft_cheirality: bool = False, **told: Any) -> None:
         normal, shares = np.full((6, 6), np.nan), np.full(4, np.nan)
-        self.cost = likelihood.linearize(seen_of(*seen, **told), gives_way, normal, shares)
+        self.cost = likelihood.linearize(seen_of(*seen, **told), soft_cheirality, normal, shares)
         np.testing.assert_array_equal(normal, normal.T)
         self.H, self.g, self.squares = normal[:5, :5], normal[:5, 5], normal[5, 5]
         self.right, self.steps, self.trials, self.repeated = shares
@@ -80,7 +80,7 @@ class Explained:
 
     def __init__(self, view: View, *seen: Any, **told: Any) -> None:
         out = np.full((3, len(packed(np.zeros(view.size)))), np.nan)
-        likelihood.explain(seen_of(view, *seen, **told), *out)
+        likelihood.evaluate_residuals(seen_of(view, *seen, **told), *out)
         assert np.isfinite(out).all()
         self.r, self.parallax, self.right = out[:, : view.size]
 
@@ -90,7 +90,7 @@ class Refined:
 
     def __init__(self, view: View, step: np.ndarray, spread: float = 500.0) -> None:
         pose = pose_of(*moved(view.R, view.t, step), np.array([1.0, 0.2, 0.1, 0.1]))
-        refinement.refine_pose(matches_of(view, spread, gives_way=True), 1e-6, 40, pose)
+        refinement.refine_pose(matches_of(view, spread, soft_cheirality=True), 1e-6, 40, pose)
         self.R, self.t, self.mixture, *_ = pose
         self.variance, self.wrong, self.poor, self.repeated = self.mixture
         self.spread = spread
@@ -119,7 +119,7 @@ def test_the_gradient_of_the_robust_cost(seed, error_rad):
 @given(
     seed=seeds,
     repeated=st.sampled_from([0.0, 0.4]),
-    tail=st.sampled_from([TAIL, NO_TAIL]),
+    tail=st.sampled_from([LONG_TAIL, SHORT_TAIL]),
 )
 def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeated, tail):
     view = two_views(seed, 8, error_rad=2e-3)
@@ -131,7 +131,7 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
     r, J = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
     each = prior * densities(r, tail)
     # A Cauchy distribution, over the uniform one that all would have.
-    half = spread_of(MIXTURE, CLUTTER) / mixture.REPEATED_WITHIN
+    half = spread_of(MIXTURE, CLUTTER) / mixture.REPEATED_WIDTH_RATIO
     uniform = 0.5 / spread_of(MIXTURE, CLUTTER)
     near = CLUTTER * repeated / (np.pi * half * (1.0 + (r / half) ** 2)) / uniform
     lost = CLUTTER * (1.0 - repeated) + near
@@ -154,10 +154,10 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
     np.testing.assert_allclose(explained.right, right / total, rtol=1e-8)
 
 
-def densities(r: np.ndarray, tail: float = TAIL) -> np.ndarray:
+def densities(r: np.ndarray, tail: float = LONG_TAIL) -> np.ndarray:
     """Of good and ever poorer matches, over the peak of a normal density of all being good."""
     variance, _, poor, _ = MIXTURE
-    sigma = mixture.POOR ** np.arange(4.0)[:, None]
+    sigma = mixture.TAIL_RATIO ** np.arange(4.0)[:, None]
     return shares_of(poor, tail) * np.exp(-0.5 * r**2 / variance / sigma**2) / sigma
 
 
@@ -184,7 +184,7 @@ def test_matches_that_retreat_lose_their_density(seed):
     backward = Explained(view, prior, view.R, -view.t)
     np.testing.assert_allclose(backward.r, -forward.r, rtol=0.0, atol=1e-9)
     shift = backward.parallax / np.sqrt(MIXTURE[0])
-    retreat = mixture.STEEPER * np.minimum(shift + mixture.FAR_SIGMA, 0.0) ** 2
+    retreat = mixture.CHEIRALITY_WEIGHT * np.minimum(shift + mixture.CHEIRALITY_SIGMA, 0.0) ** 2
     assume(retreat.max() > 1.0)
     density = densities(backward.r) * np.exp(-0.5 * retreat / 8.0 ** np.arange(4.0)[:, None])
     at = Linearized(view, prior, view.R, -view.t)
@@ -194,9 +194,9 @@ def test_matches_that_retreat_lose_their_density(seed):
 
 def test_no_far_match_retreats_farther_than_noise_takes_it():
     """Up to where one of 160 goes it costs nothing, and at 8.5 sigma what noise says."""
-    assert norm.sf(mixture.FAR_SIGMA) == pytest.approx(1.0 / 160.0, rel=0.02)
-    beyond = 8.5 - mixture.FAR_SIGMA
-    assert mixture.STEEPER * beyond**2 == pytest.approx(8.5**2, rel=0.02)
+    assert norm.sf(mixture.CHEIRALITY_SIGMA) == pytest.approx(1.0 / 160.0, rel=0.02)
+    beyond = 8.5 - mixture.CHEIRALITY_SIGMA
+    assert mixture.CHEIRALITY_WEIGHT * beyond**2 == pytest.approx(8.5**2, rel=0.02)
 
 
 @quick
@@ -205,9 +205,9 @@ def test_a_pose_that_gives_way_is_drawn_by_the_matches_that_retreat(seed):
     view = two_views(seed, 8, error_rad=5e-4, baseline_m=0.04)
     prior, normal = prior_of(view, seed), np.array([1.3, 0.1, 1e-9, 0.0])
 
-    def at(step: np.ndarray, gives_way: bool) -> Linearized:
+    def at(step: np.ndarray, soft_cheirality: bool) -> Linearized:
         pose = moved(view.R, -view.t, step)
-        return Linearized(view, prior, *pose, mixture=normal, gives_way=gives_way)
+        return Linearized(view, prior, *pose, mixture=normal, soft_cheirality=soft_cheirality)
 
     here, held = at(np.zeros(5), True), at(np.zeros(5), False)
     # Matches that retreat by very little are left alone.
@@ -228,8 +228,8 @@ def test_where_noise_has_tails_retreats_draw_the_pose_as_far_as_matches_are_good
     def drawn(t: np.ndarray, poor: float) -> np.ndarray:
         told = np.array([1.3, 0.1, poor, 0.0])
         given = [
-            Linearized(view, ones, view.R, t, mixture=told, gives_way=gives_way).H
-            for gives_way in (True, False)
+            Linearized(view, ones, view.R, t, mixture=told, soft_cheirality=soft_cheirality).H
+            for soft_cheirality in (True, False)
         ]
         return given[0] - given[1]
 
@@ -258,7 +258,7 @@ def test_the_maximum_of_the_likelihood_is_found_from_nearby():
 def noisy_views(seed: int, matches: int, wrong: int, poor: int = 0) -> View:
     """Two views with noise of their factors, more for the first ``poor``, the last anywhere."""
     rng = np.random.default_rng(seed)
-    sigma = np.where(np.arange(matches) < poor, mixture.POOR, 1.0)
+    sigma = np.where(np.arange(matches) < poor, mixture.TAIL_RATIO, 1.0)
     view = shaken(two_views(seed, matches, noise_rad=5e-4), seed, sigma)
     if wrong:
         view.rays1[-wrong:] = sphere.normalize(
@@ -281,11 +281,11 @@ def test_the_maximum_is_stationary_under_its_own_mixture():
     assert at.wrong == pytest.approx(1.0 - end.right / 60, abs=0.01)
     # As if so many more matches had been seen, hardly any of them poor; and of the poor ones as
     # many are poorer as of all are poor.
-    of_all = end.trials + mixture.USUAL
-    share = (end.steps + mixture.FEW * mixture.USUAL) / of_all
+    of_all = end.trials + mixture.PRIOR_WEIGHT
+    share = (end.steps + mixture.PRIOR_SHARE * mixture.PRIOR_WEIGHT) / of_all
     assert at.poor == pytest.approx(share, abs=0.01)
-    wrong = 60 - end.right + mixture.USUAL
-    share = (end.repeated + mixture.FEW * mixture.USUAL) / wrong
+    wrong = 60 - end.right + mixture.PRIOR_WEIGHT
+    share = (end.repeated + mixture.PRIOR_SHARE * mixture.PRIOR_WEIGHT) / wrong
     assert at.repeated == pytest.approx(share, abs=0.01)
     lowest = cost(np.zeros(5))
     for axis in np.eye(5):
@@ -302,7 +302,7 @@ def test_few_steps_come_near_the_maximum_where_tails_are_heavy():
         view = shaken(two_views(seed, 300, noise_rad=5e-4), seed, rng.chisquare(1.0, 300) ** -0.5)
         view.rays1[-100:] = sphere.normalize(np.c_[rng.uniform(-1, 1, (100, 2)), np.ones(100)])
 
-        matches = matches_of(view, 500.0, gives_way=True)
+        matches = matches_of(view, 500.0, soft_cheirality=True)
 
         def refined(
             start: float, precision: float, times: int, view=view, matches=matches
@@ -327,7 +327,7 @@ def test_what_is_refined_again_and_again_stays_where_the_likelihood_was_best():
         view.rays1[-wrong:] = sphere.normalize(anywhere)
         pose, costs = pose_of(view.R, view.t, np.array([0.01, 0.2, 0.1, 0.1])), []
         for _ in range(6):
-            refinement.refine_pose(matches_of(view, 500.0, gives_way=True), 1e-3, 20, pose)
+            refinement.refine_pose(matches_of(view, 500.0, soft_cheirality=True), 1e-3, 20, pose)
             costs.append(pose.cost[0])
         ranges.append(max(costs) - min(costs))
     # 0.76; 0.91 where what is usual of poor and of repeated matches counts for their share alone.
@@ -340,7 +340,7 @@ def test_no_more_noise_is_found_than_is_believed(most, least):
     # Of 0.7 in both images, and a fifth of the matches four times as far off.
     view = shaken(view, 5, 0.7 * np.where(np.arange(200) % 5, 1.0, 4.0))
     pose = pose_of(view.R, view.t, np.array([1.0, 0.2, 0.1, 0.1]))
-    given = matches_of(view, 500.0, gives_way=True)._replace(max_variance=most)
+    given = matches_of(view, 500.0, soft_cheirality=True)._replace(max_variance=most)
     refinement.refine_pose(given, 1e-3, 20, pose)
     variance, wrong, poor, _ = pose.mixture
     assert variance == pytest.approx(least, rel=0.05)
@@ -354,7 +354,9 @@ def informed(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss-Newton matrix, the part of it that is noise, and the scatter of the gradient."""
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
-    seen = Seen(pairs, prior, view.R, view.t, mixture, spread_of(mixture, clutter), TAIL)
+    seen = LinearisationPoint(
+        pairs, prior, view.R, view.t, mixture, spread_of(mixture, clutter), LONG_TAIL
+    )
     information(seen, False, normal, noise, scatter)
     return normal[:5, :5], noise, scatter
 

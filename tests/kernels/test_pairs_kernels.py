@@ -40,10 +40,10 @@ def read(pairs: np.ndarray, i: int, v: np.ndarray) -> tuple:
     )
 
 
-def pack(view: View, **changes: np.ndarray) -> tuple[int, float, np.ndarray, np.ndarray]:
+def pack(view: View, **jacobian_times: np.ndarray) -> tuple[int, float, np.ndarray, np.ndarray]:
     n = view.size
     pairs, index = np.full(packed_length(n) // LANES * PANEL, np.nan), np.full(n, -1)
-    given = {"covariance0": UNIT, "covariance1": UNIT, "least_variance": 0.0} | changes
+    given = {"covariance0": UNIT, "covariance1": UNIT, "least_variance": 0.0} | jacobian_times
     arrays = (np.ascontiguousarray(array) for array in view[:4])
     count, spread = pack_pairs(
         *arrays, given["covariance0"], given["covariance1"], given["least_variance"], pairs, index

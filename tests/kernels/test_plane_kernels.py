@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 from kernels_kit import View, matches_of, packed, pose_of, shaken, shares_of, two_views
 
-from farpoint._kernels import contest, likelihood, mixture, plane, plausible, refinement
+from farpoint._kernels import (
+    hypothesis_comparison,
+    likelihood,
+    mixture,
+    parallax_prior,
+    plane,
+    refinement,
+)
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.pose import Pose, Seen
+from farpoint._kernels.pose import LinearisationPoint, Pose
 from farpoint.geometry import so3, sphere
 
 MIXTURE, SPREAD = np.array([1.2, 0.02, 0.01, 0.1]), 600.0
@@ -21,7 +28,7 @@ MEDIAN = 2.0 * np.log(2.0)
 @kernel
 def median(values: np.ndarray) -> float:
     """The upper one of two, as exactly as it is asked for."""
-    return plausible.largest(values, (values.size + 1) // 2)
+    return parallax_prior.kth_largest(values, (values.size + 1) // 2)
 
 
 def wall(
@@ -50,7 +57,7 @@ def wall(
 
 
 class Other(NamedTuple):
-    is_rival: bool
+    is_secondary_mode: bool
     against: float
     R: np.ndarray
     t: np.ndarray
@@ -59,7 +66,7 @@ class Other(NamedTuple):
 def other_of(view: View, prior: np.ndarray | None = None, is_told: bool = False) -> Other:
     pose = Pose(view.R, view.t, MIXTURE, np.empty((6, 6)), np.empty(1))
     other = pose_of(*(np.full_like(array, np.nan) for array in pose[:3]))
-    matches = matches_of(view, SPREAD, prior, gives_way=False)
+    matches = matches_of(view, SPREAD, prior, soft_cheirality=False)
     found = plane.other_motion(matches, pose, other, is_told)
     return Other(*found, other.R, other.t)
 
@@ -67,7 +74,9 @@ def other_of(view: View, prior: np.ndarray | None = None, is_told: bool = False)
 def said_of(view: View, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Parallax of each match, for unit noise, and its probability to be right."""
     told, prior = np.empty((3, len(packed(np.ones(view.size))))), packed(np.ones(view.size))
-    likelihood.explain(Seen(view.pairs, prior, R, t, MIXTURE, SPREAD, mixture.TAIL), *told)
+    likelihood.evaluate_residuals(
+        LinearisationPoint(view.pairs, prior, R, t, MIXTURE, SPREAD, mixture.LONG_TAIL), *told
+    )
     return told[1, : view.size], told[2, : view.size]
 
 
@@ -130,24 +139,26 @@ def likelihood_by(
     clutter = anywhere + near
     peak = 2.0 * SPREAD / np.sqrt(2.0 * np.pi * MIXTURE[0])
     across = along = 1.0
-    found, off = -np.inf, plane.OFF / plane.OF_ALL
+    found, off = -np.inf, plane.OFF_PLANE / plane.OFF_PLANE_OF
     for _ in range(plane.RELIEF_ROUNDS):
-        beyond = np.minimum(shift / np.sqrt(across) + mixture.FAR_SIGMA, 0.0)
-        retreat = mixture.STEEPER * beyond**2
+        beyond = np.minimum(shift / np.sqrt(across) + mixture.CHEIRALITY_SIGMA, 0.0)
+        retreat = mixture.CHEIRALITY_WEIGHT * beyond**2
         exponent = -0.5 * (c2 / across + retreat) / variance
         kinds = shares * np.exp(exponent) / np.sqrt(variance * across)
         about = (1.0 - off) * peak * np.exp(-0.5 * a2 / along) / np.sqrt(along)
         density = kinds.sum(axis=0) * (off + about) + clutter
         before, found = found, np.log(density).sum()
-        if abs(found - before) < plane.FINE:
+        if abs(found - before) < plane.FINE_TOLERANCE:
             break
         w = kinds[0] * about / density
-        sums = w.sum(), np.sum(w * c2) + plane.KNOWN, np.sum(w * a2)
-        across, along = sums[1] / (sums[0] + plane.KNOWN), sums[2] / max(sums[0], 1.0)
+        sums = w.sum(), np.sum(w * c2) + plane.PRIOR_MATCHES, np.sum(w * a2)
+        across, along = sums[1] / (sums[0] + plane.PRIOR_MATCHES), sums[2] / max(sums[0], 1.0)
         if along < across:
-            across = along = (sums[1] + sums[2]) / (2.0 * sums[0] + plane.KNOWN)
+            across = along = (sums[1] + sums[2]) / (2.0 * sums[0] + plane.PRIOR_MATCHES)
         lines = kinds.sum(axis=0) / density
-        off = (plane.OFF + off * lines.sum()) / (plane.OF_ALL + np.sum((off + about) * lines))
+        off = (plane.OFF_PLANE + off * lines.sum()) / (
+            plane.OFF_PLANE_OF + np.sum((off + about) * lines)
+        )
     return Relief(found, across, along)
 
 
@@ -169,7 +180,7 @@ def test_what_speaks_for_the_first_motion_is_relief_along_its_lines(
 ):
     view = wall(count, off, relief, wrong, shape=shape)
     other = other_of(view, is_told=is_told)
-    assert other.is_rival
+    assert other.is_secondary_mode
     expected, motions = 0.0, [(view.R, view.t), (other.R, other.t)]
     for planar in motions:
         away = off_plane(view, *planar)
@@ -207,10 +218,12 @@ def test_the_other_motion_is_a_minimum_of_its_own_and_nearly_as_low():
     assert sphere.angle_between(other.t, view.t) > 0.5
     for start in ((view.R, view.t), (other.R, other.t)):
         pose = pose_of(*start, MIXTURE)
-        refinement.refine_pose(matches_of(view, SPREAD, gives_way=False), 1e-6, 50, pose)
+        refinement.refine_pose(matches_of(view, SPREAD, soft_cheirality=False), 1e-6, 50, pose)
         costs.append(pose.cost[0])
         np.testing.assert_allclose(pose.t, start[1], rtol=0.0, atol=0.05)
-    near = contest.NEAR_OF_PLANE * np.sqrt(60.0 / contest.OF_MATCHES)
+    near = hypothesis_comparison.PLANAR_MARGIN * np.sqrt(
+        60.0 / hypothesis_comparison.PLANAR_MATCHES
+    )
     assert abs(costs[1] - costs[0]) < near
 
 
@@ -223,13 +236,13 @@ def test_the_motion_that_was_asked_about_stays_as_it_is():
 
 
 def test_points_at_any_distance_allow_no_other_motion():
-    assert not other_of(shaken(two_views(0, 60, noise_rad=1e-4), 1)).is_rival
+    assert not other_of(shaken(two_views(0, 60, noise_rad=1e-4), 1)).is_secondary_mode
 
 
 def test_a_wall_straight_ahead_allows_one_motion():
     normal = sphere.normalize(np.array([0.3, -0.2, 1.0]))
     R = so3.exp(np.array([0.04, -0.03, 0.05]))
-    assert not other_of(wall(60, towards=R @ normal)).is_rival
+    assert not other_of(wall(60, towards=R @ normal)).is_secondary_mode
 
 
 @pytest.mark.parametrize("degrees", [2.0, 5.0, 9.0])
@@ -237,7 +250,7 @@ def test_of_a_wall_nearly_straight_ahead_the_other_motion_is_as_near(degrees):
     normal = sphere.normalize(np.array([0.3, -0.2, 1.0]))
     R, aside = so3.exp(np.array([0.04, -0.03, 0.05])), so3.exp(np.radians([0.0, degrees, 0.0]))
     other = other_of(wall(60, towards=R @ aside @ normal))
-    assert other.is_rival
+    assert other.is_secondary_mode
     assert abs(other.against) < 1.0
     # Translation and normal change places.
     np.testing.assert_allclose(other.t, R @ normal, atol=0.05)
@@ -245,5 +258,5 @@ def test_of_a_wall_nearly_straight_ahead_the_other_motion_is_as_near(degrees):
 
 def test_where_no_match_is_right_nothing_speaks_for_either():
     other = other_of(wall(40, off=1), prior=1e-12 * packed(np.ones(40)))
-    assert other.is_rival
+    assert other.is_secondary_mode
     assert other.against == pytest.approx(0.0, abs=1e-6)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from kernels_kit import View, gradient, packed, shares_of, two_views
 
 from farpoint._kernels import rotation, rotation_residual, rotation_search
-from farpoint._kernels.mixture import POOR
+from farpoint._kernels.mixture import TAIL_RATIO
 from farpoint._kernels.pairs import packed_length
 from farpoint.geometry import so3, sphere
 
@@ -86,7 +86,9 @@ def turning(seed: int, matches: int, *, noise: float, wrong: int = 0) -> View:
 def density(distance2: np.ndarray) -> np.ndarray:
     """Of a right match, over that of a good one at its peak."""
     # In two dimensions a density falls with the square of its sigma.
-    parts = (np.exp(-0.5 * distance2 / MIXTURE[0] / s**2) / s**2 for s in POOR ** np.arange(4.0))
+    parts = (
+        np.exp(-0.5 * distance2 / MIXTURE[0] / s**2) / s**2 for s in TAIL_RATIO ** np.arange(4.0)
+    )
     return sum(share * part for share, part in zip(SHARES, parts, strict=True))
 
 
@@ -162,7 +164,7 @@ def test_the_normal_matrix_is_the_information_of_the_matches(seed):
         return Linearized(view, np.ones(12), so3.exp(step) @ view.R).g
 
     # In two dimensions a density falls with the square of its sigma.
-    density = SHARES / POOR ** (2 * np.arange(4))
+    density = SHARES / TAIL_RATIO ** (2 * np.arange(4))
     each = 12 / (density.sum() + CLUTTER)
     assert at.right == pytest.approx(each * density.sum(), rel=1e-6)
     assert at.steps == pytest.approx(each * (np.arange(4) @ density), rel=1e-6)
@@ -176,7 +178,7 @@ def test_what_a_rotation_makes_of_each_match():
     view = turning(6, 40, noise=1.0, wrong=8)
     distance, right = np.full((2, packed_length(40)), np.nan)
     given = (view.pairs, packed(np.ones(40)), SPREAD, view.R, MIXTURE)
-    rotation.explain_rotation(*given, distance, right)
+    rotation.evaluate_rotation(*given, distance, right)
     variance, wrong, _ = MIXTURE
     expected = plain_distance2(view, view.R)
     np.testing.assert_allclose(distance[:40], expected, rtol=1e-8)

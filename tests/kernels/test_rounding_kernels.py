@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from farpoint._kernels.rounding import ON_GRID, SIGMA, rounding_variance
+from farpoint._kernels.rounding import MIN_ON_GRID, SIGMA, rounding_variance
 
 
 def points(seed: int, count: int = 400) -> np.ndarray:
@@ -30,6 +30,6 @@ def test_those_found_between_pixels_keep_to_none():
 @pytest.mark.parametrize("by_chance", [True, False])
 def test_a_tenth_of_them_on_a_grid_is_enough(by_chance):
     first, second = points(1), points(2)
-    few = round(ON_GRID * len(first)) + (0 if by_chance else 1)
+    few = round(MIN_ON_GRID * len(first)) + (0 if by_chance else 1)
     first[:few], second[:few] = np.round(first[:few]), np.round(second[:few])
     assert rounding_variance(first, second) == (0.0 if by_chance else SIGMA**2)

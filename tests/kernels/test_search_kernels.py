@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernels_kit import View, moved, packed, rays_only, two_views
 
-from farpoint._kernels import five_rays, search, twins
+from farpoint._kernels import ambiguous_motions, five_rays, search
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.contest import noise_of, start_noise
-from farpoint._kernels.mixture import NO_TAIL
+from farpoint._kernels.hypothesis_comparison import default_noise, initial_noise
+from farpoint._kernels.mixture import SHORT_TAIL
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry import so3, sphere
 
@@ -52,10 +52,10 @@ def iterations_needed(
     *,
     known: float = 1.0,
     flow_rad: float = 0.0,
-    is_contested: bool = True,
+    has_competing_mode: bool = True,
 ) -> int:
-    effort = five_rays.Effort(3.0, confidence, least, most)
-    return five_rays.iterations_needed(wrong, known, flow_rad, is_contested, effort)
+    budget = five_rays.SearchBudget(3.0, confidence, least, most)
+    return five_rays.iterations_needed(wrong, known, flow_rad, has_competing_mode, budget)
 
 
 def constraints(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -197,7 +197,7 @@ def test_the_stop_rule_keeps_its_confidence(wrong, known, confidence):
     # A sample of five hits when none is wrong and, not every time, when it converges. Of known
     # matches fewer are wrong, if a pose explains more of all than chance would.
     right = 1.0 - wrong
-    among = min(right / known, 1.0) * min(right / five_rays.BEYOND_CHANCE, 1.0)
+    among = min(right / known, 1.0) * min(right / five_rays.MIN_CONSENSUS, 1.0)
     hit = 0.25 * 0.5 * (right**5 + among**5)
     needed = iterations_needed(wrong, confidence, most=10**7, known=known)
     assert 1.0 - (1.0 - hit) ** needed >= confidence - 1e-9
@@ -230,15 +230,17 @@ def test_long_flow_asks_for_more_hypotheses():
     assert counts[0] < counts[1] < counts[2] == counts[3]
     assert counts[-1] == pytest.approx(2.0 * counts[0], abs=4)
     # Nor is the start then likely to have led to it.
-    alone = [iterations_needed(0.2, 0.99, flow_rad=flow, is_contested=False) for flow in (0.0, 0.5)]
+    alone = [
+        iterations_needed(0.2, 0.99, flow_rad=flow, has_competing_mode=False) for flow in (0.0, 0.5)
+    ]
     assert alone[1] > 3 * alone[0]
 
 
 def test_a_start_without_a_rival_needs_fewer_samples():
     for wrong in (0.2, 0.5):
-        doubt = five_rays.START_DOUBT / (1.0 - wrong) ** 2
+        doubt = five_rays.START_FAILURE / (1.0 - wrong) ** 2
         hit = 0.5 / (1.0 + doubt) * (1.0 - wrong) ** 5
-        needed = iterations_needed(wrong, 0.999, is_contested=False)
+        needed = iterations_needed(wrong, 0.999, has_competing_mode=False)
         # Together, the start and the samples miss the pose with the probability that was asked for.
         assert doubt * (1.0 - hit) ** needed <= 0.001
         assert doubt * (1.0 - hit) ** (needed - 2) >= 0.001
@@ -267,16 +269,18 @@ def on_a_plane(wrong: int = 0, captured=(), towards=(1.0, 0.3, -0.4)) -> View:
 )
 def test_a_plane_allows_another_motion(wrong, captured):
     view = on_a_plane(wrong, captured)
-    twin_R, twin_t = np.empty((3, 3)), np.empty(3)
-    assert twins.planar_twin(view.pairs, view.size, 3.0, view.R, view.t, twin_R, twin_t)
-    assert sphere.angle_between(twin_t, view.t) > 0.5
-    np.testing.assert_allclose(twin_R @ twin_R.T, np.eye(3), rtol=0.0, atol=1e-12)
+    other_R, other_t = np.empty((3, 3)), np.empty(3)
+    assert ambiguous_motions.second_planar_motion(
+        view.pairs, view.size, 3.0, view.R, view.t, other_R, other_t
+    )
+    assert sphere.angle_between(other_t, view.t) > 0.5
+    np.testing.assert_allclose(other_R @ other_R.T, np.eye(3), rtol=0.0, atol=1e-12)
     # To the second order of a motion of 2.5 % of the distance; any other motion leaves the first.
     right = slice(wrong + len(captured), None)
     flow = np.linalg.norm((view.rays1 - view.rays0 @ view.R.T)[right], axis=1).max()
     # Wrong matches on their own line look right, far too near, ahead or behind.
-    assert np.abs(constraints(view, twin_R, twin_t)[right]).max() < 0.05 * flow
-    assert np.abs(constraints(view, view.R, twin_t)[right]).max() > 0.2 * flow
+    assert np.abs(constraints(view, other_R, other_t)[right]).max() < 0.05 * flow
+    assert np.abs(constraints(view, view.R, other_t)[right]).max() > 0.2 * flow
 
 
 @pytest.mark.parametrize("metres", [0.1, 1.0, 2.5])
@@ -290,21 +294,25 @@ def test_the_other_motion_of_a_plane_moves_every_point_of_it_alike(metres, towar
     seen = (rays0 / (rays0 @ normal)[:, None]) @ R.T - metres * t
     noise = 1e-4 * sphere.tangent_basis(rays0)
     view = View(rays0, sphere.normalize(seen), noise, noise, R, -t)
-    twin_R, twin_t = np.empty((3, 3)), np.empty(3)
-    assert twins.planar_twin(view.pairs, view.size, 3.0, R, -t, twin_R, twin_t)
-    np.testing.assert_allclose(twin_R @ twin_R.T, np.eye(3), rtol=0.0, atol=1e-12)
-    assert np.linalg.norm(twin_t) == pytest.approx(1.0)
-    assert sphere.angle_between(twin_t, view.t) > 0.1
-    assert np.abs(constraints(view, twin_R, twin_t)).max() < 1e-7
+    other_R, other_t = np.empty((3, 3)), np.empty(3)
+    assert ambiguous_motions.second_planar_motion(
+        view.pairs, view.size, 3.0, R, -t, other_R, other_t
+    )
+    np.testing.assert_allclose(other_R @ other_R.T, np.eye(3), rtol=0.0, atol=1e-12)
+    assert np.linalg.norm(other_t) == pytest.approx(1.0)
+    assert sphere.angle_between(other_t, view.t) > 0.1
+    assert np.abs(constraints(view, other_R, other_t)).max() < 1e-7
 
 
 @pytest.mark.parametrize("towards", [(0.2, 0.1, 1.0), (0.2, 0.1, -1.0), (-0.4, 0.1, -0.9)])
 def test_matches_flow_towards_the_twin_whichever_way_the_camera_went(towards):
     view = on_a_plane(towards=so3.exp(np.array([0.4, -0.3, 0.5])) @ np.array(towards))
-    twin_R, twin_t = np.empty((3, 3)), np.empty(3)
-    assert twins.planar_twin(view.pairs, view.size, 3.0, view.R, view.t, twin_R, twin_t)
-    assert sphere.angle_between(twin_t, view.t) > 0.1
-    assert np.mean((view.rays1 - view.rays0 @ twin_R.T) @ twin_t > 0.0) > 0.8
+    other_R, other_t = np.empty((3, 3)), np.empty(3)
+    assert ambiguous_motions.second_planar_motion(
+        view.pairs, view.size, 3.0, view.R, view.t, other_R, other_t
+    )
+    assert sphere.angle_between(other_t, view.t) > 0.1
+    assert np.mean((view.rays1 - view.rays0 @ other_R.T) @ other_t > 0.0) > 0.8
 
 
 def test_a_match_at_the_epipole_tells_nothing_of_a_plane():
@@ -312,16 +320,20 @@ def test_a_match_at_the_epipole_tells_nothing_of_a_plane():
     view.rays0[0], view.rays1[0] = view.t @ view.R, view.t
     rest = View(*(array[1:] for array in view[:4]), view.R, view.t)
     found = np.empty((2, 4, 3))
-    for seen, (twin_R, twin_t) in zip((view, rest), ((f[:3], f[3]) for f in found), strict=True):
-        assert twins.planar_twin(seen.pairs, seen.size, 3.0, view.R, view.t, twin_R, twin_t)
+    for seen, (other_R, other_t) in zip((view, rest), ((f[:3], f[3]) for f in found), strict=True):
+        assert ambiguous_motions.second_planar_motion(
+            seen.pairs, seen.size, 3.0, view.R, view.t, other_R, other_t
+        )
     np.testing.assert_allclose(*found, rtol=0.0, atol=1e-9)
 
 
 def test_what_is_far_away_has_no_plane():
     view = on_a_plane()
     far = view._replace(rays1=view.rays0 @ view.R.T)
-    twin_R, twin_t = np.empty((3, 3)), np.empty(3)
-    assert not twins.planar_twin(far.pairs, far.size, 3.0, view.R, view.t, twin_R, twin_t)
+    other_R, other_t = np.empty((3, 3)), np.empty(3)
+    assert not ambiguous_motions.second_planar_motion(
+        far.pairs, far.size, 3.0, view.R, view.t, other_R, other_t
+    )
 
 
 def test_a_pose_twisted_by_half_a_turn_costs_everything():
@@ -349,11 +361,11 @@ def test_two_layers_can_change_places(wrong, ahead):
     rays1[40:] = sphere.normalize(rays1[40:] + rng.normal(0.0, 0.05, (wrong, 3)))
     noise = 1e-4 * sphere.tangent_basis(rays0)
     view = rays_only(rays0, rays1)._replace(noise0=noise, noise1=noise)
-    twin_R, twin_t = np.empty((3, 3)), np.empty(3)
-    assert twins.layer_twin(view.pairs, count, 3.0, R, t, twin_R, twin_t)
+    other_R, other_t = np.empty((3, 3)), np.empty(3)
+    assert ambiguous_motions.bas_relief_motion(view.pairs, count, 3.0, R, t, other_R, other_t)
     # As far ahead as before, within the noise of where the rays look on average.
-    np.testing.assert_allclose(twin_t, t * (-1.0, 1.0, 1.0), atol=0.06)
-    flow = rays1 - rays0 @ twin_R.T
+    np.testing.assert_allclose(other_t, t * (-1.0, 1.0, 1.0), atol=0.06)
+    flow = rays1 - rays0 @ other_R.T
     parallax = 0.05 / 2.0 * t[0]
     # The near layer now stands still, and the far one flows towards the twin's direction.
     assert np.linalg.norm(flow[near], axis=1).max() < 0.15 * parallax
@@ -364,8 +376,8 @@ def test_two_layers_can_change_places(wrong, ahead):
 def start_from(
     matches: PackedMatches, best: Pose, tolerance: float, nothing: np.ndarray, found: np.ndarray
 ) -> None:
-    start_noise(tolerance, nothing)
-    noise_of(matches, best, tolerance, found)
+    default_noise(tolerance, nothing)
+    initial_noise(matches, best, tolerance, found)
 
 
 @pytest.mark.parametrize(
@@ -380,7 +392,7 @@ def start_from(
 def test_no_hypothesis_starts_from_more_noise_than_where_nothing_is_known(best, is_known):
     nothing, found = np.empty((2, 4))
     matches = PackedMatches(
-        np.empty(0), np.empty(0), 20, 100.0, NO_TAIL, 1e-6, math.inf, gives_way=True
+        np.empty(0), np.empty(0), 20, 100.0, SHORT_TAIL, 1e-6, math.inf, soft_cheirality=True
     )
     pose = Pose(np.eye(3), np.zeros(3), np.array(best), np.zeros((6, 6)), np.zeros(1))
     start_from(matches, pose, 3.0, nothing, found)

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from farpoint._kernels import contest, five_rays, search
-from farpoint._kernels.contest import NEAR
-from farpoint._kernels.mixture import NO_TAIL
+from farpoint._kernels import five_rays, hypothesis_comparison, search
+from farpoint._kernels.hypothesis_comparison import MODE_MARGIN
+from farpoint._kernels.mixture import SHORT_TAIL
 from farpoint._kernels.pose import PackedMatches, Pose
 
 FLOW, CONFIDENCE, MATCHES = 0.01, 0.99, 60
@@ -21,10 +21,10 @@ def interpreted(kernel: Callable) -> Callable:
     return getattr(kernel, "py_func", kernel)
 
 
-def needed(wrong: float, is_contested: bool, known: int = MATCHES) -> int:
-    effort = five_rays.Effort(3.0, CONFIDENCE, 0, 10**6)
+def needed(wrong: float, has_competing_mode: bool, known: int = MATCHES) -> int:
+    budget = five_rays.SearchBudget(3.0, CONFIDENCE, 0, 10**6)
     share = known / MATCHES
-    return interpreted(five_rays.iterations_needed)(wrong, share, FLOW, is_contested, effort)
+    return interpreted(five_rays.iterations_needed)(wrong, share, FLOW, has_competing_mode, budget)
 
 
 @pytest.fixture
@@ -51,10 +51,12 @@ def drawn(monkeypatch):
         marked = iter(known or [])
         last = [MATCHES]
 
-        def challenge(_matches, _challenger, best, second, rival, within):
+        def compare_hypothesis(_matches, _challenger, best, second, rival, within):
             # The best costs 1 at first, or infinitely much.
             known = max(known_costs) if len(samples) > 1 else math.inf
-            assert within == (known - best.cost[0] if known < best.cost[0] + NEAR else NEAR)
+            assert within == (
+                known - best.cost[0] if known < best.cost[0] + MODE_MARGIN else MODE_MARGIN
+            )
             second.cost[0], rival.cost[0] = known_costs
             return samples[-1] in rivals, False
 
@@ -75,30 +77,30 @@ def drawn(monkeypatch):
 
         mocks = {
             "_draw_distinct": draw,
-            "_get_to_know": get_to_know,
-            "challenge": challenge,
-            "unexplained": lambda *_: next(shares),
+            "_mark_known": get_to_know,
+            "compare_hypothesis": compare_hypothesis,
+            "outlier_share_of": lambda *_: next(shares),
             "_typical_flow": lambda *_: FLOW,
             "iterations_needed": interpreted(five_rays.iterations_needed),
             "_solve_sample": solve,
             "_start": lambda *_: (9.0, scores[0]),
             "score_pose": lambda *_: scores[1],
-            "noise_of": lambda *_: None,
+            "initial_noise": lambda *_: None,
             "copy": lambda *_: None,
-            "is_rival": lambda *_: False,
-            "is_close_second": lambda *_: False,
-            "_search_twins": lambda *_: False,
+            "is_secondary_mode": lambda *_: False,
+            "is_close_mode": lambda *_: False,
+            "_search_ambiguous_motions": lambda *_: False,
         }
         for name, mock in mocks.items():
             monkeypatch.setattr(search, name, mock)
         empty, everyone = np.ones(9), np.ones(MATCHES)
         matches = PackedMatches(
-            empty, everyone, MATCHES, 100.0, NO_TAIL, 1e-6, math.inf, gives_way=True
+            empty, everyone, MATCHES, 100.0, SHORT_TAIL, 1e-6, math.inf, soft_cheirality=True
         )
-        effort = five_rays.Effort(3.0, CONFIDENCE, least, most)
+        budget = five_rays.SearchBudget(3.0, CONFIDENCE, least, most)
         poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(3)]
         poses[0].cost[0] = cost
-        told, *_ = interpreted(search.search_pose)(matches, empty, effort, empty, *poses)
+        told, *_ = interpreted(search.search_pose)(matches, empty, budget, empty, *poses)
         assert told == len(samples)
         return len(samples)
 
@@ -107,12 +109,12 @@ def drawn(monkeypatch):
 
 @pytest.mark.parametrize("wrong", [0.0, 0.3, 0.6])
 def test_without_a_rival_the_first_share_of_wrong_matches_decides(drawn, wrong):
-    assert drawn([wrong]) == needed(wrong, is_contested=False)
+    assert drawn([wrong]) == needed(wrong, has_competing_mode=False)
 
 
 def test_a_rival_asks_for_the_samples_of_a_search_that_knows_nothing(drawn):
-    assert needed(0.4, is_contested=True) > 2 * needed(0.4, is_contested=False) > 4
-    assert drawn([0.4, 0.4], (2,)) == needed(0.4, is_contested=True)
+    assert needed(0.4, has_competing_mode=True) > 2 * needed(0.4, has_competing_mode=False) > 4
+    assert drawn([0.4, 0.4], (2,)) == needed(0.4, has_competing_mode=True)
 
 
 @pytest.mark.parametrize("known_costs", [(3.0, math.inf), (3.0, 8.0), (9.0, 8.0), (99.0, 8.0)])
@@ -131,18 +133,18 @@ def test_any_is_near_a_start_that_is_infinitely_unlikely(drawn):
 )
 def test_only_a_sample_that_comes_near_the_best_may_be_its_rival(drawn, scores, is_tried):
     tried = drawn([0.4, 0.4], (2,), scores=scores)
-    assert tried == needed(0.4, is_contested=is_tried)
+    assert tried == needed(0.4, has_competing_mode=is_tried)
 
 
 def test_a_better_pose_changes_what_is_needed(drawn):
-    assert needed(0.2, is_contested=True) > 3
-    assert drawn([0.5, 0.2], (3,)) == needed(0.2, is_contested=True)
-    assert drawn([0.2, 0.5], (1,)) == needed(0.5, is_contested=True)
+    assert needed(0.2, has_competing_mode=True) > 3
+    assert drawn([0.5, 0.2], (3,)) == needed(0.2, has_competing_mode=True)
+    assert drawn([0.2, 0.5], (1,)) == needed(0.5, has_competing_mode=True)
 
 
 def test_the_more_is_known_of_the_matches_the_fewer_samples_are_needed(drawn):
-    first, later = (needed(0.5, is_contested=True, known=known) for known in (36, 45))
-    assert first < later < 0.5 * needed(0.5, is_contested=True)
+    first, later = (needed(0.5, has_competing_mode=True, known=known) for known in (36, 45))
+    assert first < later < 0.5 * needed(0.5, has_competing_mode=True)
     assert drawn([0.5, 0.5], (2,), known=[30, 33, 36]) == first
     assert drawn([0.5] * 3, (2, 3), known=[30, 33, 36, 40, 45]) == later
 
@@ -155,8 +157,8 @@ def test_samples_of_known_matches_are_not_solved_from_the_best_pose(drawn):
 
 
 def test_a_search_that_has_drawn_enough_already_stops_at_once(drawn):
-    late = needed(0.1, is_contested=True) + 2
-    assert needed(0.6, is_contested=False) > late
+    late = needed(0.1, has_competing_mode=True) + 2
+    assert needed(0.6, has_competing_mode=False) > late
     assert drawn([0.6, 0.1], (late,)) == late
 
 
@@ -171,22 +173,24 @@ def test_the_other_motion_of_a_plane_may_be_as_far_away_as_chance_has_it(monkeyp
     """And it is told whether it came so near, as it was or once refined; one of layers is not."""
     asked: list[float] = []
 
-    def challenge(*given):
+    def compare_hypothesis(*given):
         asked.append(given[-1])
         return outcome
 
     mocks = {
-        "planar_twin": lambda *_: True,
-        "layer_twin": lambda *_: True,
-        "challenge": challenge,
-        "near_of_plane": interpreted(contest.near_of_plane),
+        "second_planar_motion": lambda *_: True,
+        "bas_relief_motion": lambda *_: True,
+        "compare_hypothesis": compare_hypothesis,
+        "planar_margin": interpreted(hypothesis_comparison.planar_margin),
         "copy": lambda *_: None,
     }
     for name, mock in mocks.items():
         monkeypatch.setattr(search, name, mock)
     empty = np.ones(9)
-    matches = PackedMatches(empty, empty, 640, 100.0, NO_TAIL, 1e-6, math.inf, gives_way=True)
+    matches = PackedMatches(
+        empty, empty, 640, 100.0, SHORT_TAIL, 1e-6, math.inf, soft_cheirality=True
+    )
     poses = [Pose(*(empty.copy() for _ in Pose._fields)) for _ in range(4)]
-    is_planar = interpreted(search._search_twins)(matches, *poses)
-    assert asked == [200.0, NEAR]
+    is_planar = interpreted(search._search_ambiguous_motions)(matches, *poses)
+    assert asked == [200.0, MODE_MARGIN]
     assert is_planar == any(outcome)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.positive import eliminate_points, point_variances
+from farpoint._kernels.cholesky import eliminate_points, point_variances
 from farpoint._kernels.window import (
     UNSEEN_PX,
     gather_information,

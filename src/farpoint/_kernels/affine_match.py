@@ -16,42 +16,42 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_slopes import (
+from farpoint._kernels.affine_jacobian import (
     PARAMETERS,
     Nine,
     Template,
     blank_template,
-    changes,
+    jacobian_products,
+    jacobian_times,
     linearise,
     normal_matrix,
-    pulls,
 )
 from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.warped_window import Around, blank_around, residual_of
 from farpoint._kernels.window_covariance import (
     Influence,
-    bend,
     blank_influence,
     covary,
     find_influence,
+    quadratic_bias,
     solve,
 )
 from farpoint._kernels.windows import (
     Image,
-    Patience,
+    Termination,
     blank_values,
     differentiate,
     line_px,
-    relaxed,
+    relaxed_share,
     room_px,
     sample,
 )
 
-__all__ = ["Belief", "Matched", "Workspace", "blank_workspace", "match_windows"]
+__all__ = ["Matched", "ParameterPrior", "Workspace", "blank_workspace", "match_windows"]
 
 
-class Belief(NamedTuple):
+class ParameterPrior(NamedTuple):
     """What is known of a match before."""
 
     precision: np.ndarray
@@ -72,7 +72,7 @@ class Matched(NamedTuple):
     texture)."""
     correlations: np.ndarray
     """(N,) of the two windows, -1 to 1."""
-    bendings: np.ndarray
+    quadratic_bias: np.ndarray
     """(N, 2, 2, 3) what a motion that the model leaves out does to the match, px: ``[a, b, c]`` is
     the move along axis a for each unit of ``u^2``, ``u v`` or ``v^2`` (c) along axis b."""
 
@@ -91,7 +91,7 @@ class Workspace(NamedTuple):
     """What the second image has there."""
     residual: np.ndarray
     """(S + 2 lines,) of the second image, less the first."""
-    explained: np.ndarray
+    predicted: np.ndarray
     """(S,) part of it."""
     normal: np.ndarray
     """(8, 8) normal matrix."""
@@ -120,7 +120,7 @@ def blank_workspace(half: int) -> Workspace:
         template=template,
         around=blank_around(half),
         residual=blank_values(size + 2 * template.window.line),
-        explained=blank_values(size),
+        predicted=blank_values(size),
         normal=np.zeros(square),
         factor=np.zeros(square),
         expected=np.zeros(PARAMETERS),
@@ -135,8 +135,8 @@ def match_windows(
     image0: Image,
     image1: Image,
     points0: np.ndarray,
-    belief: Belief,
-    patience: Patience,
+    parameter_prior: ParameterPrior,
+    termination: Termination,
     space: Workspace,
     matched: Matched,
 ) -> None:
@@ -149,16 +149,16 @@ def match_windows(
         if not _take_template(image0, points0[k], space):
             continue
         x, y = points1[k]
-        variance, correlation = _fit(image1, (x, y), belief, patience, space)
+        variance, correlation = _fit(image1, (x, y), parameter_prior, termination, space)
         if variance < 0.0:
             continue
         points1[k, 0], points1[k, 1] = x + theta[0], y + theta[1]
         warps[k, 0, 0], warps[k, 0, 1] = 1.0 + theta[2], theta[3]
         warps[k, 1, 0], warps[k, 1, 1] = theta[4], 1.0 + theta[5]
         matched.correlations[k] = correlation
-        influence, precision = space.influence, belief.precision
+        influence, precision = space.influence, parameter_prior.precision
         find_influence(space.factor, template, influence)
-        bend(template, influence, matched.bendings[k])
+        quadratic_bias(template, influence, matched.quadratic_bias[k])
         covariance = matched.covariances[k]
         covary(template, space.residual, variance, precision, influence, covariance)
 
@@ -195,8 +195,8 @@ def _holds(image: Image, x: float, y: float, width: int) -> bool:
 def _fit(
     image: Image,
     start: tuple[float, float],
-    belief: Belief,
-    patience: Patience,
+    parameter_prior: ParameterPrior,
+    termination: Termination,
     space: Workspace,
 ) -> tuple[float, float]:
     """Gauss-Newton steps to the parameters.
@@ -204,36 +204,36 @@ def _fit(
     Returns the residual's variance and the correlation of the windows; a variance of -1 where there
     is no match.
     """
-    (x, y), precision = start, belief.precision
-    template, residual, explained = space.template, space.residual, space.explained
+    (x, y), precision = start, parameter_prior.precision
+    template, residual, predicted = space.template, space.residual, space.predicted
     normal, factor, expected = space.normal, space.factor, space.expected
     theta, step = space.theta, space.step
     count = (2 * template.window.half + 1) ** 2
     copy(expected, theta)
     variance, correlation = -1.0, 0.0
     before_x, before_y, share = 0.0, 0.0, 1.0
-    for _ in range(patience.iterations):
+    for _ in range(termination.iterations):
         if not residual_of(image, x, y, template, theta, space.around, residual):
             return -1.0, 0.0
-        sums = pulls(template, residual)
+        sums = jacobian_products(template, residual)
         # The prior weighs as much as the noise tells it to; the residual shows the noise.
-        variance = max(sums[8] / count, belief.noise_floor)
+        variance = max(sums[8] / count, parameter_prior.noise_floor)
         if not _factorise(normal, precision, variance, factor):
             return -1.0, 0.0
         correlation = _correlation(normal[6, 6], sums, theta[6], count)
         for a in range(PARAMETERS):
             step[a] = sums[a] + variance * precision[a] * (theta[a] - expected[a])
         solve(factor, step)
-        share = relaxed(share, step[0], step[1], before_x, before_y)
+        share = relaxed_share(share, step[0], step[1], before_x, before_y)
         before_x, before_y = step[0], step[1]
         for a in range(PARAMETERS):
             theta[a] -= share * step[a]
-        if step[0] * step[0] + step[1] * step[1] < patience.tolerance * patience.tolerance:
+        if step[0] * step[0] + step[1] * step[1] < termination.tolerance * termination.tolerance:
             break
     # What is left once the last step is taken; its gradients say how much that is.
-    changes(template, step, explained)
-    for i in range(np.uintp(len(explained))):
-        residual[i] -= explained[i]
+    jacobian_times(template, step, predicted)
+    for i in range(np.uintp(len(predicted))):
+        residual[i] -= predicted[i]
     return variance, correlation
 
 

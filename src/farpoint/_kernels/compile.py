@@ -76,7 +76,7 @@ inlined_sum: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_IN
 # then end in other digits.
 sum_kernel: _Decorator = partial(_njit, **_SUM_OPTIONS, **_INNER)
 
-_PATIENCE_S = 2.0  # loading compiled loops takes less
+_NOTICE_AFTER_S = 2.0  # loading compiled loops takes less
 
 
 # Kernels that have been called: they are compiled, in this process.
@@ -94,7 +94,7 @@ class AnnouncedCompilation:
         if self._loop in _called or os.environ.get("NUMBA_DISABLE_JIT") == "1":
             return
         self._notice = threading.Timer(
-            _PATIENCE_S,
+            _NOTICE_AFTER_S,
             lambda: print(
                 "farpoint: compiling for this machine, once", file=sys.stderr, flush=True
             ),

@@ -18,7 +18,7 @@ from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
-    combine,
+    axpby,
     cross,
     dot,
     matrix,
@@ -35,7 +35,7 @@ def circle(pairs: np.ndarray, R: Matrix, i: int) -> tuple[Vector, Vector]:
     """Normal ``m x b`` (not normalised) and flow ``b - m`` of match ``i`` with ``m = R a``."""
     at = address(i)
     m = rotate(R, ray0(pairs, at))
-    flow = combine(1.0, ray1(pairs, at), -1.0, m)
+    flow = axpby(1.0, ray1(pairs, at), -1.0, m)
     # m x (b - m) loses no digits where the flow is short.
     return cross(m, flow), flow
 

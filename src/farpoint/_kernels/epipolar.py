@@ -22,7 +22,7 @@ from farpoint._kernels.scalars import fma
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
-    combine,
+    axpby,
     cross,
     dot,
     rotate,
@@ -88,8 +88,8 @@ def sampson_jacobian(
     m, b, q, w, z, e, g = _constraint(pairs, at, R, t)
     inv = 1.0 / math.sqrt(g)
     f = e * inv * inv
-    by_theta = combine(1.0, cross(m, combine(1.0, q, -f, cross(z, t))), -f, cross(w, q))
-    by_t = combine(1.0, cross(m, combine(1.0, b, -f, z)), -f, cross(w, b))
+    by_theta = axpby(1.0, cross(m, axpby(1.0, q, -f, cross(z, t))), -f, cross(w, q))
+    by_t = axpby(1.0, cross(m, axpby(1.0, b, -f, z)), -f, cross(w, b))
     return _row(inv, by_theta, by_t, basis, e)
 
 
@@ -107,7 +107,7 @@ def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
 @inlined_kernel
 def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vector) -> float:
     """Variance, for unit noise, of the first of `flow_along`."""
-    along = combine(1.0, t, -dot(m, t), m)
+    along = axpby(1.0, t, -dot(m, t), m)
     back = rotate_back(R, along)
     return dot(back, noise0(pairs, at, back)) + dot(along, noise1(pairs, at, along))
 
@@ -123,9 +123,9 @@ def shift_jacobian(
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
     inv = 1.0 / math.sqrt(parallax_variance(pairs, at, R, m, t) + TINY)
-    alike = dot(m, b)
-    by_theta = combine(-alike, cross(m, t), -dot(m, t), cross(m, b))
-    by_t = combine(1.0, b, -alike, m)
+    cosine = dot(m, b)
+    by_theta = axpby(-cosine, cross(m, t), -dot(m, t), cross(m, b))
+    by_t = axpby(1.0, b, -cosine, m)
     return _row(inv, by_theta, by_t, basis, flow)
 
 
@@ -137,6 +137,6 @@ def variances(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[float, 
     constraint, and the residual tells that part of it.
     """
     m, _, _, w, z, _, g = _constraint(pairs, at, R, t)
-    along = combine(1.0, t, -dot(m, t), m)
+    along = axpby(1.0, t, -dot(m, t), m)
     covariance = dot(along, z) - dot(along, w)
     return g, parallax_variance(pairs, at, R, m, t) - covariance * covariance / g

@@ -10,10 +10,16 @@ import numpy as np
 from farpoint._kernels.arrays import clear
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
 from farpoint._kernels.epipolar import flow_along, sampson
+from farpoint._kernels.normal_equations import (
+    SIX,
+    add_six,
+    predicted_decrease,
+    solve_five_spd,
+    write_six,
+)
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
 from farpoint._kernels.pose import apply_step
 from farpoint._kernels.scalars import where
-from farpoint._kernels.squares import SIX, add_six, promise, solve_five_spd, write_six
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
@@ -25,30 +31,30 @@ from farpoint._kernels.vectors import (
     vector,
 )
 
-__all__ = ["LONG_FLOW", "Effort", "iterations_needed", "score_pose", "solve_five"]
+__all__ = ["LONG_FLOW", "SearchBudget", "iterations_needed", "score_pose", "solve_five"]
 
 # Flow after the far rotation, rad, from which on Newton's method starts too far away to be trusted.
 LONG_FLOW = 0.05
 # How much more rarely a sample converges then: it starts from a rotation of its own.
-AS_FAR_AS_ANY = 2.0
+MAX_RESTART_FACTOR = 2.0
 # Probability that the start leads to another pose, with no wrong matches and a short flow.
-START_DOUBT = 0.02
+START_FAILURE = 0.02
 # Share of samples without a wrong match that lead to the right pose, where it is hardly in doubt.
-CONVERGING = 0.5
+CONVERGENCE_RATE = 0.5
 # A pose that this share of the matches agrees with has to do with the right one.
-BEYOND_CHANCE = 0.4
+MIN_CONSENSUS = 0.4
 # Newton's steps: how many, the longest, and one after which the next would be its square.
 NEWTON_STEPS = 7
 # Pairs that are worked on at once: five, and empty seats.
-SEATS = 8
-SEATED = 6 * SEATS
+LANES_OF_FIVE = 8
+PADDED_SIZE = 6 * LANES_OF_FIVE
 LONGEST_STEP = 0.5
 LAST_STEP = 0.01
 
 Row = tuple[float, float, float, float, float, float]
 
 
-class Effort(NamedTuple):
+class SearchBudget(NamedTuple):
     """How much is tried to find a pose."""
 
     tolerance: float
@@ -117,17 +123,21 @@ def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np
     """
     turn, towards = matrix(R), vector(t)
     sums = SIX
-    for lane in range(SEATS):
+    for lane in range(LANES_OF_FIVE):
         weight, row = _row(rays, lane, turn, towards)
         sums = add_six(sums, weight, row)
     write_six(sums, normal)
 
 
 @inlined_kernel
-def _row(rays: np.ndarray, seat: int, R: Matrix, t: Vector) -> tuple[float, Row]:
+def _row(rays: np.ndarray, lane: int, R: Matrix, t: Vector) -> tuple[float, Row]:
     """Weight and row of the pair in this seat; the last element is the constraint itself."""
-    a = rays[seat], rays[SEATS + seat], rays[2 * SEATS + seat]
-    b = rays[3 * SEATS + seat], rays[4 * SEATS + seat], rays[5 * SEATS + seat]
+    a = rays[lane], rays[LANES_OF_FIVE + lane], rays[2 * LANES_OF_FIVE + lane]
+    b = (
+        rays[3 * LANES_OF_FIVE + lane],
+        rays[4 * LANES_OF_FIVE + lane],
+        rays[5 * LANES_OF_FIVE + lane],
+    )
     m = rotate(R, a)
     first, second = tangent_columns(t)
     by_t = cross(m, b)
@@ -145,17 +155,17 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
     DOI 10.5244/C.27.116). It ends where the next step would be within the noise of five rays; False
     where it does not get there.
     """
-    rays, normal, x = np.empty(SEATED), np.empty((6, 6)), np.empty(5)
+    rays, normal, x = np.empty(PADDED_SIZE), np.empty((6, 6)), np.empty(5)
     clear(rays)
     for s in range(5):
         at = address(sample[s])
         for row in range(6):
-            rays[row * SEATS + s] = pairs[at + row * LANES]
+            rays[row * LANES_OF_FIVE + s] = pairs[at + row * LANES]
     for _ in range(NEWTON_STEPS):
         _newton_equations(rays, R, t, normal)
         if not solve_five_spd(normal, 0.0, x):
             return False
-        _, size2 = promise(normal, x)
+        _, size2 = predicted_decrease(normal, x)
         size = math.sqrt(size2)
         if not size < 1e3:
             return False
@@ -170,33 +180,33 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
 
 @inner_kernel
 def iterations_needed(
-    wrong: float,
+    outlier_share: float,
     known: float,
     flow: float,
-    is_contested: bool,
-    effort: Effort,
+    has_competing_mode: bool,
+    budget: SearchBudget,
 ) -> int:
-    """Samples of five until the pose has been found, with the confidence of the ``effort``.
+    """Samples of five until the pose has been found, with the confidence of the ``budget``.
 
     Half of them are of the share of matches that is ``known`` to agree with a pose that was met: of
     these, as many are right as agree with the best, if those are more than agree by chance.
 
     The start already led to it, but for a doubt that was measured on drawn and real pairs: it grows
-    with the share of ``wrong`` matches, and with the square of the ``flow`` that the rotation of
-    the start leaves (rad); once there was a rival (``is_contested``), nothing is known. A sample
+    with the share of ``outlier_share`` matches, and with the square of the ``flow`` that the rotation of
+    the start leaves (rad); once there was a rival (``has_competing_mode``), nothing is known. A sample
     without a wrong match converges to the right pose every second time; half as often where that
     flow is long and samples start from their own rotation, and where nothing is known.
     """
-    right = max(1.0 - wrong, 0.0)
-    square = right * right
+    inlier_share = max(1.0 - outlier_share, 0.0)
+    square = inlier_share * inlier_share
     away = 1.0 + flow / LONG_FLOW * flow / LONG_FLOW
-    start_doubt = min(START_DOUBT * away / (square + 1e-9), 1.0)
-    doubt = 1.0 if is_contested else start_doubt
-    among = min(right / known, 1.0) * min(right / BEYOND_CHANCE, 1.0)
-    clean = 0.5 * (right**5 + among**5)
-    hit = CONVERGING / (1.0 + doubt) / min(away, AS_FAR_AS_ANY) * clean
+    start_failure = min(START_FAILURE * away / (square + 1e-9), 1.0)
+    failure = 1.0 if has_competing_mode else start_failure
+    among_known = min(inlier_share / known, 1.0) * min(inlier_share / MIN_CONSENSUS, 1.0)
+    clean = 0.5 * (inlier_share**5 + among_known**5)
+    hit = CONVERGENCE_RATE / (1.0 + failure) / min(away, MAX_RESTART_FACTOR) * clean
     if hit <= 0.0:
-        return effort.max_iterations
-    needed = math.log(min((1.0 - effort.confidence) / doubt, 1.0)) / math.log(1.0 - hit)
-    least, most = float(effort.min_iterations), float(effort.max_iterations)
+        return budget.max_iterations
+    needed = math.log(min((1.0 - budget.confidence) / failure, 1.0)) / math.log(1.0 - hit)
+    least, most = float(budget.min_iterations), float(budget.max_iterations)
     return int(min(max(needed + 1.0, least), most))

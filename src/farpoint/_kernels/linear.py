@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel
-from farpoint._kernels.squares import sandwich_five
+from farpoint._kernels.normal_equations import sandwich_five
 from farpoint._kernels.vectors import (
     Vector,
-    combine,
+    axpby,
     cross,
     dot,
     matrix,
@@ -40,7 +40,7 @@ __all__ = [
 
 
 # Of Jacobi's method; five are usual.
-MOST_SWEEPS = 30
+MAX_SWEEPS = 30
 
 
 @inner_kernel
@@ -128,7 +128,7 @@ def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
             axes[i, j] = 1.0 if i == j else 0.0
     is_diagonal = False
     sweeps = 0
-    while not is_diagonal and sweeps < MOST_SWEEPS:
+    while not is_diagonal and sweeps < MAX_SWEEPS:
         sweeps += 1
         is_diagonal = True
         for p in range(4):
@@ -201,13 +201,13 @@ def _write_nearest(M: np.ndarray, square: float, trace: float, R: np.ndarray) ->
     x, y, z = matrix(M)
     xy, yz, zx = dot(x, y), dot(y, z), dot(z, x)
     k = 0.5 * (trace * trace - square) + square
-    first = combine(k - dot(x, x), x, trace, cross(y, z))
-    first = combine(1.0, first, -1.0, combine(xy, y, zx, z))
-    second = combine(k - dot(y, y), y, trace, cross(z, x))
-    second = combine(1.0, second, -1.0, combine(xy, x, yz, z))
-    first = combine(1.0 / norm(first), first, 0.0, first)
+    first = axpby(k - dot(x, x), x, trace, cross(y, z))
+    first = axpby(1.0, first, -1.0, axpby(xy, y, zx, z))
+    second = axpby(k - dot(y, y), y, trace, cross(z, x))
+    second = axpby(1.0, second, -1.0, axpby(xy, x, yz, z))
+    first = axpby(1.0 / norm(first), first, 0.0, first)
     third = cross(first, second)
-    third = combine(1.0 / norm(third), third, 0.0, third)
+    third = axpby(1.0 / norm(third), third, 0.0, third)
     second = cross(third, first)
     R[0, 0], R[0, 1], R[0, 2] = first
     R[1, 0], R[1, 1], R[1, 2] = second

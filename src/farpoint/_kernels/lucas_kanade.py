@@ -21,7 +21,7 @@ from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step
 from farpoint._kernels.windows import (
     LANES,
     Image,
-    Patience,
+    Termination,
     Weights,
     Window,
     blank_values,
@@ -29,7 +29,7 @@ from farpoint._kernels.windows import (
     differentiate,
     line_px,
     read,
-    relaxed,
+    relaxed_share,
     room_px,
     sample,
     value_at,
@@ -85,7 +85,7 @@ def follow_windows(
     levels1: Levels,
     points0: np.ndarray,
     start: np.ndarray,
-    patience: Patience,
+    termination: Termination,
     back: float,
     space: Workspace,
     points1: np.ndarray,
@@ -116,13 +116,13 @@ def follow_windows(
         x0, y0 = points0[k]
         from_x, from_y = start[k]
         points1[k] = np.nan
-        x, y, seen = _find(levels0, levels1, (x0, y0), (from_x, from_y), patience, space)
-        if seen:
+        x, y, found = _find(levels0, levels1, (x0, y0), (from_x, from_y), termination, space)
+        if found:
             from_x, from_y = x + x0 - from_x, y + y0 - from_y
-            x0_again, y0_again, seen = _find(
-                levels1, levels0, (x, y), (from_x, from_y), patience, space
+            x0_again, y0_again, found = _find(
+                levels1, levels0, (x, y), (from_x, from_y), termination, space
             )
-            if seen and math.hypot(x0_again - x0, y0_again - y0) <= back:
+            if found and math.hypot(x0_again - x0, y0_again - y0) <= back:
                 points1[k, 0], points1[k, 1] = x, y
 
 
@@ -132,7 +132,7 @@ def _find(
     levels1: Levels,
     point0: tuple[float, float],
     start: tuple[float, float],
-    patience: Patience,
+    termination: Termination,
     space: Workspace,
 ) -> tuple[float, float, bool]:
     """Where the window around a point is in the second image; whether it is."""
@@ -140,24 +140,24 @@ def _find(
     width, line = 2 * window.half + 3, window.line
     scale = 0.5 ** (len(layout) - 1)
     x, y = start[0] * scale, start[1] * scale
-    seen = False
+    found = False
     for k in range(len(layout) - 1, -1, -1):
         place, stride, columns, rows = layout[k, 0], layout[k, 1], layout[k, 2], layout[k, 3]
         image0 = Image(levels0.values, place, stride, columns, rows)
         image1 = Image(levels1.values, place, stride, columns, rows)
         left, top = point0[0] * scale, point0[1] * scale
-        seen = _within(image0, left, top)
-        if seen:
+        found = _within(image0, left, top)
+        if found:
             left, top = left - window.half - 1, top - window.half - 1
             sample(image0, left, top, width, line, space.pixels, space.patch)
             differentiate(space.patch, line, window)
             _project_out_brightness(window)
-            x1, y1, seen = _descend(image1, x, y, patience, space)
-            if seen:
+            x1, y1, found = _descend(image1, x, y, termination, space)
+            if found:
                 x, y = x1, y1
         if k > 0:
             scale, x, y = 2.0 * scale, 2.0 * x, 2.0 * y
-    return x, y, seen
+    return x, y, found
 
 
 @inner_kernel
@@ -168,7 +168,7 @@ def _within(image: Image, x: float, y: float) -> bool:
 
 @step_kernel
 def _descend(
-    image: Image, x: float, y: float, patience: Patience, space: Workspace
+    image: Image, x: float, y: float, termination: Termination, space: Workspace
 ) -> tuple[float, float, bool]:
     """Gauss-Newton steps on one level from (x, y); whether they stayed in the image."""
     window, pixels = space.window, space.pixels
@@ -179,7 +179,7 @@ def _descend(
         return x, y, False
     before_x, before_y, share = 0.0, 0.0, 1.0
     left, top = 0, 0
-    for step in range(patience.iterations):
+    for step in range(termination.iterations):
         if not _within(image, x, y):
             return x, y, False
         whole_x, whole_y = math.floor(x), math.floor(y)
@@ -192,9 +192,9 @@ def _descend(
         bx, by = _mismatch(pixels, below * line + beside, weights, window)
         step_x = (yy * bx - xy * by) / determinant
         step_y = (xx * by - xy * bx) / determinant
-        share = relaxed(share, step_x, step_y, before_x, before_y)
+        share = relaxed_share(share, step_x, step_y, before_x, before_y)
         x, y = x - share * step_x, y - share * step_y
-        if step_x * step_x + step_y * step_y < patience.tolerance * patience.tolerance:
+        if step_x * step_x + step_y * step_y < termination.tolerance * termination.tolerance:
             break
         before_x, before_y = step_x, step_y
     return x, y, _within(image, x, y)

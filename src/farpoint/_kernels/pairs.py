@@ -13,7 +13,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
 from farpoint._kernels.scalars import fma
-from farpoint._kernels.vectors import Vector, combine, dot
+from farpoint._kernels.vectors import Vector, axpby, dot
 
 __all__ = [
     "FLOW",
@@ -41,7 +41,7 @@ PANEL = 19 * LANES
 # Noise that is smaller is rounding of the rays themselves, rad^2.
 MIN_VARIANCE_RAD2 = 1e-30
 # That of the matches which fill up a panel: whatever the pose, they agree with it.
-VAGUE = 1e12
+FILLER_VARIANCE = 1e12
 
 
 def packed_length(count: int) -> int:
@@ -193,7 +193,7 @@ def pack_pairs(
         _put_ray(pairs, at, rays0, i)
         ray = _put_ray(pairs, at + RAY1 * LANES, rays1, i)
         square += dot(ray, ray)
-        mean = combine(1.0, mean, 1.0, ray)
+        mean = axpby(1.0, mean, 1.0, ray)
         j, k = i if len(covariance0) > 1 else 0, i if len(covariance1) > 1 else 0
         trace = _put_covariance(pairs, at + COVARIANCE0 * LANES, factors0, i, covariance0, j)
         trace += _put_covariance(pairs, at + COVARIANCE1 * LANES, factors1, i, covariance1, k)
@@ -213,19 +213,19 @@ def pack_pairs(
 def _fill_up(pairs: np.ndarray, n: int) -> None:
     """Fill the last panel with matches that are harmless to compute with."""
     for i in range(n, -(-n // LANES) * LANES):
-        _put_harmless(pairs, address(i))
+        _put_filler(pairs, address(i))
 
 
 @step_kernel
-def _put_harmless(pairs: np.ndarray, at: int) -> None:
+def _put_filler(pairs: np.ndarray, at: int) -> None:
     for row in range(FLOW):
         pairs[at + row * LANES] = 0.0
     for row in (RAY0 + 2, RAY1 + 2):
         pairs[at + row * LANES] = 1.0
     for row in (COVARIANCE0, COVARIANCE1):
         for diagonal in (0, 3, 5):
-            pairs[at + (row + diagonal) * LANES] = VAGUE
-    pairs[at + FLOW * LANES] = VAGUE
+            pairs[at + (row + diagonal) * LANES] = FILLER_VARIANCE
+    pairs[at + FLOW * LANES] = FILLER_VARIANCE
 
 
 @kernel

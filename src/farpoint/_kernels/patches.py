@@ -8,7 +8,7 @@ from farpoint._kernels.arrays import clear
 from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.linear import draw_index
 
-__all__ = ["deal", "split_image"]
+__all__ = ["split_image", "split_patches"]
 
 
 @kernel
@@ -52,7 +52,7 @@ def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
 
 
 @kernel
-def deal(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
+def split_patches(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
     """Deal matches into two halves, those of one ``patch`` (N,) into the same.
 
     Patches are dealt in random order, by the generator's ``state``, each to the smaller half.
@@ -73,13 +73,13 @@ def deal(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
     first = second = 0
     for k in range(patches):
         j = k + draw_index(state, patches - k)
-        dealt = order[j]
+        chosen = order[j]
         order[j] = order[k]
-        half_of[dealt] = 1 if first > second else 0
+        half_of[chosen] = 1 if first > second else 0
         if first > second:
-            second += int(sizes[dealt])
+            second += int(sizes[chosen])
         else:
-            first += int(sizes[dealt])
+            first += int(sizes[chosen])
     for i in range(patch.size):
         half[i] = half_of[patch[i]]
     return first

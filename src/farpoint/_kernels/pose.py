@@ -9,16 +9,16 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, step_kernel
 from farpoint._kernels.linear import apply_rotation_step
-from farpoint._kernels.vectors import combine, dot, tangent_columns, vector
+from farpoint._kernels.vectors import axpby, dot, tangent_columns, vector
 
 __all__ = [
+    "LinearisationPoint",
     "PackedMatches",
     "Pose",
-    "Seen",
     "apply_step",
     "copy_motion",
     "copy_pose",
-    "seen_by",
+    "linearisation_point",
     "take_step",
 ]
 
@@ -32,17 +32,17 @@ class PackedMatches(NamedTuple):
     """Of each match, by what its share of being right is scaled; 0 leaves it out."""
     total: int
     """Matches."""
-    spread: float
+    outlier_half_width: float
     """Half the width that wrong matches fill, in units of the noise."""
-    tail: float
-    """`mixture.TAIL` or `mixture.NO_TAIL`."""
+    long_tail: float
+    """`mixture.LONG_TAIL` or `mixture.SHORT_TAIL`."""
     min_variance: float
     """Smaller noise is rounding."""
     max_variance: float
     """Larger noise is not believed, and none is poor; infinite where both are as they are found."""
-    gives_way: bool
+    soft_cheirality: bool
     """Whether a pose does to matches that retreat. Motions that are held against each other do not:
-    each match may retreat by `mixture.FAR_SIGMA` at no cost, and the reverse of a motion would make
+    each match may retreat by `mixture.CHEIRALITY_SIGMA` at no cost, and the reverse of a motion would make
     use of that."""
 
 
@@ -62,7 +62,7 @@ class Pose(NamedTuple):
     """(1,) negative log likelihood."""
 
 
-class Seen(NamedTuple):
+class LinearisationPoint(NamedTuple):
     """Matches as a pose sees them: all that their likelihood is made of."""
 
     pairs: np.ndarray
@@ -75,17 +75,21 @@ class Seen(NamedTuple):
     """(3,) direction cam1_from_cam0."""
     mixture: np.ndarray
     """As of `Pose`."""
-    spread: float
+    outlier_half_width: float
     """As of `PackedMatches`."""
-    tail: float
+    long_tail: float
     """As of `PackedMatches`."""
 
 
 @step_kernel
-def seen_by(matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> Seen:
+def linearisation_point(
+    matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray
+) -> LinearisationPoint:
     """The matches as a pose sees them."""
-    spread, tail = matches.spread, matches.tail
-    return Seen(matches.pairs, matches.prior, R, t, mixture, spread, tail)
+    outlier_half_width, long_tail = matches.outlier_half_width, matches.long_tail
+    return LinearisationPoint(
+        matches.pairs, matches.prior, R, t, mixture, outlier_half_width, long_tail
+    )
 
 
 @inner_kernel
@@ -128,6 +132,6 @@ def take_step(R: np.ndarray, t: np.ndarray, x: np.ndarray, size2: float) -> None
 @step_kernel
 def _apply_direction_step(t: np.ndarray, x: float, y: float) -> None:
     first, second = tangent_columns(vector(t))
-    moved = combine(1.0, vector(t), 1.0, combine(x, first, y, second))
+    moved = axpby(1.0, vector(t), 1.0, axpby(x, first, y, second))
     scale = 1.0 / math.sqrt(dot(moved, moved))
     t[0], t[1], t[2] = scale * moved[0], scale * moved[1], scale * moved[2]

@@ -8,14 +8,20 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, step_kernel
 from farpoint._kernels.likelihood import linearize
-from farpoint._kernels.mixture import mixture_cost, repeated_share, unusual, update_mixture
-from farpoint._kernels.pose import PackedMatches, Pose, Seen, seen_by, take_step
-from farpoint._kernels.squares import promise, solve_five_spd
+from farpoint._kernels.mixture import mixture_cost, repeated_share, share_prior_cost, update_mixture
+from farpoint._kernels.normal_equations import predicted_decrease, solve_five_spd
+from farpoint._kernels.pose import (
+    LinearisationPoint,
+    PackedMatches,
+    Pose,
+    linearisation_point,
+    take_step,
+)
 
-__all__ = ["PROMISED", "advance", "begin", "finish", "refine_pose"]
+__all__ = ["PREDICTED_DECREASE", "advance", "begin", "finish", "refine_pose"]
 
 # What EM with unbiased variance may climb; a step that climbs more has gone astray.
-CLIMB = 0.5
+MAX_INCREASE = 0.5
 
 # Share of poor matches where none is believed to be: its logarithm is asked for.
 NONE = 1e-9
@@ -23,7 +29,7 @@ NONE = 1e-9
 # What is kept from step to step: the lowest cost so far, the weighted squares of the residuals for
 # each right match there, how much steps are damped, how far EM goes, and what the last step
 # promises, in log likelihood.
-LOWEST, SQUARE, DAMPING, HASTE, PROMISED = range(5)
+LOWEST, SQUARE, DAMPING, OVER_RELAXED, PREDICTED_DECREASE = range(5)
 
 
 # The likeliest pose so far, in one array: rotation, direction, mixture, normal equations, cost, and
@@ -41,27 +47,27 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
     normal equations and the cost there.
     """
     normal, cost, shares = pose.normal, pose.cost, np.empty(4)
-    seen = seen_by(matches, pose.R, pose.t, pose.mixture)
+    point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
     state, kept = np.empty(5), np.empty(KEPT)
-    begin(matches, seen.mixture, state)
+    begin(matches, point.mixture, state)
     for _ in range(max_iterations):
-        if not advance(matches, seen, precision, normal, cost, shares, state, kept):
+        if not advance(matches, point, precision, normal, cost, shares, state, kept):
             break
-    finish(seen.R, seen.t, seen.mixture, normal, cost, shares, kept)
+    finish(point.R, point.t, point.mixture, normal, cost, shares, kept)
 
 
 @step_kernel
 def begin(matches: PackedMatches, mixture: np.ndarray, state: np.ndarray) -> None:
     """From where the pose is, with as much of its noise as is believed."""
-    believe(matches.max_variance, mixture)
+    bound_noise(matches.max_variance, mixture)
     state[LOWEST] = state[SQUARE] = math.inf
-    state[DAMPING], state[HASTE], state[PROMISED] = 0.0, 1.0, 0.0
+    state[DAMPING], state[OVER_RELAXED], state[PREDICTED_DECREASE] = 0.0, 1.0, 0.0
 
 
 @step_kernel
 def advance(
     matches: PackedMatches,
-    seen: Seen,
+    point: LinearisationPoint,
     precision: float,
     normal: np.ndarray,
     cost: np.ndarray,
@@ -71,23 +77,23 @@ def advance(
 ) -> bool:
     """Judge the pose and take a step; False where there is none that promises enough.
 
-    The pose that is ``seen`` moves, with its ``normal`` equations and ``cost`` of where it was;
+    The pose that is ``point`` moves, with its ``normal`` equations and ``cost`` of where it was;
     ``kept`` (57,) is the likeliest so far, and ``state`` (5,) what is kept from step to step.
     """
-    R, t, mixture = seen.R, seen.t, seen.mixture
+    R, t, mixture = point.R, point.t, point.mixture
     variance = mixture[0]
-    cost[0] = linearize(seen, matches.gives_way, normal, shares)
+    cost[0] = linearize(point, matches.soft_cheirality, normal, shares)
     cost[0] += matches.total * mixture_cost(variance, mixture[1])
-    judged = cost[0] + unusual(mixture[2]) + unusual(mixture[3])
-    if judged > state[LOWEST] + CLIMB:
-        bring_back(kept, R, t, mixture, normal, cost, shares)
+    penalised_cost = cost[0] + share_prior_cost(mixture[2]) + share_prior_cost(mixture[3])
+    if penalised_cost > state[LOWEST] + MAX_INCREASE:
+        restore(kept, R, t, mixture, normal, cost, shares)
         # Either the noise or the pose went too far: the noise first.
-        if state[HASTE] == 0.0:
+        if state[OVER_RELAXED] == 0.0:
             state[DAMPING] = max(100.0 * state[DAMPING], 1e-2)
-        state[HASTE] = 0.0
+        state[OVER_RELAXED] = 0.0
     else:
         keep(R, t, mixture, normal, cost, shares, kept)
-        state[LOWEST] = judged
+        state[LOWEST] = penalised_cost
         state[SQUARE] = normal[5, 5] * variance / max(shares[0] - 5.0, 1.0)
         state[DAMPING] *= 0.1
     return _take_step(matches, precision, variance, R, t, mixture, normal, shares, state)
@@ -107,23 +113,23 @@ def _take_step(
 ) -> bool:
     """A step of EM and one of Gauss-Newton from the likeliest pose; False if that promises less."""
     x, count = np.empty(5), float(matches.total)
-    update_mixture(state[SQUARE], shares, count, matches.min_variance, state[HASTE], mixture)
+    update_mixture(state[SQUARE], shares, count, matches.min_variance, state[OVER_RELAXED], mixture)
     mixture[3] = repeated_share(shares[3], count - shares[0])
-    believe(matches.max_variance, mixture)
+    bound_noise(matches.max_variance, mixture)
     while not solve_five_spd(normal, state[DAMPING], x) and state[DAMPING] < 1e6:
         state[DAMPING] = max(10.0 * state[DAMPING], 1e-9)
     if not state[DAMPING] < 1e6:
         return False
-    state[PROMISED], size2 = promise(normal, x)
-    settled = abs(mixture[0] - variance) < max(0.01, precision) * variance
-    if settled and state[PROMISED] < precision:
+    state[PREDICTED_DECREASE], size2 = predicted_decrease(normal, x)
+    has_converged = abs(mixture[0] - variance) < max(0.01, precision) * variance
+    if has_converged and state[PREDICTED_DECREASE] < precision:
         return False
     take_step(R, t, x, size2)
     return True
 
 
 @step_kernel
-def believe(max_variance: float, mixture: np.ndarray) -> None:
+def bound_noise(max_variance: float, mixture: np.ndarray) -> None:
     """No larger noise than is believed."""
     if max_variance < math.inf:
         mixture[0], mixture[2] = min(mixture[0], max_variance), NONE
@@ -142,7 +148,7 @@ def finish(
     """The likeliest pose is the end; its noise is that of EM one step further."""
     for k in range(4):
         kept[AT_MIXTURE + k] = mixture[k]
-    bring_back(kept, R, t, mixture, normal, cost, shares)
+    restore(kept, R, t, mixture, normal, cost, shares)
 
 
 @inner_kernel
@@ -170,7 +176,7 @@ def keep(
 
 
 @inner_kernel
-def bring_back(
+def restore(
     kept: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,

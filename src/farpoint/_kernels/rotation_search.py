@@ -10,7 +10,7 @@ from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inlined_sum, kernel, sum_kernel
 from farpoint._kernels.linear import add_outer, draw_index, kabsch
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
-from farpoint._kernels.vectors import Matrix, Vector, combine, dot, matrix, rotate
+from farpoint._kernels.vectors import Matrix, Vector, axpby, dot, matrix, rotate
 
 __all__ = ["enlarge_rotation", "search_rotation"]
 
@@ -18,7 +18,7 @@ __all__ = ["enlarge_rotation", "search_rotation"]
 @inlined_kernel
 def _distance2(pairs: np.ndarray, at: int, R: Matrix) -> float:
     """``|b - R a|^2`` in units of the noise of one coordinate (isotropic)."""
-    d = combine(1.0, ray1(pairs, at), -1.0, rotate(R, ray0(pairs, at)))
+    d = axpby(1.0, ray1(pairs, at), -1.0, rotate(R, ray0(pairs, at)))
     return dot(d, d) / flow_variance(pairs, at)
 
 

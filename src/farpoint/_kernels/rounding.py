@@ -12,7 +12,7 @@ __all__ = ["rounding_variance"]
 
 # If so many matches keep to a grid in both images, all were rounded: detectors round the others to
 # the coarser grids of their pyramids. None of what was measured between pixels keeps to any.
-ON_GRID = 0.1
+MIN_ON_GRID = 0.1
 # Whole, half and quarter pixels.
 GRIDS = np.int64(3)
 # Of the noise of a coordinate, over the step of the grid. The distance between two rounded places
@@ -31,14 +31,14 @@ def rounding_variance(points0: np.ndarray, points1: np.ndarray) -> float:
     for _ in range(GRIDS):
         kept = 0
         for i in range(len(points0)):
-            kept += 1 if _is_kept(points0, i, step) and _is_kept(points1, i, step) else 0
-        if kept > ON_GRID * len(points0):
+            kept += 1 if _is_on_grid(points0, i, step) and _is_on_grid(points1, i, step) else 0
+        if kept > MIN_ON_GRID * len(points0):
             return SIGMA * SIGMA * step * step
         step *= 0.5
     return 0.0
 
 
 @inner_kernel
-def _is_kept(points: np.ndarray, i: int, step: float) -> bool:
+def _is_on_grid(points: np.ndarray, i: int, step: float) -> bool:
     x, y = points[i, 0] / step, points[i, 1] / step
     return x == math.floor(x) and y == math.floor(y)

@@ -6,29 +6,30 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.ambiguous_motions import bas_relief_motion, second_planar_motion
 from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
-from farpoint._kernels.contest import (
-    GATE_SIGMA,
-    NEAR,
-    REFINEMENTS,
-    challenge,
-    is_close_second,
-    is_rival,
-    mark_agreeing,
-    near_of_plane,
-    noise_of,
-    refine,
-    start_noise,
-    unexplained,
-)
 from farpoint._kernels.direction import intersect_circles
 from farpoint._kernels.five_rays import (
     LONG_FLOW,
-    Effort,
+    SearchBudget,
     iterations_needed,
     score_pose,
     solve_five,
+)
+from farpoint._kernels.hypothesis_comparison import (
+    GATE_SIGMA,
+    MODE_MARGIN,
+    REFINEMENTS,
+    compare_hypothesis,
+    default_noise,
+    initial_noise,
+    is_close_mode,
+    is_secondary_mode,
+    mark_consistent,
+    outlier_share_of,
+    planar_margin,
+    refine,
 )
 from farpoint._kernels.linear import (
     add_outer,
@@ -39,21 +40,20 @@ from farpoint._kernels.linear import (
     kabsch,
 )
 from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.plausible import largest
+from farpoint._kernels.parallax_prior import kth_largest
 from farpoint._kernels.pose import PackedMatches, Pose
-from farpoint._kernels.twins import layer_twin, planar_twin
-from farpoint._kernels.vectors import Vector, combine, dot, matrix, rotate
+from farpoint._kernels.vectors import Vector, axpby, dot, matrix, rotate
 
 __all__ = ["search_direction", "search_pose"]
 
 # A hypothesis is still worth refining with so many times the least truncated squares so far, if at
 # least this share of the most matches so far support it.
-PROMISING = 2.0
-SUPPORTED = 0.5
+MAX_SCORE_RATIO = 2.0
+MIN_SUPPORT = 0.5
 # Pairs of matches whose directions the search starts from.
 DIRECTIONS = np.int64(16)
 # So many known matches have samples of their own.
-LEAST_KNOWN = 8
+MIN_KNOWN = 8
 
 
 @kernel
@@ -101,23 +101,23 @@ def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndar
 
 
 @inner_kernel
-def _get_to_know(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
+def _mark_known(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
     """Mark the matches that agree with a pose as ``known``; the share of those that are.
 
     1 where so few are that samples of them would all be alike.
     """
-    mark_agreeing(matches.pairs, pose.R, pose.t, tolerance, known)
+    mark_consistent(matches.pairs, pose.R, pose.t, tolerance, known)
     count = 0
     for i in range(matches.total):
         count += 1 if known[i] > 0.0 else 0
-    return count / matches.total if count >= LEAST_KNOWN else 1.0
+    return count / matches.total if count >= MIN_KNOWN else 1.0
 
 
 @inlined_kernel
 def _flow(pairs: np.ndarray, R: np.ndarray, i: int) -> Vector:
     """The flow that the rotation leaves of match ``i``."""
     at = address(i)
-    return combine(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
+    return axpby(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
 
 
 @inlined_kernel
@@ -147,18 +147,18 @@ def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
     squares = np.empty(count)
     for i in range(count):
         squares[i] = _flow2(pairs, R, i)
-    return math.sqrt(largest(squares, count // 2 + 1))
+    return math.sqrt(kth_largest(squares, count // 2 + 1))
 
 
 @step_kernel
 def search_pose(
     matches: PackedMatches,
     candidates: np.ndarray,
-    effort: Effort,
+    budget: SearchBudget,
     state: np.ndarray,
     best: Pose,
-    second: Pose,
-    rival: Pose,
+    close: Pose,
+    secondary: Pose,
 ) -> tuple[int, bool, bool, bool]:
     """Most likely pose near the rotation of ``best`` and among joint hypotheses.
 
@@ -170,48 +170,50 @@ def search_pose(
     agrees with the matches about as well as the first pose, and as any since, is refined, and
     judged by its likelihood with the noise that it needs: a wrong minimum looks good only with more
     noise than there is. Once there has been a rival, more are tried. At last come the motions that
-    look like the best one. ``best`` receives it, ``second`` the next best, ``rival`` the next best
+    look like the best one. ``best`` receives it, ``close`` the next best, ``secondary`` the next best
     of those elsewhere. Returns the number of samples, whether the other motion of a plane was a
     rival, and whether there is a rival and a second that came near the best.
     """
-    pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, effort.tolerance
+    pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, budget.tolerance
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     sample, start = np.empty(5, np.int64), np.empty((3, 3))
-    second.cost[0] = rival.cost[0] = math.inf
+    close.cost[0] = secondary.cost[0] = math.inf
     copy(best.R, start)
     flow = _typical_flow(pairs, count, start)
     limit, lowest = _start(matches, candidates, tolerance, state, best, other)
-    wrong = unexplained(matches, best, tolerance)
+    outlier_share = outlier_share_of(matches, best, tolerance)
     known = np.empty(prior.size)
     clear(known)
-    share = _get_to_know(matches, best, tolerance, known)
-    is_contested = np.bool_(False)  # a plain word has a type of its own
+    share = _mark_known(matches, best, tolerance, known)
+    has_competing_mode = np.bool_(False)  # a plain word has a type of its own
     iteration = 0
-    while iteration < iterations_needed(wrong, share, flow, is_contested, effort):
+    while iteration < iterations_needed(outlier_share, share, flow, has_competing_mode, budget):
         iteration += 1
         are_known = iteration % 2 == 0 and share < 1.0
         _draw_distinct(sample, known if are_known else prior, count, state)
         # From the best pose samples of known matches would lead back to it.
-        turn = 1 + iteration // 2 % 2 if are_known else iteration // 2 % 3
-        if not _solve_sample(pairs, sample, turn, start, flow, state, best, other):
+        start_kind = 1 + iteration // 2 % 2 if are_known else iteration // 2 % 3
+        if not _solve_sample(pairs, sample, start_kind, start, flow, state, best, other):
             continue
-        most = min(PROMISING * lowest, SUPPORTED * lowest + (1.0 - SUPPORTED) * limit * count)
+        most = min(
+            MAX_SCORE_RATIO * lowest, MIN_SUPPORT * lowest + (1.0 - MIN_SUPPORT) * limit * count
+        )
         raw = score_pose(pairs, prior, other.R, other.t, limit, most)
         if raw >= most:
             continue
         lowest = min(raw, lowest)
-        noise_of(matches, best, tolerance, other.mixture)
+        initial_noise(matches, best, tolerance, other.mixture)
         # Once others are known, one that is no better than they are tells nothing new.
-        worst = max(second.cost[0], rival.cost[0])
-        within = worst - best.cost[0] if worst < best.cost[0] + NEAR else NEAR
-        competes, _ = challenge(matches, other, best, second, rival, within)
+        worst = max(close.cost[0], secondary.cost[0])
+        within = worst - best.cost[0] if worst < best.cost[0] + MODE_MARGIN else MODE_MARGIN
+        competes, _ = compare_hypothesis(matches, other, best, close, secondary, within)
         if competes:
-            is_contested = np.bool_(True)
-            wrong = unexplained(matches, best, tolerance)
-            _get_to_know(matches, best, tolerance, known)
-            share = _get_to_know(matches, other, tolerance, known)
-    is_planar = _search_twins(matches, best, other, second, rival)
-    return iteration, is_planar, is_rival(rival, best), is_close_second(second, best)
+            has_competing_mode = np.bool_(True)
+            outlier_share = outlier_share_of(matches, best, tolerance)
+            _mark_known(matches, best, tolerance, known)
+            share = _mark_known(matches, other, tolerance, known)
+    is_planar = _search_ambiguous_motions(matches, best, other, close, secondary)
+    return iteration, is_planar, is_secondary_mode(secondary, best), is_close_mode(close, best)
 
 
 @step_kernel
@@ -228,34 +230,36 @@ def _start(
     Returns the square beyond which no match supports it, and the truncated squares of all matches
     there. ``other`` is room.
     """
-    start_noise(tolerance, best.mixture)
+    default_noise(tolerance, best.mixture)
     search_direction(
         matches.pairs, matches.prior, candidates, tolerance, DIRECTIONS, state, best.R, best.t
     )
     refine(matches, REFINEMENTS, best)
-    noise_of(matches, best, tolerance, other.mixture)
+    initial_noise(matches, best, tolerance, other.mixture)
     limit = GATE_SIGMA * GATE_SIGMA * other.mixture[0]
     copy(best.t, other.t)
     return limit, score_pose(matches.pairs, matches.prior, best.R, other.t, limit, math.inf)
 
 
 @step_kernel
-def _search_twins(
-    matches: PackedMatches, best: Pose, other: Pose, second: Pose, rival: Pose
+def _search_ambiguous_motions(
+    matches: PackedMatches, best: Pose, other: Pose, close: Pose, secondary: Pose
 ) -> bool:
     """Challenge the best pose by those that look like it; whether a plane's was a rival."""
     gate = GATE_SIGMA * math.sqrt(best.mixture[0])
-    is_planar = planar_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t)
+    is_planar = second_planar_motion(
+        matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t
+    )
     if is_planar:
         copy(best.mixture, other.mixture)
         # The best may lie between the two: it goes to one of them when it is refined.
-        within = near_of_plane(matches.total)
-        competes, was_near = challenge(matches, other, best, second, rival, within)
-        is_planar = competes or was_near
+        within = planar_margin(matches.total)
+        competes, was_close = compare_hypothesis(matches, other, best, close, secondary, within)
+        is_planar = competes or was_close
         gate = GATE_SIGMA * math.sqrt(best.mixture[0])
-    if layer_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
+    if bas_relief_motion(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
         copy(best.mixture, other.mixture)
-        challenge(matches, other, best, second, rival, NEAR)
+        compare_hypothesis(matches, other, best, close, secondary, MODE_MARGIN)
     return is_planar
 
 
@@ -263,21 +267,21 @@ def _search_twins(
 def _solve_sample(
     pairs: np.ndarray,
     sample: np.ndarray,
-    turn: int,
+    start_kind: int,
     start: np.ndarray,
     flow: float,
     state: np.ndarray,
     best: Pose,
     other: Pose,
 ) -> bool:
-    """Solve a sample from where it is the ``turn`` to, of three, for the pose ``other``.
+    """Solve a sample from where it is the ``start_kind`` to, of three, for the pose ``other``.
 
     From the best pose; or from about the rotation of the start with a direction from anywhere, or
     from the two rays that flow most. Where the start leaves a long flow, it may be any rotation:
     then from that which turns the sample's own rays nearest to each other, in the direction in
     which one of them flows most. False where there is no such place, or no solution near it.
     """
-    if turn == 0:
+    if start_kind == 0:
         copy(best.R, other.R)
         copy(best.t, other.t)
     elif flow > LONG_FLOW and _turn_of_sample(pairs, sample, other.R):
@@ -286,7 +290,7 @@ def _solve_sample(
     else:
         _step_away(start, flow, state, other.R)
         _longest_flow_first(pairs, other.R, sample)
-        if turn == 1:
+        if start_kind == 1:
             draw_direction(state, other.t)
         elif not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
             return False

@@ -16,7 +16,7 @@ from farpoint._kernels.scene_arrays import Finish
 
 __all__ = ["Footprint", "filtered", "footprint_of", "scaled"]
 
-MOST_TAPS = 12
+MAX_TAPS = 12
 # Width of the texels that are read, px, at the minor axis. Each level is blurred by 0.8 of its
 # texels and interpolation adds 0.4: a filter of 0.6 sqrt(0.8^2 + 0.4^2) = 0.54 px.
 _TEXEL_PX = 0.6
@@ -93,7 +93,7 @@ def filtered(finish: Finish, index: int, footprint: Footprint) -> float:
     start, log2_width = texture[index, 0], texture[index, 1]
     u, v, major_u, major_v, minor = footprint
     major = math.sqrt(major_u * major_u + major_v * major_v)
-    width = max(minor, major / MOST_TAPS)
+    width = max(minor, major / MAX_TAPS)
     level = math.log2(max(width * _TEXEL_PX, 1.0))
     taps = max(1, math.ceil(major / width - 0.25))
     if taps == 1:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_slopes import Template
+from farpoint._kernels.affine_jacobian import Template
 from farpoint._kernels.compile import inlined_kernel, step_kernel
 from farpoint._kernels.scalars import fma
 from farpoint._kernels.windows import Image, blank_values, line_px, read, room_px
@@ -15,7 +15,7 @@ __all__ = ["Around", "blank_around", "residual_of"]
 
 _STEP = 16  # pixels of a line that are read at once
 _WIDE = np.int64(_STEP)  # as a variable's value: a plain number would be a type of its own
-_MOST = 2.0  # a window that is stretched more than that is none
+_MAX_STRETCH = 2.0  # a window that is stretched more than that is none
 
 
 class Around(NamedTuple):
@@ -29,7 +29,7 @@ class Around(NamedTuple):
 
 def blank_around(half: int) -> Around:
     """Room for what is around a window of ``2 half + 1`` pixels."""
-    span = int(2.0 * _MOST * half) + 5
+    span = int(2.0 * _MAX_STRETCH * half) + 5
     line = line_px(span)
     return Around(blank_values(room_px(span, line) + _STEP), line)
 
@@ -54,7 +54,7 @@ def residual_of(
     # Written so that a NaN is outside too.
     if not (reach_x <= x < image.width - 1 - reach_x and reach_y <= y < image.height - 1 - reach_y):
         return False
-    if max(reach_x, reach_y) > _MOST * half:
+    if max(reach_x, reach_y) > _MAX_STRETCH * half:
         return False
     left, top = int(x - reach_x) - 1, int(y - reach_y) - 1
     read(image, left, top, int(2.0 * reach_y) + 5, around.line, around.pixels)

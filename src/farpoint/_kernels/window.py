@@ -45,7 +45,7 @@ _inline: Any = njit(error_model="numpy", fastmath={"reassoc", "contract", "nsz"}
 
 
 @_inline
-def _turned(R, x, y, z):
+def _rotated(R, x, y, z):
     """``R @ [x, y, z]``."""
     return (
         R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
@@ -55,7 +55,7 @@ def _turned(R, x, y, z):
 
 
 @_inline
-def _turned_back(R, x, y, z):
+def _rotated_back(R, x, y, z):
     """``R.T @ [x, y, z]``."""
     return (
         R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
@@ -114,7 +114,7 @@ def expected_rays(
             bx += ray_by_lens[j, 0, i] * lens[i]
             by += ray_by_lens[j, 1, i] * lens[i]
             bz += ray_by_lens[j, 2, i] * lens[i]
-        wx, wy, wz = _turned(R[ka], bx, by, bz)
+        wx, wy, wz = _rotated(R[ka], bx, by, bz)
         ux, uy, uz = _lag(twist[ka], wx, wy, wz, sj)
         late = readout * row_phase[a]
         dx = wx + late * ux + sj * (p[ka, 0] - p[k, 0])
@@ -122,7 +122,7 @@ def expected_rays(
         dz = wz + late * uz + sj * (p[ka, 2] - p[k, 2])
         vx, vy, vz = _lag(twist[k], dx, dy, dz, sj)
         late = readout * row_phase[o]
-        cx, cy, cz = _turned_back(R[k], dx - late * vx, dy - late * vy, dz - late * vz)
+        cx, cy, cz = _rotated_back(R[k], dx - late * vx, dy - late * vy, dz - late * vz)
         scale = 1.0 / math.sqrt(cx * cx + cy * cy + cz * cz)
         out[o, 0], out[o, 1], out[o, 2] = cx * scale, cy * scale, cz * scale
 
@@ -176,7 +176,7 @@ def pixel_residuals(
             bx += ray_by_lens[j, 0, i] * lens[i]
             by += ray_by_lens[j, 1, i] * lens[i]
             bz += ray_by_lens[j, 2, i] * lens[i]
-        wx, wy, wz = _turned(R[ka], bx, by, bz)
+        wx, wy, wz = _rotated(R[ka], bx, by, bz)
         ux, uy, uz = _lag(twist[ka], wx, wy, wz, sj)
         phase_a, phase = row_phase[a], row_phase[o]
         ux, uy, uz = phase_a * ux, phase_a * uy, phase_a * uz
@@ -186,7 +186,7 @@ def pixel_residuals(
         dx, dy, dz = X - sj * p[k, 0], Y - sj * p[k, 1], Z - sj * p[k, 2]
         vx, vy, vz = _lag(twist[k], dx, dy, dz, sj)
         vx, vy, vz = phase * vx, phase * vy, phase * vz
-        cx, cy, cz = _turned_back(R[k], dx - readout * vx, dy - readout * vy, dz - readout * vz)
+        cx, cy, cz = _rotated_back(R[k], dx - readout * vx, dy - readout * vy, dz - readout * vz)
         depth = expected[o, 0] * cx + expected[o, 1] * cy + expected[o, 2] * cz
         if not depth > _FACING * math.sqrt(cx * cx + cy * cy + cz * cz):
             residuals[o, 0] = residuals[o, 1] = UNSEEN_PX
@@ -198,14 +198,14 @@ def pixel_residuals(
         ez = p[ka, 2] - p[k, 2] + late_a * twist[ka, 5] - late * twist[k, 5]
         for q in range(2):
             pixel = inverse * (by_ray[o, q, 0] * cx + by_ray[o, q, 1] * cy + by_ray[o, q, 2] * cz)
-            mx, my, mz = _turned(
+            mx, my, mz = _rotated(
                 R[k],
                 (by_ray[o, q, 0] - pixel * expected[o, 0]) * inverse,
                 (by_ray[o, q, 1] - pixel * expected[o, 1]) * inverse,
                 (by_ray[o, q, 2] - pixel * expected[o, 2]) * inverse,
             )
             pixel += offsets[o, q]
-            nx, ny, nz = _turned_back(R[ka], mx, my, mz)
+            nx, ny, nz = _rotated_back(R[ka], mx, my, mz)
             for i in range(r):
                 pixel += by_lens[o, q, i] * lens[i]
                 by_common[o, q, i] = (
@@ -470,7 +470,7 @@ def locate(
             dx, dy, dz = X[o, 0] - sj * p[0], X[o, 1] - sj * p[1], X[o, 2] - sj * p[2]
             late = row_phase[o] * readout
             vx, vy, vz = _lag(twist, dx, dy, dz, sj)
-            cx, cy, cz = _turned_back(R, dx - late * vx, dy - late * vy, dz - late * vz)
+            cx, cy, cz = _rotated_back(R, dx - late * vx, dy - late * vy, dz - late * vz)
             depth = expected[o, 0] * cx + expected[o, 1] * cy + expected[o, 2] * cz
             if not depth > _FACING * math.sqrt(cx * cx + cy * cy + cz * cz):
                 continue
@@ -478,7 +478,7 @@ def locate(
             for q in range(2):
                 ux, uy, uz = by_ray[o, q, 0], by_ray[o, q, 1], by_ray[o, q, 2]
                 pixel = inverse * (ux * cx + uy * cy + uz * cz)
-                m[q, 0], m[q, 1], m[q, 2] = _turned(
+                m[q, 0], m[q, 1], m[q, 2] = _rotated(
                     R,
                     (ux - pixel * expected[o, 0]) * inverse,
                     (uy - pixel * expected[o, 1]) * inverse,

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_slopes import PARAMETERS, Template, changes
+from farpoint._kernels.affine_jacobian import PARAMETERS, Template, jacobian_times
 from farpoint._kernels.compile import inner_kernel, step_kernel, sum_kernel
 from farpoint._kernels.windows import LANES, line_px
 
-__all__ = ["Influence", "bend", "blank_influence", "covary", "find_influence", "solve"]
+__all__ = ["Influence", "blank_influence", "covary", "find_influence", "quadratic_bias", "solve"]
 
 # Variance of Scharr's gradients over that of the residual, both of white noise sampled between
 # pixels: 0.23 s^2 shrunk to 0.13 s^2, over the two images' 0.88 s^2.
@@ -64,11 +64,11 @@ def find_influence(factor: np.ndarray, template: Template, influence: Influence)
     for a in range(2):
         rows[a, a] = 1.0
         solve(factor, rows[a])
-        changes(template, rows[a], pixels[a])
+        jacobian_times(template, rows[a], pixels[a])
 
 
 @step_kernel
-def bend(template: Template, influence: Influence, bending: np.ndarray) -> None:
+def quadratic_bias(template: Template, influence: Influence, bias: np.ndarray) -> None:
     """What the quadratic part of a window's motion, which is not modelled, does to the match.
 
     A motion that is farther by ``q(w)`` at the pixel w lowers its residual by ``gradient . q``.
@@ -77,7 +77,7 @@ def bend(template: Template, influence: Influence, bending: np.ndarray) -> None:
         sums = _quadratic_moves(template, influence.pixels[a])
         for b in range(2):
             for c in range(3):
-                bending[a, b, c] = sums[3 * b + c]
+                bias[a, b, c] = sums[3 * b + c]
 
 
 @sum_kernel
@@ -171,8 +171,8 @@ def _undo_attenuation(rows: np.ndarray, power: float, covariance: np.ndarray) ->
     """
     # inv(D) is the displacement's block of the inverse normal matrix.
     mean = 0.5 * (rows[0, 0] + rows[1, 1])
-    largest = mean + math.hypot(0.5 * (rows[0, 0] - rows[1, 1]), rows[0, 1])
-    nu = min(_GRADIENT_NOISE * power, 1.0 / (3.0 * largest))
+    kth_largest = mean + math.hypot(0.5 * (rows[0, 0] - rows[1, 1]), rows[0, 1])
+    nu = min(_GRADIENT_NOISE * power, 1.0 / (3.0 * kth_largest))
     # S = inv(I - nu inv(D))
     a, b, c = 1.0 - nu * rows[0, 0], -nu * rows[0, 1], 1.0 - nu * rows[1, 1]
     scale = 1.0 / (a * c - b * b)

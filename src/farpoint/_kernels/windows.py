@@ -18,7 +18,7 @@ from farpoint._kernels.compile import inlined_kernel, inner_kernel
 __all__ = [
     "LANES",
     "Image",
-    "Patience",
+    "Termination",
     "Weights",
     "Window",
     "blank_values",
@@ -26,7 +26,7 @@ __all__ = [
     "differentiate",
     "line_px",
     "read",
-    "relaxed",
+    "relaxed_share",
     "room_px",
     "sample",
     "value_at",
@@ -70,7 +70,7 @@ class Window(NamedTuple):
     """(S,) 1 where it has a pixel, 0 beyond its lines."""
 
 
-class Patience(NamedTuple):
+class Termination(NamedTuple):
     """When a search ends."""
 
     iterations: int
@@ -178,7 +178,9 @@ def differentiate(patch: np.ndarray, patch_line: int, window: Window) -> None:
 
 
 @inner_kernel
-def relaxed(share: float, step_x: float, step_y: float, before_x: float, before_y: float) -> float:
+def relaxed_share(
+    share: float, step_x: float, step_y: float, before_x: float, before_y: float
+) -> float:
     """Share of a step to take, 0.5 to 1, given the share taken of the step before.
 
     The gradients of a sampled image are too flat, by a half where it is sharp, and steps too long

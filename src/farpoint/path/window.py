@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.positive import point_variances
+from farpoint._kernels.cholesky import point_variances
 from farpoint._kernels.window import UNSEEN_PX, point_steps
 from farpoint.geometry import so3
 from farpoint.path.history import TrackObservations

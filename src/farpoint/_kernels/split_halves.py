@@ -6,36 +6,36 @@ import numpy as np
 
 from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel
-from farpoint._kernels.covariance import SIGNAL, covariance_here
+from farpoint._kernels.covariance import MIN_SIGNAL_NEARBY, covariance_here
+from farpoint._kernels.normal_equations import inverse_square, size2
 from farpoint._kernels.pairs import LANES, PANEL, take_pairs
-from farpoint._kernels.patches import deal
-from farpoint._kernels.pose import PackedMatches, Pose, Seen
+from farpoint._kernels.patches import split_patches
+from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.refinement import refine_pose
-from farpoint._kernels.squares import inverse_square, size2
-from farpoint._kernels.vectors import Matrix, combine, dot, matrix, tangent_columns, vector
+from farpoint._kernels.vectors import Matrix, axpby, dot, matrix, tangent_columns, vector
 
-__all__ = ["disagreement"]
+__all__ = ["pose_difference_ratio"]
 
 # No deal counts as more than so many times what is expected of it.
-MOST = 50.0
+MAX_RATIO = 50.0
 # A step from a half's pose that promises less, in log likelihood, is far within its noise.
-FINE = 1e-2
+FINE_TOLERANCE = 1e-2
 MAX_REFINEMENTS = np.int64(10)
 
 
 @kernel
-def disagreement(
+def pose_difference_ratio(
     matches: PackedMatches,
     pose: Pose,
-    right: float,
-    predicted: bool,
-    deals: int,
+    inliers: float,
+    shrunk_flow: bool,
+    splits: int,
     patch: np.ndarray,
     state: np.ndarray,
 ) -> float:
     """Squared difference of the poses by two halves, over that which their covariances expect.
 
-    The mean over random ``deals``, by the generator's ``state``, of the difference d of two poses,
+    The mean over random ``splits``, by the generator's ``state``, of the difference d of two poses,
     each refined from this one by half of the matches: ``d^T (C_1 + C_2)^-1 d / 5`` with what is
     expected of either half (5, 5), as of `covariance.covariance_here`, at this pose, which so many
     matches were found to share. Matches of one ``patch`` (N,) go to the same half. Deals of which a
@@ -46,12 +46,12 @@ def disagreement(
     one = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     expected, beside = np.empty((5, 5)), np.empty((5, 5))
-    for _ in range(deals):
-        taken = deal(patch, state, half)
+    for _ in range(splits):
+        taken = split_patches(patch, state, half)
         some, rest = _rows_of(half, 0, taken), _rows_of(half, 1, matches.total - taken)
-        if not _refine_by(matches, some, right, predicted, pose, one, expected):
+        if not _refine_by(matches, some, inliers, shrunk_flow, pose, one, expected):
             continue
-        if not _refine_by(matches, rest, right, predicted, pose, other, beside):
+        if not _refine_by(matches, rest, inliers, shrunk_flow, pose, other, beside):
             continue
         for i in range(5):
             for j in range(5):
@@ -60,7 +60,7 @@ def disagreement(
         if not positive:
             continue
         square = size2(inverse, _apart(one.R, one.t, other.R, other.t, pose.t))
-        total += min(square / 5.0, MOST)
+        total += min(square / 5.0, MAX_RATIO)
         counted += 1
     return total / counted if counted > 0 else 1.0
 
@@ -81,8 +81,8 @@ def _rows_of(half: np.ndarray, which: int, count: int) -> np.ndarray:
 def _refine_by(
     matches: PackedMatches,
     rows: np.ndarray,
-    right: float,
-    predicted: bool,
+    inliers: float,
+    shrunk_flow: bool,
     start: Pose,
     pose: Pose,
     expected: np.ndarray,
@@ -90,23 +90,29 @@ def _refine_by(
     """The pose that these matches lead to from a start, with the noise that it needs.
 
     And the covariance (5, 5) that is ``expected`` of them, at the start; False where they fix no
-    motion. As if as many were ``right`` as of all: few would know their noise less well.
+    motion. As if as many were ``inliers`` as of all: few would know their noise less well.
     """
     panels = (rows.size + LANES - 1) // LANES
     pairs, prior = np.empty(panels * PANEL), np.empty(panels * LANES)
     take_pairs(matches.pairs, rows, pairs)
     for j in range(prior.size):
         prior[j] = matches.prior[rows[j]] if j < rows.size else 0.0
-    spread, tail = matches.spread, matches.tail
-    seen = Seen(pairs, prior, start.R, start.t, start.mixture, spread, tail)
-    if not covariance_here(seen, right, predicted, SIGNAL, expected):
+    half_width, long_tail = matches.outlier_half_width, matches.long_tail
+    point = LinearisationPoint(pairs, prior, start.R, start.t, start.mixture, half_width, long_tail)
+    if not covariance_here(point, inliers, shrunk_flow, MIN_SIGNAL_NEARBY, expected):
         return False
     copy(start.R, pose.R)
     copy(start.t, pose.t)
     copy(start.mixture, pose.mixture)
-    least, most, gives_way = matches.min_variance, matches.max_variance, matches.gives_way
-    some = PackedMatches(pairs, prior, rows.size, spread, tail, least, most, gives_way)
-    refine_pose(some, FINE, MAX_REFINEMENTS, pose)
+    least, most, soft_cheirality = (
+        matches.min_variance,
+        matches.max_variance,
+        matches.soft_cheirality,
+    )
+    some = PackedMatches(
+        pairs, prior, rows.size, half_width, long_tail, least, most, soft_cheirality
+    )
+    refine_pose(some, FINE_TOLERANCE, MAX_REFINEMENTS, pose)
     return True
 
 
@@ -117,7 +123,7 @@ def _apart(
     """``[dtheta, dbeta]`` between two poses, to first order, in the tangent basis of ``base``."""
     x, y, z = _turn(matrix(R), matrix(other_R))
     first, second = tangent_columns(vector(base))
-    shift = combine(1.0, vector(t), -1.0, vector(other_t))
+    shift = axpby(1.0, vector(t), -1.0, vector(other_t))
     return x, y, z, dot(first, shift), dot(second, shift)
 
 

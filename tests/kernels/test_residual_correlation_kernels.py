@@ -7,21 +7,21 @@ import pytest
 from kernels_kit import View, two_views
 from scipy.spatial import cKDTree
 
-from farpoint._kernels.coherence import coherence
+from farpoint._kernels.residual_correlation import patch_correlation
 
-ASKED = 200
+MAX_QUERIED = 200
 
 
 def told(view: View, residual: np.ndarray, right: np.ndarray | None = None) -> float:
     rows = np.arange(view.size) if right is None else np.flatnonzero(right > 0.5)
-    return coherence(view.pairs, residual, rows, np.arange(view.size), 1.0, ASKED)
+    return patch_correlation(view.pairs, residual, rows, np.arange(view.size), 1.0, MAX_QUERIED)
 
 
 def test_noise_is_not():
     shares = []
     for seed in range(40):
-        view = two_views(seed, ASKED, noise_rad=1e-4)
-        shares.append(told(view, np.random.default_rng(seed).normal(size=ASKED)))
+        view = two_views(seed, MAX_QUERIED, noise_rad=1e-4)
+        shares.append(told(view, np.random.default_rng(seed).normal(size=MAX_QUERIED)))
     # Of 200 pairs each, of which some are asked both ways.
     assert abs(np.mean(shares)) < 0.04
     assert np.std(shares) < 0.13
@@ -38,11 +38,11 @@ def test_what_changes_slowly_over_the_image_is():
 @pytest.mark.parametrize(("width", "aside"), [(1.0, 0.0), (1.0, 50.0), (1e-3, 0.0), (0.0, 0.0)])
 def test_the_neighbour_is_the_nearest_right_match_in_both_images(width, aside):
     rng = np.random.default_rng(2)
-    view, residual = two_views(2, ASKED, noise_rad=1e-4), rng.normal(size=ASKED)
+    view, residual = two_views(2, MAX_QUERIED, noise_rad=1e-4), rng.normal(size=MAX_QUERIED)
     # All but one in a column as narrow as that, and one far away.
     view.rays0[1:, 0] *= width
     view.rays0[0, 0] += aside
-    right = np.append(1.0, rng.uniform(0.2, 1.0, ASKED - 1))
+    right = np.append(1.0, rng.uniform(0.2, 1.0, MAX_QUERIED - 1))
     rows = np.flatnonzero(right > 0.5)
     tree = cKDTree(np.c_[view.rays0, view.rays1][rows])
     _, nearest = tree.query(tree.data, k=2)
@@ -73,9 +73,9 @@ def test_of_the_same_patch_is_no_neighbour():
     twice = View(*(np.repeat(each, 2, axis=0) for each in view[:4]), view.R, view.t)
     residual, rows = np.repeat(rng.normal(size=150), 2), np.arange(300)
     patch = rows // 2
-    alike = coherence(twice.pairs, residual, rows, patch, 1.0, 300)
+    alike = patch_correlation(twice.pairs, residual, rows, patch, 1.0, 300)
     tree = cKDTree(np.c_[view.rays0, view.rays1])
     nearest = tree.query(tree.data, k=2)[1][:, 1]
     own, other = np.clip(residual[::2], -3.0, 3.0), np.clip(residual[2 * nearest], -3.0, 3.0)
     assert alike == pytest.approx((own * other).sum() / (own * own).sum())
-    assert coherence(twice.pairs, residual, rows, np.zeros(300, np.int64), 1.0, 300) == 0.0
+    assert patch_correlation(twice.pairs, residual, rows, np.zeros(300, np.int64), 1.0, 300) == 0.0

@@ -19,21 +19,21 @@ from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel,
 from farpoint._kernels.exponential import lane_log
 from farpoint._kernels.pairs import COVARIANCE0, FLOW, LANES, address, flow_variance
 
-__all__ = ["grow_noise"]
+__all__ = ["scale_noise_with_parallax"]
 
 # Length that is tried first, times the mean parallax; each other is half of the one before.
-LONGEST = 4.0
+LONGEST_LENGTH = 4.0
 LENGTHS = 9
 # Share of the matches that must have less parallax: few tell nothing of how the noise is below it.
-LEAST_WITHIN = 0.1
+MIN_SHARE_WITHIN = 0.1
 # Twice the log likelihood ratio that chance makes of a growth once in two thousand times.
-BY_CHANCE = 11.0
-FEWEST = 30.0
+CHANCE_LIMIT = 11.0
+MIN_INLIERS = 30.0
 # A residual that is smaller, over the sigma, says no more.
-LEAST_RESIDUAL = 0.1
+MIN_RESIDUAL = 0.1
 
 
-class Told(NamedTuple):
+class NoiseSamples(NamedTuple):
     """What the matches tell of their noise."""
 
     flows: np.ndarray
@@ -45,80 +45,82 @@ class Told(NamedTuple):
 
 
 @inner_kernel
-def grow_noise(
+def scale_noise_with_parallax(
     pairs: np.ndarray,
     residual: np.ndarray,
     parallax: np.ndarray,
-    right: np.ndarray,
+    inlier: np.ndarray,
     count: int,
     variance: float,
-    grown: np.ndarray,
+    scaled_pairs: np.ndarray,
 ) -> bool:
-    """Copy the matches to ``grown`` with noise that grows, if the residuals show that it does.
+    """Copy the matches to ``scaled_pairs`` with noise that grows, if the residuals show that it does.
 
     The length is that of least squares of the logarithms of the squared residuals, which tails draw
     but little. The factors' geometric mean over the right matches is 1: likelihoods of the same
     matches, with noise that grows and with noise that does not, can be compared.
-    ``residual``, ``parallax`` and ``right`` are those of `likelihood.explain`.
+    ``residual``, ``parallax`` and ``inlier`` are those of `likelihood.evaluate_residuals`.
     """
     # A kernel that handed back what it has made room for would keep it.
-    told = Told(np.empty(residual.size), np.empty(residual.size), np.empty(residual.size))
-    total = _listen(pairs, residual, parallax, right, count, variance, told)
-    steepness = _steepness(told, total)
+    samples = NoiseSamples(
+        np.empty(residual.size), np.empty(residual.size), np.empty(residual.size)
+    )
+    total = _collect_samples(pairs, residual, parallax, inlier, count, variance, samples)
+    steepness = _fit_steepness(samples, total)
     if steepness > 0.0:
-        _scale_noise(pairs, told, total, steepness, grown)
+        _scale_noise(pairs, samples, total, steepness, scaled_pairs)
     return steepness > 0.0
 
 
 @step_kernel
-def _listen(
+def _collect_samples(
     pairs: np.ndarray,
     residual: np.ndarray,
     parallax: np.ndarray,
-    right: np.ndarray,
+    inlier: np.ndarray,
     count: int,
     variance: float,
-    told: Told,
+    samples: NoiseSamples,
 ) -> float:
-    """Fill ``told``; the number of right matches."""
-    flows, logs, used = told.flows, told.logs, told.used
+    """Fill ``samples``; the number of right matches."""
+    flows, logs, used = samples.flows, samples.logs, samples.used
     total = 0.0
     for i in range(flows.size):
-        is_used = i < count and right[i] > 0.5
+        is_used = i < count and inlier[i] > 0.5
         used[i] = 1.0 if is_used else 0.0
         total += used[i]
         flows[i] = logs[i] = 0.0
         if i < count:
             flows[i] = parallax[i] * parallax[i] * flow_variance(pairs, address(i))
             square = residual[i] * residual[i] / variance
-            logs[i] = math.log(max(square, LEAST_RESIDUAL * LEAST_RESIDUAL))
+            logs[i] = math.log(max(square, MIN_RESIDUAL * MIN_RESIDUAL))
     return total
 
 
 @step_kernel
-def _steepness(told: Told, total: float) -> float:
+def _fit_steepness(samples: NoiseSamples, total: float) -> float:
     """One over the squared length, rad^-2, that explains the residuals best; 0 for no growth."""
-    mean = _parallax(told) / max(total, 1.0)
-    if total < FEWEST or not mean > 0.0:
+    mean = _parallax(samples) / max(total, 1.0)
+    if total < MIN_INLIERS or not mean > 0.0:
         return 0.0
-    even = _unexplained(told, total, 0.0)
+    even = _residual_sum(samples, total, 0.0)
     if not even > 0.0:
         return 0.0
     least, steepness = even, 0.0
     for k in range(LENGTHS):
-        length = LONGEST * mean * 0.5**k
-        left = _unexplained(told, total, 1.0 / (length * length))
-        if not left < least or _within(told, length) < LEAST_WITHIN * total:
+        length = LONGEST_LENGTH * mean * 0.5**k
+        left = _residual_sum(samples, total, 1.0 / (length * length))
+        if not left < least or _within(samples, length) < MIN_SHARE_WITHIN * total:
             break
         least, steepness = left, 1.0 / (length * length)
-    shown = total * math.log(even / max(least, 1e-300))
-    return steepness if shown > BY_CHANCE else 0.0
+    log_ratio = total * math.log(even / max(least, 1e-300))
+    return steepness if log_ratio > CHANCE_LIMIT else 0.0
 
 
 @step_kernel
-def _parallax(told: Told) -> float:
+def _parallax(samples: NoiseSamples) -> float:
     """Of all right matches together, rad."""
-    flows, used = told.flows, told.used
+    flows, used = samples.flows, samples.used
     whole = 0.0
     for i in range(flows.size):
         whole += used[i] * math.sqrt(flows[i])
@@ -126,9 +128,9 @@ def _parallax(told: Told) -> float:
 
 
 @inner_kernel
-def _within(told: Told, length: float) -> float:
+def _within(samples: NoiseSamples, length: float) -> float:
     """Right matches of less parallax."""
-    flows, used = told.flows, told.used
+    flows, used = samples.flows, samples.used
     count = 0.0
     for i in range(flows.size):
         count += used[i] if flows[i] < length * length else 0.0
@@ -142,9 +144,9 @@ def _log_factor(flow2: float, steepness: float) -> float:
 
 
 @inner_kernel
-def _unexplained(told: Told, total: float, steepness: float) -> float:
+def _residual_sum(samples: NoiseSamples, total: float, steepness: float) -> float:
     """Sum of squares of what growth of this steepness leaves of the logarithms."""
-    first, second = _moments(told.flows, told.logs, told.used, steepness)
+    first, second = _moments(samples.flows, samples.logs, samples.used, steepness)
     return second - first * first / total
 
 
@@ -162,16 +164,20 @@ def _moments(
 
 @step_kernel
 def _scale_noise(
-    pairs: np.ndarray, told: Told, total: float, steepness: float, grown: np.ndarray
+    pairs: np.ndarray,
+    samples: NoiseSamples,
+    total: float,
+    steepness: float,
+    scaled_pairs: np.ndarray,
 ) -> None:
-    flows, used = told.flows, told.used
+    flows, used = samples.flows, samples.used
     middle = 0.0
     for i in range(flows.size):
         middle += used[i] * _log_factor(flows[i], steepness)
     usual = math.exp(-middle / total)
-    copy(pairs, grown)
+    copy(pairs, scaled_pairs)
     for i in range(flows.size):
         factor = usual * math.sqrt(1.0 + steepness * flows[i])
         at = address(i)
         for row in range(COVARIANCE0, FLOW + 1):
-            grown[at + row * LANES] *= factor
+            scaled_pairs[at + row * LANES] *= factor

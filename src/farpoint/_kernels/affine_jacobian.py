@@ -18,10 +18,10 @@ __all__ = [
     "PARAMETERS",
     "Template",
     "blank_template",
-    "changes",
+    "jacobian_products",
+    "jacobian_times",
     "linearise",
     "normal_matrix",
-    "pulls",
 ]
 
 PARAMETERS = 8
@@ -82,7 +82,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.floating:
 
 
 @inner_kernel
-def changes(template: Template, step: np.ndarray, out: np.ndarray) -> None:
+def jacobian_times(template: Template, step: np.ndarray, out: np.ndarray) -> None:
     """What every pixel changes by where the parameters do: its derivatives times a step of them."""
     window, contrast, us, vs = template.window, template.contrast, template.u, template.v
     gx, gy, inside = window.gx, window.gy, window.inside
@@ -105,7 +105,7 @@ def changes(template: Template, step: np.ndarray, out: np.ndarray) -> None:
 
 
 @sum_kernel
-def pulls(template: Template, values: np.ndarray) -> Nine:
+def jacobian_products(template: Template, values: np.ndarray) -> Nine:
     """Derivatives times values, summed over the window; and last the sum of the values' squares."""
     window, contrast, us, vs = template.window, template.contrast, template.u, template.v
     gx, gy, inside = window.gx, window.gy, window.inside
@@ -137,7 +137,7 @@ def pulls(template: Template, values: np.ndarray) -> Nine:
 
 
 @sum_kernel
-def _spreads(template: Template) -> Nine:
+def _warp_products(template: Template) -> Nine:
     """Products of the derivatives by M, summed: xu xu, xu xv, xv xv, xu yu, ... yv yv."""
     gx, gy, us, vs = template.window.gx, template.window.gy, template.u, template.v
     zero = np.float32(0.0)
@@ -162,11 +162,11 @@ def _spreads(template: Template) -> Nine:
 def normal_matrix(template: Template, normal: np.ndarray) -> None:
     """Lower triangle of the sums over the window of products of two derivatives."""
     window = template.window
-    _fill(pulls(template, window.gx), 0, 1.0, normal)
-    _fill(pulls(template, window.gy), 1, 1.0, normal)
-    _fill(pulls(template, template.contrast), 6, 1.0, normal)
-    _fill(pulls(template, window.inside), 7, -1.0, normal)
-    xuxu, xuxv, xvxv, xuyu, xuyv, xvyv, yuyu, yuyv, yvyv = _spreads(template)
+    _fill(jacobian_products(template, window.gx), 0, 1.0, normal)
+    _fill(jacobian_products(template, window.gy), 1, 1.0, normal)
+    _fill(jacobian_products(template, template.contrast), 6, 1.0, normal)
+    _fill(jacobian_products(template, window.inside), 7, -1.0, normal)
+    xuxu, xuxv, xvxv, xuyu, xuyv, xvyv, yuyu, yuyv, yvyv = _warp_products(template)
     normal[2, 2], normal[3, 2], normal[3, 3] = xuxu, xuxv, xvxv
     normal[4, 2], normal[4, 3], normal[5, 2], normal[5, 3] = xuyu, xuyv, xuyv, xvyv
     normal[4, 4], normal[5, 4], normal[5, 5] = yuyu, yuyv, yvyv

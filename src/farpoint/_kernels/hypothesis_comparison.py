@@ -9,69 +9,69 @@ import numpy as np
 from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel
 from farpoint._kernels.epipolar import sampson
+from farpoint._kernels.normal_equations import determinant_beside_one
 from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
-from farpoint._kernels.pose import PackedMatches, Pose, copy_pose, seen_by
+from farpoint._kernels.pose import PackedMatches, Pose, copy_pose, linearisation_point
 from farpoint._kernels.refinement import (
     KEPT,
-    PROMISED,
+    PREDICTED_DECREASE,
     advance,
     begin,
     finish,
     refine_pose,
 )
 from farpoint._kernels.scalars import where
-from farpoint._kernels.squares import determinant_beside_one
 from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
 
 __all__ = [
-    "COARSE",
+    "COARSE_TOLERANCE",
     "GATE_SIGMA",
-    "NEAR",
+    "MODE_MARGIN",
     "REFINEMENTS",
-    "START_POOR",
-    "START_WRONG",
-    "challenge",
-    "follow",
-    "is_close_second",
-    "is_rival",
-    "is_same",
-    "mark_agreeing",
-    "narrowness",
-    "near_of_plane",
-    "noise_of",
+    "START_OUTLIER_SHARE",
+    "START_TAIL_SHARE",
+    "compare_hypothesis",
+    "default_noise",
+    "initial_noise",
+    "is_close_mode",
+    "is_same_mode",
+    "is_secondary_mode",
+    "laplace_factor",
+    "mark_consistent",
+    "outlier_share_of",
+    "planar_margin",
     "refine",
-    "start_noise",
-    "unexplained",
+    "refine_if_competitive",
 ]
 
 # A residual beyond three sigma supports no hypothesis.
 GATE_SIGMA = 3.0
 # Log likelihood to which hypotheses are refined, and up to which two come near each other.
-COARSE = 0.1
-NEAR = 30.0
+COARSE_TOLERANCE = 0.1
+MODE_MARGIN = 30.0
 # What the two motions of a plane differ by at the most, by chance, of so many matches: it grows
 # with the root of their number.
-NEAR_OF_PLANE, OF_MATCHES = 100.0, 160.0
+PLANAR_MARGIN, PLANAR_MATCHES = 100.0, 160.0
 # Cosine of the angle from which on two directions are two motions.
-ELSEWHERE = 0.94
+MAX_COSINE = 0.94
 # Gain of a refinement over what a step of it promises and the last one gained, at the most.
-PROMISES = 4.0
+GAIN_FACTOR = 4.0
 # Steps of a refinement. Of a type of its own: for a plain number numba would compile it anew.
 REFINEMENTS = np.int64(10)
 # Log likelihood within which two hypotheses are taken for one.
-SAME = 2.0
+SAME_MODE = 2.0
 # Matches that agree with a pose by chance: the five of a sample, and one more.
-BY_CHANCE = 6.5
+CHANCE_LIMIT = 6.5
 # Share of right matches up to which a pose explains none.
-LEAST_RIGHT = 0.1
+MIN_INLIER_SHARE = 0.1
 # Shares of wrong, of poor and of repeated matches that EM starts from.
-START_WRONG = 0.2
-START_POOR = 0.1
-START_REPEATED = 0.05
+START_OUTLIER_SHARE = 0.2
+START_TAIL_SHARE = 0.1
+START_REPEATED_SHARE = 0.05
 
 
 @step_kernel
-def narrowness(normal: np.ndarray) -> float:
+def laplace_factor(normal: np.ndarray) -> float:
     """What the likelihood loses when it is averaged over the poses around its maximum.
 
     The five matches of a sample fit without any noise, and a sixth joins them by chance: the less
@@ -85,89 +85,91 @@ def narrowness(normal: np.ndarray) -> float:
 @step_kernel
 def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
     """Improve a pose and weigh it."""
-    refine_pose(matches, COARSE, steps, pose)
-    _weigh(matches, pose)
+    refine_pose(matches, COARSE_TOLERANCE, steps, pose)
+    _add_laplace_factor(matches, pose)
 
 
 @step_kernel
-def _weigh(matches: PackedMatches, pose: Pose) -> None:
-    """Make its cost that of a pose with the room around it: `narrowness`.
+def _add_laplace_factor(matches: PackedMatches, pose: Pose) -> None:
+    """Make its cost that of a pose with the room around it: `laplace_factor`.
 
     One that takes hardly any match for right is no likelier than none, be they repeated about its
     lines.
     """
-    pose.cost[0] += narrowness(pose.normal)
-    if not _explains(pose):
-        none = matches.total * math.log(2.0 * matches.spread / math.sqrt(2.0 * math.pi))
+    pose.cost[0] += laplace_factor(pose.normal)
+    if not _has_inliers(pose):
+        none = matches.total * math.log(2.0 * matches.outlier_half_width / math.sqrt(2.0 * math.pi))
         pose.cost[0] = max(pose.cost[0], none)
 
 
 @step_kernel
-def _explains(pose: Pose) -> bool:
+def _has_inliers(pose: Pose) -> bool:
     """Whether a pose takes more than hardly any match for right."""
-    return 1.0 - pose.mixture[1] > LEAST_RIGHT
+    return 1.0 - pose.mixture[1] > MIN_INLIER_SHARE
 
 
 @step_kernel
-def start_noise(tolerance: float, mixture: np.ndarray) -> None:
+def default_noise(tolerance: float, mixture: np.ndarray) -> None:
     """What EM starts from, knowing nothing."""
     mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
-    mixture[1] = START_WRONG
-    mixture[2] = START_POOR
-    mixture[3] = START_REPEATED
+    mixture[1] = START_OUTLIER_SHARE
+    mixture[2] = START_TAIL_SHARE
+    mixture[3] = START_REPEATED_SHARE
 
 
 @step_kernel
-def noise_of(matches: PackedMatches, best: Pose, tolerance: float, mixture: np.ndarray) -> None:
+def initial_noise(
+    matches: PackedMatches, best: Pose, tolerance: float, mixture: np.ndarray
+) -> None:
     """What EM starts from: the noise of the best pose, if it explains more than a sample.
 
     A wrong minimum calls all matches right and noisy: from so much noise none comes down to another
     one. So it is no more than when nothing is known.
     """
-    start_noise(tolerance, mixture)
-    explains = (1.0 - best.mixture[1]) * matches.total > BY_CHANCE
+    default_noise(tolerance, mixture)
+    explains = (1.0 - best.mixture[1]) * matches.total > CHANCE_LIMIT
     if explains and best.mixture[0] < mixture[0]:
         copy(best.mixture, mixture)
 
 
 @inner_kernel
-def unexplained(matches: PackedMatches, best: Pose, tolerance: float) -> float:
+def outlier_share_of(matches: PackedMatches, best: Pose, tolerance: float) -> float:
     """Share of matches that the best pose leaves unexplained: by its mixture, or by the tolerance.
 
     A wrong minimum calls all matches right and noisy: only the tolerance gives it away.
     """
-    agreeing = np.empty(matches.prior.size)
-    clear(agreeing)
-    mark_agreeing(matches.pairs, best.R, best.t, tolerance, agreeing)
+    consistent = np.empty(matches.prior.size)
+    clear(consistent)
+    mark_consistent(matches.pairs, best.R, best.t, tolerance, consistent)
     within = 0.0
     for i in range(matches.total):
-        within += agreeing[i]
+        within += consistent[i]
     return max(best.mixture[1], 1.0 - within / matches.total)
 
 
 @inner_kernel
-def mark_agreeing(
-    pairs: np.ndarray, R: np.ndarray, t: np.ndarray, tolerance: float, agreeing: np.ndarray
+def mark_consistent(
+    pairs: np.ndarray, R: np.ndarray, t: np.ndarray, tolerance: float, consistent: np.ndarray
 ) -> None:
     """Write 1 for each match whose residual is within the tolerance; others stay as they are.
 
-    The panels are full, and ``agreeing`` has room for what fills them up.
+    The panels are full, and ``consistent`` has room for what fills them up.
     """
     turn, towards = matrix(R), vector(t)
-    for panel in range(agreeing.size // LANES):
+    for panel in range(consistent.size // LANES):
         for lane in range(LANES):
             i = panel * LANES + lane
             residual = sampson(pairs, panel * PANEL + lane, turn, towards)
-            agreeing[i] = where(abs(residual) < tolerance, 1.0, agreeing[i])
+            consistent[i] = where(abs(residual) < tolerance, 1.0, consistent[i])
 
 
 @inner_kernel
-def is_same(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
+def is_same_mode(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
     """Whether a pose is within the uncertainty of the best: the same minimum, on its way."""
-    if not _explains(best) or dot(vector(t), vector(best.t)) < 0.5:
+    if not _has_inliers(best) or dot(vector(t), vector(best.t)) < 0.5:
         return False
     trace, distance2 = _apart(R, t, best.R, best.t, best.normal)
-    return trace > 2.0 and distance2 < 2.0 * SAME
+    return trace > 2.0 and distance2 < 2.0 * SAME_MODE
 
 
 @inlined_kernel
@@ -209,7 +211,9 @@ def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
 
 
 @step_kernel
-def follow(matches: PackedMatches, pose: Pose, best: Pose, within: float) -> tuple[bool, bool]:
+def refine_if_competitive(
+    matches: PackedMatches, pose: Pose, best: Pose, within: float
+) -> tuple[bool, bool]:
     """Refine a hypothesis that may compete; whether it does, and whether it was near as it was.
 
     Near is ``within`` such a log likelihood of the best. Given up as soon as it does not promise to
@@ -217,74 +221,81 @@ def follow(matches: PackedMatches, pose: Pose, best: Pose, within: float) -> tup
     come within reach with it, and that there is less noise gains, too. As much as the last step
     gained, the next one may.
     """
-    enough, normal, reached, shares = best.cost[0] + within, pose.normal, pose.cost, np.empty(4)
-    seen = seen_by(matches, pose.R, pose.t, pose.mixture)
+    limit, normal, reached, shares = best.cost[0] + within, pose.normal, pose.cost, np.empty(4)
+    point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
     state, kept = np.empty(5), np.empty(KEPT)
-    begin(matches, seen.mixture, state)
-    cost, was_near = math.inf, False
+    begin(matches, point.mixture, state)
+    cost, was_close = math.inf, False
     for step in range(REFINEMENTS):
         before = cost
-        goes_on = advance(matches, seen, COARSE, normal, reached, shares, state, kept)
-        cost = reached[0] + narrowness(normal)
+        goes_on = advance(matches, point, COARSE_TOLERANCE, normal, reached, shares, state, kept)
+        cost = reached[0] + laplace_factor(normal)
         if step == 0:
-            before, was_near = cost, cost < enough
-        hoped_for = PROMISES * state[PROMISED] + before - cost
-        if not cost - hoped_for < enough or is_same(seen.R, seen.t, best):
-            return False, was_near
+            before, was_close = cost, cost < limit
+        gain_bound = GAIN_FACTOR * state[PREDICTED_DECREASE] + before - cost
+        if not cost - gain_bound < limit or is_same_mode(point.R, point.t, best):
+            return False, was_close
         if not goes_on:
             break
-    finish(seen.R, seen.t, seen.mixture, normal, reached, shares, kept)
-    _weigh(matches, pose)
-    return pose.cost[0] < enough and not is_same(pose.R, pose.t, best), was_near
+    finish(point.R, point.t, point.mixture, normal, reached, shares, kept)
+    _add_laplace_factor(matches, pose)
+    return pose.cost[0] < limit and not is_same_mode(pose.R, pose.t, best), was_close
 
 
 @inner_kernel
-def challenge(
-    matches: PackedMatches, challenger: Pose, best: Pose, second: Pose, rival: Pose, within: float
+def compare_hypothesis(
+    matches: PackedMatches,
+    hypothesis: Pose,
+    best: Pose,
+    close: Pose,
+    secondary: Pose,
+    within: float,
 ) -> tuple[bool, bool]:
     """Refine a hypothesis that may compete, and keep it if it is better.
 
     Returns whether it comes near the best, ``within`` a log likelihood, or is better; and whether
-    it came near as it was. ``second`` receives the one that has lost then, if it is better than the
-    one before; ``rival`` too if the two come near each other and their directions do not.
+    it came near as it was. ``close`` receives the one that has lost then, if it is better than the
+    one before; ``secondary`` too if the two come near each other and their directions do not.
     """
-    competes, was_near = follow(matches, challenger, best, within)
+    competes, was_close = refine_if_competitive(matches, hypothesis, best, within)
     if not competes:
-        return False, was_near
-    if _is_twisted(matches, challenger):
-        return True, was_near
-    is_equal = best.cost[0] < challenger.cost[0] + NEAR and _is_elsewhere(challenger, best)
-    wins = challenger.cost[0] < best.cost[0]
-    loser = best if wins else challenger
-    _keep_better(loser, second)
-    if is_equal:
-        _keep_better(loser, rival)
+        return False, was_close
+    if _is_twisted(matches, hypothesis):
+        return True, was_close
+    is_close = best.cost[0] < hypothesis.cost[0] + MODE_MARGIN and _has_other_direction(
+        hypothesis, best
+    )
+    wins = hypothesis.cost[0] < best.cost[0]
+    loser = best if wins else hypothesis
+    _keep_better(loser, close)
+    if is_close:
+        _keep_better(loser, secondary)
     if wins:
-        copy_pose(challenger, best)
-    return True, was_near
+        copy_pose(hypothesis, best)
+    return True, was_close
 
 
 @step_kernel
-def near_of_plane(count: int) -> float:
+def planar_margin(count: int) -> float:
     """Log likelihood that the two motions of a plane may differ by, of so many matches."""
-    return max(NEAR, NEAR_OF_PLANE * math.sqrt(count / OF_MATCHES))
+    return max(MODE_MARGIN, PLANAR_MARGIN * math.sqrt(count / PLANAR_MATCHES))
 
 
 @step_kernel
-def is_close_second(second: Pose, best: Pose) -> bool:
+def is_close_mode(close: Pose, best: Pose) -> bool:
     """Whether a pose that has lost to an earlier one comes near the best, too, and is another."""
-    return second.cost[0] < best.cost[0] + NEAR and not is_same(second.R, second.t, best)
+    return close.cost[0] < best.cost[0] + MODE_MARGIN and not is_same_mode(close.R, close.t, best)
 
 
 @inner_kernel
-def is_rival(rival: Pose, best: Pose) -> bool:
+def is_secondary_mode(secondary: Pose, best: Pose) -> bool:
     """Whether a pose that has lost to an earlier one comes near the best, too, and is elsewhere."""
-    return rival.cost[0] < best.cost[0] + NEAR and _is_elsewhere(rival, best)
+    return secondary.cost[0] < best.cost[0] + MODE_MARGIN and _has_other_direction(secondary, best)
 
 
 @step_kernel
-def _is_elsewhere(pose: Pose, best: Pose) -> bool:
-    return dot(vector(pose.t), vector(best.t)) < ELSEWHERE
+def _has_other_direction(pose: Pose, best: Pose) -> bool:
+    return dot(vector(pose.t), vector(best.t)) < MAX_COSINE
 
 
 @step_kernel

@@ -7,12 +7,12 @@ import pytest
 from kernels_kit import View, matches_of, packed, pose_of, shaken, two_views
 
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.covariance import MEASURED, SIGNAL, covariance_here
-from farpoint._kernels.halves import MOST, disagreement
+from farpoint._kernels.covariance import MEASURED_FLOW, MIN_SIGNAL_NEARBY, covariance_here
 from farpoint._kernels.pairs import LANES, PANEL, packed_length, take_pairs
-from farpoint._kernels.patches import deal
-from farpoint._kernels.pose import PackedMatches, Pose, Seen
+from farpoint._kernels.patches import split_patches
+from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.refinement import refine_pose
+from farpoint._kernels.split_halves import MAX_RATIO, pose_difference_ratio
 from farpoint.geometry import so3, sphere
 
 MIXTURE = np.array([1.0, 0.02, 0.02, 0.02])
@@ -30,19 +30,19 @@ def fitted(seed: int, matches: int, times: int = 1) -> tuple[PackedMatches, Pose
     view = shaken(two_views(seed, matches), seed)
     repeated = [np.repeat(array, times, axis=0) for array in view[:4]]
     view = View(*repeated, view.R, view.t)
-    given, pose = matches_of(view, SPREAD, gives_way=True), pose_of(view.R, view.t, MIXTURE)
+    given, pose = matches_of(view, SPREAD, soft_cheirality=True), pose_of(view.R, view.t, MIXTURE)
     refine_pose(given, 1e-6, 30, pose)
     return given, pose
 
 
 @kernel
-def _here(seen: Seen, right: float, out: np.ndarray) -> bool:
-    return covariance_here(seen, right, MEASURED, SIGNAL, out)
+def _here(seen: LinearisationPoint, right: float, out: np.ndarray) -> bool:
+    return covariance_here(seen, right, MEASURED_FLOW, MIN_SIGNAL_NEARBY, out)
 
 
 def expected_of(matches: PackedMatches, pose: Pose) -> np.ndarray:
     covariance = np.empty((5, 5))
-    seen = Seen(
+    seen = LinearisationPoint(
         matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, matches.spread, matches.tail
     )
     assert _here(seen, RIGHT, covariance)
@@ -54,7 +54,7 @@ def each_by_itself(count: int) -> np.ndarray:
 
 
 def told(matches: PackedMatches, pose: Pose, patch: np.ndarray) -> float:
-    return disagreement(matches, pose, RIGHT, False, DEALS, patch, generator())
+    return pose_difference_ratio(matches, pose, RIGHT, False, DEALS, patch, generator())
 
 
 def apart(one: Pose, other: Pose, pose: Pose) -> np.ndarray:
@@ -62,7 +62,7 @@ def apart(one: Pose, other: Pose, pose: Pose) -> np.ndarray:
     return np.concatenate([turn, sphere.tangent_basis(pose.t).T @ (one.t - other.t)])
 
 
-def some_of(matches: PackedMatches, rows: np.ndarray) -> PackedMatches:
+def searched_pairs(matches: PackedMatches, rows: np.ndarray) -> PackedMatches:
     pairs = np.empty(packed_length(len(rows)) // LANES * PANEL)
     take_pairs(matches.pairs, rows, pairs)
     return matches._replace(pairs=pairs, prior=packed(matches.prior[rows]), total=len(rows))
@@ -83,8 +83,8 @@ def test_it_is_the_mean_over_halves_of_what_they_differ_by(patches):
     squares = []
     for _ in range(DEALS):
         half = np.empty(45, np.int64)
-        deal(patch, state, half)
-        halves = [some_of(matches, np.flatnonzero(half == k)) for k in (0, 1)]
+        split_patches(patch, state, half)
+        halves = [searched_pairs(matches, np.flatnonzero(half == k)) for k in (0, 1)]
         covariance = sum(expected_of(half, pose) for half in halves)
         difference = apart(*(refined(half, pose) for half in halves), pose)
         squares.append(difference @ np.linalg.solve(covariance, difference) / 5.0)
@@ -100,7 +100,7 @@ def mean_disagreement(apart_rad: float) -> float:
         view = shaken(two_views(seed, 60), seed)
         axis = sphere.normalize(np.random.default_rng(seed).normal(size=3))
         view.rays1[:30] = view.rays1[:30] @ so3.exp(apart_rad * axis).T
-        matches = matches_of(view, SPREAD, gives_way=True)
+        matches = matches_of(view, SPREAD, soft_cheirality=True)
         pose = pose_of(view.R, view.t, MIXTURE)
         refine_pose(matches, 1e-6, 30, pose)
         shown.append(told(matches, pose, each_by_itself(60)))
@@ -137,16 +137,18 @@ def test_no_deal_counts_as_more_than_the_most():
     """Two motions of 800 matches each, three sigma apart, and one motion in each half."""
     view = shaken(two_views(5, 1600), 5)
     view.rays1[800:] = view.rays1[800:] @ so3.exp(np.array([0.0, 0.003, 0.0])).T
-    matches, pose = matches_of(view, SPREAD, gives_way=True), pose_of(view.R, view.t, MIXTURE)
+    matches, pose = matches_of(view, SPREAD, soft_cheirality=True), pose_of(view.R, view.t, MIXTURE)
     refine_pose(matches, 1e-6, 30, pose)
-    assert told(matches, pose, np.arange(1600) // 800) == MOST
+    assert told(matches, pose, np.arange(1600) // 800) == MAX_RATIO
     assert told(matches, pose, each_by_itself(1600)) < 2.0
 
 
 def test_halves_that_fix_no_motion_count_as_expected():
     view, pose = two_views(5, 60), pose_of(*two_views(5, 60)[4:], MIXTURE)
     point = [np.tile(rays[:1], (60, 1)) for rays in view[:2]]
-    matches = matches_of(view._replace(rays0=point[0], rays1=point[1]), SPREAD, gives_way=True)
+    matches = matches_of(
+        view._replace(rays0=point[0], rays1=point[1]), SPREAD, soft_cheirality=True
+    )
     assert told(matches, pose, each_by_itself(60)) == 1.0
     # All in one patch: there is no second half.
-    assert told(matches_of(view, SPREAD, gives_way=True), pose, np.zeros(60, np.int64)) == 1.0
+    assert told(matches_of(view, SPREAD, soft_cheirality=True), pose, np.zeros(60, np.int64)) == 1.0

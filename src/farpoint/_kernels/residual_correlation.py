@@ -8,18 +8,18 @@ import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel
 from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.vectors import combine, dot
+from farpoint._kernels.vectors import axpby, dot
 
-__all__ = ["bounded", "coherence"]
+__all__ = ["bounded", "patch_correlation"]
 
 # No residual counts for more, in sigma.
-MOST_SIGMA = 3.0
+MAX_SIGMA = 3.0
 # All that lie less apart, rad, lie at one place.
-LEAST_WIDTH = 1e-12
+MIN_WIDTH = 1e-12
 
 
 @kernel
-def coherence(
+def patch_correlation(
     pairs: np.ndarray,
     residual: np.ndarray,
     rows: np.ndarray,
@@ -35,10 +35,10 @@ def coherence(
     """
     in_order = np.empty(rows.size, np.int64)
     _sort(pairs, rows, in_order)
-    asked = rows.size if rows.size < most else most
+    queried = rows.size if rows.size < most else most
     product = square = 0.0
-    for j in range(asked):
-        place = j * rows.size // asked
+    for j in range(queried):
+        place = j * rows.size // queried
         here, neighbour = int(in_order[place]), int(_neighbour(pairs, in_order, patch, place))
         if neighbour >= 0:
             own = bounded(residual[here], sigma)
@@ -61,7 +61,7 @@ def _sort(pairs: np.ndarray, rows: np.ndarray, in_order: np.ndarray) -> None:
         places[k] = ray0(pairs, address(rows[k]))[0]
         low, high = min(low, places[k]), max(high, places[k])
         ends[k] = 0
-    over = (count - 1.0) / max(high - low, LEAST_WIDTH)
+    over = (count - 1.0) / max(high - low, MIN_WIDTH)
     for k in range(count):
         ends[int((places[k] - low) * over)] += 1
     for s in range(1, count):
@@ -100,12 +100,12 @@ def _neighbour(pairs: np.ndarray, rows: np.ndarray, patch: np.ndarray, place: in
 @inlined_kernel
 def _distances2(pairs: np.ndarray, at: int, other: int) -> tuple[float, float]:
     """Of two matches, rad^2: by the first coordinate in image 0, and in both images together."""
-    first = combine(1.0, ray0(pairs, at), -1.0, ray0(pairs, other))
-    second = combine(1.0, ray1(pairs, at), -1.0, ray1(pairs, other))
+    first = axpby(1.0, ray0(pairs, at), -1.0, ray0(pairs, other))
+    second = axpby(1.0, ray1(pairs, at), -1.0, ray1(pairs, other))
     return first[0] * first[0], dot(first, first) + dot(second, second)
 
 
 @inlined_kernel
 def bounded(residual: float, sigma: float) -> float:
     """A residual in units of its sigma, as far as it counts."""
-    return min(max(residual / sigma, -MOST_SIGMA), MOST_SIGMA)
+    return min(max(residual / sigma, -MAX_SIGMA), MAX_SIGMA)

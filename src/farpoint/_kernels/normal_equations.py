@@ -23,7 +23,7 @@ __all__ = [
     "add_to_square",
     "determinant_beside_one",
     "inverse_square",
-    "promise",
+    "predicted_decrease",
     "sandwich_five",
     "size2",
     "solve_five_spd",
@@ -266,7 +266,7 @@ def determinant_beside_one(H: np.ndarray) -> tuple[float, bool]:
 
 
 @inlined_kernel
-def promise(normal: np.ndarray, x: np.ndarray) -> tuple[float, float]:
+def predicted_decrease(normal: np.ndarray, x: np.ndarray) -> tuple[float, float]:
     """What a step that solves normal equations gains, and its square."""
     gain = square = 0.0
     for k in range(5):

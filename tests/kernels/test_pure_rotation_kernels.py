@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from kernels_kit import packed, shaken, two_views
 
-from farpoint._kernels.rotation import explain_rotation, refine_rotation
-from farpoint._kernels.turning import (
+from farpoint._kernels.pure_rotation import (
     FAR_SHARES,
-    Judged,
+    MatchProbabilities,
     fit_rotation,
     flow_beside_rotation,
-    likelier_moving,
+    translation_log_ratio,
 )
+from farpoint._kernels.rotation import evaluate_rotation, refine_rotation
 from farpoint.geometry import so3
 
 SPREAD = 10.0
@@ -32,7 +32,7 @@ def test_a_rotation_is_refined_and_knows_what_it_can_of_its_matches(matches, wro
     given = SPREAD, 1e-6, rounds
     R, mixture, information = start.copy(), begun.copy(), np.full((3, 3), np.nan)
     told = np.full((2, len(prior)), np.nan)
-    cost, narrowness = fit_rotation(view.pairs, matches, *given, R, mixture, information, *told)
+    cost, laplace_factor = fit_rotation(view.pairs, matches, *given, R, mixture, information, *told)
 
     expected_R, expected, whole = start.copy(), begun.copy(), np.empty((3, 3))
     given = view.pairs, prior, matches, *given
@@ -40,13 +40,13 @@ def test_a_rotation_is_refined_and_knows_what_it_can_of_its_matches(matches, wro
     np.testing.assert_allclose(R, expected_R, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(mixture, expected, rtol=1e-9)
     each = np.empty((2, len(prior)))
-    known = explain_rotation(view.pairs, prior, SPREAD, R, mixture, *each)
+    known = evaluate_rotation(view.pairs, prior, SPREAD, R, mixture, *each)
     assert (known < 0.1) == (rounds == 1)  # else nothing is tested
     np.testing.assert_allclose(told, each, rtol=1e-9)
     freedom = max(2.0 * each[1].sum() - 3.0, 4.0)
     share = max(known, 0.1) * (freedom - 2.0) / freedom
     np.testing.assert_allclose(information, share * whole, rtol=1e-9)
-    assert narrowness == pytest.approx(0.5 * np.linalg.slogdet(whole + np.eye(3))[1], rel=1e-9)
+    assert laplace_factor == pytest.approx(0.5 * np.linalg.slogdet(whole + np.eye(3))[1], rel=1e-9)
 
 
 def test_matches_that_a_rotation_explains_and_others_are_told_apart():
@@ -76,15 +76,15 @@ def test_no_match_at_all_says_nothing():
 
 
 def gains(
-    judged: Judged, sigma, lift, wrong, share, middle, variance
+    judged: MatchProbabilities, sigma, lift, wrong, share, middle, variance
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of each match, the log likelihood ratio of a motion; which ones the rotation explains too."""
-    near = judged.right / (1.0 - judged.right)  # where others are, over wrong
+    near = judged.inlier / (1.0 - judged.inlier)  # where others are, over wrong
     shift2 = (judged.parallax / sigma - middle) ** 2
     far = near * lift / judged.prior * np.exp(-0.5 * shift2 / variance) / np.sqrt(variance)
     odds = (1.0 - share) * near + share * far
-    gain = wrong + np.log(1.0 + odds) + np.log(1.0 - judged.turned_right)
-    return gain, (odds > 1.0) & (judged.turned_right > 0.5)
+    gain = wrong + np.log(1.0 + odds) + np.log(1.0 - judged.rotation_inlier)
+    return gain, (odds > 1.0) & (judged.rotation_inlier > 0.5)
 
 
 @pytest.mark.parametrize(("bulk", "far"), [(1e-6, 20), (1e-6, 52), (0.3, 20)])
@@ -97,8 +97,8 @@ def test_what_speaks_for_a_motion_are_matches_that_only_it_explains(bulk, far, m
     # at infinity or nearer, where the rotation takes its shift for its own.
     turned[:far], right[:far] = 1.0 - bulk, 0.9
     parallax[:far] = sigma * (middle + rng.normal(size=far))
-    judged = Judged(prior, parallax, right, turned)
-    found = likelier_moving(judged, sigma, lift, wrong)
+    judged = MatchProbabilities(prior, parallax, right, turned)
+    found = translation_log_ratio(judged, sigma, lift, wrong)
 
     shift, expected = parallax[:far] / sigma, []
     variance = 1.0 + shift.var()
@@ -117,4 +117,6 @@ def test_what_speaks_for_a_motion_are_matches_that_only_it_explains(bulk, far, m
 
 def test_matches_beyond_doubt_leave_a_number():
     ones = np.ones(5)
-    assert np.isfinite(likelier_moving(Judged(ones, 0.0 * ones, ones, ones), 1.0, 40.0, 0.0))
+    assert np.isfinite(
+        translation_log_ratio(MatchProbabilities(ones, 0.0 * ones, ones, ones), 1.0, 40.0, 0.0)
+    )

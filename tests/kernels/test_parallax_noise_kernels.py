@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from kernels_kit import View, packed, rays_only
 
-from farpoint._kernels.growth import LENGTHS, LONGEST, grow_noise
 from farpoint._kernels.pairs import COVARIANCE0, FLOW, LANES, PANEL
+from farpoint._kernels.parallax_noise import LENGTHS, LONGEST_LENGTH, scale_noise_with_parallax
 
 MATCHES = 400
 SIGMA = 0.3
@@ -32,14 +32,14 @@ def seen(rng: np.random.Generator, length: float, matches: int = MATCHES) -> tup
     return residual, parallax, right
 
 
-def grown(view: View, residual, parallax, right) -> np.ndarray | None:
+def scaled_pairs(view: View, residual, parallax, right) -> np.ndarray | None:
     """Factors of the variances (N,), if the noise grows."""
     pairs = view.pairs
     out = np.full_like(pairs, np.nan)
     told = packed(residual), packed(parallax), packed(right)
     for each in told:
         each[view.size :] = np.nan  # of no match: whatever it may be
-    if not grow_noise(pairs, *told, view.size, SIGMA**2, out):
+    if not scale_noise_with_parallax(pairs, *told, view.size, SIGMA**2, out):
         assert np.isnan(out).all()
         return None
     rows = np.arange(view.size) // LANES, slice(None), np.arange(view.size) % LANES
@@ -57,7 +57,7 @@ def test_growth_is_found_and_its_length(length):
     slopes = []
     for _ in range(20):
         residual, parallax, right = seen(rng, length)
-        factors = grown(view, residual, parallax, right)
+        factors = scaled_pairs(view, residual, parallax, right)
         if factors is None:
             continue
         used = right > 0.5
@@ -75,14 +75,14 @@ def test_even_noise_does_not_grow():
     rng = np.random.default_rng(1)
     view = any_rays()
     # Once in two thousand times; three in five hundred have a chance of 0.2 %.
-    assert sum(grown(view, *seen(rng, 1e9)) is not None for _ in range(500)) <= 2
+    assert sum(scaled_pairs(view, *seen(rng, 1e9)) is not None for _ in range(500)) <= 2
 
 
 def test_noise_that_shrinks_does_not_grow():
     rng = np.random.default_rng(2)
     residual, parallax, right = seen(rng, 1e9)
     residual /= 1.0 + parallax**2
-    assert grown(any_rays(), residual, parallax, right) is None
+    assert scaled_pairs(any_rays(), residual, parallax, right) is None
 
 
 def test_a_few_that_are_far_tell_nothing_of_the_others():
@@ -92,14 +92,14 @@ def test_a_few_that_are_far_tell_nothing_of_the_others():
     for far, shows in ((36, False), (44, True)):  # of which at least a tenth must be nearer
         parallax[:far] = 0.01
         residual[:far] = 0.01 * SIGMA
-        assert (grown(any_rays(), residual, parallax, right) is not None) == shows
+        assert (scaled_pairs(any_rays(), residual, parallax, right) is not None) == shows
 
 
 def test_a_match_on_its_line_to_the_last_digit_says_no_more_than_one_near_it():
     rng = np.random.default_rng(5)
     residual, parallax = SIGMA * rng.normal(size=MATCHES), np.linspace(0.1, 30.0, MATCHES)
     residual[:12] = 1e-12
-    assert grown(any_rays(), residual, parallax, np.ones(MATCHES)) is None
+    assert scaled_pairs(any_rays(), residual, parallax, np.ones(MATCHES)) is None
 
 
 def test_few_matches_and_exact_ones_show_nothing():
@@ -107,14 +107,14 @@ def test_few_matches_and_exact_ones_show_nothing():
     parallax = np.linspace(1.0, 300.0, 40)
     residual, right = np.sqrt(parallax), np.ones(40)
     right[29:] = 0.0
-    assert grown(view, residual, parallax, right) is None
+    assert scaled_pairs(view, residual, parallax, right) is None
     right[29] = 1.0
-    assert grown(view, residual, parallax, right) is not None
-    assert grown(view, np.zeros(40), parallax, right) is None
-    assert grown(view, residual, np.zeros(40), right) is None
+    assert scaled_pairs(view, residual, parallax, right) is not None
+    assert scaled_pairs(view, np.zeros(40), parallax, right) is None
+    assert scaled_pairs(view, residual, np.zeros(40), right) is None
     one = rays_only(np.tile([0.0, 0.0, 1.0], (40, 1)), np.tile([0.0, 0.0, 1.0], (40, 1)))
-    assert grown(one, residual, np.full(40, 3.0), right) is None
+    assert scaled_pairs(one, residual, np.full(40, 3.0), right) is None
 
 
 def test_the_lengths_span_what_there_is():
-    assert LONGEST * 0.5 ** (LENGTHS - 1) < 0.02 < 1.0 < LONGEST
+    assert LONGEST_LENGTH * 0.5 ** (LENGTHS - 1) < 0.02 < 1.0 < LONGEST_LENGTH

@@ -10,13 +10,13 @@ from farpoint._kernels.arrays import clear
 from farpoint._kernels.compile import inner_kernel, step_kernel
 from farpoint._kernels.epipolar import flow_along, sampson
 from farpoint._kernels.linear import add, add_outer, kabsch, put, turn
+from farpoint._kernels.normal_equations import solve_three_spd
 from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.plausible import largest
-from farpoint._kernels.squares import solve_three_spd
+from farpoint._kernels.parallax_prior import kth_largest
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
-    combine,
+    axpby,
     cross,
     dot,
     matrix,
@@ -26,18 +26,18 @@ from farpoint._kernels.vectors import (
     vector,
 )
 
-__all__ = ["layer_twin", "planar_twin"]
+__all__ = ["bas_relief_motion", "second_planar_motion"]
 
 
 @inner_kernel
-def planar_twin(
+def second_planar_motion(
     pairs: np.ndarray,
     count: int,
     gate: float,
     R: np.ndarray,
     t: np.ndarray,
-    twin_R: np.ndarray,
-    twin_t: np.ndarray,
+    other_R: np.ndarray,
+    other_t: np.ndarray,
 ) -> bool:
     """The other motion that a plane through the matches would allow; False where there is none.
 
@@ -53,7 +53,7 @@ def planar_twin(
     inverse, accuracy, n = np.empty(count), np.empty(count), np.empty(3)
     towards = vector(t)
     tau = rotate_back(matrix(R), towards)
-    _tell_distances(pairs, gate, matrix(R), towards, inverse, accuracy)
+    _inverse_distances(pairs, gate, matrix(R), towards, inverse, accuracy)
     if not _fit_plane(pairs, inverse, accuracy, n):
         return False
     plane = vector(n)
@@ -63,10 +63,10 @@ def planar_twin(
     # To turn first by an axis a is to turn at last by R a.
     w, (x, y, z) = 2.0 + dot(plane, tau), rotate(matrix(R), cross(plane, tau))
     over = 1.0 / math.sqrt(w * w + x * x + y * y + z * z + 1e-300)
-    turn(over * w, over * x, over * y, over * z, R, twin_R)
-    ahead = _ahead_of(pairs, accuracy, combine(1.0, plane, 2.0, tau))
-    way = rotate(matrix(R), combine(2.0, plane, square, tau))
-    put(math.copysign(1.0, ahead) / (norm(way) + 1e-300), way, twin_t)
+    turn(over * w, over * x, over * y, over * z, R, other_R)
+    ahead = _ahead_of(pairs, accuracy, axpby(1.0, plane, 2.0, tau))
+    way = rotate(matrix(R), axpby(2.0, plane, square, tau))
+    put(math.copysign(1.0, ahead) / (norm(way) + 1e-300), way, other_t)
     return True
 
 
@@ -81,7 +81,7 @@ def _ahead_of(pairs: np.ndarray, accuracy: np.ndarray, normal: Vector) -> int:
 
 
 @step_kernel
-def _tell_distances(
+def _inverse_distances(
     pairs: np.ndarray,
     gate: float,
     R: Matrix,
@@ -116,11 +116,11 @@ def _fit_plane(pairs: np.ndarray, inverse: np.ndarray, accuracy: np.ndarray, n: 
     nearer they are: a motion before a plane can go exactly through a wrong match or two, wherever
     these lie.
     """
-    sizes, agreeing = np.empty(inverse.size), 0
+    sizes, consistent = np.empty(inverse.size), 0
     for i in range(inverse.size):
         sizes[i] = abs(inverse[i]) if accuracy[i] > 0.0 else -1.0
-        agreeing += 1 if accuracy[i] > 0.0 else 0
-    typical = largest(sizes, (agreeing + 1) // 2)
+        consistent += 1 if accuracy[i] > 0.0 else 0
+    typical = kth_largest(sizes, (consistent + 1) // 2)
     M, v = np.empty((3, 3)), np.empty(3)
     clear(M)
     clear(v)
@@ -134,14 +134,14 @@ def _fit_plane(pairs: np.ndarray, inverse: np.ndarray, accuracy: np.ndarray, n: 
 
 
 @inner_kernel
-def layer_twin(
+def bas_relief_motion(
     pairs: np.ndarray,
     count: int,
     gate: float,
     R: np.ndarray,
     t: np.ndarray,
-    twin_R: np.ndarray,
-    twin_t: np.ndarray,
+    other_R: np.ndarray,
+    other_t: np.ndarray,
 ) -> bool:
     """The motion that takes the near layer for the far one; False where there are no two layers.
 
@@ -154,7 +154,7 @@ def layer_twin(
     M, nearness, ahead = np.empty((3, 3)), np.empty(count), np.empty(3)
     clear(M)
     clear(ahead)
-    towards, agreeing = vector(t), 0
+    towards, consistent = vector(t), 0
     for i in range(count):
         at = address(i)
         m, b = rotate(matrix(R), ray0(pairs, at)), ray1(pairs, at)
@@ -162,14 +162,14 @@ def layer_twin(
         agrees = abs(sampson(pairs, at, matrix(R), towards)) <= gate
         # Inverse distance, and nothing at the epipole.
         nearness[i] = max(flow, 0.0) / max(reach2, 1e-6) if agrees else -1.0
-        agreeing += 1 if agrees else 0
+        consistent += 1 if agrees else 0
         if agrees:
             add(1.0, b, ahead)
-    typical = largest(nearness, agreeing // 2)
+    typical = kth_largest(nearness, consistent // 2)
     for i in range(count):
         if nearness[i] > typical:
             add_outer(ray1(pairs, address(i)), ray0(pairs, address(i)), 1.0, M)
     axis = vector(ahead)
     along = 2.0 * dot(axis, towards) / (dot(axis, axis) + 1e-300)
-    put(1.0, combine(along, axis, -1.0, towards), twin_t)
-    return kabsch(M, twin_R)
+    put(1.0, axpby(along, axis, -1.0, towards), other_t)
+    return kabsch(M, other_R)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from kernels_kit import matches_of, two_views
 
-from farpoint._kernels import contest
-from farpoint._kernels.contest import NEAR
+from farpoint._kernels import hypothesis_comparison
+from farpoint._kernels.hypothesis_comparison import MODE_MARGIN
 from farpoint._kernels.pose import PackedMatches, Pose
-from farpoint._kernels.refinement import PROMISED
+from farpoint._kernels.refinement import PREDICTED_DECREASE
 
 BEST = 100.0
 # Costs where a hypothesis is judged, and what the step from there promises.
@@ -22,7 +22,7 @@ class Followed(NamedTuple):
     """A hypothesis that was followed so many steps."""
 
     competes: bool
-    was_near: bool
+    was_close: bool
     steps: int
     best: Pose
     second: Pose
@@ -39,41 +39,54 @@ def followed(monkeypatch):
         same_after: int = 99,
         elsewhere: bool = True,
         twisted: bool = False,
-        within: float = NEAR,
+        within: float = MODE_MARGIN,
     ) -> Followed:
         steps: list[int] = []
 
-        def advance(_matches, _seen, _precision, _normal, cost, _shares, state, _kept):
+        def advance(
+            _matches, _linearisation_point, _precision, _normal, cost, _shares, state, _kept
+        ):
             steps.append(len(steps) + 1)
-            cost[0], state[PROMISED] = course[len(steps) - 1]
+            cost[0], state[PREDICTED_DECREASE] = course[len(steps) - 1]
             return len(steps) < len(course)
 
         mocks = {
             "begin": lambda *_: None,
             "advance": advance,
             "finish": lambda *_: None,
-            "narrowness": lambda *_: 0.0,
-            "is_same": lambda *_: len(steps) >= same_after,
+            "laplace_factor": lambda *_: 0.0,
+            "is_same_mode": lambda *_: len(steps) >= same_after,
             "_is_twisted": lambda *_: twisted,
         }
         for name, mock in mocks.items():
-            monkeypatch.setattr(contest, name, mock)
-        best, challenger, second, rival = (_pose() for _ in range(4))
+            monkeypatch.setattr(hypothesis_comparison, name, mock)
+        best, hypothesis, second, rival = (_pose() for _ in range(4))
         best.cost[0], second.cost[0], rival.cost[0] = BEST, np.inf, np.inf
-        challenger.t[:] = (1.0, 0.0, 0.0) if elsewhere else best.t
-        challenge = getattr(contest.challenge, "py_func", contest.challenge)
-        given = _matches(), challenger, best, second, rival, within
-        return Followed(*challenge(*given), len(steps), best, second, rival)
+        hypothesis.t[:] = (1.0, 0.0, 0.0) if elsewhere else best.t
+        compare_hypothesis = getattr(
+            hypothesis_comparison.compare_hypothesis,
+            "py_func",
+            hypothesis_comparison.compare_hypothesis,
+        )
+        given = _matches(), hypothesis, best, second, rival, within
+        return Followed(*compare_hypothesis(*given), len(steps), best, second, rival)
 
-    inner = "copy_pose", "_explains", "follow", "_keep_better", "_weigh", "_is_elsewhere"
+    inner = (
+        "copy_pose",
+        "_has_inliers",
+        "refine_if_competitive",
+        "_keep_better",
+        "_add_laplace_factor",
+        "_has_other_direction",
+    )
     for name in inner:
-        function = getattr(contest, name)
-        monkeypatch.setattr(contest, name, getattr(function, "py_func", function))
+        function = getattr(hypothesis_comparison, name)
+        monkeypatch.setattr(hypothesis_comparison, name, getattr(function, "py_func", function))
     return run
 
 
 def _matches() -> PackedMatches:
-    return matches_of(two_views(0, 33), 100.0, gives_way=True)
+    return matches_of(two_views(0, 33), 100.0, soft_cheirality=True)
 
 
 def _pose() -> Pose:
@@ -101,7 +114,7 @@ def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
 
 
 @pytest.mark.parametrize(
-    ("end", "elsewhere", "competes", "is_equal"),
+    ("end", "elsewhere", "competes", "is_close"),
     [
         (90.0, True, True, True),
         (90.0, False, True, False),
@@ -111,20 +124,22 @@ def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
     ],
 )
 def test_the_likelier_is_kept_and_the_other_remembered(
-    followed, end, elsewhere, competes, is_equal
+    followed, end, elsewhere, competes, is_close
 ):
     found = followed([AWAY, (end, 1.0)], elsewhere=elsewhere)
     assert found.competes == competes
     assert found.best.cost[0] == min(end, BEST)
     lost = max(end, BEST)
     assert found.second.cost[0] == (lost if competes else np.inf)
-    assert found.rival.cost[0] == (lost if is_equal else np.inf)
+    assert found.rival.cost[0] == (lost if is_close else np.inf)
 
 
 @pytest.mark.parametrize(("matches", "near"), [(9, 30.0), (40, 50.0), (160, 100.0)])
 def test_the_motions_of_a_plane_may_be_so_far_apart_by_chance(matches, near):
-    near_of_plane = getattr(contest.near_of_plane, "py_func", contest.near_of_plane)
-    assert near_of_plane(matches) == near
+    planar_margin = getattr(
+        hypothesis_comparison.planar_margin, "py_func", hypothesis_comparison.planar_margin
+    )
+    assert planar_margin(matches) == near
 
 
 def test_one_that_is_turned_over_competes_but_is_not_kept(followed):
@@ -136,8 +151,8 @@ def test_one_that_is_turned_over_competes_but_is_not_kept(followed):
 
 def test_one_that_was_near_as_it_was_is_told(followed):
     inside, outside = BEST + 49.0, BEST + 51.0
-    assert followed([(inside, 9.0), (inside, 0.1)], same_after=1, within=50.0).was_near
-    assert not followed([(outside, 99.0), (BEST, 0.1)], same_after=2, within=50.0).was_near
+    assert followed([(inside, 9.0), (inside, 0.1)], same_after=1, within=50.0).was_close
+    assert not followed([(outside, 99.0), (BEST, 0.1)], same_after=2, within=50.0).was_close
 
 
 def test_one_that_ends_as_near_as_is_asked_for_is_a_rival(followed):

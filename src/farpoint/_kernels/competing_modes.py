@@ -13,48 +13,55 @@ import numpy as np
 
 from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
-from farpoint._kernels.contest import NEAR, REFINEMENTS, follow, refine
+from farpoint._kernels.hypothesis_comparison import (
+    MODE_MARGIN,
+    REFINEMENTS,
+    refine,
+    refine_if_competitive,
+)
 from farpoint._kernels.pose import PackedMatches, Pose, copy_pose
 from farpoint._kernels.vectors import dot, vector
 
-__all__ = ["judge_rival", "nearest_rival"]
+__all__ = ["compare_with_mode", "likeliest_other_mode"]
 
 # Directions from which a rival is looked for, evenly over the sphere.
 STARTS = 12
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 # Cosine of the angle from which on a motion is another one.
-COS_ELSEWHERE = math.cos(math.radians(30.0))
+MAX_COSINE = math.cos(math.radians(30.0))
 
 
 @kernel
-def nearest_rival(matches: PackedMatches, pose: Pose, start_R: np.ndarray, rival: Pose) -> float:
+def likeliest_other_mode(
+    matches: PackedMatches, pose: Pose, start_R: np.ndarray, mode: Pose
+) -> float:
     """By how much the likeliest motion elsewhere is less likely than this one, in log likelihood.
 
     Both averaged over the poses nearby. It is looked for from the rotation ``start_R`` (3, 3), with
-    directions all over the sphere, and the noise of ``pose``, which stays as it is. ``rival``
-    receives it; infinite where there is none that comes near, as of `contest.follow`.
+    directions all over the sphere, and the noise of ``pose``, which stays as it is. ``mode``
+    receives it; infinite where there is none that comes near, as of `hypothesis_comparison.refine_if_competitive`.
     """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
-    rival.cost[0] = math.inf
+    mode.cost[0] = math.inf
     start_t = np.empty(3)
     for k in range(STARTS):
         _place(k, start_t)
         _start_from(start_R, start_t, pose.mixture, other)
-        competes, _ = follow(matches, other, own, NEAR)
-        if competes and other.cost[0] < rival.cost[0] and _is_elsewhere(other, pose):
-            copy_pose(other, rival)
-    return rival.cost[0] - own.cost[0]
+        competes, _ = refine_if_competitive(matches, other, own, MODE_MARGIN)
+        if competes and other.cost[0] < mode.cost[0] and _has_other_direction(other, pose):
+            copy_pose(other, mode)
+    return mode.cost[0] - own.cost[0]
 
 
 @kernel
-def judge_rival(matches: PackedMatches, pose: Pose, rival: Pose) -> float:
-    """What `nearest_rival` does, of a rival that is known, and refined in place."""
+def compare_with_mode(matches: PackedMatches, pose: Pose, mode: Pose) -> float:
+    """What `likeliest_other_mode` does, of a rival that is known, and refined in place."""
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
-    _refine_from(matches, rival.R, rival.t, pose.mixture, rival)
-    return rival.cost[0] - own.cost[0] if _is_elsewhere(rival, pose) else math.inf
+    _refine_from(matches, mode.R, mode.t, pose.mixture, mode)
+    return mode.cost[0] - own.cost[0] if _has_other_direction(mode, pose) else math.inf
 
 
 @inner_kernel
@@ -74,8 +81,8 @@ def _start_from(R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose) -
 
 
 @inner_kernel
-def _is_elsewhere(rival: Pose, pose: Pose) -> bool:
-    return dot(vector(rival.t), vector(pose.t)) < COS_ELSEWHERE
+def _has_other_direction(mode: Pose, pose: Pose) -> bool:
+    return dot(vector(mode.t), vector(pose.t)) < MAX_COSINE
 
 
 @step_kernel

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from kernels_kit import View, two_views
 
-from farpoint._kernels.sharing import PARTS, design_effect
+from farpoint._kernels.design_effect import PARTS, design_effect
 from farpoint.geometry import sphere
 
 # A sum of residuals that no pose was fitted to counts as if one had been.
@@ -66,8 +66,8 @@ def test_what_a_part_has_in_common_counts_as_often_as_it_has_matches():
     shared = rng.normal(0.0, 0.5, cell.max() + 1)[cell.ravel()]
     shared -= shared.mean()
     noise = rng.normal(size=800)
-    dealt = [told(view, rng.permutation(shared) + noise) for _ in range(20)]
-    assert told(view, shared + noise) > 2.0 * np.max(dealt)
+    chosen = [told(view, rng.permutation(shared) + noise) for _ in range(20)]
+    assert told(view, shared + noise) > 2.0 * np.max(chosen)
 
 
 @pytest.mark.parametrize("count", [1, 2, 20])

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from scipy.stats import poisson
 
-from farpoint._kernels import plausible
+from farpoint._kernels import parallax_prior
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.plausible import (
-    ANYWHERE,
+from farpoint._kernels.parallax_prior import (
     BAND_SIGMA,
     BIN,
     BINS,
-    FADE,
-    LEAST_TAIL,
-    LEVEL,
-    NONE,
-    plausible_parallax,
+    END,
+    FALL_OFF,
+    FALSE_ALARM_RATE,
+    MIN_TAIL,
+    UNIFORM_COUNT,
+    fit_parallax_prior,
 )
 
 SPREAD = 300.0
@@ -25,18 +25,18 @@ WRONG = np.full(20, -100.0)
 
 
 @kernel
-def largest(values: np.ndarray, k: int) -> float:
-    return plausible.largest(values, k)
+def kth_largest(values: np.ndarray, k: int) -> float:
+    return parallax_prior.kth_largest(values, k)
 
 
 @kernel
 def most_by_chance(expected: float, directions: float) -> int:
-    return plausible._most_by_chance(expected, directions)
+    return parallax_prior._chance_count(expected, directions)
 
 
 def prior_of(parallax: np.ndarray, right: np.ndarray, sigma: float = 1.0) -> np.ndarray:
     prior = np.full(len(parallax), np.nan)
-    plausible_parallax(parallax, right, len(parallax), sigma, sigma * SPREAD, prior)
+    fit_parallax_prior(parallax, right, len(parallax), sigma, sigma * SPREAD, prior)
     return prior
 
 
@@ -61,14 +61,14 @@ def shares_of(parallax: np.ndarray) -> np.ndarray:
 def test_the_kth_largest_of_some_values():
     values = np.array([0.0, 5.0, 1.0, -1.0, 3.0, 2.0])
     for k, expected in enumerate([5.0, 3.0, 2.0, 1.0], start=1):
-        assert largest(values, k) == pytest.approx(expected, abs=1e-5)
+        assert kth_largest(values, k) == pytest.approx(expected, abs=1e-5)
 
 
 @pytest.mark.parametrize("expected", [1e-6, 0.02, 0.3, 2.5, 40.0])
 @pytest.mark.parametrize("directions", [1.0, 45.0, 31125.0])
 def test_any_of_many_directions_has_more_matches_than_expected(expected, directions):
     most = most_by_chance(expected, directions)
-    level = LEVEL / directions
+    level = FALSE_ALARM_RATE / directions
     # The bound on the tail may ask for one more than its quantile.
     assert poisson.isf(level, expected) <= most <= poisson.isf(level, expected) + 1
     assert poisson.sf(most, expected) < level
@@ -86,8 +86,8 @@ def test_the_prior_is_the_density_of_the_others_over_that_of_wrong_ones(sigma):
     right = np.random.default_rng(2).gamma(2.0, 12.0, 80)
     probes = np.linspace(-2.9, 0.8 * right.max(), 50)
     last, tail = beyond(right)
-    anywhere = ANYWHERE / (last + tail + BAND_SIGMA)
-    expected = 2.0 * SPREAD * (anywhere + others_near(probes, right)) / (ANYWHERE + 80)
+    anywhere = UNIFORM_COUNT / (last + tail + BAND_SIGMA)
+    expected = 2.0 * SPREAD * (anywhere + others_near(probes, right)) / (UNIFORM_COUNT + 80)
     np.testing.assert_allclose(prior_at(sigma * probes, sigma * right, sigma), expected, rtol=1e-5)
 
 
@@ -131,7 +131,7 @@ def beyond(right: np.ndarray, captured: int = 4) -> tuple[float, float]:
     sizes = np.sort(right)[::-1]
     last = sizes[captured]
     nearer = max(sizes[2 * captured + 1] / last, np.sqrt(0.5))
-    return last, max(max(nearer**-2.0 - 1.0, LEAST_TAIL) * last, BAND_SIGMA)
+    return last, max(max(nearer**-2.0 - 1.0, MIN_TAIL) * last, BAND_SIGMA)
 
 
 @pytest.mark.parametrize(
@@ -140,15 +140,15 @@ def beyond(right: np.ndarray, captured: int = 4) -> tuple[float, float]:
     # far off, or less than half as far.
     [
         (np.arange(1.0, 61.0), 56.0, (56.0**2 / 51.0**2 - 1.0) * 56.0),
-        (np.full(60, 50.0), 50.0, LEAST_TAIL * 50.0),
+        (np.full(60, 50.0), 50.0, MIN_TAIL * 50.0),
         (1.3 ** np.arange(60.0), 1.3**55, 1.3**55),
     ],
 )
 def test_how_far_on_a_match_may_lie_tells_how_the_others_thin_out(sizes, last, tail):
-    probes = last + tail * np.array([0.99, 1.0 + FADE, 1.0 + 5.0 * FADE])
+    probes = last + tail * np.array([0.99, 1.0 + FALL_OFF, 1.0 + 5.0 * FALL_OFF])
     assert beyond(sizes) == pytest.approx((last, tail))
-    flat = ANYWHERE / (last + tail + BAND_SIGMA) + others_near(probes, sizes)
-    fading = prior_at(probes, sizes) / (flat / (ANYWHERE + 60) * 2.0 * SPREAD)
+    flat = UNIFORM_COUNT / (last + tail + BAND_SIGMA) + others_near(probes, sizes)
+    fading = prior_at(probes, sizes) / (flat / (UNIFORM_COUNT + 60) * 2.0 * SPREAD)
     np.testing.assert_allclose(fading, np.exp([0.0, -0.5, -12.5]), rtol=1e-3)
 
 
@@ -156,15 +156,15 @@ def test_how_far_on_a_match_may_lie_tells_how_the_others_thin_out(sizes, last, t
 def test_nothing_is_plausible_beyond_its_end(sigma):
     sizes = np.linspace(1.0, 60.0, 60)
     parallax, right = sigma * np.r_[sizes, WRONG], np.r_[np.ones(60), np.zeros(20)]
-    end = plausible_parallax(parallax, right, 80, sigma, SPREAD * sigma, np.empty(80))
+    end = fit_parallax_prior(parallax, right, 80, sigma, SPREAD * sigma, np.empty(80))
     last, tail = beyond(sizes)
-    assert end == pytest.approx((last + (1.0 + NONE * FADE) * tail) * sigma, rel=1e-5)
+    assert end == pytest.approx((last + (1.0 + END * FALL_OFF) * tail) * sigma, rel=1e-5)
 
 
 def test_where_no_match_is_wrong_the_last_is_no_less_plausible_than_one_of_all():
     prior = prior_of(np.r_[np.zeros(40), 150.0], np.ones(41))
     assert prior[-1] == pytest.approx(
-        ANYWHERE / 40.5 * 2.0 * SPREAD / (2.0 * 150.0 + 3.0), rel=0.01
+        UNIFORM_COUNT / 40.5 * 2.0 * SPREAD / (2.0 * 150.0 + 3.0), rel=0.01
     )
 
 
@@ -172,4 +172,4 @@ def test_where_nearly_all_may_be_captured_nothing_is_known():
     prior = prior_of(np.array([1.0, 2.0, 50.0, 3.0, 9.0]), np.array([1.0, 1.0, 0.0, 0.0, 0.0]))
     np.testing.assert_array_equal(prior, np.ones(5))
     whatever = np.full(3, 9.0), np.zeros(3), 3, 1.0, SPREAD, np.empty(3)
-    assert plausible_parallax(*whatever) == np.inf
+    assert fit_parallax_prior(*whatever) == np.inf

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from kernels_kit import View, matches_of, moved, pose_of, two_views
 
+from farpoint._kernels.competing_modes import compare_with_mode, likeliest_other_mode
 from farpoint._kernels.pose import Pose
 from farpoint._kernels.refinement import refine_pose
-from farpoint._kernels.rivals import judge_rival, nearest_rival
 
 SPREAD = 300.0
 
@@ -16,7 +16,7 @@ SPREAD = 300.0
 def cost_of(view: View, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> float:
     """Negative log likelihood at the minimum that these lead to, averaged over what is around."""
     pose = pose_of(R, t, mixture)
-    refine_pose(matches_of(view, SPREAD, gives_way=False), 0.1, 10, pose)
+    refine_pose(matches_of(view, SPREAD, soft_cheirality=False), 0.1, 10, pose)
     R[:], t[:] = pose.R, pose.t
     return pose.cost[0] + 0.5 * np.linalg.slogdet(pose.normal[:5, :5] + np.eye(5))[1]
 
@@ -24,7 +24,9 @@ def cost_of(view: View, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> fl
 def rival_of(view: View, mixture: np.ndarray) -> tuple[float, Pose]:
     own = pose_of(view.R, view.t, mixture)
     rival = pose_of(*(np.full_like(array, np.nan) for array in own[:3]))
-    return nearest_rival(matches_of(view, SPREAD, gives_way=False), own, view.R, rival), rival
+    return likeliest_other_mode(
+        matches_of(view, SPREAD, soft_cheirality=False), own, view.R, rival
+    ), rival
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -69,7 +71,7 @@ def test_a_long_flow_has_none_that_comes_near():
 def judged(view: View, mixture: np.ndarray, R: np.ndarray, t: np.ndarray) -> float:
     rival = pose_of(R, t, np.full(4, np.nan))
     own = pose_of(view.R, view.t, mixture)
-    against = judge_rival(matches_of(view, SPREAD, gives_way=False), own, rival)
+    against = compare_with_mode(matches_of(view, SPREAD, soft_cheirality=False), own, rival)
     R[:], t[:] = rival.R, rival.t
     return against
 

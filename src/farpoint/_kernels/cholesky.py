@@ -112,9 +112,9 @@ def eliminate_points(coupling, point_h, point_g, damping, H, g):
 
 
 @_loop
-def point_variances(rows, coupling, point_h, spread, variances):
+def point_variances(rows, coupling, point_h, covariance, variances):
     """Variances (R,) of the inverse distances of some points, with those (D, D) of all else."""
-    D = len(spread)
+    D = len(covariance)
     where, values = np.empty(D, np.int64), np.empty(D)
     for r in range(len(rows)):
         j = rows[r]
@@ -126,5 +126,5 @@ def point_variances(rows, coupling, point_h, spread, variances):
         total = 0.0
         for i in range(n):
             for k in range(n):
-                total += values[i] * values[k] * spread[where[i], where[k]]
+                total += values[i] * values[k] * covariance[where[i], where[k]]
         variances[r] = (1.0 + total / point_h[j]) / point_h[j]

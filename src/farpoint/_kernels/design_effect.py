@@ -7,43 +7,45 @@ import math
 import numpy as np
 
 from farpoint._kernels.arrays import clear
-from farpoint._kernels.coherence import bounded, coherence
 from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
 from farpoint._kernels.pairs import address, ray0
 from farpoint._kernels.patches import split_image
+from farpoint._kernels.residual_correlation import bounded, patch_correlation
 
-__all__ = ["ASKED", "LIKELY", "PARTS", "design_effect", "tell_sharing"]
+__all__ = ["CORRELATED_Z", "MAX_QUERIED", "PARTS", "correlation_and_design_effect", "design_effect"]
 
 # Right matches that are asked for their neighbour, at the most. Fewer cannot show anything.
-ASKED, LEAST_MATCHES = 400, 50
+MAX_QUERIED, MIN_MATCHES = 400, 50
 # Correlation of neighbours' residuals, over the root of how many are asked, from which on they are
 # likely to be no noise: that of noise is 1.1 over that root, and exceeds this once in a hundred.
-LIKELY = 2.5
+CORRELATED_Z = 2.5
 
 # The image is split in two, and each part again, as often as this.
 SPLITS = np.int64(4)
 PARTS = 2 ** int(SPLITS)
 # Degrees of freedom of the residuals that the pose has taken.
-OF_POSE = 5.0
+POSE_DEGREES = 5.0
 
 
 @kernel
-def tell_sharing(
-    pairs: np.ndarray, residual: np.ndarray, right: np.ndarray, count: int, sigma: float
+def correlation_and_design_effect(
+    pairs: np.ndarray, residual: np.ndarray, inlier: np.ndarray, count: int, sigma: float
 ) -> tuple[float, float, float]:
-    """The `coherence` of right matches, that over what noise would have, and the `design_effect`.
+    """The `patch_correlation` of right matches, that over what noise would have, and the `design_effect`.
 
     Two of the same point, which a detector of features finds again and again, are neighbours, and
     err alike, too. Of few matches, 0 and 0. The last is 1 where they are not likely to be alike.
     """
-    rows = _right(right, count)
-    if rows.size < LEAST_MATCHES:
+    rows = _right(inlier, count)
+    if rows.size < MIN_MATCHES:
         return 0.0, 0.0, 1.0
-    alike = coherence(pairs, residual, rows, _each_by_itself(count), sigma, ASKED)
-    likeness = math.sqrt(min(rows.size, ASKED)) * alike
-    if likeness < LIKELY:
-        return alike, likeness, 1.0
-    return alike, likeness, design_effect(pairs, residual, rows, sigma)
+    correlation = patch_correlation(
+        pairs, residual, rows, _each_by_itself(count), sigma, MAX_QUERIED
+    )
+    correlation_z = math.sqrt(min(rows.size, MAX_QUERIED)) * correlation
+    if correlation_z < CORRELATED_Z:
+        return correlation, correlation_z, 1.0
+    return correlation, correlation_z, design_effect(pairs, residual, rows, sigma)
 
 
 @step_kernel
@@ -56,14 +58,14 @@ def _each_by_itself(count: int) -> np.ndarray:
 
 
 @step_kernel
-def _right(right: np.ndarray, count: int) -> np.ndarray:
+def _right(inlier: np.ndarray, count: int) -> np.ndarray:
     """Rows of the right matches."""
     total = 0
     for i in range(count):
-        total += 1 if right[i] > 0.5 else 0
+        total += 1 if inlier[i] > 0.5 else 0
     rows, taken = np.empty(total, np.int64), 0
     for i in range(count):
-        if right[i] > 0.5:
+        if inlier[i] > 0.5:
             rows[taken] = i
             taken += 1
     return rows
@@ -91,9 +93,9 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
         if sizes[part] > 0.0:
             scatter += sums[part] * sums[part] / sizes[part]
             used += 1.0
-    if not (square > 0.0 and used > OF_POSE):
+    if not (square > 0.0 and used > POSE_DEGREES):
         return 1.0
-    return scatter * rows.size / (square * (used - OF_POSE))
+    return scatter * rows.size / (square * (used - POSE_DEGREES))
 
 
 @step_kernel
