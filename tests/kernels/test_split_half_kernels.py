@@ -43,7 +43,13 @@ def _here(seen: LinearisationPoint, right: float, out: np.ndarray) -> bool:
 def expected_of(matches: PackedMatches, pose: Pose) -> np.ndarray:
     covariance = np.empty((5, 5))
     seen = LinearisationPoint(
-        matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, matches.spread, matches.tail
+        matches.pairs,
+        matches.prior,
+        pose.R,
+        pose.t,
+        pose.mixture,
+        matches.outlier_half_width,
+        matches.long_tail,
     )
     assert _here(seen, RIGHT, covariance)
     return covariance

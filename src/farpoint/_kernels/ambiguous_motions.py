@@ -1,4 +1,4 @@
-"""Motions that look alike: where one minimum of the cost is, another may be, and where to look."""
+"""Ambiguous motions: planar ambiguity and bas-relief ambiguity."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ def second_planar_motion(
     other_R: np.ndarray,
     other_t: np.ndarray,
 ) -> bool:
-    """The other motion that a plane through the matches would allow; False where there is none.
+    """Second motion of a plane through the matches; False if there is none.
 
-    The plane ``n . X = 1`` (camera 0, unit of the translation) is fitted to the inverse distances
-    ``n . a`` of the matches. With ``tau = R^T t`` it induces ``R (I + tau n^T)``, and so does the
-    motion that turns first by the quaternion ``(2 + n . tau, n x tau)`` and goes along
-    ``R (2 n + n . n tau)``, of the plane along ``n + 2 tau``: for small motions translation and
-    normal change places (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI 10.1098/rspb.1984.0088;
-    the relations of Malis and Vargas, INRIA RR-6303, 2007, in short). The plane is before the
-    camera; where most matches lie behind it, it and the direction change their signs. Matches with
-    a residual beyond ``gate`` are left out.
+    The plane ``n . X = 1`` (camera 0, unit of the translation) is fitted to the inverse depths ``n
+    . a`` of the matches. With ``tau = R^T t`` its homography is ``R (I + tau n^T)``, and so is that
+    of the motion with the rotation R times that of the quaternion ``(2 + n . tau, n x tau)`` and
+    the direction ``R (2 n + n . n tau)``, with the plane normal along ``n + 2 tau``: for small
+    motions translation and normal exchange their places (Longuet-Higgins, Proc. R. Soc. B 223,
+    1984, DOI 10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA RR-6303, 2007). The plane
+    is in front of the camera; where most matches lie behind it, plane and direction change their
+    signs. Matches with a residual beyond ``gate`` are left out.
     """
     inverse, accuracy, n = np.empty(count), np.empty(count), np.empty(3)
     towards = vector(t)
@@ -60,7 +60,7 @@ def second_planar_motion(
     square = dot(plane, plane)
     if not square > 1e-18:
         return False
-    # To turn first by an axis a is to turn at last by R a.
+    # R Exp(a) = Exp(R a) R.
     w, (x, y, z) = 2.0 + dot(plane, tau), rotate(matrix(R), cross(plane, tau))
     over = 1.0 / math.sqrt(w * w + x * x + y * y + z * z + 1e-300)
     turn(over * w, over * x, over * y, over * z, R, other_R)
@@ -72,7 +72,7 @@ def second_planar_motion(
 
 @step_kernel
 def _ahead_of(pairs: np.ndarray, accuracy: np.ndarray, normal: Vector) -> int:
-    """How many more matches of any accuracy look along a direction than against it."""
+    """Number of weighted matches with rays along a direction minus that of rays against it."""
     ahead = 0
     for i in range(accuracy.size):
         along = dot(normal, ray0(pairs, address(i)))
@@ -89,7 +89,7 @@ def _inverse_distances(
     inverse: np.ndarray,
     accuracy: np.ndarray,
 ) -> None:
-    """Inverse distance of each match and its accuracy, which is 0 of those that disagree."""
+    """Inverse depth of each match and its information, 0 where the residual is beyond the gate."""
     tau = rotate_back(R, t)
     for i in range(inverse.size):
         at = address(i)
@@ -101,7 +101,7 @@ def _inverse_distances(
 
 @step_kernel
 def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, float]:
-    """Inverse distance of a match, and the square of the sine that tells it."""
+    """Inverse depth of a match, and the squared sine of its distance to the epipole."""
     # back = l0 a + tau up to length: its cross product gives a x back = (back x tau) / l0.
     across = cross(back, tau)
     square = dot(across, across)
@@ -110,11 +110,10 @@ def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, floa
 
 @step_kernel
 def _fit_plane(pairs: np.ndarray, inverse: np.ndarray, accuracy: np.ndarray, n: np.ndarray) -> bool:
-    """The plane through the matches, whose inverse distances are ``n . a``; False if there is none.
+    """Robust weighted fit of ``n . a`` to the inverse depths; False without a unique plane.
 
-    Each weighs by its accuracy. Those much nearer than most, ahead or behind, weigh the less the
-    nearer they are: a motion before a plane can go exactly through a wrong match or two, wherever
-    these lie.
+    Weights fall for inverse depths above the median: a plane can fit an outlier or two with a large
+    inverse depth exactly.
     """
     sizes, consistent = np.empty(inverse.size), 0
     for i in range(inverse.size):
@@ -143,13 +142,13 @@ def bas_relief_motion(
     other_R: np.ndarray,
     other_t: np.ndarray,
 ) -> bool:
-    """The motion that takes the near layer for the far one; False where there are no two layers.
+    """Bas-relief alternative of a motion; False without near and far points.
 
-    In a narrow field of view a rotation imitates the flow of points at one distance, as far as the
-    motion is sideways. If it is that of the near points which the rotation takes up, the far ones
-    flow the other way. What goes along the rays, on average, stays as it is, since no rotation
-    imitates it. Near are those nearer than most; matches with a residual beyond ``gate`` are left
-    out.
+    In a narrow field of view a rotation imitates the flow of points at one depth, for the part of
+    the direction across the mean ray. If the rotation takes up the flow of the near points, the far
+    points flow the other way. The part of the direction along the mean ray stays, because no
+    rotation imitates it. Near points are those nearer than the median; matches with a residual
+    beyond ``gate`` are left out.
     """
     M, nearness, ahead = np.empty((3, 3)), np.empty(count), np.empty(3)
     clear(M)
@@ -160,7 +159,7 @@ def bas_relief_motion(
         m, b = rotate(matrix(R), ray0(pairs, at)), ray1(pairs, at)
         flow, reach2 = flow_along(m, b, towards)
         agrees = abs(sampson(pairs, at, matrix(R), towards)) <= gate
-        # Inverse distance, and nothing at the epipole.
+        # Inverse depth, bounded at the epipole.
         nearness[i] = max(flow, 0.0) / max(reach2, 1e-6) if agrees else -1.0
         consistent += 1 if agrees else 0
         if agrees:

@@ -1,8 +1,8 @@
-"""The motion in quite another direction that is nearly as likely as the one that was found.
+"""Modes in other directions of nearly the same likelihood.
 
-Where little is seen of a translation, a rotation can take its place and leave it the other way
-round: each such motion is sure of itself, and neither knows of the other. Some matches are enough
-to find such a rival, and more of them to judge it.
+With little parallax a rotation imitates the flow of a translation, and the remaining translation
+has another direction: the likelihood has several maxima, each with a small covariance of its own. A
+subsample of the matches finds such a mode; more matches give the log-likelihood ratio.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from farpoint._kernels.vectors import dot, vector
 
 __all__ = ["compare_with_mode", "likeliest_other_mode"]
 
-# Directions from which a rival is looked for, evenly over the sphere.
+# Number of initial directions, evenly over the sphere.
 STARTS = 12
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-# Cosine of the angle from which on a motion is another one.
+# Cosine of the angle between two directions, above which they are the same mode.
 MAX_COSINE = math.cos(math.radians(30.0))
 
 
@@ -35,11 +35,12 @@ MAX_COSINE = math.cos(math.radians(30.0))
 def likeliest_other_mode(
     matches: PackedMatches, pose: Pose, start_R: np.ndarray, mode: Pose
 ) -> float:
-    """By how much the likeliest motion elsewhere is less likely than this one, in log likelihood.
+    """Log-likelihood ratio of a pose to the likeliest mode in another direction.
 
-    Both averaged over the poses nearby. It is looked for from the rotation ``start_R`` (3, 3), with
-    directions all over the sphere, and the noise of ``pose``, which stays as it is. ``mode``
-    receives it; infinite where there is none that comes near, as of `hypothesis_comparison.refine_if_competitive`.
+    Both likelihoods are averaged over the poses nearby (Laplace). Local searches start at the
+    rotation ``start_R`` (3, 3), from `STARTS` directions, with the noise of ``pose``. ``mode``
+    receives the likeliest; the ratio is infinite if none is within the margin of
+    `hypothesis_comparison.refine_if_competitive`. ``pose`` stays unchanged.
     """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
@@ -57,7 +58,10 @@ def likeliest_other_mode(
 
 @kernel
 def compare_with_mode(matches: PackedMatches, pose: Pose, mode: Pose) -> float:
-    """What `likeliest_other_mode` does, of a rival that is known, and refined in place."""
+    """Log-likelihood ratio of a pose to a given mode, which is refined in place.
+
+    Infinite if the mode converges to the direction of ``pose``.
+    """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
     _refine_from(matches, mode.R, mode.t, pose.mixture, mode)
@@ -68,7 +72,7 @@ def compare_with_mode(matches: PackedMatches, pose: Pose, mode: Pose) -> float:
 def _refine_from(
     matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose
 ) -> None:
-    """The motion that this one leads to, with the noise that it needs."""
+    """Local maximum of the likelihood from this start, with its noise parameters."""
     _start_from(R, t, mixture, pose)
     refine(matches, REFINEMENTS, pose)
 
@@ -87,7 +91,7 @@ def _has_other_direction(mode: Pose, pose: Pose) -> bool:
 
 @step_kernel
 def _place(k: int, t: np.ndarray) -> None:
-    """The k-th of directions that are evenly spread (a Fibonacci lattice)."""
+    """Write the k-th of `STARTS` evenly spaced directions (Fibonacci lattice)."""
     z, angle = (2.0 * k + 1.0) / STARTS - 1.0, k * GOLDEN_ANGLE
     radius = math.sqrt(1.0 - z * z)
     t[0], t[1], t[2] = radius * math.cos(angle), radius * math.sin(angle), z

@@ -1,4 +1,4 @@
-"""How much of their errors matches share: those of one part of the image, added up."""
+"""Design effect of residuals that are correlated within parts of the image."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from farpoint._kernels.residual_correlation import bounded, patch_correlation
 
 __all__ = ["CORRELATED_Z", "MAX_QUERIED", "PARTS", "correlation_and_design_effect", "design_effect"]
 
-# Right matches that are asked for their neighbour, at the most. Fewer cannot show anything.
+# Maximum number of inliers whose neighbour is searched for; least number of inliers for a result.
 MAX_QUERIED, MIN_MATCHES = 400, 50
-# Correlation of neighbours' residuals, over the root of how many are asked, from which on they are
-# likely to be no noise: that of noise is 1.1 over that root, and exceeds this once in a hundred.
+# Limit of the correlation of neighbouring residuals times the square root of their number. For
+# independent noise its standard deviation is 1.1, and 1 % of cases exceed the limit.
 CORRELATED_Z = 2.5
 
-# The image is split in two, and each part again, as often as this.
+# Number of times that every part of the image is split in two; number of parts.
 SPLITS = np.int64(4)
 PARTS = 2 ** int(SPLITS)
-# Degrees of freedom of the residuals that the pose has taken.
+# Degrees of freedom of the pose.
 POSE_DEGREES = 5.0
 
 
@@ -31,10 +31,10 @@ POSE_DEGREES = 5.0
 def correlation_and_design_effect(
     pairs: np.ndarray, residual: np.ndarray, inlier: np.ndarray, count: int, sigma: float
 ) -> tuple[float, float, float]:
-    """The `patch_correlation` of right matches, that over what noise would have, and the `design_effect`.
+    """Patch correlation of inlier residuals, its z-score, and the `design_effect`.
 
-    Two of the same point, which a detector of features finds again and again, are neighbours, and
-    err alike, too. Of few matches, 0 and 0. The last is 1 where they are not likely to be alike.
+    The correlation is that of `residual_correlation`; detections of the same point are neighbours,
+    too. 0, 0 and 1 for few inliers; the design effect is 1 if the correlation is not significant.
     """
     rows = _right(inlier, count)
     if rows.size < MIN_MATCHES:
@@ -50,7 +50,7 @@ def correlation_and_design_effect(
 
 @step_kernel
 def _each_by_itself(count: int) -> np.ndarray:
-    """A patch for each match."""
+    """A patch of its own for each match."""
     patch = np.empty(count, np.int64)
     for i in range(count):
         patch[i] = i
@@ -59,7 +59,7 @@ def _each_by_itself(count: int) -> np.ndarray:
 
 @step_kernel
 def _right(inlier: np.ndarray, count: int) -> np.ndarray:
-    """Rows of the right matches."""
+    """Rows of the inliers."""
     total = 0
     for i in range(count):
         total += 1 if inlier[i] > 0.5 else 0
@@ -73,11 +73,11 @@ def _right(inlier: np.ndarray, count: int) -> np.ndarray:
 
 @inner_kernel
 def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: float) -> float:
-    """How many times larger the variance of a sum is than of residuals that are independent.
+    """Variance of sums of residuals over that of independent residuals (Kish's deff).
 
-    Of the matches in these ``rows``, as the residuals add up over 16 parts of the image (Kish,
-    "Survey Sampling", 1965): ``sum S^2 / n`` over the parts, with S the sum of n residuals, has 16
-    of the mean square, less five that the pose has taken, if each is by itself.
+    ``sum S^2 / n`` over 16 parts of the image, with S the sum of n residuals, has an expectation of
+    16 - 5 times the mean square if residuals are independent; 5 is the number of degrees of freedom
+    of the pose (Kish, "Survey Sampling", 1965). Of the matches in these ``rows``.
     """
     parts, sums, sizes = _parts(pairs, rows), np.empty(PARTS), np.empty(PARTS)
     clear(sums)
@@ -100,7 +100,7 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
 
 @step_kernel
 def _parts(pairs: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The part of each match, by its ray in camera 0."""
+    """Part of the image of each match, by its ray in camera 0."""
     rays, parts = np.empty(3 * rows.size), np.empty(rows.size, np.int64)
     for k in range(rows.size):
         ray = ray0(pairs, address(rows[k]))

@@ -1,4 +1,4 @@
-"""What the matches say for and against a pose, once it is found."""
+"""Labels of the matches, and evidence for sign, motion and translation of a pose."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from farpoint._kernels.vectors import axpby, dot
 
 __all__ = ["NEAR_SIGMA", "count_beyond_rotation", "find_stationary", "label_matches"]
 
-# Parallax below this is a far point's, in sigma.
+# Parallax in sigma, up to which a point is far.
 NEAR_SIGMA = 3.0
 
-# No match is right beyond doubt.
+# Upper bound of the inlier probability, for the odds of the sign.
 MAX_PROBABILITY = 0.99
-# Nor beyond rounding.
+# Lower bound of the outlier probability, for logarithms: rounding.
 MIN_COMPLEMENT = 1e-16
-# Variance, in units of the noise, beside which no match is off: all weigh alike.
+# Variance, in units of the noise, with which all matches have the same weight.
 UNIFORM_WEIGHTS_VARIANCE = 1e20
 
 
@@ -35,14 +35,14 @@ def label_matches(
     outlier_share: float,
     labels: np.ndarray,
 ) -> tuple[int, float, float]:
-    """Label the matches; returns how many agree, and two log odds: the sign's, and the motion's.
+    """Label the matches; number of inliers, log odds of the sign, log odds of the motion.
 
-    The latter: by how much likelier they are with it than all wrong, where a share ``outlier_share`` is.
+    The log odds of the motion are those to all matches being outliers, of which the motion has the
+    share ``outlier_share``. ``labels`` (N,) receives 0 for an outlier, 2 for an inlier with a
+    parallax above `NEAR_SIGMA`, else 1.
 
-    ``labels`` (N,) receives 0 for a match that disagrees, 2 for one whose parallax is above
-    `NEAR_SIGMA`, else 1. A far point, with parallax within the noise, votes on no sign. A near
-    point votes by the odds ``Phi(p) / Phi(-p)`` that noise has not turned its flow around, bounded
-    by the chance that it is a wrong match.
+    A match of inlier probability P and parallax s, in sigma, contributes ``log((P Phi(s) + (1 - P)
+    / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
     """
     agreeing = 0
     sign_log_odds = log_odds = 0.0
@@ -65,12 +65,12 @@ def label_matches(
 def count_beyond_rotation(
     pairs: np.ndarray, inlier: np.ndarray, R: np.ndarray, other_R: np.ndarray, distance: float
 ) -> tuple[int, int]:
-    """How many of the right matches no rotation brings within ``distance``, and of how many.
+    """Number of inliers beyond ``distance`` of every rotation tried, and number of inliers.
 
-    ``inlier`` (N,) is 1 for these and 0 for the others; ``distance`` is in units of the noise. Of
-    ``R``, ``other_R`` and the least squares the one that brings in most counts. The least squares,
-    by one step from ``R``, about which the prediction is linear, undo what a motion took from the
-    rotation, but a few wrong matches drag them away.
+    ``inlier`` (N,) is 1 or 0; ``distance`` is in units of the noise. The rotations are ``R``,
+    ``other_R`` and the least-squares rotation, one step from ``R``; the one with most inliers
+    within the distance counts. The least squares undo the part of a rotation that a translation
+    took up, but are not robust to outliers.
     """
     step, nearest = np.empty(3), np.empty((3, 3))
     H, g, sums, mixture = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(3)
@@ -89,9 +89,9 @@ def count_beyond_rotation(
 
 @kernel
 def find_stationary(pairs: np.ndarray, within: float, stationary: np.ndarray) -> int:
-    """Tell which matches (N,) stand still in the image, but for so much, by the unit of the noise.
+    """Mark the ``stationary`` matches (N,); returns their number.
 
-    Returns how many.
+    Their flow is below ``within``, in units of the noise.
     """
     count = 0
     for i in range(stationary.size):

@@ -1,4 +1,4 @@
-"""A hypothesis against the best pose so far: refined, weighed, and kept if it is likelier."""
+"""Comparison of a hypothesis with the best pose: local optimisation, Laplace factor, selection."""
 
 from __future__ import annotations
 
@@ -44,27 +44,28 @@ __all__ = [
     "refine_if_competitive",
 ]
 
-# A residual beyond three sigma supports no hypothesis.
+# Residual, in sigma, beyond which a match does not support a hypothesis.
 GATE_SIGMA = 3.0
-# Log likelihood to which hypotheses are refined, and up to which two come near each other.
+# Predicted decrease of the cost, in log likelihood, at which the refinement of a hypothesis ends;
+# and margin in log likelihood within which two modes count as close.
 COARSE_TOLERANCE = 0.1
 MODE_MARGIN = 30.0
-# What the two motions of a plane differ by at the most, by chance, of so many matches: it grows
-# with the root of their number.
+# Margin in log likelihood between the two motions of a plane, which differ by chance: it is 100 for
+# 160 matches and grows with the square root of their number.
 PLANAR_MARGIN, PLANAR_MATCHES = 100.0, 160.0
-# Cosine of the angle from which on two directions are two motions.
+# Cosine of the angle (20 deg) beyond which two directions are different modes.
 MAX_COSINE = 0.94
-# Gain of a refinement over what a step of it promises and the last one gained, at the most.
+# Upper bound of the remaining gain: 4 x predicted decrease + last decrease.
 GAIN_FACTOR = 4.0
-# Steps of a refinement. Of a type of its own: for a plain number numba would compile it anew.
+# Maximum number of steps. A NumPy integer: numba would compile the kernel again for a literal.
 REFINEMENTS = np.int64(10)
-# Log likelihood within which two hypotheses are taken for one.
+# Difference in log likelihood within which two hypotheses are the same mode.
 SAME_MODE = 2.0
-# Matches that agree with a pose by chance: the five of a sample, and one more.
+# Number of matches that fit a pose by chance: the five of the sample, and one more.
 CHANCE_LIMIT = 6.5
-# Share of right matches up to which a pose explains none.
+# Share of inliers below which a pose counts as having none.
 MIN_INLIER_SHARE = 0.1
-# Shares of wrong, of poor and of repeated matches that EM starts from.
+# Initial shares of EM: outliers, tail, repeated structure.
 START_OUTLIER_SHARE = 0.2
 START_TAIL_SHARE = 0.1
 START_REPEATED_SHARE = 0.05
@@ -72,11 +73,12 @@ START_REPEATED_SHARE = 0.05
 
 @step_kernel
 def laplace_factor(normal: np.ndarray) -> float:
-    """What the likelihood loses when it is averaged over the poses around its maximum.
+    """Laplace (Occam) factor, ``1/2 log det(I + G)``: log likelihood at the maximum over its mean.
 
-    The five matches of a sample fit without any noise, and a sixth joins them by chance: the less
-    noise, the likelier they are, but the fewer poses do it (Laplace's method). Nothing is wider
-    than a radian.
+    G (5, 5) is the Gauss-Newton matrix; the prior sigma of the pose is one radian. Five matches fit
+    some pose without any noise, and a sixth by chance: a small noise variance raises the
+    likelihood, the Laplace factor of so narrow a maximum lowers it. Infinite where G is not
+    positive definite.
     """
     determinant, positive = determinant_beside_one(normal)
     return 0.5 * math.log(determinant) if positive else math.inf
@@ -84,17 +86,17 @@ def laplace_factor(normal: np.ndarray) -> float:
 
 @step_kernel
 def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
-    """Improve a pose and weigh it."""
+    """Refine a pose; its cost includes the Laplace factor."""
     refine_pose(matches, COARSE_TOLERANCE, steps, pose)
     _add_laplace_factor(matches, pose)
 
 
 @step_kernel
 def _add_laplace_factor(matches: PackedMatches, pose: Pose) -> None:
-    """Make its cost that of a pose with the room around it: `laplace_factor`.
+    """Add the `laplace_factor` to the cost of a pose.
 
-    One that takes hardly any match for right is no likelier than none, be they repeated about its
-    lines.
+    A pose with hardly any inliers is no likelier than uniform outliers alone, even if repeated
+    structure lies about its lines.
     """
     pose.cost[0] += laplace_factor(pose.normal)
     if not _has_inliers(pose):
@@ -104,13 +106,13 @@ def _add_laplace_factor(matches: PackedMatches, pose: Pose) -> None:
 
 @step_kernel
 def _has_inliers(pose: Pose) -> bool:
-    """Whether a pose takes more than hardly any match for right."""
+    """Whether the share of inliers exceeds `MIN_INLIER_SHARE`."""
     return 1.0 - pose.mixture[1] > MIN_INLIER_SHARE
 
 
 @step_kernel
 def default_noise(tolerance: float, mixture: np.ndarray) -> None:
-    """What EM starts from, knowing nothing."""
+    """Initial noise parameters of EM without any estimate: the tolerance is `GATE_SIGMA` sigma."""
     mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
     mixture[1] = START_OUTLIER_SHARE
     mixture[2] = START_TAIL_SHARE
@@ -121,10 +123,10 @@ def default_noise(tolerance: float, mixture: np.ndarray) -> None:
 def initial_noise(
     matches: PackedMatches, best: Pose, tolerance: float, mixture: np.ndarray
 ) -> None:
-    """What EM starts from: the noise of the best pose, if it explains more than a sample.
+    """Initial noise parameters of EM: those of the best pose, if it has more inliers than a sample.
 
-    A wrong minimum calls all matches right and noisy: from so much noise none comes down to another
-    one. So it is no more than when nothing is known.
+    The variance is at most that of `default_noise`: a wrong local minimum has all matches as
+    inliers with a large variance, from which EM does not converge to another minimum.
     """
     default_noise(tolerance, mixture)
     explains = (1.0 - best.mixture[1]) * matches.total > CHANCE_LIMIT
@@ -134,9 +136,10 @@ def initial_noise(
 
 @inner_kernel
 def outlier_share_of(matches: PackedMatches, best: Pose, tolerance: float) -> float:
-    """Share of matches that the best pose leaves unexplained: by its mixture, or by the tolerance.
+    """Share of outliers at the best pose: by its mixture or by the tolerance, the larger one.
 
-    A wrong minimum calls all matches right and noisy: only the tolerance gives it away.
+    A wrong local minimum has all matches as inliers with a large variance; the tolerance bounds
+    that.
     """
     consistent = np.empty(matches.prior.size)
     clear(consistent)
@@ -151,9 +154,9 @@ def outlier_share_of(matches: PackedMatches, best: Pose, tolerance: float) -> fl
 def mark_consistent(
     pairs: np.ndarray, R: np.ndarray, t: np.ndarray, tolerance: float, consistent: np.ndarray
 ) -> None:
-    """Write 1 for each match whose residual is within the tolerance; others stay as they are.
+    """Write 1 for each match whose residual is within the tolerance; others keep their value.
 
-    The panels are full, and ``consistent`` has room for what fills them up.
+    ``consistent`` has the length of the panels, filler included.
     """
     turn, towards = matrix(R), vector(t)
     for panel in range(consistent.size // LANES):
@@ -165,7 +168,7 @@ def mark_consistent(
 
 @inner_kernel
 def is_same_mode(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
-    """Whether a pose is within the uncertainty of the best: the same minimum, on its way."""
+    """Whether a pose is within the uncertainty of the best: ``1/2 x^T G x < 2`` between the two."""
     if not _has_inliers(best) or dot(vector(t), vector(best.t)) < 0.5:
         return False
     trace, distance2 = _apart(R, t, best.R, best.t, best.normal)
@@ -176,10 +179,10 @@ def is_same_mode(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
 def _apart(
     R: np.ndarray, t: np.ndarray, other_R: np.ndarray, other_t: np.ndarray, normal: np.ndarray
 ) -> tuple[float, float]:
-    """Trace of the rotation between two poses, and their squared distance by normal equations."""
+    """Trace of the rotation between two poses, and their squared Mahalanobis distance."""
     A, B = matrix(R), matrix(other_R)
     trace = dot(A[0], B[0]) + dot(A[1], B[1]) + dot(A[2], B[2])
-    # The rotation between the two is small: half the difference of its off-diagonal elements.
+    # To first order, the rotation vector is half the difference of the off-diagonal elements.
     first, second = tangent_columns(vector(other_t))
     x = (
         0.5 * (dot(A[2], B[1]) - dot(A[1], B[2])),
@@ -197,9 +200,10 @@ def _apart(
 
 @step_kernel
 def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
-    """Whether most matches lie on the other side of the direction: a half turn about it too much.
+    """Whether most matches have the epipole between their rays: the twisted pair of the pose.
 
-    The epipolar constraint cannot tell the two.
+    The epipolar constraint is the same for both poses of a twisted pair (half a turn about the
+    baseline).
     """
     turn, towards = matrix(pose.R), vector(pose.t)
     twisted = 0
@@ -214,12 +218,15 @@ def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
 def refine_if_competitive(
     matches: PackedMatches, pose: Pose, best: Pose, within: float
 ) -> tuple[bool, bool]:
-    """Refine a hypothesis that may compete; whether it does, and whether it was near as it was.
+    """Refine a hypothesis while it may come within a margin of the best.
 
-    Near is ``within`` such a log likelihood of the best. Given up as soon as it does not promise to
-    come so near, or is seen on its way to the best. A step's promise is a modest one: more matches
-    come within reach with it, and that there is less noise gains, too. As much as the last step
-    gained, the next one may.
+    The margin ``within`` is in log likelihood. The refinement stops as soon as the upper bound of
+    the remaining gain, 4 x predicted decrease + last decrease, leaves the cost above the margin, or
+    the pose is the same mode as the best. The factor 4 covers what the quadratic model leaves out:
+    matches that become inliers, and a decrease of the noise variance.
+
+    Returns whether the refined hypothesis is within the margin and another mode, and whether its
+    initial pose was within the margin.
     """
     limit, normal, reached, shares = best.cost[0] + within, pose.normal, pose.cost, np.empty(4)
     point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
@@ -251,11 +258,11 @@ def compare_hypothesis(
     secondary: Pose,
     within: float,
 ) -> tuple[bool, bool]:
-    """Refine a hypothesis that may compete, and keep it if it is better.
+    """Refine a hypothesis while it may compete, and keep the better of two poses as ``best``.
 
-    Returns whether it comes near the best, ``within`` a log likelihood, or is better; and whether
-    it came near as it was. ``close`` receives the one that has lost then, if it is better than the
-    one before; ``secondary`` too if the two come near each other and their directions do not.
+    Returns whether it is within the margin ``within`` of the best, and whether its initial pose
+    was. ``close`` receives the less likely of the two, if it is likelier than ``close`` was; so
+    does ``secondary``, if the two are within `MODE_MARGIN` and their directions differ.
     """
     competes, was_close = refine_if_competitive(matches, hypothesis, best, within)
     if not competes:
@@ -277,19 +284,19 @@ def compare_hypothesis(
 
 @step_kernel
 def planar_margin(count: int) -> float:
-    """Log likelihood that the two motions of a plane may differ by, of so many matches."""
+    """Margin in log likelihood between the two motions of a plane, of ``count`` matches."""
     return max(MODE_MARGIN, PLANAR_MARGIN * math.sqrt(count / PLANAR_MATCHES))
 
 
 @step_kernel
 def is_close_mode(close: Pose, best: Pose) -> bool:
-    """Whether a pose that has lost to an earlier one comes near the best, too, and is another."""
+    """Whether a pose that an earlier best replaced is within `MODE_MARGIN`, and another mode."""
     return close.cost[0] < best.cost[0] + MODE_MARGIN and not is_same_mode(close.R, close.t, best)
 
 
 @inner_kernel
 def is_secondary_mode(secondary: Pose, best: Pose) -> bool:
-    """Whether a pose that has lost to an earlier one comes near the best, too, and is elsewhere."""
+    """Whether a pose is within `MODE_MARGIN` of the best, and its direction differs."""
     return secondary.cost[0] < best.cost[0] + MODE_MARGIN and _has_other_direction(secondary, best)
 
 

@@ -1,4 +1,4 @@
-"""How much the matches tell of a pose, and how much of that is noise."""
+"""Information of the matches on a pose, and the part of it that is noise."""
 
 from __future__ import annotations
 
@@ -44,17 +44,18 @@ from farpoint._kernels.vectors import (
 
 __all__ = ["information"]
 
-# A match nearer to the epipole than this, in sigma of its flow, tells nothing of where it is.
+# Distance to the epipole, in sigma of the flow, below which a match is left out.
 EPIPOLE_SIGMA = 8.0
-# Leverage beyond which a match is trusted no less.
+# Upper bound of the leverage in the correction of the scatter.
 MAX_LEVERAGE = 0.9
-# Rounds in which mean and variance of the inverse depths settle, and what of the variance the last
-# one may still change.
+# Estimation of mean and variance of the inverse depths: maximum number of rounds, and relative
+# change of the variance at convergence.
 DEPTH_ROUNDS = 20
 CONVERGED = 1e-3
-# Rows of a panel of what is told: Jacobian and residual, change of the Jacobian by the inverse
-# depth, their weights, the weight of the residual and what is missing of it, the square of the
-# weighted residual, the inverse depth and its variance.
+# Rows of a panel of per-match terms: Jacobian (5), residual, derivative of the Jacobian by the
+# inverse depth (5); weight of Jacobian and residual, weight of that derivative, weight of the
+# residual, information missing of it, square of the weighted residual; inverse depth and its
+# variance.
 JACOBIAN, RESIDUAL, CHANGE, WEIGHT, SHARE, KNOWN, MISSING, SCATTER, DEPTH, DEPTH_VARIANCE = (
     np.int64(row) for row in (0, 5, 6, 11, 12, 13, 14, 15, 16, 17)
 )
@@ -69,34 +70,31 @@ def information(
     noise: np.ndarray,
     scatter: np.ndarray,
 ) -> tuple[float, float]:
-    """Normal equations ``normal`` (6, 6) of the cost, and the part of them that is ``noise``.
+    """Normal equations ``normal`` (6, 6) of the cost, and the part ``noise`` (5, 5) of them.
 
-    The Gauss-Newton matrix (5, 5), with the gradient in the last column. The Jacobian of a match
-    grows with its flow, and the flow is measured: noise along the epipolar line is taken for flow.
-    With ``u`` the unit vector along the line, noise of variance ``v`` there (given the residual)
-    changes the Jacobian by ``[(m . t) u, B^T (m x u)] / sqrt(g)`` times itself, and so adds v times
-    that squared. Matches at the epipole are left out: noise alone decides on their epipolar line.
+    The Gauss-Newton matrix (5, 5), with the gradient in the last column. The Jacobian of a match is
+    proportional to its measured flow, so noise along the epipolar line counts as information. With
+    ``u`` the unit vector along the line, noise of variance ``v`` there (given the residual) changes
+    the Jacobian by ``C = [(m . t) u, B^T (m x u)] / sqrt(g)`` times itself, and adds ``v C^T C``.
+    Matches at the epipole are left out: noise alone decides on their epipolar line.
 
-    A match that flows by less than its noise tells nothing of the direction, and yet draws it. So
-    its flow may be ``shrunk_flow``: the best guess of its inverse depth lies between its own and the
-    mean of all, by their variances (the best linear unbiased prediction: Robinson, Stat. Sci. 6,
-    1991, DOI 10.1214/ss/1177011926). Then all of the matrix is signal on average, and ``noise``
-    what of it varies with the noise all the same; and the solution of the normal equations is one
-    step from the likelihood's maximum to an estimate with less variance.
+    With ``shrunk_flow`` the inverse depth of a match is replaced by its best linear unbiased
+    prediction from the measured depth and the mean over all matches (Robinson, Stat. Sci. 6, 1991,
+    DOI 10.1214/ss/1177011926). Then the expectation of the whole matrix is signal, ``noise`` is its
+    variation with the noise, and one step of the normal equations from the maximum of the
+    likelihood is an estimate with less variance.
 
-    A match that tells more than all others together vouches for itself: none would say if it were
-    wrong, and near the epipole its line turns with every step of the pose. It is heard with
-    ``1 - h^3`` of its weight, h its leverage, the share of it in what is told along its own axis.
+    Leverage h: the weight of a match is multiplied by ``1 - h^3``, because no other match can
+    contradict one that has more information than all others together, and near the epipole its line
+    turns with every step of the pose.
 
-    ``scatter`` (5, 5) is the variance of the gradient as the residuals show it, which is the matrix
-    where their noise is the one that was stated. A match draws the pose towards itself, and so
-    shows a smaller square than it had: by ``1 - h`` (MacKinnon and White, J. Econom. 29, 1985, HC2,
-    DOI 10.1016/0304-4076(85)90158-7).
+    ``scatter`` (5, 5) is the observed variance of the gradient, with squared residuals over ``1 -
+    h`` (HC2: MacKinnon and White, J. Econom. 29, 1985, DOI 10.1016/0304-4076(85)90158-7). Its
+    expectation is the Gauss-Newton matrix if the noise is that of the model.
 
-    Returns the share of this information that there is without knowing which matches are good, poor
-    or wrong: what is missing is the variance of the score over these (Louis, J. R. Stat. Soc. B 44,
-    1982, DOI 10.1111/j.2517-6161.1982.tb01203.x). And as how many matches they tell: all of them if
-    all have the same leverage, the fewer the more of it a few have.
+    Returns the share of the information that remains although the component of each match is
+    unknown (Louis, J. R. Stat. Soc. B 44, 1982, DOI 10.1111/j.2517-6161.1982.tb01203.x), and the
+    effective number of matches ``(sum h)^2 / sum h^2``.
     """
     terms = np.empty(point.prior.size // LANES * TERMS)
     _fill_terms(point, terms)
@@ -113,7 +111,7 @@ def information(
 
 @inner_kernel
 def _shrink_depths(terms: np.ndarray) -> None:
-    """Bring each inverse depth, and the Jacobian with it, to where the others let expect it."""
+    """Replace inverse depths by their BLUP, and the Jacobians with them."""
     mean, variance = 0.0, 0.0
     for k in range(DEPTH_ROUNDS):
         total, weighted, weight2, excess = _depth_moments(
@@ -141,11 +139,11 @@ def _shrink_depths(terms: np.ndarray) -> None:
 def _depth_moments(
     terms: np.ndarray, mean: float, variance: float, first: float
 ) -> tuple[float, float, float, float]:
-    """Sums over the inverse depths, as a mean and variance of them weigh each.
+    """Sums for the method of moments of the inverse depths.
 
-    Of their weights, of the weighted depths, of the weights of their squared distances from the
-    mean, and of these squares beyond what is noise. The ``first`` time (1, else 0) there is
-    neither: each depth counts by its own noise alone.
+    Of the weights, of the weighted depths, of the weights of squared deviations from the mean, and
+    of these squares less the part of the noise. The weights are by ``mean`` and ``variance``; in
+    the first round (``first`` 1) by the noise of each depth alone.
     """
     total = weighted = weight2 = excess = 0.0
     for panel in range(terms.size // TERMS):
@@ -164,7 +162,7 @@ def _depth_moments(
 
 @inner_kernel
 def _fill_terms(point: LinearisationPoint, terms: np.ndarray) -> None:
-    """Write down what each match tells."""
+    """Fill the per-match terms."""
     turn, towards = matrix(point.R), vector(point.t)
     basis = tangent_columns(towards)
     noise = (
@@ -192,7 +190,7 @@ def _fill_match(
     terms: np.ndarray,
     to: int,
 ) -> None:
-    """Write down what one match tells, in a column of a panel."""
+    """Fill the terms of one match, in a column of a panel."""
     precision, poor, clutter, tail = noise
     jacobian = sampson_jacobian(pairs, at, R, t, basis)
     r = jacobian[5]
@@ -222,16 +220,16 @@ def _fill_match(
 
 @inlined_kernel
 def _write_rows(terms: np.ndarray, to: int, values: tuple[float, ...]) -> None:
-    """Write down some numbers of a match, each in the row below the last one."""
+    """Write the numbers of a match, one per row."""
     for row in range(len(values)):
         terms[to + row * LANES] = values[row]
 
 
 @inner_kernel
 def _weigh_by_leverage(terms: np.ndarray, whole: np.ndarray) -> float:
-    """Hear a match the less the more it tells, and make up for what it took of its residual.
+    """Multiply the weights by ``1 - h^3``, the scatter by ``1 / (1 - h)``; h is the leverage.
 
-    Returns as how many matches of the same leverage they tell.
+    Returns the effective number of matches ``(sum h)^2 / sum h^2``.
     """
     inverse, positive = inverse_square(whole)
     if not positive:
@@ -252,7 +250,7 @@ def _weigh_by_leverage(terms: np.ndarray, whole: np.ndarray) -> float:
 
 @sum_kernel
 def _gram(terms: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
-    """``A diag(w) A^T`` (5, 5) of five rows A and the row w of what is told."""
+    """``A diag(w) A^T`` (5, 5) of five rows A and one row w of the terms."""
     sums = FIVE
     for panel in range(terms.size // TERMS):
         for lane in range(LANES):

@@ -1,4 +1,4 @@
-"""The likelihood of a pose given matches of which some are wrong."""
+"""Likelihood of a pose given matches with outliers, and its normal equations."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ from farpoint._kernels.vectors import Matrix, Vector, matrix, rotate, tangent_co
 
 __all__ = ["evaluate_pose", "evaluate_residuals", "linearize"]
 
-# Right matches that retreat by more, in all, that are left alone.
+# Expected number of inliers with a cheirality penalty, below which the penalty is no residual.
 MIN_PENALISED = 0.01
-# `mixture.cheirality_penalty` beyond which no match is good.
+# Cheirality penalty beyond which the penalty is no residual of a match.
 MAX_PENALTY = 64.0
 
 
@@ -51,14 +51,13 @@ MAX_PENALTY = 64.0
 def linearize(
     point: LinearisationPoint, soft_cheirality: bool, normal: np.ndarray, shares: np.ndarray
 ) -> float:
-    """Robust cost of all matches, with its normal equations.
+    """Robust cost of all matches and its normal equations.
 
-    The cost is ``-sum log(prior (core + tail_share) + clutter)``. With J the Jacobian (N, 5) of the
+    The cost is ``-sum log(prior (core + tail) + clutter)``. With J the Jacobian (N, 5) of the
     residuals r, ``normal`` (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the
-    gradient in its last column, the squares in its corner. Where the pose ``soft_cheirality`` to them,
-    the shifts of matches that retreat are residuals, too. ``shares`` (4,) receives the expected
-    number of right matches, how often these are poorer, how often they could have been, and the
-    number of repeated ones among the wrong ones.
+    gradient in its last column, the weighted squares in its corner. With ``soft_cheirality`` the
+    parallaxes that have a penalty are residuals, too. ``shares`` (4,) receives the expected number
+    of inliers, of tail steps, of trials of the tail, and of repeated structure among the outliers.
     """
     pairs, prior, clutter = (
         point.pairs,
@@ -100,10 +99,11 @@ def linearize(
 
 @inner_kernel
 def _add_cheirality_residuals(point: LinearisationPoint, normal: np.ndarray) -> None:
-    """Add the matches that retreat to the normal equations of `linearize`, by their shift.
+    """Add cheirality penalties to the normal equations of `linearize`, as residuals.
 
-    As far as they are good, and matches are at all: where noise has tails, of two that are far off
-    along their lines one retreats, and the other, which could tell of it, does not.
+    The residual is ``s + 2.5`` for a parallax of s sigma. The weight is the probability of the core
+    times ``(1 - tail_share)^2``: with a heavy tail, matches with large errors along their lines lie
+    on both sides, and only those on one side have a penalty.
     """
     pairs, prior, clutter = (
         point.pairs,
@@ -148,7 +148,7 @@ def _evaluate_penalties(
 
 @step_kernel
 def evaluate_pose(matches: PackedMatches, pose: Pose, shares: np.ndarray) -> float:
-    """The negative log likelihood of a pose, with the rest as of `linearize`."""
+    """Negative log likelihood of a pose; normal equations and ``shares`` as of `linearize`."""
     variance, outlier_share, half_width, long_tail = (
         pose.mixture[0],
         pose.mixture[1],
@@ -173,7 +173,7 @@ def _evaluate_match(
     prior: float,
     long_tail: float,
 ) -> tuple[float, float, float]:
-    """Residual and parallax of a match, both for unit noise, and the sum of its `densities`."""
+    """Residual and parallax of a match for unit noise, and the sum of its `densities`."""
     residual = sampson(pairs, at, R, t)
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
@@ -186,11 +186,11 @@ def _evaluate_match(
 def evaluate_residuals(
     point: LinearisationPoint, residual: np.ndarray, parallax: np.ndarray, inlier: np.ndarray
 ) -> None:
-    """What a pose makes of each match.
+    """Evaluate residual, parallax and inlier probability of each match at a pose.
 
-    ``residual`` receives the Sampson residual, ``parallax`` the signed shift towards the direction
-    along the epipolar line in units of its own noise, both for unit noise, and ``inlier`` the
-    probability of being right.
+    ``residual`` receives the Sampson residual for unit noise; ``parallax`` the signed shift along
+    the epipolar line towards the direction, in units of its own sigma for unit noise; ``inlier``
+    the inlier probability.
     """
     pairs, prior, clutter = (
         point.pairs,

@@ -1,7 +1,7 @@
-"""Small linear algebra on fixed sizes: rotations, symmetric systems, and random numbers.
+"""Small linear algebra of fixed sizes: rotations, symmetric systems, random numbers.
 
-Every function writes into the caller's buffers and allocates nothing, so that the loops above can
-call it a million times. No ``np.linalg``: it would cost seconds of compiling (and a LAPACK call).
+Every function writes into the caller's buffers and allocates nothing. No ``np.linalg``: it would
+take seconds to compile, and a LAPACK call.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ __all__ = [
 ]
 
 
-# Of Jacobi's method; five are usual.
+# Maximum number of sweeps of Jacobi's method; five are usual.
 MAX_SWEEPS = 30
 
 
@@ -56,7 +56,7 @@ def draw_unit(state: np.ndarray) -> float:
 
 @inner_kernel
 def draw_index(state: np.ndarray, n: int) -> int:
-    """Uniform integer in [0, n); its bias over n < 2^32 is beyond notice."""
+    """Uniform integer in [0, n); its bias is negligible for n < 2^32."""
     return int(draw_unit(state) * n)
 
 
@@ -119,9 +119,9 @@ def sandwich(
 
 @inner_kernel
 def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
-    """Eigenvectors of a symmetric matrix (5, 5), in rows; its diagonal receives the values.
+    """Eigenvectors of a symmetric matrix (5, 5), in rows; its diagonal receives the eigenvalues.
 
-    Jacobi's method: each turn makes one element zero, and the others smaller together.
+    Jacobi's method.
     """
     for i in range(5):
         for j in range(5):
@@ -140,7 +140,7 @@ def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
 
 @step_kernel
 def _make_zero(A: np.ndarray, p: int, q: int, axes: np.ndarray) -> None:
-    """Turn the axes ``p`` and ``q`` into those in which their element is zero."""
+    """Jacobi rotation of the axes ``p`` and ``q`` that makes their off-diagonal element zero."""
     cotangent = 0.5 * (A[q, q] - A[p, p]) / A[p, q]
     tangent = 1.0 / (abs(cotangent) + math.sqrt(cotangent * cotangent + 1.0))
     tangent = tangent if cotangent > 0.0 else -tangent
@@ -167,9 +167,9 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     41, 1993). False where M has rank below two.
     """
     square, det, cofactors = _invariants(M)
-    # The root has (trace^2 - square)^2 = 4 (cofactors + 2 det trace). With an upper bound on the
-    # right, that gives a better one on the left: exact for rays of a narrow view, whose det is 0.
-    # Newton's method comes down from there to the largest root and stops.
+    # The root has (trace^2 - square)^2 = 4 (cofactors + 2 det trace). An upper bound on the right
+    # gives a better one on the left: exact for rays of a narrow view, whose det is 0. Newton's
+    # method decreases monotonically from there to the largest root.
     bound = cofactors + 2.0 * max(det, 0.0) * math.sqrt(3.0 * square)
     trace = math.sqrt(square + 2.0 * math.sqrt(bound))
     for _ in range(60):

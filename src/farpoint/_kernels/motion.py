@@ -1,4 +1,4 @@
-"""The fit of a motion from end to end, so that Python calls once and not fourteen times."""
+"""Fit of a general motion: candidates, search, refinement."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from farpoint._kernels.search import search_pose
 
 __all__ = ["fit_motion"]
 
-# Samples for the rotation that the search begins with.
+# Maximum number of samples for the far rotation.
 START_SAMPLES = np.int64(50)
-# With fewer matches that the rotation does not explain, all may carry translation.
+# Least number of matches beyond the far rotation for them alone to be candidates.
 MIN_CANDIDATES = 8
-# Matches that a rotation from three of them explains by itself.
+# Size of a sample for a rotation, whose matches fit it by construction.
 SAMPLE_SIZE = 3
-# How much farther off matches may be where no others agree, each time, and how often.
+# Factor on the tolerance where no other match is consistent, and maximum number of times.
 WIDENING = 4.0
 WIDENINGS = 8
 
@@ -39,15 +39,15 @@ def fit_motion(
     state: np.ndarray,
     buffers: MotionBuffers,
 ) -> tuple[int, bool, bool, bool, SummaryValues]:
-    """Search for a pose by some of the matches, and settle it by all.
+    """Search for a pose by a subsample of the matches, and refine it by all.
 
-    Returns the hypotheses tried, whether the other motion of a plane was a rival, whether one
-    elsewhere was met that came near, whether any was while others of the matches were not asked,
-    and what `refine_motion` does, with the same arguments.
+    Returns the number of hypotheses, whether the second motion of a plane competes, whether a
+    secondary mode in another direction is within the margin, whether any mode is while only a
+    subsample was searched, and the values of `refine_motion`.
 
-    The search, as of `search.search_pose`, starts at the rotation of the far matches, the identity
-    at first; where there are none, at the rotation that most matches roughly agree on. The other
-    matches may carry translation, and where few are left, all may.
+    The search, as of `search.search_pose`, starts at the rotation of the far matches, initially the
+    identity; without far matches, at the rotation consistent with most matches at a larger
+    tolerance. Candidates for translation are the other matches, or all where these are few.
     """
     some, few = searched_pairs(matches), matches.total <= MAX_SEARCHED
     count = matches.total if few else MAX_SEARCHED
@@ -68,7 +68,7 @@ def _search(
     state: np.ndarray,
     buffers: MotionBuffers,
 ) -> tuple[int, bool, bool, bool]:
-    """The search of `fit_motion`, by some of the matches."""
+    """The search of `fit_motion`, by a subsample of the matches."""
     best = Pose(buffers.R, buffers.t, buffers.mixture, np.empty((6, 6)), np.empty(1))
     close = Pose(buffers.R_close, buffers.t_close, np.empty(4), np.empty((6, 6)), np.empty(1))
     secondary = Pose(
@@ -83,7 +83,7 @@ def _search(
 def find_candidates(
     pairs: np.ndarray, count: int, tolerance: float, state: np.ndarray, R_far: np.ndarray
 ) -> np.ndarray:
-    """Find the rotation of the far matches; which others may carry translation."""
+    """Rotation of the far matches into ``R_far``; indices of the candidates for translation."""
     consistent = np.empty(count)
     search_rotation(pairs, count, tolerance, START_SAMPLES, state, R_far)
     enlarge_rotation(pairs, count, tolerance, R_far, consistent)
@@ -112,9 +112,10 @@ def _widen(
     R_far: np.ndarray,
     consistent: np.ndarray,
 ) -> None:
-    """Rotation that most matches roughly agree on: the start where none are far.
+    """Rotation consistent with most matches at an increased tolerance: a start without far points.
 
-    Hardly any agree within the noise then, and the best rotation of three rays may be any.
+    Hardly any match is consistent within the noise there, and the best sample of three is
+    arbitrary.
     """
     within = tolerance
     for _ in range(WIDENINGS):

@@ -1,4 +1,4 @@
-"""A motion that was found, settled by all matches: refined, labelled, and how sure it is."""
+"""Maximum-likelihood refinement of a general motion by all matches, with labels and covariance."""
 
 from __future__ import annotations
 
@@ -38,20 +38,21 @@ __all__ = [
     "searched_matches",
 ]
 
-# The search looks at this many matches: more make it slower, not surer.
+# Maximum number of matches in the search: more take longer without improving the result.
 MAX_SEARCHED = 160
-# Log likelihood to which the result is refined: a thirtieth of a sigma.
+# Predicted decrease, in log likelihood, at which the refinement ends: 1/30 sigma. Maximum number of
+# steps.
 FINE_TOLERANCE = 1e-3
 MAX_REFINEMENTS = np.int64(20)
-# How often what is plausible is asked again, at the pose that it has led to.
+# Maximum number of alternations between the prior of the parallax and the refinement.
 MAX_ROUNDS = 4
 
 
 class MotionSummary(NamedTuple):
-    """What all matches say of a motion, in numbers.
+    """Numbers that summarise a refined motion.
 
-    Kernels give them to Python as a plain tuple: to make a record they would run Python, which an
-    interrupt may end there, and numba does not look.
+    Kernels return a plain tuple: a named tuple would be made by the Python interpreter within
+    compiled code, which must not be interrupted.
     """
 
     cost: float
@@ -59,37 +60,37 @@ class MotionSummary(NamedTuple):
     laplace_factor: float
     """As of `hypothesis_comparison.laplace_factor`."""
     agreeing: int
-    """Matches that do not disagree."""
+    """Number of matches that are no outliers."""
     sign_log_odds: float
-    """Of the direction, against its opposite."""
+    """Log odds of the direction to its opposite."""
     log_odds: float
-    """Of the motion, against all matches wrong."""
+    """Log odds of the motion to all matches being outliers."""
     beyond_rotation: int
-    """Of the right matches searched, those that no rotation explains."""
+    """Of the inliers searched, the number that no rotation explains."""
     supporting: int
-    """Right matches searched."""
+    """Number of inliers searched."""
     has_shrunk_flow: bool
-    """Whether the covariance is by the flow that is predicted."""
+    """Whether the covariance is by the shrunk flow (BLUP)."""
     shows_direction: bool
-    """Whether enough of that is signal."""
+    """Whether enough of the shrunk flow is signal."""
     scales_with_parallax: bool
-    """Whether the noise was found to grow with the parallax."""
+    """Whether noise that scales with parallax was found significant."""
     residual_correlation: float
-    """Correlation of residuals with those of their neighbours."""
+    """Correlation of the residuals of inliers with those of their neighbours."""
     correlation_z: float
-    """That over what noise would have."""
+    """Its z-score under independent noise."""
     design_effect: float
     """As of `design_effect.correlation_and_design_effect`."""
 
 
-# What `MotionSummary` is made of.
+# Field types of `MotionSummary`.
 SummaryValues = tuple[
     float, float, int, float, float, int, int, bool, bool, bool, float, float, float
 ]
 
 
 class MotionBuffers(NamedTuple):
-    """A motion and what its matches say of it."""
+    """Output buffers of a general motion of N matches."""
 
     R_far: np.ndarray
     """(3, 3) rotation of the far matches, cam1_from_cam0."""
@@ -100,27 +101,27 @@ class MotionBuffers(NamedTuple):
     mixture: np.ndarray
     """(4,) as of `pose.Pose`."""
     per_match: np.ndarray
-    """(4, at least N) of each match: its prior, by what is plausible of it, and, as of
-    `likelihood.evaluate_residuals`, its residual, parallax and chance to be right."""
+    """(4, at least N) per-match table: prior by the parallax density, and residual, parallax and
+    inlier probability, as of `likelihood.evaluate_residuals`."""
     labels: np.ndarray
     """(N,) as of `evidence.label_matches`."""
     covariance: np.ndarray
-    """(5, 5) of rotation and direction, as of `covariance.covariance_here`."""
+    """(5, 5) of rotation and direction, rad^2, as of `covariance.covariance_here`."""
     R_close: np.ndarray
-    """(3, 3) rotation of the second motion that came near, wherever, if one did."""
+    """(3, 3) rotation of the second likeliest mode, if it is within the margin."""
     t_close: np.ndarray
-    """(3,) its direction."""
+    """(3,) direction of the second likeliest mode."""
     R_secondary: np.ndarray
-    """(3, 3) rotation of the motion elsewhere that the search met, if it did."""
+    """(3, 3) rotation of the secondary mode, whose direction differs, if the search found one."""
     t_secondary: np.ndarray
-    """(3,) its direction."""
+    """(3,) direction of the secondary mode."""
     scaled_pairs: np.ndarray
-    """Panels of the matches with the noise that was found, if it grows with the parallax."""
+    """Panels of the matches with noise that scales with parallax, if that is significant."""
 
 
 @kernel
 def evenly_drawn(pairs: np.ndarray, count: int) -> np.ndarray:
-    """As many of the ``count`` matches as the search looks at."""
+    """An even subsample of `MAX_SEARCHED` of the ``count`` matches, in panels."""
     rows, taken = np.empty(MAX_SEARCHED, np.int64), np.empty(MAX_SEARCHED // LANES * PANEL)
     for j in range(MAX_SEARCHED):
         rows[j] = j * count // MAX_SEARCHED
@@ -130,7 +131,7 @@ def evenly_drawn(pairs: np.ndarray, count: int) -> np.ndarray:
 
 @step_kernel
 def searched_matches(some: np.ndarray, matches: PackedMatches) -> PackedMatches:
-    """Those of the matches, with nothing known of them, and errors without a tail."""
+    """Matches of the search: no prior of the parallax, and the short tail."""
     total = matches.total if matches.total < MAX_SEARCHED else MAX_SEARCHED
     prior = np.empty(some.size // PANEL * LANES)
     _leave_out_none(prior, total)
@@ -153,7 +154,7 @@ def searched_matches(some: np.ndarray, matches: PackedMatches) -> PackedMatches:
 
 @step_kernel
 def _leave_out_none(prior: np.ndarray, count: int) -> None:
-    """Prior 1 for each match, 0 for those that fill up the panels."""
+    """Prior 1 for each match, 0 for filler."""
     for i in range(prior.size):
         prior[i] = 1.0 if i < count else 0.0
 
@@ -161,17 +162,16 @@ def _leave_out_none(prior: np.ndarray, count: int) -> None:
 def refine_motion(
     matches: PackedMatches, least_signal: float, buffers: MotionBuffers
 ) -> SummaryValues:
-    """Refine a pose by all matches, with what parallax they make plausible, and hear them on it.
+    """Refine a motion by all matches, with the prior of their parallax, and evaluate it.
 
-    As `refinement.refine_pose`; the prior of ``matches``, the first row of what is ``per_match``,
-    receives what is plausible of each. It shows a direction if at least ``least_signal`` of the
-    flow is signal.
+    The first row of ``per_match`` is the prior of ``matches``. The motion shows a direction if a
+    share of at least ``least_signal`` of the flow is signal, along every axis.
     """
     return refine_and_evaluate(searched_pairs(matches), matches, least_signal, buffers)
 
 
 def searched_pairs(matches: PackedMatches) -> np.ndarray:
-    """Panels of the matches that the search looks at."""
+    """Panels of the matches that the search uses."""
     few = matches.total <= MAX_SEARCHED
     return matches.pairs if few else evenly_drawn(matches.pairs, matches.total)
 
@@ -179,7 +179,7 @@ def searched_pairs(matches: PackedMatches) -> np.ndarray:
 def refine_and_evaluate(
     some: np.ndarray, matches: PackedMatches, least_signal: float, buffers: MotionBuffers
 ) -> SummaryValues:
-    """As `refine_motion`, with the panels of `searched_pairs` them."""
+    """As `refine_motion`, with the panels of `searched_pairs`."""
     cost, laplace, inlier, scales_with_parallax = _refine_with_noise_model(matches, buffers)
     if scales_with_parallax:
         matches = matches._replace(pairs=buffers.scaled_pairs)
@@ -207,10 +207,10 @@ def refine_and_evaluate(
 def _refine_with_noise_model(
     matches: PackedMatches, buffers: MotionBuffers
 ) -> tuple[float, float, float, bool]:
-    """Refine the pose, and once more when its noise is known.
+    """Refine the pose twice, the second time with noise that scales with parallax, if significant.
 
-    Returns its cost, its `hypothesis_comparison.laplace_factor`, the expected number of right matches, and whether
-    their noise grows.
+    Returns its cost, its `hypothesis_comparison.laplace_factor`, the expected number of inliers,
+    and whether the noise scales with parallax.
     """
     normal, cost, scales_with_parallax = np.empty((6, 6)), 0.0, False
     for precision in (COARSE_TOLERANCE, FINE_TOLERANCE):
@@ -244,7 +244,10 @@ def _label_and_count(
     per_match: np.ndarray,
     labels: np.ndarray,
 ) -> tuple[int, float, float, int, int]:
-    """What `evidence.label_matches` returns of all, and `evidence.count_beyond_rotation` of some."""
+    """Label all matches (`evidence.label_matches`); count those searched beyond a rotation.
+
+    Returns what `evidence.label_matches` and `evidence.count_beyond_rotation` return.
+    """
     inlier = per_match[3]
     agreeing, odds, likelier = label_matches(
         per_match[2], inlier, math.sqrt(mixture[0]), mixture[1], labels
@@ -253,7 +256,7 @@ def _label_and_count(
     total = min(count, MAX_SEARCHED)
     for j in range(prior.size):
         prior[j] = 1.0 if j < total and inlier[j * count // total] > 0.5 else 0.0
-    # A pose may take some of the flow: a match is off a rotation by twice what its noise would do.
+    # The motion explains a part of the flow by translation: the limit is twice `NEAR_SIGMA`.
     distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
     beyond, supporting = count_beyond_rotation(some, prior, R, R_far, distance)
     return agreeing, odds, likelier, beyond, supporting
@@ -261,7 +264,7 @@ def _label_and_count(
 
 @step_kernel
 def _with_noise(matches: PackedMatches, pairs: np.ndarray) -> PackedMatches:
-    """The matches, with the noise of these panels."""
+    """The matches with the noise of other panels."""
     total, half_width, long_tail, prior = (
         matches.total,
         matches.outlier_half_width,
@@ -280,7 +283,7 @@ def _with_noise(matches: PackedMatches, pairs: np.ndarray) -> PackedMatches:
 
 @step_kernel
 def _evaluate_residuals(matches: PackedMatches, buffers: MotionBuffers) -> None:
-    """As `likelihood.evaluate_residuals`."""
+    """As `likelihood.evaluate_residuals`, into the per-match table."""
     per_match = buffers.per_match
     evaluate_residuals(
         _linearisation_point(matches, buffers), per_match[1], per_match[2], per_match[3]
@@ -289,7 +292,7 @@ def _evaluate_residuals(matches: PackedMatches, buffers: MotionBuffers) -> None:
 
 @step_kernel
 def _linearisation_point(matches: PackedMatches, buffers: MotionBuffers) -> LinearisationPoint:
-    """The matches as the pose sees them."""
+    """Linearisation point of the matches at the current pose."""
     half_width, long_tail = matches.outlier_half_width, matches.long_tail
     return LinearisationPoint(
         matches.pairs, matches.prior, buffers.R, buffers.t, buffers.mixture, half_width, long_tail
@@ -300,9 +303,9 @@ def _linearisation_point(matches: PackedMatches, buffers: MotionBuffers) -> Line
 def _refine(
     matches: PackedMatches, precision: float, buffers: MotionBuffers, normal: np.ndarray
 ) -> float:
-    """As `refinement.refine_pose`, by what the pose as it was makes plausible of the matches.
+    """As `refinement.refine_pose`, alternating with the prior of the parallax at the current pose.
 
-    Again where it ends at a pose that some of them made, and from which they lie too far away.
+    Repeated while inliers lie beyond the end of the prior, from which the prior is 0.
     """
     pose = Pose(buffers.R, buffers.t, buffers.mixture, normal, np.empty(1))
     for _ in range(MAX_ROUNDS):
@@ -316,7 +319,7 @@ def _refine(
 
 @step_kernel
 def _update_prior(matches: PackedMatches, buffers: MotionBuffers) -> float:
-    """As `parallax_prior.fit_parallax_prior`, of all matches alike."""
+    """As `parallax_prior.fit_parallax_prior`, from a uniform prior."""
     _leave_out_none(matches.prior, matches.total)
     _evaluate_residuals(matches, buffers)
     parallax, inlier, sigma = (
@@ -331,7 +334,7 @@ def _update_prior(matches: PackedMatches, buffers: MotionBuffers) -> float:
 
 @step_kernel
 def _beyond(end: float, parallax: np.ndarray, inlier: np.ndarray) -> int:
-    """Right matches of more parallax."""
+    """Number of inliers with a parallax beyond the end of the prior."""
     count = 0
     for i in range(inlier.size):
         count += 1 if inlier[i] > 0.5 and parallax[i] > end else 0
@@ -341,9 +344,10 @@ def _beyond(end: float, parallax: np.ndarray, inlier: np.ndarray) -> int:
 def _estimate_covariance(
     point: LinearisationPoint, inlier: float, least_signal: float, buffers: MotionBuffers
 ) -> tuple[bool, bool]:
-    """Covariance of the pose; where much of the flow is noise, by predicted flow, as is the pose.
+    """Covariance of the pose; by the shrunk flow where much of the flow is noise.
 
-    Returns whether it was predicted, and whether at least so much of it is signal.
+    With the shrunk flow the pose takes one step of its normal equations. Returns whether the flow
+    was shrunk, and whether at least ``least_signal`` of it is signal.
     """
     if covariance_here(point, inlier, MEASURED_FLOW, MIN_SIGNAL, buffers.covariance):
         return False, True

@@ -1,10 +1,10 @@
-"""How the noise of a match grows with its parallax.
+"""Noise that scales with parallax.
 
-What is near moves far, changes its size and shape and what is behind it from one image to the next,
-and is followed the less well: on a drive the residuals of the nearest matches are four times those
-of the farthest. Where the residuals show it, the variance of a match is multiplied by
-``sqrt(1 + (p / length)^2)``, with its parallax ``p`` and one length for all: it stays what it is up
-to this parallax, and grows with it from there on, as that of a random walk along the flow would.
+Near points change size, shape and background between the images, and are tracked less accurately:
+on a drive the residuals of the nearest matches are 4 times those of the farthest. If the residuals
+show it, the variance of a match is multiplied by ``sqrt(1 + (p / length)^2)``, with its parallax
+``p`` and one length for all matches: constant up to that parallax, and proportional to it beyond,
+as for a random walk along the flow.
 """
 
 from __future__ import annotations
@@ -21,27 +21,29 @@ from farpoint._kernels.pairs import COVARIANCE0, FLOW, LANES, address, flow_vari
 
 __all__ = ["scale_noise_with_parallax"]
 
-# Length that is tried first, times the mean parallax; each other is half of the one before.
+# Longest length over the mean parallax; each further one is half of the previous. Number of
+# lengths.
 LONGEST_LENGTH = 4.0
 LENGTHS = 9
-# Share of the matches that must have less parallax: few tell nothing of how the noise is below it.
+# Least share of inliers with a parallax below the length, from which the noise below is estimated.
 MIN_SHARE_WITHIN = 0.1
-# Twice the log likelihood ratio that chance makes of a growth once in two thousand times.
+# Limit of twice the log-likelihood ratio, which chance exceeds in 1 of 2000 cases; least number of
+# inliers.
 CHANCE_LIMIT = 11.0
 MIN_INLIERS = 30.0
-# A residual that is smaller, over the sigma, says no more.
+# Lower bound of the absolute residual over sigma, for its logarithm.
 MIN_RESIDUAL = 0.1
 
 
 class NoiseSamples(NamedTuple):
-    """What the matches tell of their noise."""
+    """Squared parallaxes and residuals of the matches."""
 
     flows: np.ndarray
     """Squared parallax, rad^2."""
     logs: np.ndarray
-    """Logarithm of the squared residual, in units of the noise of all."""
+    """Logarithm of the squared residual over the variance."""
     used: np.ndarray
-    """1 for a right match, 0 for any other."""
+    """1 for an inlier, 0 otherwise."""
 
 
 @inner_kernel
@@ -54,14 +56,15 @@ def scale_noise_with_parallax(
     variance: float,
     scaled_pairs: np.ndarray,
 ) -> bool:
-    """Copy the matches to ``scaled_pairs`` with noise that grows, if the residuals show that it does.
+    """Copy the matches with noise that scales with parallax, if the residuals show it.
 
-    The length is that of least squares of the logarithms of the squared residuals, which tails draw
-    but little. The factors' geometric mean over the right matches is 1: likelihoods of the same
-    matches, with noise that grows and with noise that does not, can be compared.
-    ``residual``, ``parallax`` and ``inlier`` are those of `likelihood.evaluate_residuals`.
+    The length minimises the sum of squares of the logarithms of the squared residuals, on which
+    heavy tails have little influence. The geometric mean of the factors over the inliers is 1, so
+    that likelihoods with and without the factors can be compared. ``residual``, ``parallax`` and
+    ``inlier`` are those of `likelihood.evaluate_residuals`. Returns whether ``scaled_pairs`` was
+    written.
     """
-    # A kernel that handed back what it has made room for would keep it.
+    # Buffers returned by a kernel would not be freed; the caller allocates them.
     samples = NoiseSamples(
         np.empty(residual.size), np.empty(residual.size), np.empty(residual.size)
     )
@@ -82,7 +85,7 @@ def _collect_samples(
     variance: float,
     samples: NoiseSamples,
 ) -> float:
-    """Fill ``samples``; the number of right matches."""
+    """Fill ``samples``; returns the number of inliers."""
     flows, logs, used = samples.flows, samples.logs, samples.used
     total = 0.0
     for i in range(flows.size):
@@ -99,7 +102,7 @@ def _collect_samples(
 
 @step_kernel
 def _fit_steepness(samples: NoiseSamples, total: float) -> float:
-    """One over the squared length, rad^-2, that explains the residuals best; 0 for no growth."""
+    """Inverse squared length, rad^-2, of the best fit to the residuals; 0 for constant noise."""
     mean = _parallax(samples) / max(total, 1.0)
     if total < MIN_INLIERS or not mean > 0.0:
         return 0.0
@@ -119,7 +122,7 @@ def _fit_steepness(samples: NoiseSamples, total: float) -> float:
 
 @step_kernel
 def _parallax(samples: NoiseSamples) -> float:
-    """Of all right matches together, rad."""
+    """Sum of the parallax of inliers, rad."""
     flows, used = samples.flows, samples.used
     whole = 0.0
     for i in range(flows.size):
@@ -129,7 +132,7 @@ def _parallax(samples: NoiseSamples) -> float:
 
 @inner_kernel
 def _within(samples: NoiseSamples, length: float) -> float:
-    """Right matches of less parallax."""
+    """Number of inliers with a smaller parallax."""
     flows, used = samples.flows, samples.used
     count = 0.0
     for i in range(flows.size):
@@ -139,13 +142,13 @@ def _within(samples: NoiseSamples, length: float) -> float:
 
 @inlined_kernel
 def _log_factor(flow2: float, steepness: float) -> float:
-    """Of the variance of a match of this squared parallax."""
+    """Logarithm of the factor on the variance at this squared parallax."""
     return 0.5 * lane_log(1.0 + steepness * flow2)
 
 
 @inner_kernel
 def _residual_sum(samples: NoiseSamples, total: float, steepness: float) -> float:
-    """Sum of squares of what growth of this steepness leaves of the logarithms."""
+    """Sum of squares of the logarithms around their mean, after the factors of this steepness."""
     first, second = _moments(samples.flows, samples.logs, samples.used, steepness)
     return second - first * first / total
 

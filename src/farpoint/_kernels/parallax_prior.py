@@ -1,4 +1,4 @@
-"""Where along its epipolar line a right match may lie, learnt from the others."""
+"""Empirical-Bayes prior of the parallax: the density of the parallax of the other inliers."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from farpoint._kernels.exponential import lane_log
 
 __all__ = ["BAND_SIGMA", "END", "FALL_OFF", "MIN_TAIL", "fit_parallax_prior", "kth_largest"]
 
-# Half-width of the band in which a match agrees with its epipolar line, in sigma.
+# Half-width of the band about its epipolar line in which a match is consistent, in sigma.
 BAND_SIGMA = 3.0
-# Chance that more wrong matches than are counted for it lie on the lines of any direction.
+# Probability that more outliers than assumed lie on the epipolar lines of any direction by chance.
 FALSE_ALARM_RATE = 0.05
-# How far beyond the last match that others vouch for one may lie at least, of the way to that one,
-# and in what share of that distance it fades out.
+# End of the prior beyond the last supported parallax: at least this share of that parallax. Sigma
+# of its fall-off, as a share of the distance.
 MIN_TAIL = 0.1
 FALL_OFF = 0.3
-# How often it fades until nothing is left.
+# Sigmas of the fall-off after which the prior is taken as 0.
 END = 3.0
-# Bins of parallax, of this width where it is told by its `_rank`: a factor of 1.5 beyond the noise.
+# Histogram of the parallax: number of bins and their width in `_rank`; beyond the noise a bin spans
+# a factor of 1.5.
 BINS = 64
 BIN = 0.4
-# Right matches, beside those that are seen, that lie anywhere up to there: half a one, of which no
-# more is known (Krichevsky and Trofimov, IEEE Trans. Inf. Theory 27, 1981,
-# DOI 10.1109/TIT.1981.1056331).
+# Uniform pseudo-count of inliers up to the end of the prior: 0.5 (Krichevsky and Trofimov, IEEE
+# Trans. Inf. Theory 27, 1981, DOI 10.1109/TIT.1981.1056331).
 UNIFORM_COUNT = 0.5
-# An implausible match is not left out, which would cost nothing: it is all the surer wrong.
+# Lower bound of the prior: a match without support is an outlier with a finite cost.
 MIN_PRIOR = 1e-30
-# Where the first bin begins: at the end of the band.
+# Rank of the first bin, at the end of the band.
 FIRST = math.asinh(-1.0)
 
 
 @inner_kernel
 def kth_largest(values: np.ndarray, k: int) -> float:
-    """The ``k``-th largest of non-negative values, to a millionth of the largest."""
+    """The ``k``-th largest of non-negative values, to 1e-6 of the largest (bisection)."""
     low, high = 0.0, 0.0
     for i in range(values.size):
         high = max(high, values[i])
@@ -63,25 +63,23 @@ def fit_parallax_prior(
     half_width: float,
     prior: np.ndarray,
 ) -> float:
-    """Prior of each match from where it lies along its epipolar line; the parallax that ends it.
+    """Prior of each match by its parallax along the epipolar line; returns the end of the prior.
 
-    A wrong match lies anywhere in the image, a right one where others lie, and not far beyond. The
-    prior is the density of right matches there over that of wrong ones, which lie anywhere in the
-    strip ``2 half_width``.
+    The prior is the density of the parallax of the other inliers over that of outliers, which are
+    uniform in the strip of width ``2 half_width``. Inlier probabilities ``inlier`` are those
+    without a prior.
 
-    A wrong match far along the line outweighs all right ones. Two of them fix a direction: as many
-    as lie on the lines of the best of these by chance, and the two, may not vouch for one another.
-    How far beyond the last of the others one may lie, up to twice as far, tells by how much they
-    have thinned out there, from the last but as many: they may end at once. Up to there the others
-    say where right matches are many, and where few; no match says so of itself.
-
-    Who is ``inlier`` is asked without a prior: of those that are left when some were implausible, as
-    many again would not vouch for one another.
+    An outlier on its epipolar line fits any motion, and a long flow would outweigh all inliers. Two
+    outliers fix a direction, and by chance k more lie on its epipolar lines: the prior ends where
+    only so many inliers have a larger parallax. The end lies beyond the last supported parallax s1
+    by ``max(((s1 / s2)^2 - 1) s1, 0.1 s1, 3)``, at most s1, with s2 the parallax that twice as many
+    exceed: the density of inliers falls off at that rate. Up to the end the prior is a histogram of
+    the other inliers.
     """
     sizes = np.empty(count)
     inliers = _inlier_parallaxes(parallax, inlier, sigma, sizes)
     outliers = count - inliers
-    # Where no match is off the lines, none is on one by chance. Half of those flow backwards.
+    # Half of the outliers on the lines by chance flow backwards; without outliers there are none.
     by_chance = 0.5 * outliers * BAND_SIGMA * sigma / half_width
     captured = min(outliers, 2 + _chance_count(by_chance, 0.5 * outliers * (outliers - 1)))
     if inliers <= captured:
@@ -107,7 +105,7 @@ def fit_parallax_prior(
 def _inlier_parallaxes(
     parallax: np.ndarray, inlier: np.ndarray, sigma: float, sizes: np.ndarray
 ) -> int:
-    """Parallax of right matches, in sigma, -1 of others; how many are right."""
+    """Parallax of each inlier in sigma, -1 for other matches; returns the number of inliers."""
     inliers = 0
     for i in range(sizes.size):
         p = parallax[i] / sigma
@@ -119,7 +117,7 @@ def _inlier_parallaxes(
 
 @step_kernel
 def _reach(sizes: np.ndarray, captured: int) -> tuple[float, float]:
-    """The last match that the others vouch for, and how far beyond one may lie, in sigma."""
+    """Last supported parallax, and distance of the end of the prior beyond it, in sigma."""
     last = max(kth_largest(sizes, captured + 1), BAND_SIGMA)
     nearer = max(kth_largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
     return last, max(max(1.0 / (nearer * nearer) - 1.0, MIN_TAIL) * last, BAND_SIGMA)
@@ -127,10 +125,11 @@ def _reach(sizes: np.ndarray, captured: int) -> tuple[float, float]:
 
 @step_kernel
 def _chance_count(expected: float, directions: float) -> int:
-    """Most matches that, where so many are expected of each direction, any of them may have.
+    """Upper bound of the number of outliers on the lines of any direction.
 
-    With a chance of `FALSE_ALARM_RATE`, for all directions together, that it is more: the tail of Poisson's
-    distribution, bounded by a geometric series.
+    The number that chance exceeds with a probability of at most `FALSE_ALARM_RATE`: the tail of the
+    Poisson distribution of mean ``expected``, bounded by a geometric series, times the number of
+    ``directions``.
     """
     k, chance = 0, math.exp(-expected)
     while (
@@ -150,9 +149,9 @@ def _count(
     ranks: np.ndarray,
     bins: np.ndarray,
 ) -> float:
-    """Count the right matches, by their parallax, in the two ``bins`` about each; all of them.
+    """Histogram of the parallax of inliers, linear between two ``bins``; returns their total.
 
-    Those of a negative size are none.
+    Matches with a negative size are left out.
     """
     clear(bins)
     total = 0.0
@@ -170,7 +169,7 @@ def _count(
 
 @inner_kernel
 def _at(bins: np.ndarray, rank: float, own: float) -> float:
-    """Matches in a bin about this rank, without that one which counts as ``own``."""
+    """Interpolated histogram at a rank, without the contribution of the match itself."""
     k = int(rank)
     share = rank - k
     others = (1.0 - share) * bins[k] + share * bins[k + 1]
@@ -179,10 +178,10 @@ def _at(bins: np.ndarray, rank: float, own: float) -> float:
 
 @step_kernel
 def _rank(p: float) -> float:
-    """Bin of a parallax, in sigma: even steps within the noise, equal ratios beyond.
+    """Bin of a parallax in sigma: equal steps within the noise, equal ratios beyond.
 
-    The inverse hyperbolic sine (Burbidge, Magee and Robb, J. Am. Stat. Assoc. 83, 1988,
-    DOI 10.1080/01621459.1988.10478575) from that of the end of the band on.
+    Inverse hyperbolic sine (Burbidge, Magee and Robb, J. Am. Stat. Assoc. 83, 1988, DOI
+    10.1080/01621459.1988.10478575), starting at the end of the band.
     """
     u = max(p / BAND_SIGMA, -1.0)
     rank = (lane_log(u + math.sqrt(u * u + 1.0)) - FIRST) / BIN
@@ -191,5 +190,5 @@ def _rank(p: float) -> float:
 
 @step_kernel
 def _slope(p: float) -> float:
-    """Derivative of `_rank`."""
+    """Derivative of `_rank` by the parallax."""
     return 1.0 / (BIN * math.sqrt(p * p + BAND_SIGMA * BAND_SIGMA))

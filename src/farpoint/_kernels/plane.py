@@ -1,10 +1,9 @@
-"""The other motion that a plane allows, and whether anything off the plane tells the two apart.
+"""Second motion of a plane, and the log-likelihood ratio of the two by the relief.
 
-Two motions move the points of a plane alike (Longuet-Higgins, Proc. R. Soc. B 223, 1984,
-DOI 10.1098/rspb.1984.0088). Their likelihoods differ all the same, by chance: each leaves free
-where a match lies along its own epipolar line, and so counts another part of the same noise. Over N
-matches that makes a difference of about sqrt(N), which says nothing. What says something is the
-plane's relief: it moves points along the epipolar lines of the right motion, and of no other one.
+Two motions have the same homography of a plane (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI
+10.1098/rspb.1984.0088). Their likelihoods differ by chance, by about sqrt(N) for N matches: each
+motion ignores the noise along its own epipolar lines. The relief of the plane decides: it displaces
+points along the epipolar lines of the true motion only.
 """
 
 from __future__ import annotations
@@ -42,16 +41,16 @@ from farpoint._kernels.vectors import (
 
 __all__ = ["other_motion"]
 
-# Log likelihood to which motions are refined, and relief is.
+# Log likelihood: predicted decrease of the refinement and change of EM at convergence.
 FINE_TOLERANCE = 0.1
-# Matches that lie anywhere on their lines, and not about the plane, of so many: as much is believed
-# before any is seen. A wrong match or two lie on the lines of any motion.
+# Prior of the share of matches anywhere on their lines, off the plane: 4 of 40 matches. An outlier
+# or two lie on the lines of any motion.
 OFF_PLANE, OFF_PLANE_OF = 4.0, 40.0
-# Matches whose noise counts as much as what was found of it before.
+# Weight of the prior variance across the lines, in matches.
 PRIOR_MATCHES = 60.0
 PLANE_ROUNDS = 8
 RELIEF_ROUNDS = 8
-# Median of the sum of the squares of two normal errors.
+# Rounds of the robust fit of the plane, and of EM; median of the sum of two squared normal errors.
 MEDIAN = 2.0 * math.log(2.0)
 
 
@@ -59,11 +58,11 @@ MEDIAN = 2.0 * math.log(2.0)
 def other_motion(
     matches: PackedMatches, pose: Pose, other: Pose, is_given: bool
 ) -> tuple[bool, float]:
-    """Whether another motion is a rival, and by how much the log likelihood of this one is larger.
+    """Whether the second motion of a plane competes, and the log-likelihood ratio to it.
 
-    As far as that is not chance. ``other`` receives the rival, with the noise that it needs;
-    without one it has no meaning. ``pose`` stays as it is. Of noise that is told match by match,
-    only the size is heard: what has shaped it shapes the errors of tracks otherwise.
+    ``other`` receives the second motion with its noise parameters; it has no meaning if there is
+    none. ``pose`` stays unchanged. Of covariances given per match (``is_given``) only the size is
+    used, not the shape: errors of tracks have another shape.
     """
     count = matches.total
     gate = GATE_SIGMA * math.sqrt(pose.mixture[0])
@@ -76,7 +75,7 @@ def other_motion(
     _set_pose(other, other_R, other_t, pose.mixture)
     refine_pose(matches, FINE_TOLERANCE, MAX_REFINEMENTS, other)
     if is_same_mode(other.R, other.t, own):
-        # By chance there may be no minimum. The matches are explained as well for all that.
+        # By chance there may be no local maximum there, with nearly the same likelihood.
         _set_pose(other, other_R, other_t, own.mixture)
         other.cost[0] = evaluate_pose(matches, other, np.empty(4))
     is_near = other.cost[0] < own.cost[0] + planar_margin(count)
@@ -87,7 +86,7 @@ def other_motion(
 
 @inner_kernel
 def _set_pose(pose: Pose, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> None:
-    """Make the pose this one."""
+    """Set rotation, direction and mixture of a pose."""
     copy(R, pose.R)
     copy(t, pose.t)
     copy(mixture, pose.mixture)
@@ -95,9 +94,10 @@ def _set_pose(pose: Pose, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> 
 
 @step_kernel
 def _log_ratio(matches: PackedMatches, pose: Pose, other: Pose, is_given: bool) -> float:
-    """Log likelihood of the first motion over the other, whatever the relief and the noise.
+    """Log-likelihood ratio of two motions by the relief, with EM of relief and noise.
 
-    By the plane of either in turn: what one has explained of the noise, it has for its own motion.
+    The mean over the planes of both motions: a plane fitted with one motion takes up noise in its
+    favour.
     """
     pairs, prior, mixture, evidence = matches.pairs, matches.prior, pose.mixture, 0.0
     half_width, long_tail = matches.outlier_half_width, matches.long_tail
@@ -118,14 +118,14 @@ def _log_ratio(matches: PackedMatches, pose: Pose, other: Pose, is_given: bool) 
 def _log_likelihood(
     pose: Pose, matches: PackedMatches, parts: np.ndarray, mixture: np.ndarray
 ) -> float:
-    """Log likelihood of how far matches are off the plane, by a motion, from what `_decompose` says.
+    """Log likelihood by one motion of the offsets from the plane, as of `_decompose`.
 
-    A match is about the plane, off by the noise and, along its epipolar line, by the relief; or
-    anywhere on that line; or wrong. The share of those anywhere and the variances across the line
-    and along it are found by EM, the latter no smaller than the former. Where they are alike, so is
-    all that is said by any motion.
+    A match lies about the plane, with the noise across its epipolar line and noise plus relief
+    along it; or anywhere on its line; or is an outlier. EM estimates the share off the plane and
+    the variances across and along the lines, the latter at least the former. With equal variances
+    any motion has the same likelihood.
     """
-    # Density on a line of a match about the plane, at its place, over that of one anywhere.
+    # Density on a line of a match in the plane, at its place, over that of a uniform one.
     half_width, long_tail = matches.outlier_half_width, matches.long_tail
     peak = 2.0 * half_width / math.sqrt(2.0 * math.pi * mixture[0])
     point = LinearisationPoint(
@@ -155,13 +155,13 @@ def _log_likelihood(
 def _relief_log_likelihood(
     point: LinearisationPoint, parts: np.ndarray, peak: float, relief: np.ndarray, sums: np.ndarray
 ) -> float:
-    """Log likelihood of `_log_likelihood`, by the squares of how far matches are off, as of `_decompose`.
+    """One EM evaluation of `_log_likelihood`, by the squared offsets of `_decompose`.
 
-    ``relief`` (3,) holds the variances across the lines and along them, over those of the noise,
-    and the share of matches anywhere on their lines; ``peak`` is the density of one about the plane
-    over that of one anywhere. ``sums`` (5,) receives the expected number of matches on their lines,
-    of those of them that are off the plane, and of the others; and the squares of these across
-    their lines and along them.
+    ``relief`` (3,) holds the variances across and along the lines, over that of the noise, and the
+    share of matches off the plane; ``peak`` is the density of a match in the plane over that of a
+    uniform one. ``sums`` (5,) receives the expected numbers of matches on their lines, of those off
+    the plane, and of the core in the plane; and for the core in the plane the squares across and
+    along the lines.
     """
     pairs, prior, variance, tail_share = (
         point.pairs,
@@ -171,7 +171,7 @@ def _relief_log_likelihood(
     )
     turn, towards = matrix(point.R), vector(point.t)
     across, along, off_share = relief[0], relief[1], relief[2]
-    # Wrong matches speak for neither, wherever they lie, nor do those that fill up the panels.
+    # The density of outliers is the same for both motions; filler has prior 0.
     clutter, _ = clutter_at(clutter_of(point.mixture, point.outlier_half_width), 0.0)
     precision, scale = 1.0 / (variance * across), 1.0 / math.sqrt(across)
     highest = (1.0 - off_share) * peak / math.sqrt(along)
@@ -219,10 +219,10 @@ def _decompose(
     off: np.ndarray,
     parts: np.ndarray,
 ) -> None:
-    """Squares ``parts`` of how far matches are off the plane: across their lines, then along them.
+    """Squared offsets ``parts`` from the plane: across the epipolar lines, then along them.
 
-    Each over its variance; along a line, of what the noise across it does not tell of it. The two
-    add up to the same towards any direction ``t``, however the noise of a match lies.
+    Each over its variance; along a line, given the offset across it. The sum of the two is the same
+    for any direction ``t`` and any shape of the noise.
     """
     turn, towards = matrix(R), vector(t)
     for i in range(matches.total):
@@ -232,7 +232,7 @@ def _decompose(
         aside = cross(line, b)
         by_line = _noise_times(matches.pairs, at, turn, is_given, line)
         by_aside = _noise_times(matches.pairs, at, turn, is_given, aside)
-        # Both lie across the ray, and what is off is turned about it by a quarter.
+        # Both vectors are perpendicular to the ray; the offset is turned about it by 90 degrees.
         x, y = dot(away, line), -dot(away, aside)
         variance = dot(aside, by_aside) + 1e-300
         shared = dot(aside, by_line) / variance
@@ -244,7 +244,7 @@ def _decompose(
 
 @inlined_kernel
 def _noise_times(pairs: np.ndarray, at: int, R: Matrix, is_given: bool, v: Vector) -> Vector:
-    """Covariance of the flow from ``R a`` to b, for unit noise, times ``v`` across b."""
+    """Covariance of the flow from ``R a`` to b, for unit noise, times ``v`` perpendicular to b."""
     size = where(is_given, flow_variance(pairs, at), 0.0)
     shape = where(is_given, 0.0, 1.0)
     first, second = rotate(R, noise0(pairs, at, rotate_back(R, v))), noise1(pairs, at, v)
@@ -253,10 +253,10 @@ def _noise_times(pairs: np.ndarray, at: int, R: Matrix, is_given: bool, v: Vecto
 
 @step_kernel
 def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> None:
-    """How far the later rays are ``off`` (3 N,) where the plane through most would have them.
+    """Offsets ``off`` (3 N,) of the later rays from their prediction by a robustly fitted plane.
 
-    In rad over the sigma of the noise, and turned about the ray by a quarter. The plane
-    ``n . X = 1`` (camera 0, unit of the translation) moves a ray a to ``R a + t (n . a)``.
+    In rad over the sigma of the noise, turned about the ray by 90 degrees. The plane ``n . X = 1``
+    (camera 0, unit of the translation) moves a ray a to ``R a + t (n . a)``.
     """
     size = point.prior.size
     inlier, square, spare, sizes = np.empty(size), np.empty(size), np.empty(size), np.empty(count)
@@ -278,9 +278,9 @@ def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> No
 
 @inlined_kernel
 def _apart(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[Vector, Vector, Vector]:
-    """Ray a of a match and, across the later ray b, where ``R a`` is and where ``t`` leads.
+    """Ray a of a match; cross products of the later ray b with ``R a`` and with ``t``.
 
-    As products with b, whose lengths are exact where differences of ones would not be.
+    Their lengths are exact where differences of rays would not be.
     """
     a, b = ray0(pairs, at), ray1(pairs, at)
     return a, cross(b, rotate(R, a)), cross(b, t)
@@ -298,7 +298,7 @@ def _add_to_plane(
     M: np.ndarray,
     v: np.ndarray,
 ) -> None:
-    """Add a match to the normal equations of the plane, the less the farther off that was."""
+    """Add a match to the normal equations of the plane, with a robust weight."""
     a, still, moved = _apart(pairs, address(i), R, t)
     discount = 1.0 + square[i] / (9.0 / MEDIAN * typical)
     precision = 1.0 / (discount * discount * flow_variance(pairs, address(i)))
@@ -309,7 +309,7 @@ def _add_to_plane(
 
 @inlined_kernel
 def _solve(M: np.ndarray, v: np.ndarray, variance: float, n: np.ndarray) -> None:
-    """The plane; where the rays fix none, the farthest of those they allow."""
+    """Solve for the plane; the damping makes an underdetermined one the farthest possible."""
     damping = 1e-9 * (M[0, 0] + M[1, 1] + M[2, 2]) + 1e-300 * variance
     for k in range(3):
         M[k, k] += damping
@@ -326,7 +326,7 @@ def _write_offset(
     n: np.ndarray,
     off: np.ndarray,
 ) -> float:
-    """Write down how far a match is ``off`` the plane; the square of it in units of its noise."""
+    """Write the offset ``off`` of a match from the plane; returns its square over its variance."""
     a, still, moved = _apart(pairs, address(i), R, t)
     over = 1.0 / math.sqrt(variance)
     away = axpby(over, still, over * dot(vector(n), a), moved)
@@ -336,7 +336,7 @@ def _write_offset(
 
 @step_kernel
 def _median(square: np.ndarray, inlier: np.ndarray, sizes: np.ndarray) -> float:
-    """Median of the squares of right matches; 0 of none. ``sizes`` (count,) is room for these."""
+    """Median of the squares of inliers; 0 without any. ``sizes`` (count,) is a buffer."""
     consistent = 0
     for i in range(sizes.size):
         is_right = inlier[i] > 0.5

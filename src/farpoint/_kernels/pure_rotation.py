@@ -1,4 +1,4 @@
-"""The fit of a rotation alone from end to end, and what speaks for a translation beside it."""
+"""Maximum-likelihood rotation without translation, and log-likelihood ratio of a translation."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from farpoint._kernels.vectors import matrix
 
 __all__ = ["MatchProbabilities", "fit_rotation", "flow_beside_rotation", "translation_log_ratio"]
 
-# No less of the information is there without knowing which matches are wrong.
+# Lower bound of the share of information that remains although outliers are unknown.
 MIN_KNOWN = 0.1
-# Of the right matches of a motion, as many may be far as are near; or all but one in ten.
+# Prior share of far points under the motion model: 0.5 or 0.9, the better one counts.
 FAR_SHARES = (0.5, 0.9)
-# No match is right, or wrong, beyond this doubt.
+# Lower bound of inlier and outlier probabilities.
 MIN_COMPLEMENT = 1e-15
-# A match of less was not plausible of the motion at all.
+# Lower bound of the prior of the parallax.
 MIN_PRIOR = 1e-12
 
 
@@ -36,12 +36,12 @@ def fit_rotation(
     distance2: np.ndarray,
     inlier: np.ndarray,
 ) -> tuple[float, float]:
-    """Maximum-likelihood rotation and what it makes of each match.
+    """Maximum-likelihood rotation, and distance and inlier probability of each match.
 
-    As `rotation.refine_rotation` and `rotation.evaluate_rotation`, all ``count`` matches alike.
-    Returns the cost, and what that grows by when averaged over rotations, as `hypothesis_comparison.laplace_factor`.
-    ``information`` (3, 3) receives that of the rotation, less what is not known of the matches, and
-    of the noise, as for a motion.
+    As `rotation.refine_rotation` and `rotation.evaluate_rotation`, with the same prior for all
+    ``count`` matches. Returns the cost and the Laplace factor, as of
+    `hypothesis_comparison.laplace_factor`. ``information`` (3, 3) receives that of the rotation,
+    reduced for unknown outliers and the estimated noise.
     """
     prior = np.empty(inlier.size)
     for i in range(inlier.size):
@@ -84,25 +84,25 @@ def flow_beside_rotation(
     inlier: np.ndarray,
     band: float,
 ) -> tuple[int, int, float, int, float, float]:
-    """How matches lie about their epipolar lines, those that a rotation explains and the others.
+    """Statistics of the matches about their epipolar lines, for the two tests of a translation.
 
-    A match agrees with its line within ``band`` of the ``residual`` (N,). ``distance2`` (N,) is the
-    square of its distance from where the rotation has it, ``inlier`` (N,) the probability that this
-    one explains it; all for unit noise.
+    A match is consistent with its line if its ``residual`` (N,) is within ``band``. ``distance2``
+    (N,) is its squared distance from the prediction of the rotation, ``inlier`` (N,) its inlier
+    probability by the rotation; all for unit noise.
 
     Returns
     -------
     unexplained, near : int
-        Matches that the rotation does not explain; of these, those that agree, flow along their
-        line towards the direction and so may be near.
+        Outliers of the rotation; of these, those consistent with their line that flow towards the
+        direction.
     chance : float
-        Sum of the probabilities that the former are near by chance. A wrong match lies anywhere
-        around where the rotation has it, at its own distance: this is the arc of that circle, on
-        the side of the direction, that the band takes up.
-    bulk : int
-        Matches that the rotation explains and that agree.
+        Expected number of the latter by chance. An outlier lies anywhere on the circle around the
+        prediction of the rotation, at its own distance: the share of that circle, on the side of
+        the direction, within the band.
+    consistent : int
+        Inliers of the rotation that are consistent with their line.
     across, flow : float
-        Sums over these of the squares of the residuals and of the distances.
+        Sums over these of the squared residuals and of the squared distances.
     """
     outlier_share_of = near = consistent = 0
     chance = across = flow = 0.0
@@ -120,42 +120,42 @@ def flow_beside_rotation(
 
 
 class MatchProbabilities(NamedTuple):
-    """What a motion and a rotation make of each match (N,)."""
+    """Evaluation of each match (N,) by a general motion and by a pure rotation."""
 
     prior: np.ndarray
-    """What was plausible of it by the motion."""
+    """Prior of the parallax by the motion."""
     parallax: np.ndarray
-    """Shift along the epipolar line for unit noise."""
+    """Parallax along the epipolar line for unit noise."""
     inlier: np.ndarray
-    """Probability of being right by the motion."""
+    """Inlier probability by the motion."""
     rotation_inlier: np.ndarray
-    """Probability of being right by the rotation."""
+    """Inlier probability by the rotation."""
 
 
 @kernel
 def translation_log_ratio(
     matches: MatchProbabilities, sigma: float, lift: float, outlier_log_ratio: float
 ) -> float:
-    """By how much the log likelihood of the matches is larger by a motion than by a rotation.
+    """Log-likelihood ratio of a general motion to a pure rotation, over all matches.
 
-    Of matches that both explain, only if they are against the motion: how they are off the rotation
-    is for another test to say.
+    Matches that both models explain count only against the motion: a rotation takes up the flow
+    they have in common, and another test compares their residuals.
 
-    The motion took right matches to be where others are. Here a share of them is far, either of
-    two, and there as often as the noise puts them: at infinity, or together somewhere else, where a
-    rotation takes what they all shift by for its own. Where that is, and how far they spread, is
-    found from those that both explain, and costs what one place is of all, up to the nearest right
-    match (Laplace's method; its ``2 pi`` is left to pay for the spread).
+    The prior of the parallax is the density of the other inliers. Here a share of the inliers, 0.5
+    or 0.9, is far and has parallax by noise alone: at infinity, or with a common mean parallax,
+    which the rotation takes up. Mean and variance of the latter are estimated from the matches that
+    both models explain; the estimate costs the logarithm of the number of distinct places up to the
+    largest parallax (Laplace's method without the ``2 pi``, left for the variance).
 
     Parameters
     ----------
-    judged : Judged
+    matches : MatchProbabilities
     sigma : float
         Noise of the motion.
     lift : float
-        Density of a far match at its place, over that of one anywhere on the line.
-    wrong : float
-        Log of the share of wrong matches by the motion, over that by the rotation.
+        Density of a far match at its place, over that of a uniform one on the line.
+    outlier_log_ratio : float
+        Logarithm of the outlier share of the motion over that of the rotation.
     """
     count, middle, variance = _common_parallax(matches, sigma)
     places = max(_largest_parallax(matches, sigma) * math.sqrt(count / variance), 1.0)
@@ -178,7 +178,7 @@ def _log_ratio(
     middle: float,
     variance: float,
 ) -> float:
-    """As `translation_log_ratio`, if such a share is far, and lies about there, in sigma."""
+    """`translation_log_ratio` for one share of far points with this mean and variance, in sigma."""
     both = only = 0.0
     for i in range(matches.parallax.size):
         p = matches.parallax[i] / sigma - middle
@@ -200,7 +200,7 @@ def _log_ratio(
 
 @step_kernel
 def _largest_parallax(matches: MatchProbabilities, sigma: float) -> float:
-    """Of the right matches, in sigma."""
+    """Largest parallax of the inliers, in sigma."""
     kth_largest = 0.0
     for i in range(matches.parallax.size):
         if matches.inlier[i] > 0.5:
@@ -210,7 +210,7 @@ def _largest_parallax(matches: MatchProbabilities, sigma: float) -> float:
 
 @step_kernel
 def _common_parallax(matches: MatchProbabilities, sigma: float) -> tuple[float, float, float]:
-    """Number of matches that both explain; mean of their parallax and its variance, in sigma."""
+    """Number of matches that both models explain; mean and variance of their parallax, in sigma."""
     count = middle = square = 0.0
     for i in range(matches.parallax.size):
         if matches.inlier[i] > 0.5 and matches.rotation_inlier[i] > 0.5:

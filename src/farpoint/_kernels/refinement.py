@@ -1,4 +1,4 @@
-"""A pose on its way to the maximum of its likelihood, step by step, with its noise by EM."""
+"""Maximum-likelihood refinement of a pose: Gauss-Newton alternating with EM of the noise."""
 
 from __future__ import annotations
 
@@ -20,31 +20,32 @@ from farpoint._kernels.pose import (
 
 __all__ = ["PREDICTED_DECREASE", "advance", "begin", "finish", "refine_pose"]
 
-# What EM with unbiased variance may climb; a step that climbs more has gone astray.
+# Increase of the cost, in log likelihood, up to which a step is kept: EM with an unbiased variance
+# may raise the cost a little.
 MAX_INCREASE = 0.5
 
-# Share of poor matches where none is believed to be: its logarithm is asked for.
+# Share of the tail where the noise variance is bounded; its logarithm must exist.
 NONE = 1e-9
 
-# What is kept from step to step: the lowest cost so far, the weighted squares of the residuals for
-# each right match there, how much steps are damped, how far EM goes, and what the last step
-# promises, in log likelihood.
+# State between steps: lowest cost, mean weighted squared residual of the inliers at that cost,
+# Levenberg damping, over-relaxation of EM (1 or 0), predicted decrease of the last step in log
+# likelihood.
 LOWEST, SQUARE, DAMPING, OVER_RELAXED, PREDICTED_DECREASE = range(5)
 
 
-# The likeliest pose so far, in one array: rotation, direction, mixture, normal equations, cost, and
-# the shares as of `likelihood.linearize`.
+# Layout of the array that keeps the likeliest pose: rotation, direction, mixture, normal equations,
+# cost, and the shares as of `likelihood.linearize`.
 AT_T, AT_MIXTURE, AT_NORMAL, AT_COST, AT_SHARES, KEPT = 9, 12, 16, 52, 53, 57
 
 
 @inner_kernel
 def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, pose: Pose) -> None:
-    """Maximum-likelihood pose, with its noise by EM.
+    """Maximum-likelihood pose, with its noise parameters by EM.
 
-    Gauss-Newton with the full derivative of the residual, and where the pose gives way to matches
-    that retreat, of their shifts. ``pose`` holds the start, with its mixture, and receives the end,
-    from which a step promises less than ``precision``, in the unit of the log likelihood; with the
-    normal equations and the cost there.
+    Gauss-Newton with the full derivative of the residuals, and with soft cheirality of the
+    penalised parallaxes. ``pose`` holds the initial pose and mixture, and receives the result with
+    its normal equations and cost. The refinement ends where the predicted decrease is below
+    ``precision``, in log likelihood, and the variance has converged.
     """
     normal, cost, shares = pose.normal, pose.cost, np.empty(4)
     point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
@@ -58,7 +59,7 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
 
 @step_kernel
 def begin(matches: PackedMatches, mixture: np.ndarray, state: np.ndarray) -> None:
-    """From where the pose is, with as much of its noise as is believed."""
+    """Initialise the state; bound the noise of the initial mixture."""
     bound_noise(matches.max_variance, mixture)
     state[LOWEST] = state[SQUARE] = math.inf
     state[DAMPING], state[OVER_RELAXED], state[PREDICTED_DECREASE] = 0.0, 1.0, 0.0
@@ -75,10 +76,11 @@ def advance(
     state: np.ndarray,
     kept: np.ndarray,
 ) -> bool:
-    """Judge the pose and take a step; False where there is none that promises enough.
+    """Evaluate the pose and take a step; False at convergence.
 
-    The pose that is ``point`` moves, with its ``normal`` equations and ``cost`` of where it was;
-    ``kept`` (57,) is the likeliest so far, and ``state`` (5,) what is kept from step to step.
+    ``point`` is updated in place; ``normal`` and ``cost`` are those before the step. ``kept`` (57,)
+    holds the likeliest pose, ``state`` (5,) the state between steps. A step that raises the cost by
+    more than `MAX_INCREASE` is taken back.
     """
     R, t, mixture = point.R, point.t, point.mixture
     variance = mixture[0]
@@ -87,7 +89,7 @@ def advance(
     penalised_cost = cost[0] + share_prior_cost(mixture[2]) + share_prior_cost(mixture[3])
     if penalised_cost > state[LOWEST] + MAX_INCREASE:
         restore(kept, R, t, mixture, normal, cost, shares)
-        # Either the noise or the pose went too far: the noise first.
+        # First without over-relaxation, then with damping.
         if state[OVER_RELAXED] == 0.0:
             state[DAMPING] = max(100.0 * state[DAMPING], 1e-2)
         state[OVER_RELAXED] = 0.0
@@ -111,7 +113,7 @@ def _take_step(
     shares: np.ndarray,
     state: np.ndarray,
 ) -> bool:
-    """A step of EM and one of Gauss-Newton from the likeliest pose; False if that promises less."""
+    """One step of EM and one of Gauss-Newton from the likeliest pose; False at convergence."""
     x, count = np.empty(5), float(matches.total)
     update_mixture(state[SQUARE], shares, count, matches.min_variance, state[OVER_RELAXED], mixture)
     mixture[3] = repeated_share(shares[3], count - shares[0])
@@ -130,7 +132,7 @@ def _take_step(
 
 @step_kernel
 def bound_noise(max_variance: float, mixture: np.ndarray) -> None:
-    """No larger noise than is believed."""
+    """Bound the noise variance."""
     if max_variance < math.inf:
         mixture[0], mixture[2] = min(mixture[0], max_variance), NONE
 
@@ -145,7 +147,7 @@ def finish(
     shares: np.ndarray,
     kept: np.ndarray,
 ) -> None:
-    """The likeliest pose is the end; its noise is that of EM one step further."""
+    """Restore the likeliest pose, with the mixture of one more EM step."""
     for k in range(4):
         kept[AT_MIXTURE + k] = mixture[k]
     restore(kept, R, t, mixture, normal, cost, shares)
@@ -161,7 +163,7 @@ def keep(
     shares: np.ndarray,
     kept: np.ndarray,
 ) -> None:
-    """Write down a pose, as the likeliest so far."""
+    """Keep a pose as the likeliest one."""
     for i in range(3):
         kept[AT_T + i] = t[i]
         for j in range(3):
@@ -185,7 +187,7 @@ def restore(
     cost: np.ndarray,
     shares: np.ndarray,
 ) -> None:
-    """The pose that `keep` has written down."""
+    """Restore the pose that `keep` has stored."""
     for i in range(3):
         t[i] = kept[AT_T + i]
         for j in range(3):

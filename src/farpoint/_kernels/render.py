@@ -20,10 +20,10 @@ __all__ = ["render"]
 
 
 def tent_offsets(count: int, half_width: float) -> np.ndarray:
-    """Offsets (count, 2), px, distributed like a tent: a rank-1 lattice, warped.
+    """Offsets (count, 2), px, with a tent distribution: a rank-1 lattice, warped.
 
-    All their x differ, and all their y: an edge along rows or columns, too, is met at as many
-    places as there are samples.
+    All x differ, and all y: an edge along rows or columns is sampled at as many places as there are
+    samples.
     """
     lattice = np.stack([np.arange(count), 7 * np.arange(count) % count], axis=1)
     share = (lattice + 0.5) / count
@@ -31,10 +31,10 @@ def tent_offsets(count: int, half_width: float) -> np.ndarray:
     return np.where(share < 0.5, -tail, tail)
 
 
-# As wide as the filter of the textures: sigma 1.25 / sqrt(6) = 0.51 px.
+# Width of the filter of the textures: sigma 1.25 / sqrt(6) = 0.51 px.
 EDGE_OFFSETS = tent_offsets(16, 1.25)
 CENTRE = np.zeros((1, 2))
-EDGE_FOOTPRINT = 0.4  # of the pixel's, for one of the samples
+EDGE_FOOTPRINT = 0.4  # footprint of one sample over that of the pixel
 
 
 @inlined_kernel

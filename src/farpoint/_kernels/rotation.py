@@ -1,4 +1,4 @@
-"""Maximum-likelihood rotation of direction vectors where translation is absent."""
+"""Maximum-likelihood rotation of rays without translation."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = [
 
 @inlined_kernel
 def _densities(square: float, precision: float, tail_share: float, prior: float) -> Densities:
-    """Densities of a match, over a good one's at 0, in two dimensions."""
+    """Densities of a match in two dimensions, over that of the core at 0."""
     return densities_of(
         square * precision, tail_share, tail_share / (TAIL_RATIO * TAIL_RATIO), prior, LONG_TAIL
     )
@@ -54,10 +54,10 @@ def rotation_linearize(
 ) -> float:
     """Robust cost, gradient ``g`` (3,) and Gauss-Newton matrix ``H`` (3, 3) without translation.
 
-    As `likelihood.linearize` with the residual of two dimensions ``E^T (b - R a)`` on the tangent
+    As `likelihood.linearize` with the two-dimensional residual ``E^T (b - R a)`` on the tangent
     plane of ``b`` and its covariance ``E^T (S_b + R S_a R^T) E``. ``sums`` (4,) receives the
-    expected number of right matches, how often these are poorer, how often they could have been,
-    and the squares of good ones.
+    expected number of inliers, of tail steps and of trials of the tail, and the weighted squares of
+    the residuals.
     """
     turn = matrix(R)
     precision, tail_share = 1.0 / mixture[0], mixture[2]
@@ -89,7 +89,7 @@ def rotation_linearize(
 
 @inlined_kernel
 def _write_normal(sums: tuple, H: np.ndarray, g: np.ndarray) -> float:
-    """Write Gauss-Newton matrix and gradient; the sum of the squares."""
+    """Write Gauss-Newton matrix and gradient; returns the weighted sum of squares."""
     aa, ba, bb, ca, cb, cc, g[0], g[1], g[2], square = sums
     H[0, 0], H[0, 1], H[0, 2] = aa, ba, ca
     H[1, 0], H[1, 1], H[1, 2] = ba, bb, cb
@@ -111,9 +111,9 @@ def refine_rotation(
 ) -> float:
     """Maximum-likelihood rotation without translation; returns its cost.
 
-    ``mixture`` (3,) holds the variance of good matches, the share of wrong ones among all ``count``
-    and that of poor ones, in and out (EM); wrong matches fill a disc of radius ``half_width`` (in units
-    of the noise).
+    ``mixture`` (3,) holds the noise variance of the core, the share of outliers among all ``count``
+    matches and that of the tail among inliers, in and out (EM). Outliers fill a disc of radius
+    ``half_width``, in units of the noise.
     """
     g, step, sums = np.empty(3), np.empty(3), np.empty(4)
     cost = math.inf
@@ -136,7 +136,7 @@ def refine_rotation(
 
 @inlined_kernel
 def _clutter(variance: float, outlier_share: float, half_width: float) -> float:
-    """Density of wrong matches over that of good ones at 0, in two dimensions."""
+    """Density of outliers over that of the core at 0, in two dimensions."""
     return outlier_share / (1.0 - outlier_share) * 2.0 * variance / (half_width * half_width)
 
 
@@ -150,10 +150,10 @@ def evaluate_rotation(
     distance2: np.ndarray,
     inlier: np.ndarray,
 ) -> float:
-    """Distance of each match as by `rotation_distance2`, and the probability that it is right.
+    """Squared distance of each match, as of `rotation_distance2`, and its inlier probability.
 
-    Returns the share of the information that there is without knowing which matches are good, poor
-    or wrong, as `information.information` does.
+    Returns the share of the information that remains although the component of each match is
+    unknown, as `information.information` does.
     """
     rotation_distance2(pairs, R, distance2)
     clutter = _clutter(mixture[0], mixture[1], half_width)

@@ -1,4 +1,4 @@
-"""How far a ray is from where a rotation turns the other, in units of the noise of both."""
+"""Residual of a rotation without translation: ``E^T (b - R a)`` in units of the noise."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Row = tuple[float, float, float, float]
 def _tangent_residual(
     pairs: np.ndarray, at: int, R: Matrix
 ) -> tuple[tuple, tuple, float, float, float, float, float]:
-    """Basis ``E`` of the plane at ``b``, ``E^T (b - R a)``, its covariance for unit noise."""
+    """Basis ``E`` of the tangent plane at ``b``; ``E^T (b - R a)`` and its unit covariance."""
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     d = axpby(1.0, b, -1.0, m)
     first, second = tangent_columns(b)
@@ -61,7 +61,7 @@ def _square(pairs: np.ndarray, at: int, R: Matrix) -> float:
 
 @inlined_kernel
 def whitened_turn(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row, Row]:
-    """Squared distance, and Jacobian and residual in axes in which their noise is 1 and round."""
+    """Squared distance; rows of Jacobian and residual, whitened."""
     first, second, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
     m = rotate(R, ray0(pairs, at))
     # d(b - R a) = m x dtheta, so the rows of J = E^T [m]x are e x m.
@@ -91,7 +91,7 @@ def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> Non
 
 @sum_kernel
 def count_beyond(pairs: np.ndarray, inlier: np.ndarray, R: np.ndarray, limit: float) -> float:
-    """How many of the right matches (those of 1) have a squared distance beyond ``limit``."""
+    """Number of inliers (``inlier`` 1, otherwise 0) with a squared distance beyond ``limit``."""
     turn = matrix(R)
     beyond = 0.0
     for panel in range(inlier.size // LANES):

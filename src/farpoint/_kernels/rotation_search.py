@@ -1,4 +1,4 @@
-"""Rotation of the far matches: consensus over samples of three rays, and what agrees with it."""
+"""Rotation of the far matches: RANSAC with samples of three rays, and its consistent set."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def search_rotation(
     state: np.ndarray,
     R: np.ndarray,
 ) -> int:
-    """Consensus over rotations from three rays each (eqs. 7-13 of the paper); returns iterations.
+    """RANSAC over rotations from three rays each (eqs. 7-13 of the paper); number of iterations.
 
     Minimises the truncated squares ``sum min(|b - R a|^2 / variance, tolerance^2)`` of the
-    ``count`` matches. Stops when with 99.9 % one sample of consistent rays has been drawn. ``R``
-    receives the best rotation.
+    ``count`` matches. Stops when a sample of consistent rays has been drawn with 99.9 %
+    probability. ``R`` receives the best rotation.
     """
     limit = tolerance * tolerance
     hypothesis, M = np.empty((3, 3)), np.empty((3, 3))
@@ -83,7 +83,7 @@ def search_rotation(
 def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) -> float:
     """``M = sum b a^T / variance`` over the matches within ``limit`` of a rotation; their number.
 
-    Those that fill up the panels agree with any rotation and weigh nothing.
+    Filler is within any limit, and has no weight.
     """
     turn = matrix(R)
     inside = 0.0
@@ -128,9 +128,9 @@ def enlarge_rotation(
 ) -> int:
     """Enlarge the consistent set step by step, re-fitting after each; returns its size.
 
-    The set grows from half the tolerance to all of it: a rotation from three noisy rays is off by
-    about as much as the far points that it should recognise. ``consistent`` (count,) receives
-    whether a match belongs to it; ``R`` is improved in place.
+    The limit grows from 0.5 to 1 times the tolerance: a rotation from three noisy rays has an error
+    of about the noise of a far point. ``consistent`` (count,) receives whether a match is within
+    the tolerance; ``R`` is improved in place.
     """
     M = np.empty((3, 3))
     filled_up = pairs.size // PANEL * LANES - count

@@ -1,4 +1,4 @@
-"""Search for the pose: directions at a known rotation, then joint hypotheses against the best."""
+"""Search for the pose: directions at a known rotation, then five-ray hypotheses."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ from farpoint._kernels.vectors import Vector, axpby, dot, matrix, rotate
 
 __all__ = ["search_direction", "search_pose"]
 
-# A hypothesis is still worth refining with so many times the least truncated squares so far, if at
-# least this share of the most matches so far support it.
+# A hypothesis is refined if its truncated squares are below 2 times the lowest so far, and its
+# support (limit minus truncated squares) is at least 0.5 of the highest so far.
 MAX_SCORE_RATIO = 2.0
 MIN_SUPPORT = 0.5
-# Pairs of matches whose directions the search starts from.
+# Number of pairs of matches whose intersections are the initial directions.
 DIRECTIONS = np.int64(16)
-# So many known matches have samples of their own.
+# Least number of matches consistent with a mode for samples among them alone.
 MIN_KNOWN = 8
 
 
@@ -67,9 +67,9 @@ def search_direction(
     R: np.ndarray,
     t: np.ndarray,
 ) -> float:
-    """Best direction among intersections of two great circles, at a given rotation; its cost.
+    """Best direction among intersections of two great circles at a given rotation; its cost.
 
-    The two are drawn from ``candidates`` (M,), indices of the matches that may carry translation.
+    The pairs are drawn from ``candidates`` (M,), indices of the matches that may carry translation.
     """
     limit = tolerance * tolerance
     hypothesis = np.empty(3)
@@ -89,7 +89,7 @@ def search_direction(
 
 @inner_kernel
 def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndarray) -> None:
-    """Fill ``sample`` with distinct indices below ``n``, of those that ``among`` is not 0 for."""
+    """Fill ``sample`` with distinct indices below ``n`` whose ``among`` is not 0."""
     for s in range(sample.size):
         fresh = False
         while not fresh:
@@ -102,9 +102,9 @@ def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndar
 
 @inner_kernel
 def _mark_known(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
-    """Mark the matches that agree with a pose as ``known``; the share of those that are.
+    """Mark the matches consistent with a pose as ``known``; returns the share of known matches.
 
-    1 where so few are that samples of them would all be alike.
+    1 if fewer than `LEAST_KNOWN`: samples among them would hardly differ.
     """
     mark_consistent(matches.pairs, pose.R, pose.t, tolerance, known)
     count = 0
@@ -115,14 +115,14 @@ def _mark_known(matches: PackedMatches, pose: Pose, tolerance: float, known: np.
 
 @inlined_kernel
 def _flow(pairs: np.ndarray, R: np.ndarray, i: int) -> Vector:
-    """The flow that the rotation leaves of match ``i``."""
+    """Flow of match ``i`` after the rotation."""
     at = address(i)
     return axpby(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
 
 
 @inlined_kernel
 def _flow2(pairs: np.ndarray, R: np.ndarray, i: int) -> float:
-    """Its squared length."""
+    """Squared length of the flow of match ``i`` after the rotation."""
     flow = _flow(pairs, R, i)
     return dot(flow, flow)
 
@@ -143,7 +143,7 @@ def _longest_flow_first(pairs: np.ndarray, R: np.ndarray, sample: np.ndarray) ->
 
 @step_kernel
 def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
-    """Median angle, rad, that the rotation ``R`` leaves between matched rays."""
+    """Median angle, rad, between matched rays after the rotation ``R``."""
     squares = np.empty(count)
     for i in range(count):
         squares[i] = _flow2(pairs, R, i)
@@ -160,19 +160,20 @@ def search_pose(
     close: Pose,
     secondary: Pose,
 ) -> tuple[int, bool, bool, bool]:
-    """Most likely pose near the rotation of ``best`` and among joint hypotheses.
+    """Likeliest pose near the rotation of ``best`` and among five-ray hypotheses.
 
-    The start is the direction that the flow of the ``candidates`` suggests there. Samples are
-    solved in turn from the best pose, for a better one nearby, and from about the rotation of the
-    start, or their own, with a direction from anywhere, or from their own rays. Every second sample
-    is drawn from the matches that agree with a pose that was the best or its rival: where a better
-    one is found, few of its matches are new, and hardly any wrong one is known. A hypothesis that
-    agrees with the matches about as well as the first pose, and as any since, is refined, and
-    judged by its likelihood with the noise that it needs: a wrong minimum looks good only with more
-    noise than there is. Once there has been a rival, more are tried. At last come the motions that
-    look like the best one. ``best`` receives it, ``close`` the next best, ``secondary`` the next best
-    of those elsewhere. Returns the number of samples, whether the other motion of a plane was a
-    rival, and whether there is a rival and a second that came near the best.
+    The search starts at the direction of the flow of the ``candidates``. Samples of five matches
+    are solved in turn from the best pose; from the initial rotation or one at the distance of its
+    flow, or that of the sample itself, with a random direction; and with the intersection of two
+    great circles of the sample. Every second sample is drawn from matches consistent with the best
+    pose or a competing mode, which have few outliers. A hypothesis whose truncated squares are low
+    enough is refined and compared by its likelihood with noise parameters of its own: a wrong mode
+    has low squares only with a large variance. Once a competing mode was found, more samples are
+    drawn. Finally the ambiguous motions of the best pose are compared.
+
+    ``best`` receives the likeliest pose, ``close`` the second likeliest, and ``secondary`` the
+    likeliest in another direction. Returns the number of samples; whether the second motion of a
+    plane competes; whether ``secondary`` is within the margin; and whether ``close`` is.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, budget.tolerance
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
@@ -185,13 +186,13 @@ def search_pose(
     known = np.empty(prior.size)
     clear(known)
     share = _mark_known(matches, best, tolerance, known)
-    has_competing_mode = np.bool_(False)  # a plain word has a type of its own
+    has_competing_mode = np.bool_(False)  # a literal would be of another numba type
     iteration = 0
     while iteration < iterations_needed(outlier_share, share, flow, has_competing_mode, budget):
         iteration += 1
         are_known = iteration % 2 == 0 and share < 1.0
         _draw_distinct(sample, known if are_known else prior, count, state)
-        # From the best pose samples of known matches would lead back to it.
+        # From the best pose, samples among consistent matches would converge to it again.
         start_kind = 1 + iteration // 2 % 2 if are_known else iteration // 2 % 3
         if not _solve_sample(pairs, sample, start_kind, start, flow, state, best, other):
             continue
@@ -203,7 +204,7 @@ def search_pose(
             continue
         lowest = min(raw, lowest)
         initial_noise(matches, best, tolerance, other.mixture)
-        # Once others are known, one that is no better than they are tells nothing new.
+        # With two competing modes, a hypothesis less likely than both is of no use.
         worst = max(close.cost[0], secondary.cost[0])
         within = worst - best.cost[0] if worst < best.cost[0] + MODE_MARGIN else MODE_MARGIN
         competes, _ = compare_hypothesis(matches, other, best, close, secondary, within)
@@ -225,10 +226,10 @@ def _start(
     best: Pose,
     other: Pose,
 ) -> tuple[float, float]:
-    """Put ``best`` where, at its rotation, the flow of the ``candidates`` leads.
+    """Refine ``best`` from the direction of the flow of the ``candidates`` at its rotation.
 
-    Returns the square beyond which no match supports it, and the truncated squares of all matches
-    there. ``other`` is room.
+    Returns the squared residual beyond which a match is no support, and the truncated squares of
+    all matches. ``other`` is a buffer.
     """
     default_noise(tolerance, best.mixture)
     search_direction(
@@ -245,14 +246,15 @@ def _start(
 def _search_ambiguous_motions(
     matches: PackedMatches, best: Pose, other: Pose, close: Pose, secondary: Pose
 ) -> bool:
-    """Challenge the best pose by those that look like it; whether a plane's was a rival."""
+    """Compare the best pose with its ambiguous motions; whether that of a plane competes."""
     gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     is_planar = second_planar_motion(
         matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t
     )
     if is_planar:
         copy(best.mixture, other.mixture)
-        # The best may lie between the two: it goes to one of them when it is refined.
+        # The best pose may lie between the two motions of the plane; refined, it becomes one of
+        # them.
         within = planar_margin(matches.total)
         competes, was_close = compare_hypothesis(matches, other, best, close, secondary, within)
         is_planar = competes or was_close
@@ -274,12 +276,12 @@ def _solve_sample(
     best: Pose,
     other: Pose,
 ) -> bool:
-    """Solve a sample from where it is the ``start_kind`` to, of three, for the pose ``other``.
+    """Solve a sample from one of three starts (``start_kind`` 0 to 2) for the pose ``other``.
 
-    From the best pose; or from about the rotation of the start with a direction from anywhere, or
-    from the two rays that flow most. Where the start leaves a long flow, it may be any rotation:
-    then from that which turns the sample's own rays nearest to each other, in the direction in
-    which one of them flows most. False where there is no such place, or no solution near it.
+    0: the best pose. 1: a rotation near the initial one with a random direction. 2: the same with
+    the intersection of the great circles of the two rays with the longest flow. If the initial
+    rotation leaves a long flow, 1 and 2 start at the rotation that aligns the rays of the sample
+    (Kabsch), with the direction of its longest flow. False without a start or a solution.
     """
     if start_kind == 0:
         copy(best.R, other.R)
@@ -299,7 +301,7 @@ def _solve_sample(
 
 @step_kernel
 def _turn_of_sample(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> bool:
-    """The rotation that brings the rays of a sample nearest to each other, if there is one."""
+    """Rotation that aligns the rays of a sample (Kabsch); False if it is not unique."""
     M = np.empty((3, 3))
     clear(M)
     for s in range(sample.size):
@@ -310,7 +312,7 @@ def _turn_of_sample(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> boo
 
 @step_kernel
 def _along_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None:
-    """The direction ``t`` in which the rotation leaves match ``i`` to flow."""
+    """Direction ``t`` of the flow of match ``i`` after the rotation."""
     x, y, z = _flow(pairs, R, i)
     over = 1.0 / math.sqrt(x * x + y * y + z * z + 1e-300)
     t[0], t[1], t[2] = x * over, y * over, z * over
@@ -318,7 +320,7 @@ def _along_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None
 
 @step_kernel
 def _step_away(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
-    """The rotation of the start, or one about as far from it as the flow it leaves."""
+    """The initial rotation, or a random one at about the distance of the flow it leaves."""
     if flow < 0.2 * LONG_FLOW:
         copy(start, R)
         return

@@ -1,4 +1,4 @@
-"""How far apart the poses are that two halves of the matches lead to."""
+"""Split-half ratio: squared difference of the poses by two halves over its expected value."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from farpoint._kernels.vectors import Matrix, axpby, dot, matrix, tangent_column
 
 __all__ = ["pose_difference_ratio"]
 
-# No deal counts as more than so many times what is expected of it.
+# Upper bound of the ratio of one split.
 MAX_RATIO = 50.0
-# A step from a half's pose that promises less, in log likelihood, is far within its noise.
+# Predicted decrease, in log likelihood, at which the refinement of a half ends: far below its
+# noise. Maximum number of steps.
 FINE_TOLERANCE = 1e-2
 MAX_REFINEMENTS = np.int64(10)
 
@@ -33,13 +34,13 @@ def pose_difference_ratio(
     patch: np.ndarray,
     state: np.ndarray,
 ) -> float:
-    """Squared difference of the poses by two halves, over that which their covariances expect.
+    """Mean ratio of the squared difference of the poses by two halves to its expectation.
 
-    The mean over random ``splits``, by the generator's ``state``, of the difference d of two poses,
-    each refined from this one by half of the matches: ``d^T (C_1 + C_2)^-1 d / 5`` with what is
-    expected of either half (5, 5), as of `covariance.covariance_here`, at this pose, which so many
-    matches were found to share. Matches of one ``patch`` (N,) go to the same half. Deals of which a
-    half fixes no motion are left out; 1 where all are.
+    ``d^T (C_1 + C_2)^-1 d / 5``, over random ``splits``: d is the difference of two poses, each
+    refined from this one by half of the matches, and C (5, 5) the covariance by either half, as of
+    `covariance.covariance_here`, at this pose. Matches of one ``patch`` (N,) stay in one half;
+    ``state`` is that of the random generator. Splits with a half that fixes no motion are left out;
+    1 if all are.
     """
     total, counted = 0.0, 0
     half = np.empty(matches.total, np.int64)
@@ -67,7 +68,7 @@ def pose_difference_ratio(
 
 @inner_kernel
 def _rows_of(half: np.ndarray, which: int, count: int) -> np.ndarray:
-    """The matches of one half, of which there are so many."""
+    """Rows of one half, ``count`` in number."""
     rows = np.empty(count, np.int64)
     k = 0
     for i in range(half.size):
@@ -87,10 +88,10 @@ def _refine_by(
     pose: Pose,
     expected: np.ndarray,
 ) -> bool:
-    """The pose that these matches lead to from a start, with the noise that it needs.
+    """Refine a pose by these matches from a start, with noise parameters of its own.
 
-    And the covariance (5, 5) that is ``expected`` of them, at the start; False where they fix no
-    motion. As if as many were ``inliers`` as of all: few would know their noise less well.
+    ``expected`` (5, 5) receives the covariance by these matches at the start, with the number of
+    ``inliers`` of all matches, whose noise variance it uses. False if they fix no motion.
     """
     panels = (rows.size + LANES - 1) // LANES
     pairs, prior = np.empty(panels * PANEL), np.empty(panels * LANES)

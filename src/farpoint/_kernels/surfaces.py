@@ -28,40 +28,42 @@ from farpoint._kernels.vectors import Vector
 
 __all__ = ["RayDifferential", "ray_grey"]
 
-NOISE = 0  # texture of the noise that lies over every surface, at two scales
+NOISE = 0  # index of the noise texture on every surface, at two scales
 FINE_M = 0.011  # metres per texel
 COARSE_M = 0.23
 CLOUD = 0.012  # of the height of the clouds per texel
-CLOUD_GAIN = 9.0  # grey
-FACE_SHIFT_M = 7.3  # every face has its own part of the noise
-_LEAST_COSINE = 0.02  # of the angle of incidence: footprints stay finite at silhouettes
+CLOUD_GAIN = 9.0  # grey levels
+FACE_SHIFT_M = 7.3  # m; offset of the noise texture between faces
+_LEAST_COSINE = (
+    0.02  # least cosine of the angle of incidence: footprints stay finite at silhouettes
+)
 
 
 class RayDifferential(NamedTuple):
-    """How the direction of a ray changes by a pixel."""
+    """Ray differential: change of a ray's direction per pixel."""
 
     right: Vector
     down: Vector
 
 
 class Frame(NamedTuple):
-    """A surface where a ray has hit it."""
+    """Local frame of a surface at the intersection."""
 
     normal: Vector
-    """Of either sign, and any length."""
+    """Normal of either sign, not normalised."""
     along_u: Vector
-    """Unit, along the texture's u."""
+    """Unit vector along the texture's u."""
     along_v: Vector
-    """Unit, along its v."""
+    """Unit vector along the texture's v."""
     u: float
-    """m."""
+    """Texture coordinate, m."""
     v: float
-    """m."""
+    """Texture coordinate, m."""
 
 
 @step_kernel
 def box_frame(shape: np.ndarray, index: int, face: int, point: Vector) -> Frame:
-    """The face of a box at a point that is seen from the box's axis."""
+    """Face of a box at a point relative to the box's axis."""
     x, y, z = point
     cos, sin = shape[index, 2], shape[index, 3]
     along_x, along_z = (cos, 0.0, sin), (-sin, 0.0, cos)
@@ -75,7 +77,7 @@ def box_frame(shape: np.ndarray, index: int, face: int, point: Vector) -> Frame:
 
 @inlined_kernel
 def round_frame(radius: float, slope: float, point: Vector, v: float) -> Frame:
-    """A round surface at a point that is seen from its centre, with texture wrapped around."""
+    """Round surface at a point relative to its centre, with the texture wrapped around."""
     x, y, z = point
     across = math.sqrt(x * x + z * z) + 1e-12
     normal = (x / across, slope * y / across, z / across)
@@ -88,7 +90,7 @@ def round_frame(radius: float, slope: float, point: Vector, v: float) -> Frame:
 
 @step_kernel
 def surface_frame(blocks: Blocks, hills: Hills, hit: Hit, point: Vector) -> Frame:
-    """The surface at the point that was hit."""
+    """Surface at the intersection."""
     shape, ring, surface = blocks.shape, hills.ring, hit.surface
     x, y, z = point
     if surface == GROUND:
@@ -121,7 +123,7 @@ def light(normal: Vector) -> float:
 
 @step_kernel
 def sky_footprint(direction: Vector, differential: RayDifferential) -> Footprint:
-    """On clouds that bend down towards the horizon, infinitely far away."""
+    """Footprint on clouds, infinitely far away, that curve down towards the horizon."""
     (right_x, right_y, right_z), (down_x, down_y, down_z) = differential.right, differential.down
     depth = 0.35 - direction[1]
     u, v = direction[0] / depth, direction[2] / depth
@@ -134,7 +136,7 @@ def sky_footprint(direction: Vector, differential: RayDifferential) -> Footprint
 def wall_footprint(
     frame: Frame, t: float, direction: Vector, differential: RayDifferential
 ) -> Footprint:
-    """On a surface, m."""
+    """Footprint on a surface, m."""
     normal, along_u, along_v = frame.normal, frame.along_u, frame.along_v
     facing = dot(normal, direction)
     facing = math.copysign(max(abs(facing), _LEAST_COSINE), facing)
@@ -161,7 +163,7 @@ def sky_grey(finish: Finish, direction: Vector, differential: RayDifferential) -
 
 @step_kernel
 def paint_row(blocks: Blocks, surface: int) -> int:
-    """Of a surface, in the table of paints."""
+    """Row of a surface in the table of paints."""
     if surface >= 0:
         return surface
     row = blocks.shape.shape[0]

@@ -1,4 +1,4 @@
-"""Textures seen through the footprint of a pixel: mip pyramids, with several taps where it is long.
+"""Textures filtered over the footprint of a pixel: mip pyramids, several taps for long footprints.
 
 Trilinear lookups (Williams, "Pyramidal Parametrics", SIGGRAPH 1983) at the scale of the footprint's
 minor axis, averaged along its major axis (McCormack et al., "Feline", SIGGRAPH 1999).
@@ -23,7 +23,7 @@ _TEXEL_PX = 0.6
 
 
 class Footprint(NamedTuple):
-    """The ellipse that a pixel covers of a texture, in its units."""
+    """Elliptical footprint of a pixel on a texture, in the texture's units."""
 
     u: float
     """Centre."""
@@ -39,7 +39,7 @@ class Footprint(NamedTuple):
 def bilinear(
     texels: np.ndarray, start: int, log2_width: int, level: int, u: float, v: float
 ) -> float:
-    """Level of a pyramid at ``u, v`` in texels of level 0; repeats endlessly."""
+    """Level of a pyramid at ``u, v`` in texels of level 0, periodic."""
     skipped = ((1 << (2 * log2_width + 2)) - (1 << (2 * (log2_width - level) + 2))) // 3
     width = 1 << (log2_width - level)
     x, y = u / (1 << level) - 0.5, v / (1 << level) - 0.5
@@ -69,7 +69,7 @@ def trilinear(
 def footprint_of(
     u: float, v: float, right: tuple[float, float], down: tuple[float, float]
 ) -> Footprint:
-    """What a pixel covers at a place, from the steps (u, v) to the pixels beside and below."""
+    """Footprint of a pixel, from the steps (u, v) to the pixels beside and below."""
     (ux, vx), (uy, vy) = right, down
     uu, uv, vv = ux * ux + uy * uy, ux * vx + uy * vy, vx * vx + vy * vy
     half_sum, half_difference = 0.5 * (uu + vv), 0.5 * (uu - vv)
@@ -81,7 +81,7 @@ def footprint_of(
 
 @inlined_kernel
 def scaled(footprint: Footprint, u: float, v: float, scale: float) -> Footprint:
-    """The footprint at another place, in units so many of which go into one."""
+    """Footprint at another place, in units ``1 / scale`` as large."""
     major_u, major_v, minor = footprint.major_u, footprint.major_v, footprint.minor
     return Footprint(u * scale, v * scale, major_u * scale, major_v * scale, minor * scale)
 

@@ -1,4 +1,4 @@
-"""Vectors and matrices of three as tuples, which live in registers: the formulas' own words."""
+"""Vectors and matrices of three as tuples, which live in registers."""
 
 from __future__ import annotations
 
