@@ -50,25 +50,25 @@ def packed(values: np.ndarray) -> np.ndarray:
 
 
 def matches_of(
-    view: View, spread: float, prior: np.ndarray | None = None, *, soft_cheirality: bool
+    view: View, half_width: float, prior: np.ndarray | None = None, *, soft_cheirality: bool
 ) -> PackedMatches:
     """What a pose is judged by; of all matches alike, unless a packed ``prior`` is given."""
     prior = packed(np.ones(view.size)) if prior is None else prior
     return PackedMatches(
-        view.pairs, prior, view.size, spread, LONG_TAIL, 1e-6, math.inf, soft_cheirality
+        view.pairs, prior, view.size, half_width, LONG_TAIL, 1e-6, math.inf, soft_cheirality
     )
 
 
-def shares_of(poor: float, tail: float = LONG_TAIL) -> np.ndarray:
+def shares_of(tail_share: float, tail: float = LONG_TAIL) -> np.ndarray:
     """Shares (4, 1) of good, poor, poorer and still poorer matches among the right ones."""
-    ends = np.array([1.0 - poor, 1.0 - poor, 1.0 - tail * poor, tail])
-    return (ends * poor ** np.arange(4.0))[:, None]
+    ends = np.array([1.0 - tail_share, 1.0 - tail_share, 1.0 - tail * tail_share, tail])
+    return (ends * tail_share ** np.arange(4.0))[:, None]
 
 
-def spread_of(mixture: np.ndarray, clutter: float) -> float:
+def half_width_of(mixture: np.ndarray, clutter: float) -> float:
     """With which wrong matches have this density over that of good ones, if none is repeated."""
-    variance, wrong, *_ = mixture
-    return wrong / (1.0 - wrong) * np.sqrt(2.0 * np.pi * variance) / (2.0 * clutter)
+    variance, outliers, *_ = mixture
+    return outliers / (1.0 - outliers) * np.sqrt(2.0 * np.pi * variance) / (2.0 * clutter)
 
 
 def pose_of(R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> Pose:

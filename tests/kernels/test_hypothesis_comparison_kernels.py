@@ -18,19 +18,19 @@ BEST = 100.0
 AWAY = (500.0, 200.0)
 
 
-class Followed(NamedTuple):
+class Compared(NamedTuple):
     """A hypothesis that was followed so many steps."""
 
     competes: bool
     was_close: bool
     steps: int
     best: Pose
-    second: Pose
-    rival: Pose
+    close: Pose
+    secondary: Pose
 
 
 @pytest.fixture
-def followed(monkeypatch):
+def compared(monkeypatch):
     """Of a hypothesis that is judged so, step by step, and elsewhere or not than the best."""
 
     def run(
@@ -40,7 +40,7 @@ def followed(monkeypatch):
         elsewhere: bool = True,
         twisted: bool = False,
         within: float = MODE_MARGIN,
-    ) -> Followed:
+    ) -> Compared:
         steps: list[int] = []
 
         def advance(
@@ -60,16 +60,16 @@ def followed(monkeypatch):
         }
         for name, mock in mocks.items():
             monkeypatch.setattr(hypothesis_comparison, name, mock)
-        best, hypothesis, second, rival = (_pose() for _ in range(4))
-        best.cost[0], second.cost[0], rival.cost[0] = BEST, np.inf, np.inf
+        best, hypothesis, close, secondary = (_pose() for _ in range(4))
+        best.cost[0], close.cost[0], secondary.cost[0] = BEST, np.inf, np.inf
         hypothesis.t[:] = (1.0, 0.0, 0.0) if elsewhere else best.t
         compare_hypothesis = getattr(
             hypothesis_comparison.compare_hypothesis,
             "py_func",
             hypothesis_comparison.compare_hypothesis,
         )
-        given = _matches(), hypothesis, best, second, rival, within
-        return Followed(*compare_hypothesis(*given), len(steps), best, second, rival)
+        given = _matches(), hypothesis, best, close, secondary, within
+        return Compared(*compare_hypothesis(*given), len(steps), best, close, secondary)
 
     inner = (
         "copy_pose",
@@ -94,23 +94,23 @@ def _pose() -> Pose:
     return Pose(np.eye(3), np.array([0.0, 0.0, 1.0]), mixture, np.eye(6), np.zeros(1))
 
 
-def test_one_that_promises_little_is_given_up_at_once(followed):
-    assert followed([(500.0, 10.0), (90.0, 1.0)])[:3] == (False, False, 1)
+def test_a_small_predicted_decrease_ends_the_refinement_at_once(compared):
+    assert compared([(500.0, 10.0), (90.0, 1.0)])[:3] == (False, False, 1)
 
 
-def test_one_that_ends_far_away_is_given_up_before_it_has_come_there(followed):
+def test_a_refinement_that_converges_far_from_the_best_ends_early(compared):
     ends = [AWAY, (300.0, 20.0), (290.0, 1.0), (289.0, 0.5), (288.9, 0.0)]
-    assert followed(ends)[:3] == (False, False, 3)
+    assert compared(ends)[:3] == (False, False, 3)
 
 
-def test_one_that_falls_by_its_noise_is_followed(followed):
+def test_a_refinement_whose_noise_variance_decreases_goes_on(compared):
     # Of that a step promises nothing.
     falls = [AWAY, (170.0, 1.0), (140.0, 0.5), (120.0, 0.1), (115.0, 0.0)]
-    assert followed(falls)[:3] == (True, False, 5)
+    assert compared(falls)[:3] == (True, False, 5)
 
 
-def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
-    assert followed([AWAY, (120.0, 30.0), (90.0, 1.0)], same_after=2).steps == 2
+def test_a_refinement_towards_the_best_ends_as_soon_as_it_is_the_same_mode(compared):
+    assert compared([AWAY, (120.0, 30.0), (90.0, 1.0)], same_after=2).steps == 2
 
 
 @pytest.mark.parametrize(
@@ -123,39 +123,39 @@ def test_one_on_its_way_to_the_best_is_given_up_as_soon_as_it_is_seen(followed):
         (131.0, True, False, False),
     ],
 )
-def test_the_likelier_is_kept_and_the_other_remembered(
-    followed, end, elsewhere, competes, is_close
+def test_the_likelier_is_the_best_and_the_other_a_mode(
+    compared, end, elsewhere, competes, is_close
 ):
-    found = followed([AWAY, (end, 1.0)], elsewhere=elsewhere)
+    found = compared([AWAY, (end, 1.0)], elsewhere=elsewhere)
     assert found.competes == competes
     assert found.best.cost[0] == min(end, BEST)
     lost = max(end, BEST)
-    assert found.second.cost[0] == (lost if competes else np.inf)
-    assert found.rival.cost[0] == (lost if is_close else np.inf)
+    assert found.close.cost[0] == (lost if competes else np.inf)
+    assert found.secondary.cost[0] == (lost if is_close else np.inf)
 
 
 @pytest.mark.parametrize(("matches", "near"), [(9, 30.0), (40, 50.0), (160, 100.0)])
-def test_the_motions_of_a_plane_may_be_so_far_apart_by_chance(matches, near):
+def test_the_margin_of_the_motions_of_a_plane(matches, near):
     planar_margin = getattr(
         hypothesis_comparison.planar_margin, "py_func", hypothesis_comparison.planar_margin
     )
     assert planar_margin(matches) == near
 
 
-def test_one_that_is_turned_over_competes_but_is_not_kept(followed):
-    found = followed([AWAY, (90.0, 1.0)], twisted=True)
+def test_a_twisted_pair_competes_but_is_not_kept(compared):
+    found = compared([AWAY, (90.0, 1.0)], twisted=True)
     assert found.competes
-    costs = found.best.cost[0], found.second.cost[0], found.rival.cost[0]
+    costs = found.best.cost[0], found.close.cost[0], found.secondary.cost[0]
     assert costs == (BEST, np.inf, np.inf)
 
 
-def test_one_that_was_near_as_it_was_is_told(followed):
+def test_whether_the_initial_pose_was_within_the_margin_is_returned(compared):
     inside, outside = BEST + 49.0, BEST + 51.0
-    assert followed([(inside, 9.0), (inside, 0.1)], same_after=1, within=50.0).was_close
-    assert not followed([(outside, 99.0), (BEST, 0.1)], same_after=2, within=50.0).was_close
+    assert compared([(inside, 9.0), (inside, 0.1)], same_after=1, within=50.0).was_close
+    assert not compared([(outside, 99.0), (BEST, 0.1)], same_after=2, within=50.0).was_close
 
 
-def test_one_that_ends_as_near_as_is_asked_for_is_a_rival(followed):
+def test_a_hypothesis_within_the_margin_competes(compared):
     ends = [(199.0, 99.0), (149.0, 0.1)]
-    assert followed(ends, within=50.0).competes
-    assert not followed(ends, within=48.0).competes
+    assert compared(ends, within=50.0).competes
+    assert not compared(ends, within=48.0).competes

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from kernels_kit import View, packed, shares_of, spread_of, two_views
+from kernels_kit import View, half_width_of, packed, shares_of, two_views
 
 from farpoint._kernels import epipolar, likelihood
 from farpoint._kernels.compile import kernel
@@ -24,16 +24,16 @@ MIXTURE = np.array([VARIANCE, 0.1, TAIL_RATIO, 0.0])
 @kernel
 def told_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
     """Residual and its derivatives; variances of the constraint and of the flow."""
-    at, turn, towards = address(i), matrix(R), vector(t)
+    at, rotation, direction = address(i), matrix(R), vector(t)
     return (
-        epipolar.sampson_jacobian(pairs, at, turn, towards, tangent_columns(towards)),
-        epipolar.variances(pairs, at, turn, towards),
+        epipolar.sampson_jacobian(pairs, at, rotation, direction, tangent_columns(direction)),
+        epipolar.variances(pairs, at, rotation, direction),
     )
 
 
 class Informed(NamedTuple):
     known: float
-    alike: float
+    effective: float
     normal: np.ndarray
     noise: np.ndarray
     scatter: np.ndarray
@@ -44,11 +44,17 @@ class Informed(NamedTuple):
 
 
 def informed(view: View, prior: np.ndarray, shrunk_flow: bool = False) -> Informed:
-    told = np.full((6, 6), np.nan), *np.full((2, 5, 5), np.nan)
-    seen = LinearisationPoint(
-        view.pairs, packed(prior), view.R, view.t, MIXTURE, spread_of(MIXTURE, CLUTTER), LONG_TAIL
+    computed = np.full((6, 6), np.nan), *np.full((2, 5, 5), np.nan)
+    point = LinearisationPoint(
+        view.pairs,
+        packed(prior),
+        view.R,
+        view.t,
+        MIXTURE,
+        half_width_of(MIXTURE, CLUTTER),
+        LONG_TAIL,
     )
-    return Informed(*information(seen, shrunk_flow, *told), *told)
+    return Informed(*information(point, shrunk_flow, *computed), *computed)
 
 
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -84,7 +90,7 @@ def scattered(J: np.ndarray, weight: np.ndarray, z: np.ndarray) -> np.ndarray:
     return (score[:, None] * J).T @ (score[:, None] * J)
 
 
-def test_a_match_that_tells_little_is_heard_as_the_gauss_newton_matrix_does():
+def test_a_match_of_small_leverage_has_its_gauss_newton_weight():
     view = two_views(3, 400, error_rad=2e-3)
     prior = np.random.default_rng(3).uniform(0.5, 2.0, 400)
     normal = np.empty((6, 6))
@@ -95,7 +101,7 @@ def test_a_match_that_tells_little_is_heard_as_the_gauss_newton_matrix_does():
             view.R,
             view.t,
             MIXTURE,
-            spread_of(MIXTURE, CLUTTER),
+            half_width_of(MIXTURE, CLUTTER),
             LONG_TAIL,
         ),
         False,
@@ -107,7 +113,7 @@ def test_a_match_that_tells_little_is_heard_as_the_gauss_newton_matrix_does():
     assert 1e-6 < np.abs(away).max() < 1e-3
 
 
-def test_a_match_that_vouches_for_itself_is_hardly_heard():
+def test_a_match_of_leverage_one_has_hardly_any_weight():
     # Ten matches of one pose, all but one of little flow: they leave an axis to that one.
     near = two_views(3, 10, error_rad=2e-3)
     far = two_views(3, 10, error_rad=2e-3, depth_m=(200.0, 400.0))
@@ -116,25 +122,25 @@ def test_a_match_that_vouches_for_itself_is_hardly_heard():
     J = jacobians(view)
     leverage = leverages(J[:, :5], weight)
     assert leverage[0] > 0.9
-    heard = weight * (1.0 - leverage**3)
-    expected = (heard[:, None] * J).T @ J
+    kept = weight * (1.0 - leverage**3)
+    expected = (kept[:, None] * J).T @ J
     found = informed(view, np.ones(10))
     atol = 1e-9 * np.abs(expected).max()
     np.testing.assert_allclose(found.normal, expected, rtol=1e-6, atol=atol)
     # Five axes: as many matches of equal leverage.
-    assert found.alike == pytest.approx(25.0 / np.sum(leverage**2), rel=1e-6)
-    assert found.alike < 8.5
+    assert found.effective == pytest.approx(25.0 / np.sum(leverage**2), rel=1e-6)
+    assert found.effective < 8.5
 
 
-def test_every_match_twice_tells_as_twice_as_many():
+def test_every_match_twice_doubles_the_effective_number():
     view = two_views(3, 60, error_rad=2e-3)
     twice = View(*(np.concatenate((each, each)) for each in view[:4]), view.R, view.t)
-    alike = informed(view, np.ones(60)).alike
-    assert 5.0 < alike < 60.0
-    assert informed(twice, np.ones(120)).alike == pytest.approx(2.0 * alike, rel=1e-9)
+    effective = informed(view, np.ones(60)).effective
+    assert 5.0 < effective < 60.0
+    assert informed(twice, np.ones(120)).effective == pytest.approx(2.0 * effective, rel=1e-9)
 
 
-def test_not_to_know_which_match_is_good_costs_the_variance_of_the_score():
+def test_unknown_components_cost_the_variance_of_the_score():
     view = two_views(4, 40, error_rad=2e-3)
     prior = np.random.default_rng(4).uniform(0.5, 2.0, 40)
     z, weight, square = parts(view, prior)
@@ -215,19 +221,22 @@ def rows(view: View) -> Rows:
     return Rows(*map(np.array, (depth, doubt, jacobian, jacobian_times)))
 
 
-def prediction(told: Rows, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def prediction(computed: Rows, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Best guess of each inverse depth from all, and the share of its own in it.
 
     Their mean and variance are where the sums say what they were put in as.
     """
-    mean, variance = 0.0, np.sum(weight / told.doubt * told.depth**2) / np.sum(weight / told.doubt)
+    mean, variance = (
+        0.0,
+        np.sum(weight / computed.doubt * computed.depth**2) / np.sum(weight / computed.doubt),
+    )
     for _ in range(500):
-        w = weight / (variance + told.doubt)
-        mean = np.sum(w * told.depth) / np.sum(w)
-        w = w / (variance + told.doubt)
-        variance = max(np.sum(w * ((told.depth - mean) ** 2 - told.doubt)) / np.sum(w), 0.0)
-    own = variance / (variance + told.doubt)
-    return mean + own * (told.depth - mean), own
+        w = weight / (variance + computed.doubt)
+        mean = np.sum(w * computed.depth) / np.sum(w)
+        w = w / (variance + computed.doubt)
+        variance = max(np.sum(w * ((computed.depth - mean) ** 2 - computed.doubt)) / np.sum(w), 0.0)
+    own = variance / (variance + computed.doubt)
+    return mean + own * (computed.depth - mean), own
 
 
 @pytest.mark.parametrize("baseline_m", [0.3, 0.05, 0.02])
@@ -235,9 +244,9 @@ def test_the_flow_is_predicted_from_that_of_all(baseline_m):
     view = two_views(3, 60, baseline_m=baseline_m, error_rad=1e-3, noise_rad=2e-3)
     prior = np.random.default_rng(3).uniform(0.5, 2.0, 60)
     z, weight, _ = parts(view, prior)
-    told = rows(view)
-    expected, own = prediction(told, weight)
-    J = told.jacobian + (expected - told.depth)[:, None] * told.change
+    computed = rows(view)
+    expected, own = prediction(computed, weight)
+    J = computed.jacobian + (expected - computed.depth)[:, None] * computed.change
     weight = weight / VARIANCE
     weight = weight * (1.0 - leverages(J, weight) ** 3)
     found = informed(view, prior, shrunk_flow=True)
@@ -249,12 +258,12 @@ def test_the_flow_is_predicted_from_that_of_all(baseline_m):
     np.testing.assert_allclose(
         found.normal[:5, 5], gradient, rtol=1e-3, atol=1e-4 * np.abs(gradient).max()
     )
-    noise = (told.change.T * (weight * own**2 * told.doubt)) @ told.change
+    noise = (computed.change.T * (weight * own**2 * computed.doubt)) @ computed.change
     np.testing.assert_allclose(found.noise, noise, rtol=2e-2, atol=1e-3 * np.abs(noise).max())
     assert found.known == informed(view, prior).known
 
 
-def test_of_long_flow_the_prediction_is_what_was_measured():
+def test_long_flow_is_not_shrunk():
     view = two_views(3, 60, baseline_m=0.5, noise_rad=1e-5)
     measured, guessed = informed(view, np.ones(60)), informed(view, np.ones(60), shrunk_flow=True)
     np.testing.assert_allclose(guessed.normal[:5, :5], measured.whole, rtol=1e-3)
@@ -265,8 +274,11 @@ def test_of_long_flow_the_prediction_is_what_was_measured():
 def test_the_scatter_of_predicted_flow_is_that_of_its_jacobian():
     view = two_views(5, 40, baseline_m=0.1, error_rad=2e-3, noise_rad=2e-3)
     z, weight, _ = parts(view, np.ones(40))
-    told = rows(view)
-    J = told.jacobian + (prediction(told, weight)[0] - told.depth)[:, None] * told.change
+    computed = rows(view)
+    J = (
+        computed.jacobian
+        + (prediction(computed, weight)[0] - computed.depth)[:, None] * computed.change
+    )
     expected = scattered(J, weight / VARIANCE, z)
     scatter = informed(view, np.ones(40), shrunk_flow=True).scatter
     np.testing.assert_allclose(scatter, expected, rtol=1e-3, atol=1e-4 * np.abs(expected).max())

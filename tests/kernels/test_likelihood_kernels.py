@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from kernels_kit import (
     View,
     gradient,
+    half_width_of,
     matches_of,
     moved,
     packed,
     pose_of,
     shaken,
     shares_of,
-    spread_of,
     two_views,
 )
 from scipy.stats import norm
@@ -41,9 +41,9 @@ CLUTTER = 0.05
 
 @kernel
 def derivatives_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
-    towards = vector(t)
+    direction = vector(t)
     return epipolar.sampson_jacobian(
-        pairs, address(i), matrix(R), towards, tangent_columns(towards)
+        pairs, address(i), matrix(R), direction, tangent_columns(direction)
     )
 
 
@@ -52,48 +52,50 @@ def sampson_jacobian(view: View, i: int) -> tuple[float, np.ndarray]:
     return residual, np.array(J)
 
 
-def seen_of(
+def point_of(
     view: View,
     prior: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
     mixture=MIXTURE,
-    spread: float = spread_of(MIXTURE, CLUTTER),
+    half_width: float = half_width_of(MIXTURE, CLUTTER),
     tail: float = LONG_TAIL,
 ) -> LinearisationPoint:
-    return LinearisationPoint(view.pairs, packed(prior), R, t, mixture, spread, tail)
+    return LinearisationPoint(view.pairs, packed(prior), R, t, mixture, half_width, tail)
 
 
 class Linearized:
-    """The robust cost at a pose, as of `seen_of`, with everything that comes along."""
+    """The robust cost at a pose, as of `point_of`, with everything that comes along."""
 
-    def __init__(self, *seen: Any, soft_cheirality: bool = False, **told: Any) -> None:
+    def __init__(self, *point: Any, soft_cheirality: bool = False, **computed: Any) -> None:
         normal, shares = np.full((6, 6), np.nan), np.full(4, np.nan)
-        self.cost = likelihood.linearize(seen_of(*seen, **told), soft_cheirality, normal, shares)
+        self.cost = likelihood.linearize(
+            point_of(*point, **computed), soft_cheirality, normal, shares
+        )
         np.testing.assert_array_equal(normal, normal.T)
         self.H, self.g, self.squares = normal[:5, :5], normal[:5, 5], normal[5, 5]
-        self.right, self.steps, self.trials, self.repeated = shares
+        self.inlier, self.steps, self.trials, self.repeated = shares
 
 
-class Explained:
-    """What a pose, as of `seen_of`, makes of each match."""
+class Evaluated:
+    """What a pose, as of `point_of`, makes of each match."""
 
-    def __init__(self, view: View, *seen: Any, **told: Any) -> None:
+    def __init__(self, view: View, *point: Any, **computed: Any) -> None:
         out = np.full((3, len(packed(np.zeros(view.size)))), np.nan)
-        likelihood.evaluate_residuals(seen_of(view, *seen, **told), *out)
+        likelihood.evaluate_residuals(point_of(view, *point, **computed), *out)
         assert np.isfinite(out).all()
-        self.r, self.parallax, self.right = out[:, : view.size]
+        self.r, self.parallax, self.inlier = out[:, : view.size]
 
 
 class Refined:
     """The maximum of the likelihood from a start, with its mixture."""
 
-    def __init__(self, view: View, step: np.ndarray, spread: float = 500.0) -> None:
+    def __init__(self, view: View, step: np.ndarray, half_width: float = 500.0) -> None:
         pose = pose_of(*moved(view.R, view.t, step), np.array([1.0, 0.2, 0.1, 0.1]))
-        refinement.refine_pose(matches_of(view, spread, soft_cheirality=True), 1e-6, 40, pose)
+        refinement.refine_pose(matches_of(view, half_width, soft_cheirality=True), 1e-6, 40, pose)
         self.R, self.t, self.mixture, *_ = pose
-        self.variance, self.wrong, self.poor, self.repeated = self.mixture
-        self.spread = spread
+        self.variance, self.outlier_share, self.tail_share, self.repeated = self.mixture
+        self.half_width = half_width
 
 
 def prior_of(view: View, seed: int) -> np.ndarray:
@@ -131,13 +133,13 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
     r, J = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
     each = prior * densities(r, tail)
     # A Cauchy distribution, over the uniform one that all would have.
-    half = spread_of(MIXTURE, CLUTTER) / mixture.REPEATED_WIDTH_RATIO
-    uniform = 0.5 / spread_of(MIXTURE, CLUTTER)
+    half = half_width_of(MIXTURE, CLUTTER) / mixture.REPEATED_WIDTH_RATIO
+    uniform = 0.5 / half_width_of(MIXTURE, CLUTTER)
     near = CLUTTER * repeated / (np.pi * half * (1.0 + (r / half) ** 2)) / uniform
     lost = CLUTTER * (1.0 - repeated) + near
-    right, total = each.sum(axis=0), each.sum(axis=0) + lost
+    inlier, total = each.sum(axis=0), each.sum(axis=0) + lost
     assert at.cost == pytest.approx(-np.log(total[prior > 0]).sum(), abs=1e-6)
-    assert at.right == pytest.approx(np.sum(right / total))
+    assert at.inlier == pytest.approx(np.sum(inlier / total))
     assert at.steps == pytest.approx(np.sum(np.arange(4.0) @ each / total))
     assert at.trials == pytest.approx(np.sum([1.0, 2.0, 2.0 + tail, 3.0] @ each / total))
     assert at.repeated == pytest.approx(np.sum((near / total)[prior > 0]))
@@ -149,23 +151,23 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
     np.testing.assert_allclose(at.H, (J.T * w) @ J, rtol=1e-5, atol=1e-9 * at.H.max())
     np.testing.assert_allclose(at.g, J.T @ (w * r), rtol=1e-5, atol=1e-6 * np.abs(at.g).max())
     assert at.squares == pytest.approx(np.sum(w * r**2), rel=1e-5)
-    explained = Explained(view, prior, view.R, view.t, with_repeated, tail=tail)
-    np.testing.assert_allclose(explained.r, r, rtol=0.0, atol=1e-10)
-    np.testing.assert_allclose(explained.right, right / total, rtol=1e-8)
+    evaluated = Evaluated(view, prior, view.R, view.t, with_repeated, tail=tail)
+    np.testing.assert_allclose(evaluated.r, r, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(evaluated.inlier, inlier / total, rtol=1e-8)
 
 
 def densities(r: np.ndarray, tail: float = LONG_TAIL) -> np.ndarray:
     """Of good and ever poorer matches, over the peak of a normal density of all being good."""
-    variance, _, poor, _ = MIXTURE
+    variance, _, tail_share, _ = MIXTURE
     sigma = mixture.TAIL_RATIO ** np.arange(4.0)[:, None]
-    return shares_of(poor, tail) * np.exp(-0.5 * r**2 / variance / sigma**2) / sigma
+    return shares_of(tail_share, tail) * np.exp(-0.5 * r**2 / variance / sigma**2) / sigma
 
 
 @quick
 @given(seed=seeds, baseline_m=st.sampled_from([1e-3, 1e-2]))
 def test_parallax_is_the_shift_towards_the_direction_over_its_sigma(seed, baseline_m):
     view = two_views(seed, 3, baseline_m=baseline_m)
-    shifts = Explained(view, np.ones(3), view.R, view.t).parallax
+    shifts = Evaluated(view, np.ones(3), view.R, view.t).parallax
     for i in range(3):
         a, b, A, B = (array[i] for array in view[:4])
         m = view.R @ a
@@ -177,22 +179,22 @@ def test_parallax_is_the_shift_towards_the_direction_over_its_sigma(seed, baseli
 
 @quick
 @given(seed=seeds)
-def test_matches_that_retreat_lose_their_density(seed):
+def test_backward_flow_lowers_the_density(seed):
     view = two_views(seed, 8, error_rad=5e-4, baseline_m=0.04)
     prior = np.ones(8)
-    forward = Explained(view, prior, view.R, view.t)
-    backward = Explained(view, prior, view.R, -view.t)
+    forward = Evaluated(view, prior, view.R, view.t)
+    backward = Evaluated(view, prior, view.R, -view.t)
     np.testing.assert_allclose(backward.r, -forward.r, rtol=0.0, atol=1e-9)
     shift = backward.parallax / np.sqrt(MIXTURE[0])
-    retreat = mixture.CHEIRALITY_WEIGHT * np.minimum(shift + mixture.CHEIRALITY_SIGMA, 0.0) ** 2
-    assume(retreat.max() > 1.0)
-    density = densities(backward.r) * np.exp(-0.5 * retreat / 8.0 ** np.arange(4.0)[:, None])
+    penalty = mixture.CHEIRALITY_WEIGHT * np.minimum(shift + mixture.CHEIRALITY_SIGMA, 0.0) ** 2
+    assume(penalty.max() > 1.0)
+    density = densities(backward.r) * np.exp(-0.5 * penalty / 8.0 ** np.arange(4.0)[:, None])
     at = Linearized(view, prior, view.R, -view.t)
     assert at.cost == pytest.approx(-np.log(density.sum(axis=0) + CLUTTER).sum(), rel=1e-3)
     assert at.cost > Linearized(view, prior, view.R, view.t).cost
 
 
-def test_no_far_match_retreats_farther_than_noise_takes_it():
+def test_the_cheirality_limit_is_exceeded_by_one_of_160():
     """Up to where one of 160 goes it costs nothing, and at 8.5 sigma what noise says."""
     assert norm.sf(mixture.CHEIRALITY_SIGMA) == pytest.approx(1.0 / 160.0, rel=0.02)
     beyond = 8.5 - mixture.CHEIRALITY_SIGMA
@@ -201,7 +203,7 @@ def test_no_far_match_retreats_farther_than_noise_takes_it():
 
 @quick
 @given(seed=seeds)
-def test_a_pose_that_gives_way_is_drawn_by_the_matches_that_retreat(seed):
+def test_with_soft_cheirality_penalties_are_residuals(seed):
     view = two_views(seed, 8, error_rad=5e-4, baseline_m=0.04)
     prior, normal = prior_of(view, seed), np.array([1.3, 0.1, 1e-9, 0.0])
 
@@ -221,14 +223,14 @@ def test_a_pose_that_gives_way_is_drawn_by_the_matches_that_retreat(seed):
     assert more.min() > -1e-6 * more.max()
 
 
-def test_where_noise_has_tails_retreats_draw_the_pose_as_far_as_matches_are_good():
+def test_with_a_heavy_tail_penalties_have_less_weight():
     view = two_views(4, 40, error_rad=5e-4, baseline_m=0.04)
     ones = np.ones(40)
 
-    def drawn(t: np.ndarray, poor: float) -> np.ndarray:
-        told = np.array([1.3, 0.1, poor, 0.0])
+    def drawn(t: np.ndarray, tail_share: float) -> np.ndarray:
+        computed = np.array([1.3, 0.1, tail_share, 0.0])
         given = [
-            Linearized(view, ones, view.R, t, mixture=told, soft_cheirality=soft_cheirality).H
+            Linearized(view, ones, view.R, t, mixture=computed, soft_cheirality=soft_cheirality).H
             for soft_cheirality in (True, False)
         ]
         return given[0] - given[1]
@@ -239,7 +241,7 @@ def test_where_noise_has_tails_retreats_draw_the_pose_as_far_as_matches_are_good
 
 
 def test_the_maximum_of_the_likelihood_is_found_from_nearby():
-    view = noisy_views(8, 150, wrong=30)
+    view = noisy_views(8, 150, outliers=30)
     start = np.array([2e-3, -1e-3, 1e-3, 2e-2, -1e-2])
     at = Refined(view, start)
     # Two starts end in one place.
@@ -249,43 +251,43 @@ def test_the_maximum_of_the_likelihood_is_found_from_nearby():
     # Noise of unit size: the standard error of a variance of 115 residuals is 13 %.
     assert at.variance == pytest.approx(1.0, abs=0.4)
     # A wrong match may lie on its epipolar line by chance.
-    assert at.wrong == pytest.approx(0.2, abs=0.04)
-    right = Explained(view, np.ones(150), at.R, at.t).right
-    assert (right[:-30] > 0.5).mean() > 0.97
-    assert (right[-30:] > 0.5).mean() < 0.15
+    assert at.outlier_share == pytest.approx(0.2, abs=0.04)
+    inlier = Evaluated(view, np.ones(150), at.R, at.t).inlier
+    assert (inlier[:-30] > 0.5).mean() > 0.97
+    assert (inlier[-30:] > 0.5).mean() < 0.15
 
 
-def noisy_views(seed: int, matches: int, wrong: int, poor: int = 0) -> View:
-    """Two views with noise of their factors, more for the first ``poor``, the last anywhere."""
+def noisy_views(seed: int, matches: int, outliers: int, in_tail: int = 0) -> View:
+    """Two views with noise; the first ``in_tail`` matches in the tail, the last outliers."""
     rng = np.random.default_rng(seed)
-    sigma = np.where(np.arange(matches) < poor, mixture.TAIL_RATIO, 1.0)
+    sigma = np.where(np.arange(matches) < in_tail, mixture.TAIL_RATIO, 1.0)
     view = shaken(two_views(seed, matches, noise_rad=5e-4), seed, sigma)
-    if wrong:
-        view.rays1[-wrong:] = sphere.normalize(
-            np.c_[rng.uniform(-1, 1, (wrong, 2)), np.ones(wrong)]
+    if outliers:
+        view.rays1[-outliers:] = sphere.normalize(
+            np.c_[rng.uniform(-1, 1, (outliers, 2)), np.ones(outliers)]
         )
     return view
 
 
 def test_the_maximum_is_stationary_under_its_own_mixture():
-    view = noisy_views(9, 60, wrong=6, poor=15)
+    view = noisy_views(9, 60, outliers=6, in_tail=15)
     at = Refined(view, np.zeros(5))
 
     def cost(step: np.ndarray) -> float:
         R, t = moved(at.R, at.t, step)
-        return Linearized(view, np.ones(60), R, t, at.mixture, at.spread).cost
+        return Linearized(view, np.ones(60), R, t, at.mixture, at.half_width).cost
 
     # And so is the mixture: the variance of good matches is that of the weighted residuals.
-    end = Linearized(view, np.ones(60), at.R, at.t, at.mixture, at.spread)
-    assert at.variance == pytest.approx(end.squares * at.variance / (end.right - 5.0), rel=0.01)
-    assert at.wrong == pytest.approx(1.0 - end.right / 60, abs=0.01)
+    end = Linearized(view, np.ones(60), at.R, at.t, at.mixture, at.half_width)
+    assert at.variance == pytest.approx(end.squares * at.variance / (end.inlier - 5.0), rel=0.01)
+    assert at.outlier_share == pytest.approx(1.0 - end.inlier / 60, abs=0.01)
     # As if so many more matches had been seen, hardly any of them poor; and of the poor ones as
     # many are poorer as of all are poor.
     of_all = end.trials + mixture.PRIOR_WEIGHT
     share = (end.steps + mixture.PRIOR_SHARE * mixture.PRIOR_WEIGHT) / of_all
-    assert at.poor == pytest.approx(share, abs=0.01)
-    wrong = 60 - end.right + mixture.PRIOR_WEIGHT
-    share = (end.repeated + mixture.PRIOR_SHARE * mixture.PRIOR_WEIGHT) / wrong
+    assert at.tail_share == pytest.approx(share, abs=0.01)
+    outlier_share = 60 - end.inlier + mixture.PRIOR_WEIGHT
+    share = (end.repeated + mixture.PRIOR_SHARE * mixture.PRIOR_WEIGHT) / outlier_share
     assert at.repeated == pytest.approx(share, abs=0.01)
     lowest = cost(np.zeros(5))
     for axis in np.eye(5):
@@ -317,14 +319,14 @@ def test_few_steps_come_near_the_maximum_where_tails_are_heavy():
 
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="takes minutes")
-def test_what_is_refined_again_and_again_stays_where_the_likelihood_was_best():
+def test_repeated_refinement_stays_at_the_maximum():
     ranges = []
     for seed in range(80):
-        rng, n, wrong = np.random.default_rng(seed), *((300, 100), (60, 10))[seed % 2]
+        rng, n, outlier_share = np.random.default_rng(seed), *((300, 100), (60, 10))[seed % 2]
         view = two_views(seed, n, noise_rad=5e-4, baseline_m=0.1)
         view = shaken(view, seed, rng.chisquare(1.0, n) ** -0.5)
-        anywhere = np.c_[rng.uniform(-1, 1, (wrong, 2)), np.ones(wrong)]
-        view.rays1[-wrong:] = sphere.normalize(anywhere)
+        anywhere = np.c_[rng.uniform(-1, 1, (outlier_share, 2)), np.ones(outlier_share)]
+        view.rays1[-outlier_share:] = sphere.normalize(anywhere)
         pose, costs = pose_of(view.R, view.t, np.array([0.01, 0.2, 0.1, 0.1])), []
         for _ in range(6):
             refinement.refine_pose(matches_of(view, 500.0, soft_cheirality=True), 1e-3, 20, pose)
@@ -335,17 +337,17 @@ def test_what_is_refined_again_and_again_stays_where_the_likelihood_was_best():
 
 
 @pytest.mark.parametrize(("most", "least"), [(0.2, 0.2), (4.0, 0.7**2 * (0.8 + 0.2 * 16.0))])
-def test_no_more_noise_is_found_than_is_believed(most, least):
+def test_the_noise_variance_is_at_most_its_upper_bound(most, least):
     view = two_views(5, 200, noise_rad=5e-4)
     # Of 0.7 in both images, and a fifth of the matches four times as far off.
     view = shaken(view, 5, 0.7 * np.where(np.arange(200) % 5, 1.0, 4.0))
     pose = pose_of(view.R, view.t, np.array([1.0, 0.2, 0.1, 0.1]))
     given = matches_of(view, 500.0, soft_cheirality=True)._replace(max_variance=most)
     refinement.refine_pose(given, 1e-3, 20, pose)
-    variance, wrong, poor, _ = pose.mixture
+    variance, outlier_share, tail_share, _ = pose.mixture
     assert variance == pytest.approx(least, rel=0.05)
-    assert poor < 1e-6
-    assert wrong < 0.25
+    assert tail_share < 1e-6
+    assert outlier_share < 0.25
     assert 1e-6 < so3.angle_between(pose.R, view.R) < 1e-3
 
 
@@ -354,10 +356,10 @@ def informed(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss-Newton matrix, the part of it that is noise, and the scatter of the gradient."""
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
-    seen = LinearisationPoint(
-        pairs, prior, view.R, view.t, mixture, spread_of(mixture, clutter), LONG_TAIL
+    point = LinearisationPoint(
+        pairs, prior, view.R, view.t, mixture, half_width_of(mixture, clutter), LONG_TAIL
     )
-    information(seen, False, normal, noise, scatter)
+    information(point, False, normal, noise, scatter)
     return normal[:5, :5], noise, scatter
 
 
@@ -384,11 +386,11 @@ def test_a_match_at_the_epipole_gives_no_information():
     view = two_views(3, 12)
     near = sphere.normalize(view.R.T @ view.t + 1e-5)
     view.rays0[0], view.rays1[0] = near, sphere.normalize(view.R @ near)
-    told = informed(view.pairs, packed(np.ones(12)), view, MIXTURE, CLUTTER)
+    computed = informed(view.pairs, packed(np.ones(12)), view, MIXTURE, CLUTTER)
     rest = View(*(array[1:] for array in view[:4]), view.R, view.t)
     others = informed(rest.pairs, packed(np.ones(11)), rest, MIXTURE, CLUTTER)
-    for all_of_them, without in zip(told, others, strict=True):
+    for all_of_them, without in zip(computed, others, strict=True):
         np.testing.assert_allclose(
             all_of_them, without, rtol=1e-9, atol=1e-12 * np.abs(without).max()
         )
-    assert all(np.isfinite(part).all() for part in told)
+    assert all(np.isfinite(part).all() for part in computed)

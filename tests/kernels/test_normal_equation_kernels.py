@@ -38,7 +38,7 @@ def solve_five(normal: np.ndarray, damping: float, x: np.ndarray) -> bool:
 
 
 @kernel
-def promised(normal: np.ndarray, x: np.ndarray) -> tuple:
+def decrease_of(normal: np.ndarray, x: np.ndarray) -> tuple:
     return normal_equations.predicted_decrease(normal, x)
 
 
@@ -78,7 +78,7 @@ def test_normal_equations_are_solved(seed, damping):
     assert solve_five(normal, damping, x)
     expected = np.linalg.solve(damped(normal[:5, :5], damping), normal[:5, 5])
     np.testing.assert_allclose(x, expected, rtol=1e-8, atol=1e-10)
-    np.testing.assert_allclose(promised(normal, x), [normal[:5, 5] @ x, x @ x], rtol=1e-12)
+    np.testing.assert_allclose(decrease_of(normal, x), [normal[:5, 5] @ x, x @ x], rtol=1e-12)
     np.testing.assert_array_equal(normal, kept)
 
 

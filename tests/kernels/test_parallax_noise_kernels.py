@@ -19,27 +19,27 @@ def any_rays(matches: int = MATCHES) -> View:
     return rays_only(*(rays / np.linalg.norm(rays, axis=2, keepdims=True)))
 
 
-def seen(rng: np.random.Generator, length: float, matches: int = MATCHES) -> tuple:
+def samples(rng: np.random.Generator, length: float, matches: int = MATCHES) -> tuple:
     """Residual, parallax and probability, all for unit noise, with this length of the growth."""
     parallax = 10.0 * rng.exponential(size=matches)
     variance = np.sqrt(1.0 + (parallax / length) ** 2)
     residual = SIGMA * np.sqrt(variance) * rng.normal(size=matches)
     # Some right ones are poor; the wrong ones have parallax and residual of any size.
     residual[::10] *= np.sqrt(8.0)
-    right = np.ones(matches)
-    right[::7] = 0.1
-    residual[::7], parallax[::7] = 100.0 * rng.normal(size=(2, len(right[::7])))
-    return residual, parallax, right
+    inlier = np.ones(matches)
+    inlier[::7] = 0.1
+    residual[::7], parallax[::7] = 100.0 * rng.normal(size=(2, len(inlier[::7])))
+    return residual, parallax, inlier
 
 
-def scaled_pairs(view: View, residual, parallax, right) -> np.ndarray | None:
+def scaled_pairs(view: View, residual, parallax, inlier) -> np.ndarray | None:
     """Factors of the variances (N,), if the noise grows."""
     pairs = view.pairs
     out = np.full_like(pairs, np.nan)
-    told = packed(residual), packed(parallax), packed(right)
-    for each in told:
+    given = packed(residual), packed(parallax), packed(inlier)
+    for each in given:
         each[view.size :] = np.nan  # of no match: whatever it may be
-    if not scale_noise_with_parallax(pairs, *told, view.size, SIGMA**2, out):
+    if not scale_noise_with_parallax(pairs, *given, view.size, SIGMA**2, out):
         assert np.isnan(out).all()
         return None
     rows = np.arange(view.size) // LANES, slice(None), np.arange(view.size) % LANES
@@ -51,16 +51,16 @@ def scaled_pairs(view: View, residual, parallax, right) -> np.ndarray | None:
 
 
 @pytest.mark.parametrize("length", [1.5, 2.5, 4.0])
-def test_growth_is_found_and_its_length(length):
+def test_noise_that_scales_is_found_with_its_length(length):
     rng = np.random.default_rng(0)
     view = any_rays()
     slopes = []
     for _ in range(20):
-        residual, parallax, right = seen(rng, length)
-        factors = scaled_pairs(view, residual, parallax, right)
+        residual, parallax, inlier = samples(rng, length)
+        factors = scaled_pairs(view, residual, parallax, inlier)
         if factors is None:
             continue
-        used = right > 0.5
+        used = inlier > 0.5
         assert np.mean(np.log(factors[used])) == pytest.approx(0.0, abs=1e-6)
         # 1 / length^2, from any two matches.
         far, near = np.argmin(np.abs(parallax)), np.argmax(np.abs(parallax))
@@ -71,31 +71,31 @@ def test_growth_is_found_and_its_length(length):
     assert 0.4 * length < np.median(slopes) ** -0.5 < 2.2 * length
 
 
-def test_even_noise_does_not_grow():
+def test_constant_noise_is_not_scaled():
     rng = np.random.default_rng(1)
     view = any_rays()
     # Once in two thousand times; three in five hundred have a chance of 0.2 %.
-    assert sum(scaled_pairs(view, *seen(rng, 1e9)) is not None for _ in range(500)) <= 2
+    assert sum(scaled_pairs(view, *samples(rng, 1e9)) is not None for _ in range(500)) <= 2
 
 
-def test_noise_that_shrinks_does_not_grow():
+def test_noise_that_decreases_with_parallax_is_not_scaled():
     rng = np.random.default_rng(2)
-    residual, parallax, right = seen(rng, 1e9)
+    residual, parallax, inlier = samples(rng, 1e9)
     residual /= 1.0 + parallax**2
-    assert scaled_pairs(any_rays(), residual, parallax, right) is None
+    assert scaled_pairs(any_rays(), residual, parallax, inlier) is None
 
 
-def test_a_few_that_are_far_tell_nothing_of_the_others():
+def test_few_far_matches_do_not_fix_the_noise_below_the_length():
     rng = np.random.default_rng(3)
     residual = SIGMA * rng.normal(size=MATCHES)
-    parallax, right = 10.0 + rng.uniform(0.0, 1.0, MATCHES), np.ones(MATCHES)
+    parallax, inlier = 10.0 + rng.uniform(0.0, 1.0, MATCHES), np.ones(MATCHES)
     for far, shows in ((36, False), (44, True)):  # of which at least a tenth must be nearer
         parallax[:far] = 0.01
         residual[:far] = 0.01 * SIGMA
-        assert (scaled_pairs(any_rays(), residual, parallax, right) is not None) == shows
+        assert (scaled_pairs(any_rays(), residual, parallax, inlier) is not None) == shows
 
 
-def test_a_match_on_its_line_to_the_last_digit_says_no_more_than_one_near_it():
+def test_residuals_have_a_lower_bound():
     rng = np.random.default_rng(5)
     residual, parallax = SIGMA * rng.normal(size=MATCHES), np.linspace(0.1, 30.0, MATCHES)
     residual[:12] = 1e-12
@@ -105,15 +105,15 @@ def test_a_match_on_its_line_to_the_last_digit_says_no_more_than_one_near_it():
 def test_few_matches_and_exact_ones_show_nothing():
     view = any_rays(40)
     parallax = np.linspace(1.0, 300.0, 40)
-    residual, right = np.sqrt(parallax), np.ones(40)
-    right[29:] = 0.0
-    assert scaled_pairs(view, residual, parallax, right) is None
-    right[29] = 1.0
-    assert scaled_pairs(view, residual, parallax, right) is not None
-    assert scaled_pairs(view, np.zeros(40), parallax, right) is None
-    assert scaled_pairs(view, residual, np.zeros(40), right) is None
+    residual, inlier = np.sqrt(parallax), np.ones(40)
+    inlier[29:] = 0.0
+    assert scaled_pairs(view, residual, parallax, inlier) is None
+    inlier[29] = 1.0
+    assert scaled_pairs(view, residual, parallax, inlier) is not None
+    assert scaled_pairs(view, np.zeros(40), parallax, inlier) is None
+    assert scaled_pairs(view, residual, np.zeros(40), inlier) is None
     one = rays_only(np.tile([0.0, 0.0, 1.0], (40, 1)), np.tile([0.0, 0.0, 1.0], (40, 1)))
-    assert scaled_pairs(one, residual, np.full(40, 3.0), right) is None
+    assert scaled_pairs(one, residual, np.full(40, 3.0), inlier) is None
 
 
 def test_the_lengths_span_what_there_is():

@@ -20,8 +20,8 @@ from farpoint._kernels.parallax_prior import (
     fit_parallax_prior,
 )
 
-SPREAD = 300.0
-WRONG = np.full(20, -100.0)
+HALF_WIDTH = 300.0
+OUTLIERS = np.full(20, -100.0)
 
 
 @kernel
@@ -34,21 +34,21 @@ def most_by_chance(expected: float, directions: float) -> int:
     return parallax_prior._chance_count(expected, directions)
 
 
-def prior_of(parallax: np.ndarray, right: np.ndarray, sigma: float = 1.0) -> np.ndarray:
+def prior_of(parallax: np.ndarray, inlier: np.ndarray, sigma: float = 1.0) -> np.ndarray:
     prior = np.full(len(parallax), np.nan)
-    fit_parallax_prior(parallax, right, len(parallax), sigma, sigma * SPREAD, prior)
+    fit_parallax_prior(parallax, inlier, len(parallax), sigma, sigma * HALF_WIDTH, prior)
     return prior
 
 
-def prior_at(probes: np.ndarray, right: np.ndarray, sigma: float = 1.0) -> np.ndarray:
+def prior_at(probes: np.ndarray, inlier: np.ndarray, sigma: float = 1.0) -> np.ndarray:
     """What right matches with this parallax, and some wrong ones, make plausible of one more."""
-    is_right = np.r_[np.ones(len(right)), np.zeros(len(WRONG) + 1)]
-    return np.array([prior_of(np.r_[right, WRONG, p], is_right, sigma)[-1] for p in probes])
+    is_inlier = np.r_[np.ones(len(inlier)), np.zeros(len(OUTLIERS) + 1)]
+    return np.array([prior_of(np.r_[inlier, OUTLIERS, p], is_inlier, sigma)[-1] for p in probes])
 
 
-def others_near(probes: np.ndarray, right: np.ndarray) -> np.ndarray:
+def others_near(probes: np.ndarray, inlier: np.ndarray) -> np.ndarray:
     """Density of the right ones at each probe, times their number, by all pairs of both."""
-    shares = shares_of(probes).T @ shares_of(right)
+    shares = shares_of(probes).T @ shares_of(inlier)
     return np.sum(shares, axis=1) / (BIN * np.hypot(probes, BAND_SIGMA))
 
 
@@ -74,7 +74,7 @@ def test_any_of_many_directions_has_more_matches_than_expected(expected, directi
     assert poisson.sf(most, expected) < level
 
 
-def test_where_others_are_many_a_match_is_the_more_plausible():
+def test_the_prior_is_a_histogram_of_the_other_inliers():
     far, near = np.random.default_rng(1).normal(0.0, 1.0, 60), np.linspace(40.0, 60.0, 30)
     among_far, between, among_near = prior_at(np.array([0.0, 13.0, 50.0]), np.r_[far, near])
     assert among_far > 3.0 * among_near
@@ -82,53 +82,53 @@ def test_where_others_are_many_a_match_is_the_more_plausible():
 
 
 @pytest.mark.parametrize("sigma", [1.0, 2.5])
-def test_the_prior_is_the_density_of_the_others_over_that_of_wrong_ones(sigma):
-    right = np.random.default_rng(2).gamma(2.0, 12.0, 80)
-    probes = np.linspace(-2.9, 0.8 * right.max(), 50)
-    last, tail = beyond(right)
+def test_the_prior_is_the_density_of_inliers_over_that_of_outliers(sigma):
+    inlier = np.random.default_rng(2).gamma(2.0, 12.0, 80)
+    probes = np.linspace(-2.9, 0.8 * inlier.max(), 50)
+    last, tail = beyond(inlier)
     anywhere = UNIFORM_COUNT / (last + tail + BAND_SIGMA)
-    expected = 2.0 * SPREAD * (anywhere + others_near(probes, right)) / (UNIFORM_COUNT + 80)
-    np.testing.assert_allclose(prior_at(sigma * probes, sigma * right, sigma), expected, rtol=1e-5)
+    expected = 2.0 * HALF_WIDTH * (anywhere + others_near(probes, inlier)) / (UNIFORM_COUNT + 80)
+    np.testing.assert_allclose(prior_at(sigma * probes, sigma * inlier, sigma), expected, rtol=1e-5)
 
 
-def test_no_match_is_so_implausible_that_it_is_left_out():
+def test_the_prior_is_never_zero():
     # A prior of 0 leaves a match out, and costs nothing: poses with many of those would win.
-    right = np.random.default_rng(3).gamma(2.0, 12.0, 80)
-    assert (prior_at(np.array([-1e6, 1e4, 1e9]), right) > 0.0).all()
+    inlier = np.random.default_rng(3).gamma(2.0, 12.0, 80)
+    assert (prior_at(np.array([-1e6, 1e4, 1e9]), inlier) > 0.0).all()
 
 
-def test_all_that_is_plausible_is_one_match():
-    right = np.random.default_rng(3).gamma(2.0, 12.0, 80)
-    last, tail = beyond(right)
+def test_the_prior_integrates_to_one_match():
+    inlier = np.random.default_rng(3).gamma(2.0, 12.0, 80)
+    last, tail = beyond(inlier)
     probes = np.linspace(-BAND_SIGMA, last + tail, 5000)
     # What is left of it is beyond: before the band, and where it fades.
-    whole = np.trapezoid(prior_at(probes, right), probes) / (2.0 * SPREAD)
+    whole = np.trapezoid(prior_at(probes, inlier), probes) / (2.0 * HALF_WIDTH)
     assert whole == pytest.approx(0.99, abs=0.02)
 
 
-def test_no_match_vouches_for_itself():
-    right = np.r_[np.linspace(1.0, 10.0, 40), 25.0, np.linspace(60.0, 80.0, 40)]
-    parallax = np.r_[right, WRONG]
+def test_a_match_does_not_contribute_to_its_own_prior():
+    inlier = np.r_[np.linspace(1.0, 10.0, 40), 25.0, np.linspace(60.0, 80.0, 40)]
+    parallax = np.r_[inlier, OUTLIERS]
     alone = prior_of(parallax, np.r_[np.ones(81), np.zeros(20)])[40]
-    others = np.delete(right, 40)
+    others = np.delete(inlier, 40)
     assert alone == pytest.approx(prior_at(np.array([25.0]), others)[0], rel=1e-6)
     # Half a match anywhere on the line, of 80.
-    assert alone == pytest.approx(0.5 / 80.5 * 2.0 * SPREAD / 100.0, rel=0.2)
+    assert alone == pytest.approx(0.5 / 80.5 * 2.0 * HALF_WIDTH / 100.0, rel=0.2)
 
 
-def test_a_match_much_farther_along_its_line_than_the_others_is_implausible():
+def test_the_prior_falls_off_beyond_the_parallax_of_the_others():
     parallax = np.r_[np.linspace(0.0, 20.0, 40), 150.0]
-    right = np.ones(41)
-    right[::5] = 0.0
-    right[-1] = 1.0
-    prior = prior_of(parallax, right)
+    inlier = np.ones(41)
+    inlier[::5] = 0.0
+    inlier[-1] = 1.0
+    prior = prior_of(parallax, inlier)
     assert np.all(prior[:40] > 600.0 / 60.0)
     assert prior[-1] < 1e-6 * prior[0]
 
 
-def beyond(right: np.ndarray, captured: int = 4) -> tuple[float, float]:
+def beyond(inlier: np.ndarray, captured: int = 4) -> tuple[float, float]:
     """The last match that others vouch for, and how far beyond it one may lie."""
-    sizes = np.sort(right)[::-1]
+    sizes = np.sort(inlier)[::-1]
     last = sizes[captured]
     nearer = max(sizes[2 * captured + 1] / last, np.sqrt(0.5))
     return last, max(max(nearer**-2.0 - 1.0, MIN_TAIL) * last, BAND_SIGMA)
@@ -144,32 +144,32 @@ def beyond(right: np.ndarray, captured: int = 4) -> tuple[float, float]:
         (1.3 ** np.arange(60.0), 1.3**55, 1.3**55),
     ],
 )
-def test_how_far_on_a_match_may_lie_tells_how_the_others_thin_out(sizes, last, tail):
+def test_the_end_of_the_prior_depends_on_the_fall_off_of_the_density(sizes, last, tail):
     probes = last + tail * np.array([0.99, 1.0 + FALL_OFF, 1.0 + 5.0 * FALL_OFF])
     assert beyond(sizes) == pytest.approx((last, tail))
     flat = UNIFORM_COUNT / (last + tail + BAND_SIGMA) + others_near(probes, sizes)
-    fading = prior_at(probes, sizes) / (flat / (UNIFORM_COUNT + 60) * 2.0 * SPREAD)
+    fading = prior_at(probes, sizes) / (flat / (UNIFORM_COUNT + 60) * 2.0 * HALF_WIDTH)
     np.testing.assert_allclose(fading, np.exp([0.0, -0.5, -12.5]), rtol=1e-3)
 
 
 @pytest.mark.parametrize("sigma", [1.0, 2.5])
-def test_nothing_is_plausible_beyond_its_end(sigma):
+def test_the_prior_is_minimal_beyond_its_end(sigma):
     sizes = np.linspace(1.0, 60.0, 60)
-    parallax, right = sigma * np.r_[sizes, WRONG], np.r_[np.ones(60), np.zeros(20)]
-    end = fit_parallax_prior(parallax, right, 80, sigma, SPREAD * sigma, np.empty(80))
+    parallax, inlier = sigma * np.r_[sizes, OUTLIERS], np.r_[np.ones(60), np.zeros(20)]
+    end = fit_parallax_prior(parallax, inlier, 80, sigma, HALF_WIDTH * sigma, np.empty(80))
     last, tail = beyond(sizes)
     assert end == pytest.approx((last + (1.0 + END * FALL_OFF) * tail) * sigma, rel=1e-5)
 
 
-def test_where_no_match_is_wrong_the_last_is_no_less_plausible_than_one_of_all():
+def test_without_outliers_the_last_match_is_supported():
     prior = prior_of(np.r_[np.zeros(40), 150.0], np.ones(41))
     assert prior[-1] == pytest.approx(
-        UNIFORM_COUNT / 40.5 * 2.0 * SPREAD / (2.0 * 150.0 + 3.0), rel=0.01
+        UNIFORM_COUNT / 40.5 * 2.0 * HALF_WIDTH / (2.0 * 150.0 + 3.0), rel=0.01
     )
 
 
-def test_where_nearly_all_may_be_captured_nothing_is_known():
+def test_where_chance_explains_nearly_all_matches_the_prior_is_uniform():
     prior = prior_of(np.array([1.0, 2.0, 50.0, 3.0, 9.0]), np.array([1.0, 1.0, 0.0, 0.0, 0.0]))
     np.testing.assert_array_equal(prior, np.ones(5))
-    whatever = np.full(3, 9.0), np.zeros(3), 3, 1.0, SPREAD, np.empty(3)
+    whatever = np.full(3, 9.0), np.zeros(3), 3, 1.0, HALF_WIDTH, np.empty(3)
     assert fit_parallax_prior(*whatever) == np.inf

@@ -53,7 +53,7 @@ def test_rays_all_around_lie_together_in_their_patch():
     assert np.median(within) < 0.4
 
 
-def test_rays_that_are_all_alike_are_one_patch():
+def test_equal_rays_are_one_patch():
     assert set(patches(np.tile(ahead(3, 1), (50, 1)), 5)) == {0}
 
 
@@ -70,7 +70,7 @@ def chosen(patch: np.ndarray, state: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("patches", [1, 2, 7, 200])
-def test_patches_are_dealt_as_a_whole_to_the_smaller_half(patches):
+def test_whole_patches_go_to_the_smaller_half(patches):
     patch = np.random.default_rng(1).integers(0, patches, 200)
     state, again = np.zeros(1, np.uint64), np.zeros(1, np.uint64)
     splits = []

@@ -13,7 +13,7 @@ def points(seed: int, count: int = 400) -> np.ndarray:
 
 
 @pytest.mark.parametrize("step", [1.0, 0.5, 0.25])
-def test_the_coarsest_grid_that_they_keep_to_tells_how_much_they_were_rounded(step):
+def test_the_coarsest_grid_gives_the_variance_of_rounding(step):
     first, second = (step * np.round(points(seed) / step) for seed in (1, 2))
     assert rounding_variance(first, second) == pytest.approx((SIGMA * step) ** 2)
 

@@ -9,7 +9,7 @@ import numpy as np
 from farpoint._kernels.arrays import clear
 from farpoint._kernels.compile import inner_kernel, step_kernel
 from farpoint._kernels.epipolar import flow_along, sampson
-from farpoint._kernels.linear import add, add_outer, kabsch, put, turn
+from farpoint._kernels.linear import add, add_outer, apply_quaternion, kabsch, put
 from farpoint._kernels.normal_equations import solve_three_spd
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.parallax_prior import kth_largest
@@ -51,9 +51,9 @@ def second_planar_motion(
     signs. Matches with a residual beyond ``gate`` are left out.
     """
     inverse, accuracy, n = np.empty(count), np.empty(count), np.empty(3)
-    towards = vector(t)
-    tau = rotate_back(matrix(R), towards)
-    _inverse_distances(pairs, gate, matrix(R), towards, inverse, accuracy)
+    direction = vector(t)
+    tau = rotate_back(matrix(R), direction)
+    _inverse_distances(pairs, gate, matrix(R), direction, inverse, accuracy)
     if not _fit_plane(pairs, inverse, accuracy, n):
         return False
     plane = vector(n)
@@ -63,7 +63,7 @@ def second_planar_motion(
     # R Exp(a) = Exp(R a) R.
     w, (x, y, z) = 2.0 + dot(plane, tau), rotate(matrix(R), cross(plane, tau))
     over = 1.0 / math.sqrt(w * w + x * x + y * y + z * z + 1e-300)
-    turn(over * w, over * x, over * y, over * z, R, other_R)
+    apply_quaternion(over * w, over * x, over * y, over * z, R, other_R)
     ahead = _ahead_of(pairs, accuracy, axpby(1.0, plane, 2.0, tau))
     way = rotate(matrix(R), axpby(2.0, plane, square, tau))
     put(math.copysign(1.0, ahead) / (norm(way) + 1e-300), way, other_t)
@@ -153,12 +153,12 @@ def bas_relief_motion(
     M, nearness, ahead = np.empty((3, 3)), np.empty(count), np.empty(3)
     clear(M)
     clear(ahead)
-    towards, consistent = vector(t), 0
+    direction, consistent = vector(t), 0
     for i in range(count):
         at = address(i)
         m, b = rotate(matrix(R), ray0(pairs, at)), ray1(pairs, at)
-        flow, reach2 = flow_along(m, b, towards)
-        agrees = abs(sampson(pairs, at, matrix(R), towards)) <= gate
+        flow, reach2 = flow_along(m, b, direction)
+        agrees = abs(sampson(pairs, at, matrix(R), direction)) <= gate
         # Inverse depth, bounded at the epipole.
         nearness[i] = max(flow, 0.0) / max(reach2, 1e-6) if agrees else -1.0
         consistent += 1 if agrees else 0
@@ -169,6 +169,6 @@ def bas_relief_motion(
         if nearness[i] > typical:
             add_outer(ray1(pairs, address(i)), ray0(pairs, address(i)), 1.0, M)
     axis = vector(ahead)
-    along = 2.0 * dot(axis, towards) / (dot(axis, axis) + 1e-300)
-    put(1.0, axpby(along, axis, -1.0, towards), other_t)
+    along = 2.0 * dot(axis, direction) / (dot(axis, axis) + 1e-300)
+    put(1.0, axpby(along, axis, -1.0, direction), other_t)
     return kabsch(M, other_R)

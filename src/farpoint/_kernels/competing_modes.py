@@ -48,7 +48,7 @@ def likeliest_other_mode(
     mode.cost[0] = math.inf
     start_t = np.empty(3)
     for k in range(STARTS):
-        _place(k, start_t)
+        _lattice_direction(k, start_t)
         _start_from(start_R, start_t, pose.mixture, other)
         competes, _ = refine_if_competitive(matches, other, own, MODE_MARGIN)
         if competes and other.cost[0] < mode.cost[0] and _has_other_direction(other, pose):
@@ -90,7 +90,7 @@ def _has_other_direction(mode: Pose, pose: Pose) -> bool:
 
 
 @step_kernel
-def _place(k: int, t: np.ndarray) -> None:
+def _lattice_direction(k: int, t: np.ndarray) -> None:
     """Write the k-th of `STARTS` evenly spaced directions (Fibonacci lattice)."""
     z, angle = (2.0 * k + 1.0) / STARTS - 1.0, k * GOLDEN_ANGLE
     radius = math.sqrt(1.0 - z * z)

@@ -319,14 +319,14 @@ def covariance_beside(
     _add_direction_prior(whole)
     if not sandwich(whole, noise, whole, MIN_SIGNAL_NEARBY, there):
         return False
-    _turn_axes(point.t, moved_t, there, out)
+    _change_basis(point.t, moved_t, there, out)
     return True
 
 
 @step_kernel
-def _turn_axes(t: np.ndarray, moved_t: np.ndarray, there: np.ndarray, out: np.ndarray) -> None:
+def _change_basis(t: np.ndarray, moved_t: np.ndarray, there: np.ndarray, out: np.ndarray) -> None:
     """Transform a covariance (5, 5) from the tangent basis of one direction to that of another."""
-    basis, moved_basis, turn, half = (
+    basis, moved_basis, basis_change, half = (
         np.empty((3, 2)),
         np.empty((3, 2)),
         np.empty((5, 5)),
@@ -336,13 +336,13 @@ def _turn_axes(t: np.ndarray, moved_t: np.ndarray, there: np.ndarray, out: np.nd
     tangent_basis(moved_t, moved_basis)
     for i in range(5):
         for j in range(5):
-            turn[i, j] = 1.0 if i == j else 0.0
+            basis_change[i, j] = 1.0 if i == j else 0.0
             if i > 2 and j > 2:
-                turn[i, j] = 0.0
+                basis_change[i, j] = 0.0
                 for k in range(3):
-                    turn[i, j] += basis[k, i - 3] * moved_basis[k, j - 3]
-    _product(turn, there, half)
-    _product(half, turn, out)
+                    basis_change[i, j] += basis[k, i - 3] * moved_basis[k, j - 3]
+    _product(basis_change, there, half)
+    _product(half, basis_change, out)
 
 
 @inner_kernel

@@ -43,9 +43,9 @@ def circle(pairs: np.ndarray, R: Matrix, i: int) -> tuple[Vector, Vector]:
 @inner_kernel
 def intersect_circles(pairs: np.ndarray, R: np.ndarray, i: int, j: int, t: np.ndarray) -> bool:
     """Direction ``t`` (3,) from matches ``i`` and ``j``, signed so that both flow towards it."""
-    turn = matrix(R)
-    normal0, flow0 = circle(pairs, turn, i)
-    normal1, flow1 = circle(pairs, turn, j)
+    rotation = matrix(R)
+    normal0, flow0 = circle(pairs, rotation, i)
+    normal1, flow1 = circle(pairs, rotation, j)
     meeting = cross(normal0, normal1)
     length = norm(meeting)
     if not length > 1e-30:
@@ -70,11 +70,11 @@ def pairwise_direction(
     sum over pairs; to leave a match out, subtract its row once.
     """
     n = weight.size
-    turn = matrix(R)
+    rotation = matrix(R)
     normals = np.empty((n, 3))
     flows = np.empty((n, 3))
     for i in range(n):
-        normal, flow = circle(pairs, turn, i)
+        normal, flow = circle(pairs, rotation, i)
         length = max(norm(normal), 1e-300)
         put(1.0 / length, normal, normals[i])
         put(1.0 / length, flow, flows[i])

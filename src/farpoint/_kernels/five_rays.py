@@ -101,11 +101,11 @@ def score_pose(
     with a cost of at least ``best``, once both signs exceed it. ``t`` is negated in place if the
     other sign is better.
     """
-    turn, towards = matrix(R), vector(t)
+    rotation, direction = matrix(R), vector(t)
     forward = backward = 0.0
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
-            ahead, back = _cost_each_way(pairs, panel * PANEL + lane, turn, towards, limit)
+            ahead, back = _cost_each_way(pairs, panel * PANEL + lane, rotation, direction, limit)
             weight = 1.0 if prior[panel * LANES + lane] > 0.0 else 0.0
             forward += weight * ahead
             backward += weight * back
@@ -125,10 +125,10 @@ def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np
     Rows ``[m x (b x t), B^T (m x b)]`` are normalised: a short flow gives a small row with the same
     weight.
     """
-    turn, towards = matrix(R), vector(t)
+    rotation, direction = matrix(R), vector(t)
     sums = SIX
     for lane in range(LANES_OF_FIVE):
-        weight, row = _row(rays, lane, turn, towards)
+        weight, row = _row(rays, lane, rotation, direction)
         sums = add_six(sums, weight, row)
     write_six(sums, normal)
 

@@ -129,8 +129,8 @@ def initial_noise(
     inliers with a large variance, from which EM does not converge to another minimum.
     """
     default_noise(tolerance, mixture)
-    explains = (1.0 - best.mixture[1]) * matches.total > CHANCE_LIMIT
-    if explains and best.mixture[0] < mixture[0]:
+    has_sample = (1.0 - best.mixture[1]) * matches.total > CHANCE_LIMIT
+    if has_sample and best.mixture[0] < mixture[0]:
         copy(best.mixture, mixture)
 
 
@@ -158,11 +158,11 @@ def mark_consistent(
 
     ``consistent`` has the length of the panels, filler included.
     """
-    turn, towards = matrix(R), vector(t)
+    rotation, direction = matrix(R), vector(t)
     for panel in range(consistent.size // LANES):
         for lane in range(LANES):
             i = panel * LANES + lane
-            residual = sampson(pairs, panel * PANEL + lane, turn, towards)
+            residual = sampson(pairs, panel * PANEL + lane, rotation, direction)
             consistent[i] = where(abs(residual) < tolerance, 1.0, consistent[i])
 
 
@@ -205,12 +205,12 @@ def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
     The epipolar constraint is the same for both poses of a twisted pair (half a turn about the
     baseline).
     """
-    turn, towards = matrix(pose.R), vector(pose.t)
+    rotation, direction = matrix(pose.R), vector(pose.t)
     twisted = 0
     for i in range(matches.total):
         at = address(i)
-        m, b = rotate(turn, ray0(matches.pairs, at)), ray1(matches.pairs, at)
-        twisted += 1 if dot(m, b) < dot(m, towards) * dot(b, towards) else 0
+        m, b = rotate(rotation, ray0(matches.pairs, at)), ray1(matches.pairs, at)
+        twisted += 1 if dot(m, b) < dot(m, direction) * dot(b, direction) else 0
     return 2 * twisted > matches.total
 
 
@@ -272,12 +272,12 @@ def compare_hypothesis(
     is_close = best.cost[0] < hypothesis.cost[0] + MODE_MARGIN and _has_other_direction(
         hypothesis, best
     )
-    wins = hypothesis.cost[0] < best.cost[0]
-    loser = best if wins else hypothesis
-    _keep_better(loser, close)
+    is_better = hypothesis.cost[0] < best.cost[0]
+    less_likely = best if is_better else hypothesis
+    _keep_better(less_likely, close)
     if is_close:
-        _keep_better(loser, secondary)
-    if wins:
+        _keep_better(less_likely, secondary)
+    if is_better:
         copy_pose(hypothesis, best)
     return True, was_close
 

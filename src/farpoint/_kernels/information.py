@@ -163,8 +163,8 @@ def _depth_moments(
 @inner_kernel
 def _fill_terms(point: LinearisationPoint, terms: np.ndarray) -> None:
     """Fill the per-match terms."""
-    turn, towards = matrix(point.R), vector(point.t)
-    basis = tangent_columns(towards)
+    rotation, direction = matrix(point.R), vector(point.t)
+    basis = tangent_columns(direction)
     noise = (
         1.0 / point.mixture[0],
         point.mixture[2],
@@ -175,7 +175,7 @@ def _fill_terms(point: LinearisationPoint, terms: np.ndarray) -> None:
         for lane in range(LANES):
             at, to = panel * PANEL + lane, panel * TERMS + lane
             share = point.prior[panel * LANES + lane]
-            _fill_match(point.pairs, at, share, turn, towards, basis, noise, terms, to)
+            _fill_match(point.pairs, at, share, rotation, direction, basis, noise, terms, to)
 
 
 @inlined_kernel
@@ -191,14 +191,14 @@ def _fill_match(
     to: int,
 ) -> None:
     """Fill the terms of one match, in a column of a panel."""
-    precision, poor, clutter, tail = noise
+    precision, tail_share, clutter, long_tail = noise
     jacobian = sampson_jacobian(pairs, at, R, t, basis)
     r = jacobian[5]
     m = rotate(R, ray0(pairs, at))
     reach = dot(m, t)
     along = axpby(reach, t, -reach * reach, m)
     across = cross(m, t)
-    each = densities(pairs, at, R, t, r, precision, poor, prior, tail)
+    each = densities(pairs, at, R, t, r, precision, tail_share, prior, long_tail)
     flow, square = flow_along(m, ray1(pairs, at), t)
     elsewhere = square > EPIPOLE_SIGMA**2 / precision * flow_variance(pairs, at)
     outlier, _ = clutter_at(clutter, r)

@@ -187,8 +187,8 @@ def _pinhole_ray_jacobian(
     inverse = 1.0 / z
     x, y = x * inverse, y * inverse
     _, _, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
-    seen = (rz > 0.0) & (x * x + y * y < fold * fold)
-    scale = where(seen, rz / (a_x * b_y - a_y * b_x), math.nan)
+    visible = (rz > 0.0) & (x * x + y * y < fold * fold)
+    scale = where(visible, rz / (a_x * b_y - a_y * b_x), math.nan)
     over_x, over_y = scale * (1.0 / fx), scale * (1.0 / fy)
     by_x, by_y = (b_y * over_x, -b_x * over_x), (-a_y * over_y, a_x * over_y)
     _write_tangents((rx, ry, rz), (by_x, by_y), jacobian, i)

@@ -64,18 +64,26 @@ def linearize(
         point.prior,
         clutter_of(point.mixture, point.outlier_half_width),
     )
-    turn, towards = matrix(point.R), vector(point.t)
-    basis = tangent_columns(towards)
+    rotation, direction = matrix(point.R), vector(point.t)
+    basis = tangent_columns(direction)
     precision, tail_share = 1.0 / point.mixture[0], point.mixture[2]
     cost = inlier = steps = trials = repeated = penalised = 0.0
     sums = SIX
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
-            row = sampson_jacobian(pairs, at, turn, towards, basis)
+            row = sampson_jacobian(pairs, at, rotation, direction, basis)
             _, _, _, _, _, residual = row
             each = densities(
-                pairs, at, turn, towards, residual, precision, tail_share, share, point.long_tail
+                pairs,
+                at,
+                rotation,
+                direction,
+                residual,
+                precision,
+                tail_share,
+                share,
+                point.long_tail,
             )
             whole = sum_of(each)
             outlier, near = clutter_at(clutter, residual)
@@ -87,7 +95,7 @@ def linearize(
             steps += tail_steps_of(each) * over
             trials += tail_trials_of(each, point.long_tail) * over
             repeated += used * near * over
-            penalty = cheirality_penalty(pairs, at, turn, towards, precision)
+            penalty = cheirality_penalty(pairs, at, rotation, direction, precision)
             penalised += where(penalty > 0.0, whole * over, 0.0)
             sums = add_six(sums, precision * weight_of(each) * over, row)
     write_six(sums, normal)
@@ -110,19 +118,27 @@ def _add_cheirality_residuals(point: LinearisationPoint, normal: np.ndarray) -> 
         point.prior,
         clutter_of(point.mixture, point.outlier_half_width),
     )
-    turn, towards = matrix(point.R), vector(point.t)
-    basis = tangent_columns(towards)
+    rotation, direction = matrix(point.R), vector(point.t)
+    basis = tangent_columns(direction)
     precision, tail_share = 1.0 / point.mixture[0], point.mixture[2]
     beyond2 = np.empty(prior.size)
-    _evaluate_penalties(pairs, turn, towards, precision, beyond2)
+    _evaluate_penalties(pairs, rotation, direction, precision, beyond2)
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
             if not 0.0 < beyond2[panel * LANES + lane] < MAX_PENALTY:
                 continue
-            residual = sampson(pairs, at, turn, towards)
+            residual = sampson(pairs, at, rotation, direction)
             each = densities(
-                pairs, at, turn, towards, residual, precision, tail_share, share, point.long_tail
+                pairs,
+                at,
+                rotation,
+                direction,
+                residual,
+                precision,
+                tail_share,
+                share,
+                point.long_tail,
             )
             core, _, _, _ = each
             outlier, _ = clutter_at(clutter, residual)
@@ -130,7 +146,7 @@ def _add_cheirality_residuals(point: LinearisationPoint, normal: np.ndarray) -> 
             weight = (
                 CHEIRALITY_WEIGHT * precision * (1.0 - tail_share) * (1.0 - tail_share) * inlier
             )
-            x, y, z, u, v, shift = shift_jacobian(pairs, at, turn, towards, basis)
+            x, y, z, u, v, shift = shift_jacobian(pairs, at, rotation, direction, basis)
             beyond = shift + CHEIRALITY_SIGMA / math.sqrt(precision)
             add_to_square(weight, (x, y, z, u, v, beyond), normal)
 
@@ -197,13 +213,13 @@ def evaluate_residuals(
         point.prior,
         clutter_of(point.mixture, point.outlier_half_width),
     )
-    turn, towards = matrix(point.R), vector(point.t)
+    rotation, direction = matrix(point.R), vector(point.t)
     precision, tail_share = 1.0 / point.mixture[0], point.mixture[2]
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, i = panel * PANEL + lane, panel * LANES + lane
             residual[i], parallax[i], density = _evaluate_match(
-                pairs, at, turn, towards, precision, tail_share, prior[i], point.long_tail
+                pairs, at, rotation, direction, precision, tail_share, prior[i], point.long_tail
             )
             outlier, _ = clutter_at(clutter, residual[i])
             inlier[i] = density / (density + outlier)

@@ -26,6 +26,7 @@ from farpoint._kernels.vectors import (
 __all__ = [
     "add",
     "add_outer",
+    "apply_quaternion",
     "apply_rotation_step",
     "draw_direction",
     "draw_index",
@@ -35,7 +36,6 @@ __all__ = [
     "put",
     "sandwich",
     "tangent_basis",
-    "turn",
 ]
 
 
@@ -89,11 +89,13 @@ def apply_rotation_step(R: np.ndarray, x: float, y: float, z: float, out: np.nda
         angle = math.sqrt(angle2)
         qw = math.cos(0.5 * angle)
         f = math.sin(0.5 * angle) / angle
-    turn(qw, f * x, f * y, f * z, R, out)
+    apply_quaternion(qw, f * x, f * y, f * z, R, out)
 
 
 @inlined_kernel
-def turn(qw: float, qx: float, qy: float, qz: float, R: np.ndarray, out: np.ndarray) -> None:
+def apply_quaternion(
+    qw: float, qx: float, qy: float, qz: float, R: np.ndarray, out: np.ndarray
+) -> None:
     """``out = E @ R`` with the rotation E of a unit quaternion."""
     e00, e01, e02 = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qw * qz), 2 * (qx * qz + qw * qy)
     e10, e11, e12 = 2 * (qx * qy + qw * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qw * qx)

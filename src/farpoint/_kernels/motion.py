@@ -90,10 +90,10 @@ def find_candidates(
     flowing = 0
     for i in range(count):
         flowing += 0 if consistent[i] else 1
-    lost = count - flowing <= SAMPLE_SIZE
-    if lost:
+    has_no_far = count - flowing <= SAMPLE_SIZE
+    if has_no_far:
         _widen(pairs, count, tolerance, state, R_far, consistent)
-    few = lost or flowing < MIN_CANDIDATES
+    few = has_no_far or flowing < MIN_CANDIDATES
     candidates = np.empty(count if few else flowing, np.int64)
     taken = 0
     for i in range(count):

@@ -180,7 +180,7 @@ def refine_and_evaluate(
     some: np.ndarray, matches: PackedMatches, least_signal: float, buffers: MotionBuffers
 ) -> SummaryValues:
     """As `refine_motion`, with the panels of `searched_pairs`."""
-    cost, laplace, inlier, scales_with_parallax = _refine_with_noise_model(matches, buffers)
+    cost, laplace, inliers, scales_with_parallax = _refine_with_noise_model(matches, buffers)
     if scales_with_parallax:
         matches = matches._replace(pairs=buffers.scaled_pairs)
     point = LinearisationPoint(
@@ -192,15 +192,29 @@ def refine_and_evaluate(
         matches.outlier_half_width,
         matches.long_tail,
     )
-    shrunk_flow, shows = _estimate_covariance(point, inlier, least_signal, buffers)
+    shrunk_flow, shows = _estimate_covariance(point, inliers, least_signal, buffers)
     per_match, count = buffers.per_match, matches.total
-    evidence = _label_and_count(
+    agreeing, sign_log_odds, log_odds, beyond, supporting = _label_and_count(
         some, count, buffers.R, buffers.R_far, buffers.mixture, per_match, buffers.labels
     )
-    sharing = correlation_and_design_effect(
+    correlation, correlation_z, effect = correlation_and_design_effect(
         matches.pairs, per_match[1], per_match[3], count, math.sqrt(buffers.mixture[0])
     )
-    return (cost, laplace, *evidence, shrunk_flow, shows, scales_with_parallax, *sharing)
+    return (
+        cost,
+        laplace,
+        agreeing,
+        sign_log_odds,
+        log_odds,
+        beyond,
+        supporting,
+        shrunk_flow,
+        shows,
+        scales_with_parallax,
+        correlation,
+        correlation_z,
+        effect,
+    )
 
 
 @kernel
@@ -249,7 +263,7 @@ def _label_and_count(
     Returns what `evidence.label_matches` and `evidence.count_beyond_rotation` return.
     """
     inlier = per_match[3]
-    agreeing, odds, likelier = label_matches(
+    agreeing, sign_log_odds, log_odds = label_matches(
         per_match[2], inlier, math.sqrt(mixture[0]), mixture[1], labels
     )
     prior = np.empty(some.size // PANEL * LANES)
@@ -259,7 +273,7 @@ def _label_and_count(
     # The motion explains a part of the flow by translation: the limit is twice `NEAR_SIGMA`.
     distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
     beyond, supporting = count_beyond_rotation(some, prior, R, R_far, distance)
-    return agreeing, odds, likelier, beyond, supporting
+    return agreeing, sign_log_odds, log_odds, beyond, supporting
 
 
 @step_kernel
@@ -342,15 +356,15 @@ def _beyond(end: float, parallax: np.ndarray, inlier: np.ndarray) -> int:
 
 
 def _estimate_covariance(
-    point: LinearisationPoint, inlier: float, least_signal: float, buffers: MotionBuffers
+    point: LinearisationPoint, inliers: float, least_signal: float, buffers: MotionBuffers
 ) -> tuple[bool, bool]:
     """Covariance of the pose; by the shrunk flow where much of the flow is noise.
 
     With the shrunk flow the pose takes one step of its normal equations. Returns whether the flow
     was shrunk, and whether at least ``least_signal`` of it is signal.
     """
-    if covariance_here(point, inlier, MEASURED_FLOW, MIN_SIGNAL, buffers.covariance):
+    if covariance_here(point, inliers, MEASURED_FLOW, MIN_SIGNAL, buffers.covariance):
         return False, True
     step_with_shrunk_flow(point)
     evaluate_residuals(point, buffers.per_match[1], buffers.per_match[2], buffers.per_match[3])
-    return True, covariance_here(point, inlier, SHRUNK_FLOW, least_signal, buffers.covariance)
+    return True, covariance_here(point, inliers, SHRUNK_FLOW, least_signal, buffers.covariance)

@@ -207,7 +207,7 @@ def pack_pairs(
     if n == 0:
         return 0, 10.0
     square -= dot(mean, mean) / n
-    return n, max(math.sqrt(1.5 * max(square, 0.0) / n * precision / n), 10.0)
+    return int(n), max(math.sqrt(1.5 * max(square, 0.0) / n * precision / n), 10.0)
 
 
 @inner_kernel

@@ -169,7 +169,7 @@ def _relief_log_likelihood(
         point.mixture[0],
         point.mixture[2],
     )
-    turn, towards = matrix(point.R), vector(point.t)
+    rotation, direction = matrix(point.R), vector(point.t)
     across, along, off_share = relief[0], relief[1], relief[2]
     # The density of outliers is the same for both motions; filler has prior 0.
     clutter, _ = clutter_at(clutter_of(point.mixture, point.outlier_half_width), 0.0)
@@ -184,8 +184,8 @@ def _relief_log_likelihood(
             each = densities(
                 pairs,
                 at,
-                turn,
-                towards,
+                rotation,
+                direction,
                 residual,
                 precision,
                 tail_share,
@@ -224,14 +224,14 @@ def _decompose(
     Each over its variance; along a line, given the offset across it. The sum of the two is the same
     for any direction ``t`` and any shape of the noise.
     """
-    turn, towards = matrix(R), vector(t)
+    rotation, direction = matrix(R), vector(t)
     for i in range(matches.total):
         at, away = address(i), (off[3 * i], off[3 * i + 1], off[3 * i + 2])
         b = ray1(matches.pairs, at)
-        line = axpby(1.0, towards, -dot(towards, b), b)
+        line = axpby(1.0, direction, -dot(direction, b), b)
         aside = cross(line, b)
-        by_line = _noise_times(matches.pairs, at, turn, is_given, line)
-        by_aside = _noise_times(matches.pairs, at, turn, is_given, aside)
+        by_line = _noise_times(matches.pairs, at, rotation, is_given, line)
+        by_aside = _noise_times(matches.pairs, at, rotation, is_given, aside)
         # Both vectors are perpendicular to the ray; the offset is turned about it by 90 degrees.
         x, y = dot(away, line), -dot(away, aside)
         variance = dot(aside, by_aside) + 1e-300
@@ -262,17 +262,17 @@ def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> No
     inlier, square, spare, sizes = np.empty(size), np.empty(size), np.empty(size), np.empty(count)
     evaluate_residuals(point, square, spare, inlier)
     M, v, n = np.empty((3, 3)), np.empty(3), np.empty(3)
-    turn, towards, variance = matrix(point.R), vector(point.t), point.mixture[0]
+    rotation, direction, variance = matrix(point.R), vector(point.t), point.mixture[0]
     clear(square)
     typical = MEDIAN
     for _ in range(PLANE_ROUNDS):
         clear(M)
         clear(v)
         for i in range(count):
-            _add_to_plane(point.pairs, i, turn, towards, inlier, square, typical, M, v)
+            _add_to_plane(point.pairs, i, rotation, direction, inlier, square, typical, M, v)
         _solve(M, v, variance, n)
         for i in range(count):
-            square[i] = _write_offset(point.pairs, i, turn, towards, variance, n, off)
+            square[i] = _write_offset(point.pairs, i, rotation, direction, variance, n, off)
         typical = max(_median(square, inlier, sizes), MEDIAN)
 
 

@@ -23,7 +23,7 @@ from farpoint._kernels.mixture import (
 )
 from farpoint._kernels.normal_equations import FOUR, add_four, solve_three_spd
 from farpoint._kernels.pairs import LANES, PANEL
-from farpoint._kernels.rotation_residual import rotation_distance2, whitened_turn
+from farpoint._kernels.rotation_residual import rotation_distance2, whitened_residual
 from farpoint._kernels.vectors import matrix
 
 __all__ = [
@@ -59,14 +59,14 @@ def rotation_linearize(
     expected number of inliers, of tail steps and of trials of the tail, and the weighted squares of
     the residuals.
     """
-    turn = matrix(R)
+    rotation = matrix(R)
     precision, tail_share = 1.0 / mixture[0], mixture[2]
     cost = used = inlier = steps = trials = 0.0
     normal = FOUR
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
-            square, row0, row1 = whitened_turn(pairs, at, turn)
+            square, row0, row1 = whitened_residual(pairs, at, rotation)
             each = _densities(square, precision, tail_share, share)
             whole = sum_of(each)
             total = whole + clutter

@@ -20,7 +20,7 @@ from farpoint._kernels.vectors import (
     tangent_columns,
 )
 
-__all__ = ["count_beyond", "rotation_distance2", "whitened_turn"]
+__all__ = ["count_beyond", "rotation_distance2", "whitened_residual"]
 
 Row = tuple[float, float, float, float]
 
@@ -60,7 +60,7 @@ def _square(pairs: np.ndarray, at: int, R: Matrix) -> float:
 
 
 @inlined_kernel
-def whitened_turn(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row, Row]:
+def whitened_residual(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row, Row]:
     """Squared distance; rows of Jacobian and residual, whitened."""
     first, second, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
     m = rotate(R, ray0(pairs, at))
@@ -83,19 +83,19 @@ def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> Non
 
     Two degrees of freedom each where translation is absent.
     """
-    turn = matrix(R)
+    rotation = matrix(R)
     for panel in range(out.size // LANES):
         for lane in range(LANES):
-            out[panel * LANES + lane] = _square(pairs, panel * PANEL + lane, turn)
+            out[panel * LANES + lane] = _square(pairs, panel * PANEL + lane, rotation)
 
 
 @sum_kernel
 def count_beyond(pairs: np.ndarray, inlier: np.ndarray, R: np.ndarray, limit: float) -> float:
     """Number of inliers (``inlier`` 1, otherwise 0) with a squared distance beyond ``limit``."""
-    turn = matrix(R)
+    rotation = matrix(R)
     beyond = 0.0
     for panel in range(inlier.size // LANES):
         for lane in range(LANES):
-            square = _square(pairs, panel * PANEL + lane, turn)
+            square = _square(pairs, panel * PANEL + lane, rotation)
             beyond += inlier[panel * LANES + lane] if square > limit else 0.0
     return beyond

@@ -28,11 +28,11 @@ def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float, best: flo
 
     Returns early, with at least ``best``, what is no better.
     """
-    turn = matrix(R)
+    rotation = matrix(R)
     cost = 0.0
     for panel in range(pairs.size // PANEL):
         for lane in range(LANES):
-            cost += min(_distance2(pairs, panel * PANEL + lane, turn), limit)
+            cost += min(_distance2(pairs, panel * PANEL + lane, rotation), limit)
         if cost >= best:
             return cost
     return cost
@@ -85,13 +85,13 @@ def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) ->
 
     Filler is within any limit, and has no weight.
     """
-    turn = matrix(R)
+    rotation = matrix(R)
     inside = 0.0
     sums = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for panel in range(pairs.size // PANEL):
         for lane in range(LANES):
             at = panel * PANEL + lane
-            agrees = 1.0 if _distance2(pairs, at, turn) <= limit else 0.0
+            agrees = 1.0 if _distance2(pairs, at, rotation) <= limit else 0.0
             inside += agrees
             weight = agrees / flow_variance(pairs, at)
             sums = _add_product(sums, weight, ray1(pairs, at), ray0(pairs, at))
@@ -145,7 +145,7 @@ def enlarge_rotation(
             break
         if size < 2 or not kabsch(M, R):
             break
-    turn = matrix(R)
+    rotation = matrix(R)
     for i in range(count):
-        consistent[i] = _distance2(pairs, address(i), turn) <= limit
+        consistent[i] = _distance2(pairs, address(i), rotation) <= limit
     return size

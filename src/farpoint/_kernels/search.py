@@ -104,7 +104,7 @@ def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndar
 def _mark_known(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
     """Mark the matches consistent with a pose as ``known``; returns the share of known matches.
 
-    1 if fewer than `LEAST_KNOWN`: samples among them would hardly differ.
+    1 if fewer than `MIN_KNOWN`: samples among them would hardly differ.
     """
     mark_consistent(matches.pairs, pose.R, pose.t, tolerance, known)
     count = 0
@@ -286,11 +286,11 @@ def _solve_sample(
     if start_kind == 0:
         copy(best.R, other.R)
         copy(best.t, other.t)
-    elif flow > LONG_FLOW and _turn_of_sample(pairs, sample, other.R):
+    elif flow > LONG_FLOW and _aligning_rotation(pairs, sample, other.R):
         _longest_flow_first(pairs, other.R, sample)
-        _along_flow(pairs, sample[0], other.R, other.t)
+        _direction_of_flow(pairs, sample[0], other.R, other.t)
     else:
-        _step_away(start, flow, state, other.R)
+        _nearby_rotation(start, flow, state, other.R)
         _longest_flow_first(pairs, other.R, sample)
         if start_kind == 1:
             draw_direction(state, other.t)
@@ -300,7 +300,7 @@ def _solve_sample(
 
 
 @step_kernel
-def _turn_of_sample(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> bool:
+def _aligning_rotation(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> bool:
     """Rotation that aligns the rays of a sample (Kabsch); False if it is not unique."""
     M = np.empty((3, 3))
     clear(M)
@@ -311,7 +311,7 @@ def _turn_of_sample(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> boo
 
 
 @step_kernel
-def _along_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None:
+def _direction_of_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None:
     """Direction ``t`` of the flow of match ``i`` after the rotation."""
     x, y, z = _flow(pairs, R, i)
     over = 1.0 / math.sqrt(x * x + y * y + z * z + 1e-300)
@@ -319,7 +319,7 @@ def _along_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None
 
 
 @step_kernel
-def _step_away(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
+def _nearby_rotation(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
     """The initial rotation, or a random one at about the distance of the flow it leaves."""
     if flow < 0.2 * LONG_FLOW:
         copy(start, R)

@@ -122,14 +122,14 @@ def _apart(
     R: np.ndarray, t: np.ndarray, other_R: np.ndarray, other_t: np.ndarray, base: np.ndarray
 ) -> tuple[float, float, float, float, float]:
     """``[dtheta, dbeta]`` between two poses, to first order, in the tangent basis of ``base``."""
-    x, y, z = _turn(matrix(R), matrix(other_R))
+    x, y, z = _rotation_between(matrix(R), matrix(other_R))
     first, second = tangent_columns(vector(base))
     shift = axpby(1.0, vector(t), -1.0, vector(other_t))
     return x, y, z, dot(first, shift), dot(second, shift)
 
 
 @inlined_kernel
-def _turn(R: Matrix, other: Matrix) -> tuple[float, float, float]:
+def _rotation_between(R: Matrix, other: Matrix) -> tuple[float, float, float]:
     """Rotation vector of ``R other^T``, to first order."""
     return (
         0.5 * (dot(R[2], other[1]) - dot(R[1], other[2])),

@@ -378,7 +378,7 @@ def _velocity(R, R0, p, p0, rate, twist):
 
 
 @_loop
-def _turn(R, x, y, z):
+def _rotate(R, x, y, z):
     """``R = Exp([x, y, z]) R``."""
     angle = math.sqrt(x * x + y * y + z * z)
     a = math.sin(angle) / angle if angle > 1e-9 else 1.0
@@ -514,7 +514,7 @@ def locate(
                     H[i, n] += w0 * J[0, n] + w1 * J[1, n]
         if not _solved(H, g, step):
             return cost, 0
-        _turn(R, -step[0], -step[1], -step[2])
+        _rotate(R, -step[0], -step[1], -step[2])
         for i in range(3):
             p[i] -= step[3 + i]
     return cost, count
