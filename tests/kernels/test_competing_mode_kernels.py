@@ -1,4 +1,4 @@
-"""The likeliest motion in quite another direction, held against refinements one by one."""
+"""Modes in other directions, compared with separate refinements."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HALF_WIDTH = 300.0
 
 
 def cost_of(view: View, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> float:
-    """Negative log likelihood at the minimum that these lead to, averaged over what is around."""
+    """Negative log likelihood at the local minimum from here, averaged over the poses nearby."""
     pose = pose_of(R, t, mixture)
     refine_pose(matches_of(view, HALF_WIDTH, soft_cheirality=False), 0.1, 10, pose)
     R[:], t[:] = pose.R, pose.t
@@ -87,7 +87,7 @@ def test_more_matches_compare_a_mode_as_those_that_found_it():
     own = cost_of(view, view.R.copy(), view.t.copy(), mixture)
     expected = cost_of(view, mode.R.copy(), mode.t.copy(), mixture) - own
     assert log_ratio_to(view, mixture, ended_R, ended_t) == pytest.approx(expected, abs=1e-6)
-    # The noise is estimated anew, which leaves a few units of the likelihood open.
+    # The noise is estimated again, which changes the log likelihood by a few units.
     assert abs(expected - log_ratio) < 5.0
     np.testing.assert_allclose(ended_t, mode.t, atol=0.05)
 

@@ -1,4 +1,4 @@
-"""The covariance at a pose and around it, held against the formulas written in NumPy."""
+"""Covariance at a pose and nearby, against the formulas in NumPy."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def here(
 
 
 class Expected(NamedTuple):
-    """What is told of a pose: Gauss-Newton matrix, the part of it that is noise, and V."""
+    """Gauss-Newton matrix, the part of it that is noise, and variance of the gradient."""
 
     whole: np.ndarray
     noise: np.ndarray
@@ -104,7 +104,7 @@ def basis_of(t: np.ndarray) -> np.ndarray:
 
 
 def beside(view: View, step: np.ndarray, shrunk_flow: bool = False) -> np.ndarray:
-    """Covariance if the right pose is this step beside that of the view, in the axes of that."""
+    """Covariance if the true pose is a step from that of the view, in the basis of the view."""
     R, t = so3.exp(step[:3]) @ view.R, sphere.normalize(view.t + basis_of(view.t) @ step[3:])
     whole, noise, *_ = expected_of(view._replace(R=R, t=t), shrunk_flow)
     basis_change = np.eye(5)
@@ -122,7 +122,7 @@ def test_the_covariance_is_the_sandwich_of_what_is_stated_and_what_is_seen(shrun
     view, out = two_views(5, 60, error_rad=2e-3), np.empty((5, 5))
     assert here(view, MIN_SIGNAL, out, shrunk_flow)
     whole, noise, variance = expected_of(view, shrunk_flow)
-    # What is predicted is no noise.
+    # Shrunk flow has no noise to subtract.
     assert_covariances(out, sandwich(whole + SPHERE - (0.0 if shrunk_flow else noise), variance))
 
 
@@ -135,7 +135,8 @@ def test_few_matches_have_a_large_covariance():
 
 @pytest.mark.parametrize("shrunk_flow", [False, True])
 def test_matches_of_uncertain_label_leave_the_covariance_infinite(shrunk_flow):
-    # Some three sigma off, each is as likely wrong as right: scores vary by more than they tell.
+    # About three sigma off, inlier and outlier are equally likely: the variance of the scores
+    # exceeds the information.
     view, out = two_views(5, 200, error_rad=2e-3), np.zeros((5, 5))
     R, t = matrix(view.R), vector(view.t)
     off = np.array([abs(sampson(view.pairs, address(i), R, t)) for i in range(view.size)])
@@ -173,7 +174,7 @@ def test_where_less_than_a_quarter_of_the_flow_is_signal_there_is_no_covariance(
 
 
 def share_of(view: View, shrunk_flow: bool = False) -> float:
-    """What of the flow is signal, along the axis with the least of it."""
+    """Share of signal in the flow, along the axis with the least of it."""
     whole, noise, *_ = expected_of(view, shrunk_flow)
     return 1.0 - scipy.linalg.eigh(noise, whole + SPHERE, eigvals_only=True)[-1]
 
@@ -209,7 +210,7 @@ def test_the_step_is_that_of_the_predicted_normal_equations():
 
 
 def log_likelihood(view: View, step: np.ndarray) -> float:
-    """Of all matches, averaged over the poses around that a step beside that of the view."""
+    """Log likelihood of all matches at a step from the view, averaged over the poses nearby."""
     R, t = so3.exp(step[:3]) @ view.R, sphere.normalize(view.t + basis_of(view.t) @ step[3:])
     normal = np.empty((6, 6))
     cost = linearize(point_of(view._replace(R=R, t=t)), False, normal, np.empty(4))
@@ -222,7 +223,7 @@ def around(
     shrunk_flow: bool = False,
     allowed: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The mean over the poses that are ``allowed``, by the covariance itself if by no other."""
+    """Mean over the poses within ``allowed``, by default the covariance itself."""
     values, axes = np.linalg.eigh(covariance if allowed is None else allowed)
     excess = np.zeros((5, 5))
     for step in np.ascontiguousarray((axes * np.sqrt(values)).T):

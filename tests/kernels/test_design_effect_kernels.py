@@ -1,4 +1,4 @@
-"""How much of their errors matches share."""
+"""Design effect of residuals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from kernels_kit import View, two_views
 from farpoint._kernels.design_effect import PARTS, design_effect
 from farpoint.geometry import sphere
 
-# A sum of residuals that no pose was fitted to counts as if one had been.
+# The degrees of freedom of a pose are subtracted although none was fitted.
 UNFITTED = PARTS / (PARTS - 5.0)
 
 
@@ -19,7 +19,7 @@ def effect(view: View, residual: np.ndarray, rows: np.ndarray | None = None) -> 
 
 
 def plainly(rays: np.ndarray, residual: np.ndarray) -> float:
-    """The same, written down plainly."""
+    """Reference implementation in plain NumPy."""
     parts = [np.arange(len(rays))]
     for _ in range(4):
         halves = []

@@ -1,4 +1,4 @@
-"""Intersections of great circles, one by one and all in pairs, against plain NumPy."""
+"""Intersections of great circles, single and in pairs, against plain NumPy."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_pairwise_sums_are_those_of_a_plain_loop(seed, n):
     weight[seed % n] = 0.0
     partial = pairwise(view, weight, view.R)
     expected = plain_pairwise(view.rays0, view.rays1, weight, view.R)
-    # Each pair stands in the rows of both of its matches.
+    # Each pair is in the rows of both of its matches.
     np.testing.assert_allclose(partial.sum(axis=0) / 2, expected, rtol=1e-9, atol=1e-12)
 
 
@@ -110,7 +110,7 @@ def test_exact_matches_add_up_along_the_direction(seed):
 def test_a_match_without_flow_adds_nothing():
     view = two_views(1, 6)
     rays1 = view.rays1.copy()
-    # Where the first ray does not turn at all, its flow is exactly zero.
+    # Without rotation of the first ray its flow is exactly zero.
     R, rays0 = np.eye(3), view.rays0
     rays1[0] = rays0[0]
     partial = pairwise(rays_only(rays0, rays1), np.ones(6), R)

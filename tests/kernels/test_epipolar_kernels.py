@@ -33,7 +33,7 @@ def derivatives_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> t
 
 @kernel
 def shift_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
-    """Flow along the line, its square sine and its variance; what `variances` says."""
+    """Flow along the line, squared sine and variance of the flow; result of `variances`."""
     at, rotation, direction = address(i), matrix(R), vector(t)
     m = rotate(rotation, ray0(pairs, at))
     flow, reach2 = epipolar.flow_along(m, ray1(pairs, at), direction)
@@ -102,7 +102,7 @@ def test_the_full_derivative_of_the_residual(seed, error_rad, baseline_m):
             return sampson(view, *moved(view.R, view.t, step), i)
 
         assert residual == pytest.approx(along(np.zeros(5)), rel=1e-12)
-        # Close to the epipole the residual bends strongly: the step stays well inside.
+        # Close to the epipole the residual is strongly non-linear: the step stays well inside.
         numeric = gradient(along, 5, 1e-4 * baseline_m)
         scale = np.abs(numeric).max()
         np.testing.assert_allclose(J, numeric, rtol=1e-4, atol=1e-5 * scale)

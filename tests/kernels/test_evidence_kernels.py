@@ -1,4 +1,4 @@
-"""What the matches say once a pose is found: labels, sign, rotation alone."""
+"""Labels, log odds of the sign, inliers beyond a rotation, stationary matches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A hypothesis against the best pose so far: how long it is followed, and what becomes of it."""
+"""Comparison of a hypothesis with the best pose: end of its refinement, and modes kept."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.refinement import PREDICTED_DECREASE
 
 BEST = 100.0
-# Costs where a hypothesis is judged, and what the step from there promises.
+# Cost at the initial pose, and predicted decrease of the first step.
 AWAY = (500.0, 200.0)
 
 
 class Compared(NamedTuple):
-    """A hypothesis that was followed so many steps."""
+    """Result of comparing a hypothesis, after ``steps`` steps."""
 
     competes: bool
     was_close: bool
@@ -31,7 +31,7 @@ class Compared(NamedTuple):
 
 @pytest.fixture
 def compared(monkeypatch):
-    """Of a hypothesis that is judged so, step by step, and elsewhere or not than the best."""
+    """Compare a hypothesis with this sequence of costs and predicted decreases."""
 
     def run(
         course: list[tuple[float, float]],
@@ -104,7 +104,7 @@ def test_a_refinement_that_converges_far_from_the_best_ends_early(compared):
 
 
 def test_a_refinement_whose_noise_variance_decreases_goes_on(compared):
-    # Of that a step promises nothing.
+    # The predicted decrease leaves the noise variance out.
     falls = [AWAY, (170.0, 1.0), (140.0, 0.5), (120.0, 0.1), (115.0, 0.0)]
     assert compared(falls)[:3] == (True, False, 5)
 

@@ -1,4 +1,4 @@
-"""What matches tell of a pose, held against the likelihood, and against what noise does to it."""
+"""Information of the matches, against the likelihood and against sampled noise."""
 
 from __future__ import annotations
 
@@ -58,9 +58,9 @@ def informed(view: View, prior: np.ndarray, shrunk_flow: bool = False) -> Inform
 
 
 def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Residuals over sigma; weight and its square, mean over what a match may be.
+    """Residuals over sigma; mean weight and mean squared weight over the components.
 
-    Good, or poor with eight times the variance, or poorer, with as much again each time.
+    The variance of each component of the tail is 8 times that of the one before.
     """
     r = np.array([told_of(view.pairs, i, view.R, view.t)[0][5] for i in range(view.size)])
     z = r / np.sqrt(VARIANCE)
@@ -72,18 +72,18 @@ def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def jacobians(view: View) -> np.ndarray:
-    """Of all residuals, with these in the last column."""
+    """Jacobian (N, 5) of all residuals, with the residuals in the last column."""
     return np.array([told_of(view.pairs, i, view.R, view.t)[0] for i in range(view.size)])
 
 
 def leverages(J: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Share of each match in what all tell along its own axis."""
+    """Leverage of each match."""
     inverse = np.linalg.inv((weight[:, None] * J).T @ J)
     return weight * np.einsum("ni,ij,nj->n", J, inverse, J)
 
 
 def scattered(J: np.ndarray, weight: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Variance of the gradient, as the residuals ``z`` over sigma show it."""
+    """Observed variance of the gradient, by the residuals ``z`` over sigma."""
     leverage = leverages(J, weight)
     taken = (1.0 - leverage**3) / (1.0 - np.minimum(leverage, 0.9))
     score = weight * z * np.sqrt(VARIANCE) * np.sqrt(taken)
@@ -114,7 +114,7 @@ def test_a_match_of_small_leverage_has_its_gauss_newton_weight():
 
 
 def test_a_match_of_leverage_one_has_hardly_any_weight():
-    # Ten matches of one pose, all but one of little flow: they leave an axis to that one.
+    # Ten matches of one pose, all but one with little flow: that match dominates one axis.
     near = two_views(3, 10, error_rad=2e-3)
     far = two_views(3, 10, error_rad=2e-3, depth_m=(200.0, 400.0))
     view = near._replace(rays1=np.vstack([near.rays1[:1], far.rays1[1:]]))
@@ -127,7 +127,7 @@ def test_a_match_of_leverage_one_has_hardly_any_weight():
     found = informed(view, np.ones(10))
     atol = 1e-9 * np.abs(expected).max()
     np.testing.assert_allclose(found.normal, expected, rtol=1e-6, atol=atol)
-    # Five axes: as many matches of equal leverage.
+    # Five axes of one match each: five effective matches of equal leverage.
     assert found.effective == pytest.approx(25.0 / np.sum(leverage**2), rel=1e-6)
     assert found.effective < 8.5
 
@@ -162,7 +162,7 @@ def test_the_scatter_is_that_of_a_fit_which_each_match_has_drawn_to_itself(match
 
 
 def test_a_single_match_scatters_as_it_is_off():
-    # It fixes no pose, and so has drawn none.
+    # It fixes no pose, and has no leverage.
     view = two_views(6, 1, error_rad=2e-3)
     z, weight, _ = parts(view, np.ones(1))
     *J, _ = told_of(view.pairs, 0, view.R, view.t)[0]
@@ -182,7 +182,7 @@ def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
     axis = sphere.normalize(np.cross(m, view.t))
 
     def jacobian(angle_rad: float) -> np.ndarray:
-        """Of the bare constraint, the later ray moved along its epipolar line."""
+        """Derivative of the constraint by a shift of the later ray along its epipolar line."""
         at = view._replace(rays1=view.rays1 @ so3.exp(angle_rad * axis).T)
         (*J, _), (g, _) = told_of(at.pairs, 0, at.R, at.t)
         return np.sqrt(g) * np.array(J)
@@ -197,7 +197,7 @@ def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
 
 
 class Rows(NamedTuple):
-    """Of each match (N,): inverse depth, its variance, Jacobian, its change by the former."""
+    """Per match (N,): inverse depth, its variance, Jacobian, derivative of that by the depth."""
 
     depth: np.ndarray
     doubt: np.ndarray
@@ -222,9 +222,9 @@ def rows(view: View) -> Rows:
 
 
 def prediction(computed: Rows, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Best guess of each inverse depth from all, and the share of its own in it.
+    """BLUP of each inverse depth, and the weight of the measured depth in it.
 
-    Their mean and variance are where the sums say what they were put in as.
+    Mean and variance of all depths are the fixed point of the method of moments.
     """
     mean, variance = (
         0.0,

@@ -1,4 +1,4 @@
-"""The loops over rays against linear algebra and OpenCV; also run without the compiler."""
+"""Lens kernels against linear algebra and OpenCV; also run without the compiler."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_inverse_of_a_projection_is_its_pseudo_inverse() -> None:
     jacobian = np.empty((50, 3, 2))
     invert_projection(rays, forward, jacobian)
     np.testing.assert_allclose(jacobian, expected, rtol=1e-10, atol=1e-12)
-    # Three times as far away, a point moves its pixel by a third.
+    # At 3 times the distance, a displacement of the point moves its pixel by 1/3.
     invert_projection(3.0 * rays, forward / 3.0, jacobian)
     np.testing.assert_allclose(jacobian, expected, rtol=1e-10, atol=1e-12)
 

@@ -1,4 +1,4 @@
-"""The robust likelihood of a pose: cost, gradient, information and maximum."""
+"""Robust likelihood of a pose: cost, gradient, information and maximum."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=25, deadline=None)
 seeds = st.integers(0, 2**32)
-# Variance of good matches; share of wrong, of poor and of repeated ones.
+# Variance of the core; shares of outliers, of the tail and of repeated structure.
 MIXTURE = np.array([1.3, 0.1, 0.2, 0.0])
 CLUTTER = 0.05
 
@@ -65,7 +65,7 @@ def point_of(
 
 
 class Linearized:
-    """The robust cost at a pose, as of `point_of`, with everything that comes along."""
+    """Robust cost and normal equations at a pose, as of `point_of`."""
 
     def __init__(self, *point: Any, soft_cheirality: bool = False, **computed: Any) -> None:
         normal, shares = np.full((6, 6), np.nan), np.full(4, np.nan)
@@ -78,7 +78,7 @@ class Linearized:
 
 
 class Evaluated:
-    """What a pose, as of `point_of`, makes of each match."""
+    """Residual, parallax and inlier probability at a pose, as of `point_of`."""
 
     def __init__(self, view: View, *point: Any, **computed: Any) -> None:
         out = np.full((3, len(packed(np.zeros(view.size)))), np.nan)
@@ -88,7 +88,7 @@ class Evaluated:
 
 
 class Refined:
-    """The maximum of the likelihood from a start, with its mixture."""
+    """Maximum of the likelihood from a start, with its mixture."""
 
     def __init__(self, view: View, step: np.ndarray, half_width: float = 500.0) -> None:
         pose = pose_of(*moved(view.R, view.t, step), np.array([1.0, 0.2, 0.1, 0.1]))
@@ -132,7 +132,7 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
     rows = [sampson_jacobian(view, i) for i in range(8)]
     r, J = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
     each = prior * densities(r, tail)
-    # A Cauchy distribution, over the uniform one that all would have.
+    # A Cauchy density, over the uniform density of outliers.
     half = half_width_of(MIXTURE, CLUTTER) / mixture.REPEATED_WIDTH_RATIO
     uniform = 0.5 / half_width_of(MIXTURE, CLUTTER)
     near = CLUTTER * repeated / (np.pi * half * (1.0 + (r / half) ** 2)) / uniform
@@ -143,8 +143,7 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
     assert at.steps == pytest.approx(np.sum(np.arange(4.0) @ each / total))
     assert at.trials == pytest.approx(np.sum([1.0, 2.0, 2.0 + tail, 3.0] @ each / total))
     assert at.repeated == pytest.approx(np.sum((near / total)[prior > 0]))
-    # Weights of the normal equations: what makes r w the slope of the cost; wrong matches do not
-    # draw.
+    # Weights of the normal equations: r w is the slope of the cost; outliers have no weight.
     h = 1e-6
     slope = [prior * densities(r + s * h, tail).sum(axis=0) + lost for s in (1.0, -1.0)]
     w = -(np.log(slope[0]) - np.log(slope[1])) / (2 * h) / r
@@ -157,7 +156,7 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
 
 
 def densities(r: np.ndarray, tail: float = LONG_TAIL) -> np.ndarray:
-    """Of good and ever poorer matches, over the peak of a normal density of all being good."""
+    """Densities of core and tail, over the peak of a normal density of the core."""
     variance, _, tail_share, _ = MIXTURE
     sigma = mixture.TAIL_RATIO ** np.arange(4.0)[:, None]
     return shares_of(tail_share, tail) * np.exp(-0.5 * r**2 / variance / sigma**2) / sigma
@@ -195,7 +194,7 @@ def test_backward_flow_lowers_the_density(seed):
 
 
 def test_the_cheirality_limit_is_exceeded_by_one_of_160():
-    """Up to where one of 160 goes it costs nothing, and at 8.5 sigma what noise says."""
+    """Up to the limit, which one of 160 exceeds, no penalty; at 8.5 sigma that of the noise."""
     assert norm.sf(mixture.CHEIRALITY_SIGMA) == pytest.approx(1.0 / 160.0, rel=0.02)
     beyond = 8.5 - mixture.CHEIRALITY_SIGMA
     assert mixture.CHEIRALITY_WEIGHT * beyond**2 == pytest.approx(8.5**2, rel=0.02)
@@ -212,13 +211,13 @@ def test_with_soft_cheirality_penalties_are_residuals(seed):
         return Linearized(view, prior, *pose, mixture=normal, soft_cheirality=soft_cheirality)
 
     here, held = at(np.zeros(5), True), at(np.zeros(5), False)
-    # Matches that retreat by very little are left alone.
+    # Small penalties are no residuals.
     assume(here.squares > held.squares)
     numeric = gradient(lambda step: at(step, True).cost, 5, 1e-6)
-    # The variance of a shift is taken as it is.
+    # The variance of a parallax is taken as constant.
     np.testing.assert_allclose(here.g, numeric, rtol=0.0, atol=0.06 * np.abs(numeric).max() + 0.5)
     assert here.cost == held.cost
-    # What is added is a square of each.
+    # The added matrix is positive semi-definite.
     more = np.linalg.eigvalsh(here.H - held.H)
     assert more.min() > -1e-6 * more.max()
 
@@ -244,13 +243,13 @@ def test_the_maximum_of_the_likelihood_is_found_from_nearby():
     view = noisy_views(8, 150, outliers=30)
     start = np.array([2e-3, -1e-3, 1e-3, 2e-2, -1e-2])
     at = Refined(view, start)
-    # Two starts end in one place.
+    # Two starts converge to one pose.
     other = Refined(view, -0.5 * start)
     assert so3.angle_between(at.R, other.R) < 1e-5
     assert sphere.angle_between(at.t, other.t) < 1e-4
     # Noise of unit size: the standard error of a variance of 115 residuals is 13 %.
     assert at.variance == pytest.approx(1.0, abs=0.4)
-    # A wrong match may lie on its epipolar line by chance.
+    # An outlier may lie on its epipolar line by chance.
     assert at.outlier_share == pytest.approx(0.2, abs=0.04)
     inlier = Evaluated(view, np.ones(150), at.R, at.t).inlier
     assert (inlier[:-30] > 0.5).mean() > 0.97
@@ -277,12 +276,11 @@ def test_the_maximum_is_stationary_under_its_own_mixture():
         R, t = moved(at.R, at.t, step)
         return Linearized(view, np.ones(60), R, t, at.mixture, at.half_width).cost
 
-    # And so is the mixture: the variance of good matches is that of the weighted residuals.
+    # So is the mixture: the variance of the core is that of the weighted residuals.
     end = Linearized(view, np.ones(60), at.R, at.t, at.mixture, at.half_width)
     assert at.variance == pytest.approx(end.squares * at.variance / (end.inlier - 5.0), rel=0.01)
     assert at.outlier_share == pytest.approx(1.0 - end.inlier / 60, abs=0.01)
-    # As if so many more matches had been seen, hardly any of them poor; and of the poor ones as
-    # many are poorer as of all are poor.
+    # With the Beta prior of both shares.
     of_all = end.trials + mixture.PRIOR_WEIGHT
     share = (end.steps + mixture.PRIOR_SHARE * mixture.PRIOR_WEIGHT) / of_all
     assert at.tail_share == pytest.approx(share, abs=0.01)
@@ -297,7 +295,7 @@ def test_the_maximum_is_stationary_under_its_own_mixture():
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="takes minutes")
 def test_few_steps_come_near_the_maximum_where_tails_are_heavy():
-    # EM alone is left behind by 2.3 in the mean, in the unit of the log likelihood.
+    # Plain EM ends 2.3 above the minimum on average, in log likelihood.
     short = []
     for seed in range(24):
         rng = np.random.default_rng(seed)
@@ -332,14 +330,14 @@ def test_repeated_refinement_stays_at_the_maximum():
             refinement.refine_pose(matches_of(view, 500.0, soft_cheirality=True), 1e-3, 20, pose)
             costs.append(pose.cost[0])
         ranges.append(max(costs) - min(costs))
-    # 0.76; 0.91 where what is usual of poor and of repeated matches counts for their share alone.
+    # 0.76; 0.91 if the Beta prior is left out of the cost.
     assert np.mean(ranges) < 0.83
 
 
 @pytest.mark.parametrize(("most", "least"), [(0.2, 0.2), (4.0, 0.7**2 * (0.8 + 0.2 * 16.0))])
 def test_the_noise_variance_is_at_most_its_upper_bound(most, least):
     view = two_views(5, 200, noise_rad=5e-4)
-    # Of 0.7 in both images, and a fifth of the matches four times as far off.
+    # Sigma 0.7 in both images, and 4 times as much for 20 % of the matches.
     view = shaken(view, 5, 0.7 * np.where(np.arange(200) % 5, 1.0, 4.0))
     pose = pose_of(view.R, view.t, np.array([1.0, 0.2, 0.1, 0.1]))
     given = matches_of(view, 500.0, soft_cheirality=True)._replace(max_variance=most)
@@ -365,7 +363,7 @@ def informed(
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="takes half a minute")
 def test_the_share_of_noise_in_the_information():
-    """The Jacobian grows with the flow, and noise along the line is taken for flow."""
+    """The Jacobian is proportional to the flow: noise along the line counts as information."""
     clean = two_views(3, 40, noise_rad=1e-3, baseline_m=0.02)
     trials = 1500
     whole, noise = np.zeros((2, 5, 5))
@@ -377,7 +375,7 @@ def test_the_share_of_noise_in_the_information():
     exact, *_ = informed(clean.pairs, weights, clean, mixture, 1e-12)
     unit = np.sqrt(np.diag(exact))
     scale = np.outer(unit, unit)
-    # What noise adds on average is what is said to be its share, and it is no small part.
+    # The mean addition by noise is the noise share computed, and not small.
     assert np.linalg.norm(noise / scale) > 0.1
     np.testing.assert_allclose((whole - noise) / scale, exact / scale, rtol=0.0, atol=0.02)
 

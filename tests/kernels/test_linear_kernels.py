@@ -1,4 +1,4 @@
-"""The small linear algebra of the kernels against NumPy, SciPy and published numbers."""
+"""Small linear algebra of the kernels against NumPy, SciPy and published numbers."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def test_the_sandwich_of_what_is_left_of_a_matrix(seed, scale):
 def test_the_sandwich_returns_false_without_enough_signal():
     V = np.diag([4.0, 1.0, 1.0, 1.0, 1.0])
     inner, out = 0.1 * V, np.zeros((5, 5))
-    # Of the first direction 10 % are left.
+    # 10 % of the first direction are left.
     assert linear.sandwich(V, np.diag([3.6, 0.0, 0.0, 0.0, 0.0]), inner, 0.05, out)
     assert out[0, 0] == pytest.approx(0.4 / 0.4**2)
     assert not linear.sandwich(V, np.diag([3.6, 0.0, 0.0, 0.0, 0.0]), inner, 0.15, out)
@@ -178,7 +178,7 @@ def test_a_rotation_step_may_be_made_in_place():
 @quick
 @given(d=vectors.filter(lambda v: np.linalg.norm(v) > 0.1).map(sphere.normalize))
 def test_the_tangent_basis_is_the_one_of_the_public_results(d):
-    # The covariance of a direction is stated in this basis and handed out with that one.
+    # The covariance of a direction is computed in this basis and returned in that of `sphere`.
     np.testing.assert_array_equal(basis_of(d), sphere.tangent_basis(d))
 
 

@@ -1,4 +1,4 @@
-"""Windows followed from image to image: a known shift is found, and what cannot be found is not."""
+"""Windows tracked from image to image: a known shift is found, and failures are reported."""
 
 from __future__ import annotations
 
@@ -65,6 +65,6 @@ def test_what_has_no_texture_or_leaves_the_image_is_not_found():
 def test_stripes_of_one_direction_are_not_found(slope):
     x, y = np.meshgrid(*map(np.arange, SIZE))
     stripes = np.rint(128 + 120 * np.sin(0.8 * (x + slope * y))).astype(np.uint8)
-    # A grey level beside the window is all that tells one place along a stripe from the next.
+    # One grey level beside the window is all that fixes the position along a stripe.
     stripes[20, 20 + HALF + 1] ^= 1
     assert np.isnan(refine_if_competitive(stripes, stripes, np.array([[20.0, 20.0]]))).all()

@@ -1,4 +1,4 @@
-"""The fit of a motion from end to end, on exact and on shaken rays."""
+"""Fit of a general motion, on exact and on noisy rays."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_the_motion_of_two_views_is_found_and_refined():
     assert (inlier > 0.9).all()
     assert (np.abs(residual) < 1.0).all()
     assert (parallax > 0.0).all()
-    # All are plausible, most of them the more for where the others are.
+    # All have a prior above zero, most of them a high one.
     assert (prior[:60] > 0.1).all()
     assert np.median(prior[:60]) > 5.0
     assert prior[60:].tolist() == [0.0] * (len(prior) - 60)
@@ -145,7 +145,7 @@ def test_the_search_uses_the_short_tail(monkeypatch):
 
 def test_an_even_subsample_of_many_matches_is_searched():
     view = two_views(5, 2 * MAX_SEARCHED, noise_rad=1e-3)
-    # Wrong are some of those that are not searched.
+    # Some matches outside the subsample are outliers.
     view.rays1[1:81:2] = np.roll(view.rays1[1:81:2], 1, axis=0)
     found, _, summary = find(view)
     assert found.t @ view.t > 0.999
@@ -188,7 +188,7 @@ def test_flow_that_is_mostly_noise_is_shrunk_and_the_motion_takes_a_step(least_s
     assert (
         here(linearisation_point(view.pairs, found), inlier, True, least_signal, expected) == shows
     )
-    # The noise of those right is known from before the step, when some may have been less so.
+    # The number of inliers is from before the step, when it may have been a little less.
     np.testing.assert_allclose(found.covariance, expected, rtol=0.02)
     # The per-match table is that of the motion after the step.
     pose = pose_of(found.R, found.t, found.mixture)
@@ -276,7 +276,7 @@ def test_noise_that_scales_with_parallax_is_found():
 
 
 def found_with_mode(view: View, seed: int) -> MotionBuffers | None:
-    """The motion found, if the search has met another one."""
+    """The motion found, if the search has found a secondary mode."""
     found, state = empty_buffers(view), np.array([seed], np.uint64)
     matches = matches_of(view, HALF_WIDTH, found.per_match[0], soft_cheirality=True)
     _, _, has_secondary, *_ = fit_motion(matches, BUDGET, LEAST_SIGNAL, state, found)
@@ -307,7 +307,7 @@ def test_a_secondary_mode_is_within_the_margin_and_in_another_direction():
 def test_a_secondary_mode_is_found_where_there_is_one():
     both = 0
     for seed in range(20):
-        # A flow of a few times the noise: a rotation can take its place.
+        # A flow of a few times the noise: a rotation imitates it.
         view = two_views(seed, 40, noise_rad=1e-3, error_rad=2e-3, baseline_m=0.05)
         found = found_with_mode(view, seed)
         if found is None:

@@ -1,4 +1,4 @@
-"""The likelihood of residuals for each floor of their variance."""
+"""Likelihood of residuals for each floor of their variance."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ def test_it_is_the_maximum_over_the_common_factor_of_students_distribution():
         return -float(scipy.optimize.minimize_scalar(cost).fun)
 
     expected = np.array([kth_largest(floor) for floor in floors])
-    # But for the constant of the density, which no floor changes.
+    # Up to the constant of the density, which does not depend on the floor.
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=1e-3)

@@ -1,4 +1,4 @@
-"""Sums of squares, and what solves them, against NumPy."""
+"""Normal equations and their solution, against NumPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Matches in their panels: what goes in comes out, and what fills them up does no harm."""
+"""Matches in panels: packed values and filler."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from farpoint.geometry import sphere
 
 @kernel
 def read(pairs: np.ndarray, i: int, v: np.ndarray) -> tuple:
-    """All that a panel holds of match ``i``."""
+    """All values of match ``i`` in its panel."""
     at, along = address(i), vector(v)
     return (
         ray0(pairs, at),

@@ -1,4 +1,4 @@
-"""Noise that grows with the parallax is found where it is, and only there."""
+"""Noise that scales with parallax is found where it is, and only there."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ SIGMA = 0.3
 
 
 def any_rays(matches: int = MATCHES) -> View:
-    """Rays with round noise of one radian: a parallax of one is one of a radian and a half."""
+    """Rays with isotropic noise of one radian."""
     rays = np.random.default_rng(9).normal(size=(2, matches, 3))
     return rays_only(*(rays / np.linalg.norm(rays, axis=2, keepdims=True)))
 
 
 def samples(rng: np.random.Generator, length: float, matches: int = MATCHES) -> tuple:
-    """Residual, parallax and probability, all for unit noise, with this length of the growth."""
+    """Residual, parallax and inlier probability for unit noise that scales with this length."""
     parallax = 10.0 * rng.exponential(size=matches)
     variance = np.sqrt(1.0 + (parallax / length) ** 2)
     residual = SIGMA * np.sqrt(variance) * rng.normal(size=matches)
-    # Some right ones are poor; the wrong ones have parallax and residual of any size.
+    # Some inliers are of the tail; outliers have parallax and residual of any size.
     residual[::10] *= np.sqrt(8.0)
     inlier = np.ones(matches)
     inlier[::7] = 0.1
@@ -33,7 +33,7 @@ def samples(rng: np.random.Generator, length: float, matches: int = MATCHES) -> 
 
 
 def scaled_pairs(view: View, residual, parallax, inlier) -> np.ndarray | None:
-    """Factors of the variances (N,), if the noise grows."""
+    """Factors of the variances (N,), or None for constant noise."""
     pairs = view.pairs
     out = np.full_like(pairs, np.nan)
     given = packed(residual), packed(parallax), packed(inlier)
@@ -67,14 +67,14 @@ def test_noise_that_scales_is_found_with_its_length(length):
         square = (factors[near] / factors[far]) ** 2
         slopes.append(square / parallax[near] ** 2)
     assert len(slopes) >= 18
-    # Each length that is tried is half of the one before.
+    # Each length is half of the previous one.
     assert 0.4 * length < np.median(slopes) ** -0.5 < 2.2 * length
 
 
 def test_constant_noise_is_not_scaled():
     rng = np.random.default_rng(1)
     view = any_rays()
-    # Once in two thousand times; three in five hundred have a chance of 0.2 %.
+    # False-alarm rate 1 in 2000: more than two in 500 have a probability of 0.2 %.
     assert sum(scaled_pairs(view, *samples(rng, 1e9)) is not None for _ in range(500)) <= 2
 
 

@@ -1,4 +1,4 @@
-"""Where along its epipolar line a right match may lie, learnt from the others."""
+"""Empirical-Bayes prior of the parallax."""
 
 from __future__ import annotations
 
@@ -41,19 +41,19 @@ def prior_of(parallax: np.ndarray, inlier: np.ndarray, sigma: float = 1.0) -> np
 
 
 def prior_at(probes: np.ndarray, inlier: np.ndarray, sigma: float = 1.0) -> np.ndarray:
-    """What right matches with this parallax, and some wrong ones, make plausible of one more."""
+    """Prior of one more match at each probe, given these inliers and some outliers."""
     is_inlier = np.r_[np.ones(len(inlier)), np.zeros(len(OUTLIERS) + 1)]
     return np.array([prior_of(np.r_[inlier, OUTLIERS, p], is_inlier, sigma)[-1] for p in probes])
 
 
 def others_near(probes: np.ndarray, inlier: np.ndarray) -> np.ndarray:
-    """Density of the right ones at each probe, times their number, by all pairs of both."""
+    """Density of the inliers at each probe, times their number, by all pairs of both."""
     shares = shares_of(probes).T @ shares_of(inlier)
     return np.sum(shares, axis=1) / (BIN * np.hypot(probes, BAND_SIGMA))
 
 
 def shares_of(parallax: np.ndarray) -> np.ndarray:
-    """How much (BINS, N) of each match is in which bin."""
+    """Share (BINS, N) of each match in each bin."""
     rank = (np.arcsinh(parallax / BAND_SIGMA) + np.arcsinh(1.0)) / BIN
     return np.maximum(1.0 - abs(np.clip(rank, 0.0, BINS - 1.5) - np.arange(BINS)[:, None]), 0.0)
 
@@ -69,7 +69,7 @@ def test_the_kth_largest_of_some_values():
 def test_any_of_many_directions_has_more_matches_than_expected(expected, directions):
     most = most_by_chance(expected, directions)
     level = FALSE_ALARM_RATE / directions
-    # The bound on the tail may ask for one more than its quantile.
+    # The bound on the tail may exceed its quantile by one.
     assert poisson.isf(level, expected) <= most <= poisson.isf(level, expected) + 1
     assert poisson.sf(most, expected) < level
 
@@ -92,7 +92,7 @@ def test_the_prior_is_the_density_of_inliers_over_that_of_outliers(sigma):
 
 
 def test_the_prior_is_never_zero():
-    # A prior of 0 leaves a match out, and costs nothing: poses with many of those would win.
+    # A prior of 0 leaves a match out at no cost: poses with many of these would be the likeliest.
     inlier = np.random.default_rng(3).gamma(2.0, 12.0, 80)
     assert (prior_at(np.array([-1e6, 1e4, 1e9]), inlier) > 0.0).all()
 
@@ -101,7 +101,7 @@ def test_the_prior_integrates_to_one_match():
     inlier = np.random.default_rng(3).gamma(2.0, 12.0, 80)
     last, tail = beyond(inlier)
     probes = np.linspace(-BAND_SIGMA, last + tail, 5000)
-    # What is left of it is beyond: before the band, and where it fades.
+    # The remainder is outside: before the band, and in the fall-off.
     whole = np.trapezoid(prior_at(probes, inlier), probes) / (2.0 * HALF_WIDTH)
     assert whole == pytest.approx(0.99, abs=0.02)
 
@@ -112,7 +112,7 @@ def test_a_match_does_not_contribute_to_its_own_prior():
     alone = prior_of(parallax, np.r_[np.ones(81), np.zeros(20)])[40]
     others = np.delete(inlier, 40)
     assert alone == pytest.approx(prior_at(np.array([25.0]), others)[0], rel=1e-6)
-    # Half a match anywhere on the line, of 80.
+    # Pseudo-count 0.5 anywhere on the line, of 80 matches.
     assert alone == pytest.approx(0.5 / 80.5 * 2.0 * HALF_WIDTH / 100.0, rel=0.2)
 
 
@@ -127,7 +127,7 @@ def test_the_prior_falls_off_beyond_the_parallax_of_the_others():
 
 
 def beyond(inlier: np.ndarray, captured: int = 4) -> tuple[float, float]:
-    """The last match that others vouch for, and how far beyond it one may lie."""
+    """The last supported parallax, and the distance of the end of the prior beyond it."""
     sizes = np.sort(inlier)[::-1]
     last = sizes[captured]
     nearer = max(sizes[2 * captured + 1] / last, np.sqrt(0.5))
@@ -136,8 +136,8 @@ def beyond(inlier: np.ndarray, captured: int = 4) -> tuple[float, float]:
 
 @pytest.mark.parametrize(
     ("sizes", "last", "tail"),
-    # The fifth from the end is the last that others vouch for; the tenth is a little nearer, as
-    # far off, or less than half as far.
+    # The fifth from the end is the last supported parallax; the tenth is a little smaller, as
+    # large, or less than half as large.
     [
         (np.arange(1.0, 61.0), 56.0, (56.0**2 / 51.0**2 - 1.0) * 56.0),
         (np.full(60, 50.0), 50.0, MIN_TAIL * 50.0),

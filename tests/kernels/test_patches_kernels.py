@@ -1,4 +1,4 @@
-"""The image in patches, and halves of it, held against the same written down plainly."""
+"""Patches of the image and their halves, against a reference in plain NumPy."""
 
 from __future__ import annotations
 
@@ -92,5 +92,5 @@ def test_every_match_comes_into_either_half_as_often():
         split_patches(np.arange(31), state, half)
         assert np.count_nonzero(half == 0) == 16
         times += half == 0
-    # 16 of 31 deals; a share scatters by 0.011.
+    # 16 of 31 splits; the standard deviation of the share is 0.011.
     np.testing.assert_allclose(times / 2000.0, 16.0 / 31.0, atol=0.05)

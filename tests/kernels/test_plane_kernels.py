@@ -1,4 +1,4 @@
-"""The other motion that a plane allows, beside what plain NumPy makes of it."""
+"""Second motion of a plane, against a reference in plain NumPy."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MEDIAN = 2.0 * np.log(2.0)
 
 @kernel
 def median(values: np.ndarray) -> float:
-    """The upper one of two, as exactly as it is asked for."""
+    """Upper median, by the bisection of the kernels."""
     return parallax_prior.kth_largest(values, (values.size + 1) // 2)
 
 
@@ -39,9 +39,9 @@ def wall(
     direction=(1.0, 0.3, -0.4),
     shape: float = 1.0,
 ) -> View:
-    """A plane 4 m away seen from 0.1 m on: some points well before it, the others by ``relief``.
+    """A plane 4 m away and a translation of 0.1 m: some points in front, others with relief.
 
-    The last matches are wrong. The noise has ``shape`` times the sigma along one of its axes.
+    The last matches are outliers. The noise has ``shape`` times the sigma along one of its axes.
     """
     rng = np.random.default_rng(count)
     rays0 = sphere.normalize(np.c_[rng.uniform(-0.5, 0.5, (count, 2)), np.ones(count)])
@@ -72,7 +72,7 @@ def other_of(view: View, prior: np.ndarray | None = None, is_given: bool = False
 
 
 def evaluate(view: View, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Parallax of each match, for unit noise, and its probability to be right."""
+    """Parallax of each match for unit noise, and its inlier probability."""
     computed, prior = np.empty((3, len(packed(np.ones(view.size))))), packed(np.ones(view.size))
     likelihood.evaluate_residuals(
         LinearisationPoint(view.pairs, prior, R, t, MIXTURE, HALF_WIDTH, mixture.LONG_TAIL),
@@ -82,9 +82,9 @@ def evaluate(view: View, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def off_plane(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """From where the plane through most has the later rays (N, 3), over the sigma of the noise.
+    """Offsets of the later rays (N, 3) from the prediction by the plane, over the noise sigma.
 
-    By robust least squares of the plane in the tangent planes of those rays.
+    By robust least squares of the plane in the tangent planes of the rays.
     """
     inlier = evaluate(view, R, t)[1] > 0.5
     axes = sphere.tangent_basis(view.rays1)
@@ -113,7 +113,7 @@ class Relief(NamedTuple):
 def parts_of(
     view: View, off: np.ndarray, R: np.ndarray, t: np.ndarray, is_given: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Squares of how far matches are off, towards t: in all, and across; for unit noise."""
+    """Squared offsets for unit noise: total, and across the epipolar line of t."""
     axes = sphere.tangent_basis(view.rays1)
     factors = (np.einsum("nik,ij,njm->nkm", axes, R, view.noise0), axes.mT @ view.noise1)
     covariance = sum(each @ each.mT for each in factors)
@@ -130,7 +130,7 @@ def parts_of(
 def likelihood_by(
     view: View, squares: tuple[np.ndarray, np.ndarray], R: np.ndarray, t: np.ndarray
 ) -> Relief:
-    """Of matches off the plane by noise and, along their lines, by relief; both by EM."""
+    """Log likelihood of the offsets, with noise across the lines and relief along them, by EM."""
     whole, c2 = squares
     a2 = whole - c2
     shift = evaluate(view, R, t)[0] / np.sqrt(MIXTURE[0])
@@ -198,13 +198,13 @@ def test_the_evidence_for_the_first_motion_is_relief_along_its_lines(
 
 @pytest.mark.parametrize("shape", [1.0, 2.0, 0.5])
 def test_a_plane_without_relief_is_no_evidence(shape):
-    # Where each motion leaves its own lines free, their likelihoods differ by 3.
+    # The likelihoods differ by 3, because each motion ignores the noise along its own lines.
     assert abs(other_of(wall(40, shape=shape)).log_ratio) < 0.5
 
 
 def test_one_match_off_the_plane_is_little_evidence_and_the_next_one_more():
-    # Of a wrong match or two on its line, any motion makes as much. A share of one in ten that is
-    # taken for granted gives 6 for each.
+    # One or two outliers on their lines are consistent with any motion: a fixed share of 0.1 off
+    # the plane would give 6 for each.
     log_ratio = [other_of(wall(320, off)).log_ratio for off in (0, 1, 2, 4, 6)]
     evaluated = np.diff(log_ratio) / (1, 1, 2, 2)
     assert np.all(evaluated[:2] > 1.0)
@@ -253,7 +253,7 @@ def test_of_a_wall_nearly_straight_ahead_the_other_motion_is_as_near(degrees):
     other = other_of(wall(60, direction=R @ aside @ normal))
     assert other.is_secondary_mode
     assert abs(other.log_ratio) < 1.0
-    # Translation and normal change places.
+    # Translation and normal exchange their places.
     np.testing.assert_allclose(other.t, R @ normal, atol=0.05)
 
 

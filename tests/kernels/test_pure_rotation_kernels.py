@@ -1,4 +1,4 @@
-"""A rotation fitted from end to end, and what speaks for a translation beside it."""
+"""Pure rotation, and log-likelihood ratio of a translation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HALF_WIDTH = 10.0
 
 @pytest.mark.parametrize(
     ("matches", "outlier_log_ratio", "sigma", "rounds"),
-    # Many, hardly enough to tell the noise, and a rotation that none agrees with yet.
+    # Many, hardly enough to estimate the noise, and a rotation without consistent matches.
     [(40, 8, 1.0, 20), (3, 0, 1.0, 20), (40, 0, 50.0, 1)],
 )
 def test_a_rotation_is_refined_and_its_information_is_reduced_for_unknown_labels(
@@ -82,7 +82,7 @@ def test_without_matches_all_statistics_are_zero():
 def gains(
     matches_by: MatchProbabilities, sigma, lift, outlier_log_ratio, share, middle, variance
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of each match, the log likelihood ratio of a motion; which ones the rotation explains too."""
+    """Log-likelihood ratio of a motion for each match; whether the rotation explains it too."""
     near = matches_by.inlier / (1.0 - matches_by.inlier)  # where others are, over wrong
     shift2 = (matches_by.parallax / sigma - middle) ** 2
     far = near * lift / matches_by.prior * np.exp(-0.5 * shift2 / variance) / np.sqrt(variance)
@@ -97,8 +97,8 @@ def test_the_evidence_for_a_motion_is_matches_that_only_it_explains(bulk, far, m
     rng, n, sigma, lift, outlier_log_ratio = np.random.default_rng(1), 60, 0.7, 400.0, -0.4
     parallax, inlier = 90.0 * rng.normal(size=n), rng.uniform(0.01, 0.99, n)
     rotation_inlier, prior = rng.uniform(0.01, 0.45, n), rng.uniform(1.0, 5.0, n)
-    # With a small doubt of the rotation, what both explain is against the motion. It lies together,
-    # at infinity or nearer, where the rotation takes its shift for its own.
+    # With a high inlier probability by the rotation, matches that both explain count against the
+    # motion. They have a common parallax, zero or larger, which the rotation takes up.
     rotation_inlier[:far], inlier[:far] = 1.0 - bulk, 0.9
     parallax[:far] = sigma * (middle + rng.normal(size=far))
     matches_by = MatchProbabilities(prior, parallax, inlier, rotation_inlier)

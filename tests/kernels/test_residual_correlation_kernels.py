@@ -1,4 +1,4 @@
-"""Whether neighbours are off alike."""
+"""Correlation of residuals between neighbours."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_independent_noise_is_uncorrelated():
     for seed in range(40):
         view = two_views(seed, MAX_QUERIED, noise_rad=1e-4)
         shares.append(correlation(view, np.random.default_rng(seed).normal(size=MAX_QUERIED)))
-    # Of 200 pairs each, of which some are asked both ways.
+    # 200 pairs each, some of them counted both ways.
     assert abs(np.mean(shares)) < 0.04
     assert np.std(shares) < 0.13
 
@@ -39,7 +39,7 @@ def test_smooth_residuals_are_correlated():
 def test_the_neighbour_is_the_nearest_inlier_in_both_images(width, aside):
     rng = np.random.default_rng(2)
     view, residual = two_views(2, MAX_QUERIED, noise_rad=1e-4), rng.normal(size=MAX_QUERIED)
-    # All but one in a column as narrow as that, and one far away.
+    # All but one in a narrow column, and one far away.
     view.rays0[1:, 0] *= width
     view.rays0[0, 0] += aside
     inlier = np.append(1.0, rng.uniform(0.2, 1.0, MAX_QUERIED - 1))

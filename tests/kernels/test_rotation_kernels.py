@@ -1,4 +1,4 @@
-"""Rotation of direction vectors: consensus, enlargement, likelihood and its derivative."""
+"""Rotation of rays: RANSAC, consistent set, likelihood and its derivative."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=20, deadline=None)
 seeds = st.integers(0, 2**32)
-# Variance of good matches, share of wrong ones (which makes the clutter), share of poor ones.
+# Variance of the core, share of outliers (by the clutter), share of the tail.
 MIXTURE = np.array([1.3, 0.1, 0.2])
 SHARES = shares_of(MIXTURE[2]).ravel()
 CLUTTER, HALF_WIDTH = 0.05, 500.0
 
 
 class Linearized:
-    """The robust cost at a rotation with everything that comes along."""
+    """Robust cost and normal equations at a rotation."""
 
     def __init__(self, view: View, prior: np.ndarray, R: np.ndarray) -> None:
         weights = packed(prior)
@@ -67,7 +67,7 @@ def precision(view: View) -> np.ndarray:
 
 
 def turning(seed: int, matches: int, *, noise: float, outliers: int = 0) -> View:
-    """Rays that only turn, with isotropic noise of 1 mrad times ``noise``, the last ones wrong."""
+    """Rays after a rotation, isotropic noise of 1 mrad times ``noise``; the last are outliers."""
     rng = np.random.default_rng(seed)
     R = so3.exp(rng.normal(size=3) * 0.3)
     rays0 = sphere.normalize(np.c_[rng.uniform(-1, 1, (matches, 2)), np.ones(matches)])
@@ -84,7 +84,7 @@ def turning(seed: int, matches: int, *, noise: float, outliers: int = 0) -> View
 
 
 def density(distance2: np.ndarray) -> np.ndarray:
-    """Of a right match, over that of a good one at its peak."""
+    """Density of an inlier, over that of the core at its peak."""
     # In two dimensions a density falls with the square of its sigma.
     parts = (
         np.exp(-0.5 * distance2 / MIXTURE[0] / s**2) / s**2 for s in TAIL_RATIO ** np.arange(4.0)
@@ -142,7 +142,7 @@ def test_the_gradient_of_the_robust_cost_with_fixed_noise(seed):
 @quick
 @given(seed=seeds)
 def test_the_gradient_is_that_of_the_whole_cost_where_noise_is_isotropic(seed):
-    # The noise turns with the rotation; where it is round that is of second order.
+    # The noise is rotated, too; for isotropic noise that is of second order.
     view = turning(seed, 8, noise=1.0)
 
     def cost(dtheta: np.ndarray) -> float:
@@ -156,7 +156,7 @@ def test_the_gradient_is_that_of_the_whole_cost_where_noise_is_isotropic(seed):
 @quick
 @given(seed=seeds)
 def test_the_normal_matrix_is_the_information_of_the_matches(seed):
-    # Far below the noise every match is right, and the cost is a paraboloid of this curvature.
+    # Far below the noise every match is an inlier, and the cost is a paraboloid of this curvature.
     view = turning(seed, 12, noise=1e-4)
     at = Linearized(view, np.ones(12), view.R)
 
@@ -183,7 +183,7 @@ def test_what_a_rotation_makes_of_each_match():
     expected = plain_distance2(view, view.R)
     np.testing.assert_allclose(distance[:40], expected, rtol=1e-8)
     near = np.minimum(expected, 30720.0 * variance)  # the exponential is constant beyond
-    # Wrong ones fill a disc of this radius, good ones a normal distribution.
+    # Outliers fill a disc of this radius, the core is a normal distribution.
     clutter = outliers / (1.0 - outliers) * 2.0 * variance / HALF_WIDTH**2
     np.testing.assert_allclose(
         inlier[:40], density(near) / (density(near) + clutter), rtol=1e-6, atol=1e-9

@@ -1,4 +1,4 @@
-"""Whether matches keep to a grid of pixels."""
+"""Noise of rounded coordinates."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ def test_the_coarsest_grid_gives_the_variance_of_rounding(step):
 
 def test_those_found_between_pixels_keep_to_none():
     assert rounding_variance(points(1), points(2)) == 0.0
-    # Of corners to the pixel that were followed between them, one image alone is rounded.
+    # Corners on whole pixels that were tracked to sub-pixel positions are rounded in one image
+    # only.
     assert rounding_variance(np.round(points(1)), points(2)) == 0.0
     assert rounding_variance(np.round(points(1), 1), points(2)) == 0.0
     none = np.empty((0, 2))

@@ -1,4 +1,4 @@
-"""Hypotheses of the joint search: the five-ray solver, the score, its sign and the stop rule."""
+"""Five-ray hypotheses of the search: solver, score, sign and number of samples."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_solution_satisfies_all_five_constraints(seed):
     solution = solve_five(view, [0, 1, 2, 3, 4], *moved(view.R, view.t, rng.normal(0, 0.1, 5)))
     if solution is not None:  # From a poor start Newton may not arrive, and says so.
         R, t = solution
-        # Within the noise of a ray: what comes next refines it.
+        # Within the noise of a ray, which the refinement removes.
         np.testing.assert_allclose(constraints(view, R, t), 0.0, rtol=0.0, atol=1e-4)
         np.testing.assert_allclose(R @ R.T, np.eye(3), rtol=0.0, atol=1e-12)
         assert np.linalg.norm(t) == pytest.approx(1.0, abs=1e-12)
@@ -123,7 +123,7 @@ def test_the_score_is_the_sum_of_truncated_squares_at_the_better_sign(seed, limi
     backward, flipped = score(view, view.R, -view.t, limit)
     np.testing.assert_array_equal(kept, view.t)
     np.testing.assert_array_equal(flipped, view.t)
-    # A point near the epipole does not move and may flow either way.
+    # A point near the epipole has no flow and may flow either way.
     assert forward == pytest.approx(expected, abs=1.01 * limit)
     assert backward == pytest.approx(forward, rel=1e-12)
 
@@ -194,8 +194,8 @@ def test_a_sample_is_distinct_and_of_those_that_it_is_drawn_among():
     confidence=st.sampled_from([0.9, 0.99, 0.9999]),
 )
 def test_the_stop_rule_keeps_its_confidence(outliers, known, confidence):
-    # A sample of five hits when none is wrong and, not every time, when it converges. Of known
-    # matches fewer are wrong, if a pose explains more of all than chance would.
+    # A sample succeeds if it has no outliers and converges. Consistent matches have fewer outliers,
+    # if a pose is consistent with more matches than chance.
     inlier = 1.0 - outliers
     among = min(inlier / known, 1.0) * min(inlier / five_rays.MIN_CONSENSUS, 1.0)
     hit = 0.25 * 0.5 * (inlier**5 + among**5)
@@ -218,18 +218,18 @@ def test_the_stop_rule_keeps_to_its_bounds():
 def test_known_matches_need_fewer_hypotheses_unless_consistent_by_chance():
     known = [iterations_needed(0.5, 0.99, known=share) for share in (1.0, 0.7, 0.5)]
     assert known[0] > 3 * known[1] > 6 * known[2]
-    # All that agree with a pose are known: of a poor one, they say little about a better one.
+    # If all matches consistent with an inaccurate pose are known, a better one gains little.
     alone = [iterations_needed(1.0 - inlier, 0.99, known=inlier) for inlier in (0.4, 0.3, 0.2, 0.1)]
     assert alone == sorted(alone)
     assert alone[-1] > 100 * alone[0]
 
 
 def test_long_flow_needs_more_hypotheses():
-    # The farther the start, the fewer samples converge to the pose, until they do not start there.
+    # The farther the start, the fewer samples converge to the pose, down to a limit.
     counts = [iterations_needed(0.2, 0.99, flow_rad=flow) for flow in (0.0, 0.02, 0.1, 0.5)]
     assert counts[0] < counts[1] < counts[2] == counts[3]
     assert counts[-1] == pytest.approx(2.0 * counts[0], abs=4)
-    # Nor is the start then likely to have led to it.
+    # Nor is the start likely to have led to the pose.
     alone = [
         iterations_needed(0.2, 0.99, flow_rad=flow, has_competing_mode=False) for flow in (0.0, 0.5)
     ]
@@ -241,15 +241,17 @@ def test_a_start_without_a_competing_mode_needs_fewer_samples():
         doubt = five_rays.START_FAILURE / (1.0 - outliers) ** 2
         hit = 0.5 / (1.0 + doubt) * (1.0 - outliers) ** 5
         needed = iterations_needed(outliers, 0.999, has_competing_mode=False)
-        # Together, the start and the samples miss the pose with the probability that was asked for.
+        # Start and samples together miss the pose with one minus the confidence.
         assert doubt * (1.0 - hit) ** needed <= 0.001
         assert doubt * (1.0 - hit) ** (needed - 2) >= 0.001
         assert iterations_needed(outliers, 0.999) > 2 * needed
 
 
 def on_a_plane(outliers: int = 0, captured=(), direction=(1.0, 0.3, -0.4)) -> View:
-    """A plane 4 m away seen from 0.1 m on: wrong matches first, then some on their own line, as far
-    along as if the camera had moved by so many metres more."""
+    """A plane 4 m away and a translation of 0.1 m: first outliers, then some on their line.
+
+    The latter are where a translation longer by this many metres would have moved them.
+    """
     rng = np.random.default_rng(0)
     count = 40 + outliers + len(captured)
     rays0 = sphere.normalize(np.c_[rng.uniform(-0.5, 0.5, (count, 2)), np.ones(count)])
@@ -275,10 +277,10 @@ def test_a_plane_allows_another_motion(outliers, captured):
     )
     assert sphere.angle_between(other_t, view.t) > 0.5
     np.testing.assert_allclose(other_R @ other_R.T, np.eye(3), rtol=0.0, atol=1e-12)
-    # To the second order of a motion of 2.5 % of the distance; any other motion leaves the first.
+    # To second order of a motion of 2.5 % of the distance.
     inlier = slice(outliers + len(captured), None)
     flow = np.linalg.norm((view.rays1 - view.rays0 @ view.R.T)[inlier], axis=1).max()
-    # Wrong matches on their own line look right, far too near, ahead or behind.
+    # Outliers on their own line are consistent, with a large inverse depth, positive or negative.
     assert np.abs(constraints(view, other_R, other_t)[inlier]).max() < 0.05 * flow
     assert np.abs(constraints(view, view.R, other_t)[inlier]).max() > 0.2 * flow
 
@@ -286,7 +288,7 @@ def test_a_plane_allows_another_motion(outliers, captured):
 @pytest.mark.parametrize("metres", [0.1, 1.0, 2.5])
 @pytest.mark.parametrize("direction", [(1.0, 0.2, 0.3), (0.1, 0.4, -1.0), (0.2, -0.1, 1.0)])
 def test_the_second_motion_of_a_plane_has_the_same_homography(metres, direction):
-    """However far the camera went, towards the plane and away from it."""
+    """For any translation, towards the plane and away from it."""
     rng = np.random.default_rng(1)
     rays0 = sphere.normalize(np.c_[rng.uniform(-0.5, 0.5, (40, 2)), np.ones(40)])
     normal, t = np.array([0.3, -0.2, 1.0]) / 4.0, sphere.normalize(np.array(direction))
@@ -339,7 +341,8 @@ def test_what_is_far_away_has_no_plane():
 def test_a_pose_twisted_by_half_a_turn_costs_everything():
     view = two_views(5, 30)
     twisted = so3.exp(math.pi * view.t) @ view.R
-    # The epipolar constraint cannot tell the two: only the side of t on which the rays lie can.
+    # The epipolar constraint is the same for both: only the side of t on which the rays lie
+    # differs.
     assert np.abs(constraints(view, twisted, view.t)).max() < 1e-12
     cost, _ = score(view, twisted, view.t, 9.0)
     assert cost == pytest.approx(9.0 * 30)
@@ -363,11 +366,11 @@ def test_two_layers_can_change_places(outliers, ahead):
     view = rays_only(rays0, rays1)._replace(noise0=noise, noise1=noise)
     other_R, other_t = np.empty((3, 3)), np.empty(3)
     assert ambiguous_motions.bas_relief_motion(view.pairs, count, 3.0, R, t, other_R, other_t)
-    # As far ahead as before, within the noise of where the rays look on average.
+    # The part along the mean ray stays, within the noise.
     np.testing.assert_allclose(other_t, t * (-1.0, 1.0, 1.0), atol=0.06)
     flow = rays1 - rays0 @ other_R.T
     parallax = 0.05 / 2.0 * t[0]
-    # The near layer now stands still, and the far one flows towards the twin's direction.
+    # The near layer is stationary now, and the far one flows towards the second direction.
     assert np.linalg.norm(flow[near], axis=1).max() < 0.15 * parallax
     assert (-flow[far, 0] > 0.9 * parallax).all()
 
@@ -382,7 +385,7 @@ def start_from(
 
 @pytest.mark.parametrize(
     ("best", "is_known"),
-    # Noise of 0.3 units or of three, where two thirds of 20 matches are right, or only a sample.
+    # Noise of 0.3 or 3 units, with 2/3 inliers among 20 matches, or the sample alone.
     [
         ((0.09, 1 / 3, 0.1, 0.2), True),
         ((9.0, 1 / 3, 0.1, 0.2), False),

@@ -1,4 +1,4 @@
-"""By how much two halves of the matches disagree, held against the same written in NumPy."""
+"""Split-half ratio, against a reference in NumPy."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def generator() -> np.ndarray:
 
 
 def fitted(seed: int, matches: int, times: int = 1) -> tuple[PackedMatches, Pose]:
-    """Matches with the noise of their factors, each so many times, and the likeliest pose."""
+    """Matches with the noise of their factors, each ``times`` times, and the likeliest pose."""
     view = shaken(two_views(seed, matches), seed)
     repeated = [np.repeat(array, times, axis=0) for array in view[:4]]
     view = View(*repeated, view.R, view.t)
@@ -103,7 +103,7 @@ def test_it_is_the_mean_over_halves_of_what_they_differ_by(patches):
 
 
 def mean_disagreement(apart_rad: float) -> float:
-    """Where half of 60 matches ask for a motion with another rotation."""
+    """Mean ratio where half of 60 matches have a motion with another rotation."""
     shown = []
     for seed in range(12):
         view = shaken(two_views(seed, 60), seed)
@@ -117,7 +117,7 @@ def mean_disagreement(apart_rad: float) -> float:
 
 
 def test_the_ratio_is_large_where_matches_have_two_motions():
-    # 0.8 and 1.5: which motion a half follows is decided by few.
+    # 0.8 and 1.5: a few matches decide which motion a half follows.
     one_motion, two_motions = mean_disagreement(0.0), mean_disagreement(0.06)
     assert 0.7 < one_motion < 0.95
     assert two_motions > 1.6 * one_motion
@@ -138,7 +138,7 @@ def test_noise_that_is_larger_than_was_thought_shows():
     matches, pose = fitted(3, 200)
     shown = computed(matches, pose, each_by_itself(200))
     too_confident = pose._replace(mixture=pose.mixture * [0.25, 1.0, 1.0, 1.0])
-    # Not four times as much: the scatter of the residuals is heard, too.
+    # Less than 4 times as large: the covariance contains the scatter of the residuals, too.
     assert computed(matches, too_confident, each_by_itself(200)) > 1.5 * shown
 
 

@@ -1,4 +1,4 @@
-"""When the search stops drawing samples: its loop alone, with everything that it calls mocked."""
+"""Number of samples of the search: its loop alone, with all callees mocked."""
 
 from __future__ import annotations
 
@@ -65,7 +65,8 @@ def drawn(monkeypatch):
             return samples[-1] in competing, False
 
         def get_to_know(*_):
-            # After a rival, those that agree with the best are marked, and those with the other.
+            # After a competing mode, matches consistent with the best are marked, then those with
+            # the other.
             last[0] = next(marked, last[0])
             return last[0] / MATCHES
 
@@ -132,7 +133,7 @@ def test_any_hypothesis_is_within_the_margin_of_an_infinitely_unlikely_start(dra
 
 @pytest.mark.parametrize(
     ("scores", "is_tried"),
-    # Up to twice the squares; and at least half the support, of 540 less the squares.
+    # Up to twice the squares; and at least half of the support, 540 minus the squares.
     [((50.0, 99.0), True), ((50.0, 101.0), False), ((340.0, 439.0), True), ((340.0, 441.0), False)],
 )
 def test_only_a_sample_of_low_score_may_compete(drawn, scores, is_tried):
@@ -174,7 +175,7 @@ def test_the_bounds_hold_for_any_outlier_share(drawn):
 
 @pytest.mark.parametrize("outcome", [(False, False), (False, True), (True, False)])
 def test_the_second_motion_of_a_plane_has_the_planar_margin(monkeypatch, outcome):
-    """And it is told whether it came so near, as it was or once refined; one of layers is not."""
+    """Returns whether that motion was within the margin, before or after refinement."""
     asked: list[float] = []
 
     def compare_hypothesis(*given):

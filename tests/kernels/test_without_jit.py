@@ -1,4 +1,4 @@
-"""The kernels mean the same to Python as to numba: their tests once more, interpreted."""
+"""The tests of the kernels, interpreted instead of compiled."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
-# Kernels that are held from where they are used.
+# Kernels that are tested where they are used.
 MAX_COSINE = [
     HERE.parent / "synthetic" / "test_raycast.py",
     f"{HERE.parent / 'tracks' / 'test_refinement.py'}::"

@@ -25,6 +25,7 @@ __all__ = [
     "normal_matrix",
 ]
 
+# Displacement (2), warp (4), gain and offset.
 PARAMETERS = 8
 
 Nine = tuple[float, float, float, float, float, float, float, float, float]

@@ -50,8 +50,8 @@ MIN_CONSENSUS = 0.4
 NEWTON_STEPS = 7
 # Lanes for the five rays of a sample, three of them filler; size of the array. Length of the
 # longest step; length of a step after which the next one, its square, is within the noise.
-LANES_OF_FIVE = 8
-PADDED_SIZE = 6 * LANES_OF_FIVE
+SAMPLE_LANES = 8
+PADDED_SIZE = 6 * SAMPLE_LANES
 LONGEST_STEP = 0.5
 LAST_STEP = 0.01
 
@@ -127,7 +127,7 @@ def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np
     """
     rotation, direction = matrix(R), vector(t)
     sums = SIX
-    for lane in range(LANES_OF_FIVE):
+    for lane in range(SAMPLE_LANES):
         weight, row = _row(rays, lane, rotation, direction)
         sums = add_six(sums, weight, row)
     write_six(sums, normal)
@@ -136,11 +136,11 @@ def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np
 @inlined_kernel
 def _row(rays: np.ndarray, lane: int, R: Matrix, t: Vector) -> tuple[float, Row]:
     """Weight and row of the pair in this lane; the last element is the constraint itself."""
-    a = rays[lane], rays[LANES_OF_FIVE + lane], rays[2 * LANES_OF_FIVE + lane]
+    a = rays[lane], rays[SAMPLE_LANES + lane], rays[2 * SAMPLE_LANES + lane]
     b = (
-        rays[3 * LANES_OF_FIVE + lane],
-        rays[4 * LANES_OF_FIVE + lane],
-        rays[5 * LANES_OF_FIVE + lane],
+        rays[3 * SAMPLE_LANES + lane],
+        rays[4 * SAMPLE_LANES + lane],
+        rays[5 * SAMPLE_LANES + lane],
     )
     m = rotate(R, a)
     first, second = tangent_columns(t)
@@ -163,7 +163,7 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
     for s in range(5):
         at = address(sample[s])
         for row in range(6):
-            rays[row * LANES_OF_FIVE + s] = pairs[at + row * LANES]
+            rays[row * SAMPLE_LANES + s] = pairs[at + row * LANES]
     for _ in range(NEWTON_STEPS):
         _newton_equations(rays, R, t, normal)
         if not solve_five_spd(normal, 0.0, x):

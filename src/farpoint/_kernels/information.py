@@ -59,6 +59,7 @@ CONVERGED = 1e-3
 JACOBIAN, RESIDUAL, CHANGE, WEIGHT, SHARE, KNOWN, MISSING, SCATTER, DEPTH, DEPTH_VARIANCE = (
     np.int64(row) for row in (0, 5, 6, 11, 12, 13, 14, 15, 16, 17)
 )
+# Length of a panel.
 TERMS = 18 * LANES
 
 

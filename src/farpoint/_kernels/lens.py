@@ -23,6 +23,7 @@ __all__ = [
     "undistort",
 ]
 
+# Newton's method: relative length of the last step, and maximum number of steps.
 NEWTON_TOLERANCE = 1e-10
 NEWTON_ITERATIONS = 20
 

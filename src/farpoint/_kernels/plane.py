@@ -48,9 +48,10 @@ FINE_TOLERANCE = 0.1
 OFF_PLANE, OFF_PLANE_OF = 4.0, 40.0
 # Weight of the prior variance across the lines, in matches.
 PRIOR_MATCHES = 60.0
+# Rounds of the robust fit of the plane, and of EM.
 PLANE_ROUNDS = 8
 RELIEF_ROUNDS = 8
-# Rounds of the robust fit of the plane, and of EM; median of the sum of two squared normal errors.
+# Median of the sum of two squared normal errors of unit variance.
 MEDIAN = 2.0 * math.log(2.0)
 
 

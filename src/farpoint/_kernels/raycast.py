@@ -26,6 +26,7 @@ from farpoint._kernels.vectors import Vector
 
 __all__ = ["TOP_FACE", "Hit", "Ray", "cast_rays", "trace"]
 
+# Number of the top face of a box; the bottom is the next one.
 TOP_FACE = 4
 
 

@@ -29,14 +29,13 @@ from farpoint._kernels.vectors import Vector
 __all__ = ["RayDifferential", "ray_grey"]
 
 NOISE = 0  # index of the noise texture on every surface, at two scales
-FINE_M = 0.011  # metres per texel
-COARSE_M = 0.23
+FINE_M = 0.011  # m per texel of the fine scale
+COARSE_M = 0.23  # m per texel of the coarse scale
 CLOUD = 0.012  # of the height of the clouds per texel
-CLOUD_GAIN = 9.0  # grey levels
+CLOUD_GAIN = 9.0  # amplitude of the clouds, grey levels
 FACE_SHIFT_M = 7.3  # m; offset of the noise texture between faces
-_LEAST_COSINE = (
-    0.02  # least cosine of the angle of incidence: footprints stay finite at silhouettes
-)
+# Lower bound of the cosine of the angle of incidence: footprints stay finite at silhouettes.
+_LEAST_COSINE = 0.02
 
 
 class RayDifferential(NamedTuple):

@@ -16,6 +16,7 @@ from farpoint._kernels.scene_arrays import Finish
 
 __all__ = ["Footprint", "filtered", "footprint_of", "scaled"]
 
+# Maximum number of lookups along the major axis of a footprint.
 MAX_TAPS = 12
 # Width of the texels that are read, px, at the minor axis. Each level is blurred by 0.8 of its
 # texels and interpolation adds 0.4: a filter of 0.6 sqrt(0.8^2 + 0.4^2) = 0.54 px.

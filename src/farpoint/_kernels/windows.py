@@ -32,6 +32,7 @@ __all__ = [
     "weights_of",
 ]
 
+# Lines of a window have a multiple of this number of pixels, for vector instructions.
 LANES = 8
 
 Weights = tuple[np.floating, np.floating, np.floating, np.floating]
