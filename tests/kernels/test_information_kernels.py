@@ -200,25 +200,25 @@ class Rows(NamedTuple):
     """Per match (N,): inverse depth, its variance, Jacobian, derivative of that by the depth."""
 
     depth: np.ndarray
-    doubt: np.ndarray
+    depth_variance: np.ndarray
     jacobian: np.ndarray
     change: np.ndarray
 
 
 def rows(view: View) -> Rows:
-    depth, doubt, jacobian, jacobian_times = [], [], [], []
+    depth, depth_variance, jacobian, changes = [], [], [], []
     for i in range(view.size):
         (*J, _), (g, flow_variance) = told_of(view.pairs, i, view.R, view.t)
         m, b = view.R @ view.rays0[i], view.rays1[i]
         along = view.t - (m @ view.t) * m
         square = along @ along
         depth.append(along @ b / square)
-        doubt.append(VARIANCE * flow_variance / square**2)
+        depth_variance.append(VARIANCE * flow_variance / square**2)
         across = np.cross(m, view.t)
         basis = np.stack(tangent_columns(view.t))
-        jacobian_times.append(np.r_[(m @ view.t) * along, basis @ across] / np.sqrt(g))
+        changes.append(np.r_[(m @ view.t) * along, basis @ across] / np.sqrt(g))
         jacobian.append(J)
-    return Rows(*map(np.array, (depth, doubt, jacobian, jacobian_times)))
+    return Rows(*map(np.array, (depth, depth_variance, jacobian, changes)))
 
 
 def prediction(computed: Rows, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -228,14 +228,17 @@ def prediction(computed: Rows, weight: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """
     mean, variance = (
         0.0,
-        np.sum(weight / computed.doubt * computed.depth**2) / np.sum(weight / computed.doubt),
+        np.sum(weight / computed.depth_variance * computed.depth**2)
+        / np.sum(weight / computed.depth_variance),
     )
     for _ in range(500):
-        w = weight / (variance + computed.doubt)
+        w = weight / (variance + computed.depth_variance)
         mean = np.sum(w * computed.depth) / np.sum(w)
-        w = w / (variance + computed.doubt)
-        variance = max(np.sum(w * ((computed.depth - mean) ** 2 - computed.doubt)) / np.sum(w), 0.0)
-    own = variance / (variance + computed.doubt)
+        w = w / (variance + computed.depth_variance)
+        variance = max(
+            np.sum(w * ((computed.depth - mean) ** 2 - computed.depth_variance)) / np.sum(w), 0.0
+        )
+    own = variance / (variance + computed.depth_variance)
     return mean + own * (computed.depth - mean), own
 
 
@@ -258,7 +261,7 @@ def test_the_flow_is_predicted_from_that_of_all(baseline_m):
     np.testing.assert_allclose(
         found.normal[:5, 5], gradient, rtol=1e-3, atol=1e-4 * np.abs(gradient).max()
     )
-    noise = (computed.change.T * (weight * own**2 * computed.doubt)) @ computed.change
+    noise = (computed.change.T * (weight * own**2 * computed.depth_variance)) @ computed.change
     np.testing.assert_allclose(found.noise, noise, rtol=2e-2, atol=1e-3 * np.abs(noise).max())
     assert found.known == informed(view, prior).known
 

@@ -89,7 +89,7 @@ def test_few_far_matches_do_not_fix_the_noise_below_the_length():
     rng = np.random.default_rng(3)
     residual = SIGMA * rng.normal(size=MATCHES)
     parallax, inlier = 10.0 + rng.uniform(0.0, 1.0, MATCHES), np.ones(MATCHES)
-    for far, shows in ((36, False), (44, True)):  # of which at least a tenth must be nearer
+    for far, shows in ((36, False), (44, True)):  # at least 10 % must be nearer
         parallax[:far] = 0.01
         residual[:far] = 0.01 * SIGMA
         assert (scaled_pairs(any_rays(), residual, parallax, inlier) is not None) == shows

@@ -76,7 +76,7 @@ def test_a_solution_satisfies_all_five_constraints(seed):
     view = two_views(seed, 5, error_rad=1e-3)
     rng = np.random.default_rng(seed)
     solution = solve_five(view, [0, 1, 2, 3, 4], *moved(view.R, view.t, rng.normal(0, 0.1, 5)))
-    if solution is not None:  # From a poor start Newton may not arrive, and says so.
+    if solution is not None:  # From an inaccurate start Newton may not converge, and returns False.
         R, t = solution
         # Within the noise of a ray, which the refinement removes.
         np.testing.assert_allclose(constraints(view, R, t), 0.0, rtol=0.0, atol=1e-4)
@@ -238,12 +238,12 @@ def test_long_flow_needs_more_hypotheses():
 
 def test_a_start_without_a_competing_mode_needs_fewer_samples():
     for outliers in (0.2, 0.5):
-        doubt = five_rays.START_FAILURE / (1.0 - outliers) ** 2
-        hit = 0.5 / (1.0 + doubt) * (1.0 - outliers) ** 5
+        failure = five_rays.START_FAILURE / (1.0 - outliers) ** 2
+        hit = 0.5 / (1.0 + failure) * (1.0 - outliers) ** 5
         needed = iterations_needed(outliers, 0.999, has_competing_mode=False)
         # Start and samples together miss the pose with one minus the confidence.
-        assert doubt * (1.0 - hit) ** needed <= 0.001
-        assert doubt * (1.0 - hit) ** (needed - 2) >= 0.001
+        assert failure * (1.0 - hit) ** needed <= 0.001
+        assert failure * (1.0 - hit) ** (needed - 2) >= 0.001
         assert iterations_needed(outliers, 0.999) > 2 * needed
 
 
