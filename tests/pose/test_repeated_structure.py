@@ -94,7 +94,7 @@ def test_of_two_motions_that_some_matches_allow_all_choose(monkeypatch, first_is
     def found_both(judged, _effort, least_signal, _state, found):
         found.R_far[:], found.mixture[:] = fit.far_rotation_cam1_from_cam0, fit.noise.array
         found.R[:], found.t[:] = first
-        found.R_second[:], found.t_second[:] = second
+        found.R_close[:], found.t_close[:] = second
         return 16, False, False, True, refine_motion(judged, least_signal, found)
 
     monkeypatch.setattr(general_motion, "fit_motion", found_both)
