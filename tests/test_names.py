@@ -15,9 +15,6 @@ import pytest
 
 ROOT = Path(__file__).parents[1] / "src" / "farpoint"
 
-EXCLUDED = ("_kernels",)
-"""Packages and files that still have names of the list; to be emptied."""
-
 
 def listed(text: str) -> frozenset[str]:
     return frozenset(text.split())
@@ -40,11 +37,6 @@ NAMES = listed(
     symbols lesser greater root_of choose combine fused room strung felt
     """
 )
-
-
-def is_excluded(path: Path) -> bool:
-    name = path.relative_to(ROOT).as_posix()
-    return any(name == part or name.startswith(f"{part}/") for part in EXCLUDED)
 
 
 def identifiers(text: str) -> Iterator[str]:
@@ -70,38 +62,24 @@ def is_listed(identifier: str) -> bool:
     return identifier.strip("_") in NAMES or any(word.lower() in WORDS for word in words)
 
 
-def listed_names(texts: dict[str, str], excused: frozenset[str]) -> list[str]:
+def listed_names(texts: dict[str, str]) -> list[str]:
     """``file: identifier`` of every listed name, file names included."""
     return sorted(
         {
             f"{file}: {name}"
             for file, text in texts.items()
             for name in (*identifiers(text), *Path(file).with_suffix("").parts)
-            if is_listed(name) and name not in excused
+            if is_listed(name)
         }
     )
 
 
-def sources(*, excluded: bool) -> dict[str, str]:
-    return {
-        path.relative_to(ROOT).as_posix(): path.read_text("utf-8")
-        for path in sorted(ROOT.rglob("*.py"))
-        if is_excluded(path) == excluded
-    }
-
-
 def test_no_identifier_or_file_name_is_of_the_list():
-    # Names of the excluded packages, which their callers must spell.
-    theirs = frozenset(
-        name
-        for file, text in sources(excluded=True).items()
-        for name in (*identifiers(text), *Path(file).with_suffix("").parts)
-    )
-    assert listed_names(sources(excluded=False), theirs) == []
-
-
-def test_excluded_packages_exist():
-    assert all((ROOT / name).exists() for name in EXCLUDED)
+    sources = {
+        path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in ROOT.rglob("*.py")
+    }
+    assert len(sources) > 100
+    assert listed_names(sources) == []
 
 
 @pytest.mark.parametrize(
@@ -119,4 +97,4 @@ def test_excluded_packages_exist():
     ],
 )
 def test_listed_names_are_found(file: str, text: str):
-    assert listed_names({file: text}, frozenset()) != []
+    assert listed_names({file: text}) != []

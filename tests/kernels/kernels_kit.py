@@ -1,4 +1,4 @@
-"""Matches and poses for the kernels, and what they compute written down plainly."""
+"""Matches and poses for the kernels, and reference implementations in plain NumPy."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.mixture import TAIL
+from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.pairs import LANES, PANEL, pack_pairs, packed_length
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry import so3, sphere
@@ -33,7 +33,7 @@ class View(NamedTuple):
 
     @property
     def pairs(self) -> np.ndarray:
-        """The matches as the kernels take them."""
+        """The matches in panels."""
         n = self.size
         pairs, index = np.full(packed_length(n) // LANES * PANEL, np.nan), np.empty(n, np.int64)
         given = (np.ascontiguousarray(array) for array in self[:4])
@@ -43,39 +43,41 @@ class View(NamedTuple):
 
 
 def packed(values: np.ndarray) -> np.ndarray:
-    """Values of the matches (N,), and zeros where the panels are filled up."""
+    """Values of the matches (N,), with zeros for filler."""
     out = np.zeros(packed_length(len(values)))
     out[: len(values)] = values
     return out
 
 
 def matches_of(
-    view: View, spread: float, prior: np.ndarray | None = None, *, gives_way: bool
+    view: View, half_width: float, prior: np.ndarray | None = None, *, soft_cheirality: bool
 ) -> PackedMatches:
-    """What a pose is judged by; of all matches alike, unless a packed ``prior`` is given."""
+    """Packed matches with prior 1, or with a given packed ``prior``."""
     prior = packed(np.ones(view.size)) if prior is None else prior
-    return PackedMatches(view.pairs, prior, view.size, spread, TAIL, 1e-6, math.inf, gives_way)
+    return PackedMatches(
+        view.pairs, prior, view.size, half_width, LONG_TAIL, 1e-6, math.inf, soft_cheirality
+    )
 
 
-def shares_of(poor: float, tail: float = TAIL) -> np.ndarray:
-    """Shares (4, 1) of good, poor, poorer and still poorer matches among the right ones."""
-    ends = np.array([1.0 - poor, 1.0 - poor, 1.0 - tail * poor, tail])
-    return (ends * poor ** np.arange(4.0))[:, None]
+def shares_of(tail_share: float, tail: float = LONG_TAIL) -> np.ndarray:
+    """Shares (4, 1) of the core and the components of the tail among inliers."""
+    ends = np.array([1.0 - tail_share, 1.0 - tail_share, 1.0 - tail * tail_share, tail])
+    return (ends * tail_share ** np.arange(4.0))[:, None]
 
 
-def spread_of(mixture: np.ndarray, clutter: float) -> float:
-    """With which wrong matches have this density over that of good ones, if none is repeated."""
-    variance, wrong, *_ = mixture
-    return wrong / (1.0 - wrong) * np.sqrt(2.0 * np.pi * variance) / (2.0 * clutter)
+def half_width_of(mixture: np.ndarray, clutter: float) -> float:
+    """Half-width with which outliers have the density ``clutter`` over that of the core."""
+    variance, outliers, *_ = mixture
+    return outliers / (1.0 - outliers) * np.sqrt(2.0 * np.pi * variance) / (2.0 * clutter)
 
 
 def pose_of(R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> Pose:
-    """A copy of them, with room for what it costs."""
+    """A copy of the pose, with empty linearisation."""
     return Pose(R.copy(), t.copy(), mixture.copy(), np.full((6, 6), np.nan), np.full(1, np.nan))
 
 
 def rays_only(rays0: np.ndarray, rays1: np.ndarray) -> View:
-    """Rays (N, 3) with round noise of one radian, of which no pose is known."""
+    """Rays (N, 3) with isotropic noise of one radian, without a known pose."""
     noise = sphere.tangent_basis(rays0), sphere.tangent_basis(rays1)
     return View(rays0, rays1, *noise, np.eye(3), np.array([0.0, 0.0, 1.0]))
 

@@ -1,4 +1,4 @@
-"""The strength of corners against plain NumPy, and local maxima against looking everywhere."""
+"""Corner strength against plain NumPy, and local maxima against exhaustive search."""
 
 from __future__ import annotations
 

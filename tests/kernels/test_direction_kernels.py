@@ -1,4 +1,4 @@
-"""Intersections of great circles, one by one and all in pairs, against plain NumPy."""
+"""Intersections of great circles, single and in pairs, against plain NumPy."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def pairwise(view: View, weight: np.ndarray, R: np.ndarray) -> np.ndarray:
 
 def plain_pairwise(rays0, rays1, weight, R) -> np.ndarray:
     """Sum over pairs of ``w_i w_j c_ij (n_i x n_j)``, c_ij so that both flows point along it."""
-    turned = rays0 @ R.T
-    across = np.cross(turned, rays1)
+    rotated = rays0 @ R.T
+    across = np.cross(rotated, rays1)
     # Unit flow, its length taken as the sine of its angle.
     normals = sphere.normalize(across)
-    flows = (rays1 - turned) / np.linalg.norm(across, axis=1, keepdims=True)
+    flows = (rays1 - rotated) / np.linalg.norm(across, axis=1, keepdims=True)
     total = np.zeros(3)
     for i, j in itertools.combinations(range(len(rays0)), 2):
         crossing = np.cross(normals[i], normals[j])
@@ -65,11 +65,11 @@ def test_a_direction_at_90_degrees_or_behind_is_an_ordinary_one(t):
 
 def test_matches_without_flow_or_on_one_circle_do_not_meet():
     ray = np.array([0.0, 0.0, 1.0])
-    turned = sphere.normalize(np.array([0.1, 0.0, 1.0]))
-    still = rays_only(np.stack([ray, ray]), np.stack([ray, turned]))
+    rotated = sphere.normalize(np.array([0.1, 0.0, 1.0]))
+    still = rays_only(np.stack([ray, ray]), np.stack([ray, rotated]))
     assert intersect(still, np.eye(3), 0, 1) is None
     # Both along the circle y = 0, exactly.
-    same = rays_only(np.stack([ray, turned]), np.stack([turned, ray]))
+    same = rays_only(np.stack([ray, rotated]), np.stack([rotated, ray]))
     assert intersect(same, np.eye(3), 0, 1) is None
     assert intersect(same, np.eye(3), 0, 0) is None
 
@@ -82,7 +82,7 @@ def test_pairwise_sums_are_those_of_a_plain_loop(seed, n):
     weight[seed % n] = 0.0
     partial = pairwise(view, weight, view.R)
     expected = plain_pairwise(view.rays0, view.rays1, weight, view.R)
-    # Each pair stands in the rows of both of its matches.
+    # Each pair is in the rows of both of its matches.
     np.testing.assert_allclose(partial.sum(axis=0) / 2, expected, rtol=1e-9, atol=1e-12)
 
 
@@ -110,7 +110,7 @@ def test_exact_matches_add_up_along_the_direction(seed):
 def test_a_match_without_flow_adds_nothing():
     view = two_views(1, 6)
     rays1 = view.rays1.copy()
-    # Where the first ray does not turn at all, its flow is exactly zero.
+    # Without rotation of the first ray its flow is exactly zero.
     R, rays0 = np.eye(3), view.rays0
     rays1[0] = rays0[0]
     partial = pairwise(rays_only(rays0, rays1), np.ones(6), R)

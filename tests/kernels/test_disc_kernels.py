@@ -1,4 +1,4 @@
-"""Discs: in the right place, of the right size, with a smooth rim, cut at the border."""
+"""Discs: position, size, anti-aliased rim, clipping at the border."""
 
 from __future__ import annotations
 

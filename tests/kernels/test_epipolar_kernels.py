@@ -25,30 +25,32 @@ def residual_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> floa
 
 @kernel
 def derivatives_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
-    towards = vector(t)
+    direction = vector(t)
     return epipolar.sampson_jacobian(
-        pairs, address(i), matrix(R), towards, tangent_columns(towards)
+        pairs, address(i), matrix(R), direction, tangent_columns(direction)
     )
 
 
 @kernel
 def shift_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
-    """Flow along the line, its square sine and its variance; what `variances` says."""
-    at, turn, towards = address(i), matrix(R), vector(t)
-    m = rotate(turn, ray0(pairs, at))
-    flow, reach2 = epipolar.flow_along(m, ray1(pairs, at), towards)
+    """Flow along the line, squared sine and variance of the flow; result of `variances`."""
+    at, rotation, direction = address(i), matrix(R), vector(t)
+    m = rotate(rotation, ray0(pairs, at))
+    flow, reach2 = epipolar.flow_along(m, ray1(pairs, at), direction)
     return (
         flow,
         reach2,
-        epipolar.parallax_variance(pairs, at, turn, m, towards),
-        epipolar.variances(pairs, at, turn, towards),
+        epipolar.parallax_variance(pairs, at, rotation, m, direction),
+        epipolar.variances(pairs, at, rotation, direction),
     )
 
 
 @kernel
 def shift_derivatives_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
-    towards = vector(t)
-    return epipolar.shift_jacobian(pairs, address(i), matrix(R), towards, tangent_columns(towards))
+    direction = vector(t)
+    return epipolar.shift_jacobian(
+        pairs, address(i), matrix(R), direction, tangent_columns(direction)
+    )
 
 
 def sampson(view: View, R: np.ndarray, t: np.ndarray, i: int) -> float:
@@ -100,7 +102,7 @@ def test_the_full_derivative_of_the_residual(seed, error_rad, baseline_m):
             return sampson(view, *moved(view.R, view.t, step), i)
 
         assert residual == pytest.approx(along(np.zeros(5)), rel=1e-12)
-        # Close to the epipole the residual bends strongly: the step stays well inside.
+        # Close to the epipole the residual is strongly non-linear: the step stays well inside.
         numeric = gradient(along, 5, 1e-4 * baseline_m)
         scale = np.abs(numeric).max()
         np.testing.assert_allclose(J, numeric, rtol=1e-4, atol=1e-5 * scale)
@@ -124,7 +126,7 @@ def test_the_shift_towards_the_direction_and_its_variance(seed, baseline_m):
 
 @quick
 @given(seed=seeds)
-def test_variances_of_the_constraint_and_of_the_flow_once_it_is_known(seed):
+def test_variances_of_the_constraint_and_of_the_flow_given_the_residual(seed):
     view = two_views(seed, 3, error_rad=1e-2)
     for i in range(3):
         a, b, A, B = (array[i] for array in view[:4])

@@ -1,4 +1,4 @@
-"""The exponential and the logarithm of the loops against those of NumPy."""
+"""Exponential and logarithm of the kernels against NumPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The loops over rays against linear algebra and OpenCV; also run without the compiler."""
+"""Lens kernels against linear algebra and OpenCV; also run without the compiler."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_inverse_of_a_projection_is_its_pseudo_inverse() -> None:
     jacobian = np.empty((50, 3, 2))
     invert_projection(rays, forward, jacobian)
     np.testing.assert_allclose(jacobian, expected, rtol=1e-10, atol=1e-12)
-    # Three times as far away, a point moves its pixel by a third.
+    # At 3 times the distance, a displacement of the point moves its pixel by 1/3.
     invert_projection(3.0 * rays, forward / 3.0, jacobian)
     np.testing.assert_allclose(jacobian, expected, rtol=1e-10, atol=1e-12)
 
@@ -60,10 +60,10 @@ def test_distorts_as_opencv_does_and_back() -> None:
     distort(np.concatenate([K[:2], [0, 0], K[4:8], np.zeros(4)]), radii, np.zeros(50), rim)
     back = np.empty((2, 200))
     undistort(K, out[0], out[1], (rim[0], radii), 5.0, 1.2, back)
-    seen = np.hypot(x, y) < 1.2
-    assert 100 < seen.sum() < 200
-    np.testing.assert_allclose(back[:, seen], np.stack([x, y])[:, seen], rtol=0, atol=1e-10)
-    assert np.isnan(back[:, ~seen]).all()
+    visible = np.hypot(x, y) < 1.2
+    assert 100 < visible.sum() < 200
+    np.testing.assert_allclose(back[:, visible], np.stack([x, y])[:, visible], rtol=0, atol=1e-10)
+    assert np.isnan(back[:, ~visible]).all()
 
 
 def test_rays_of_a_pinhole() -> None:
@@ -75,14 +75,14 @@ def test_rays_of_a_pinhole() -> None:
     assert np.isnan(rays[2:]).all()
 
 
-@pytest.mark.parametrize(("point", "seen"), [((0.5, 0.2, 1), True), ((2, 0, 1), False)])
-def test_derivative_of_a_pinholes_ray(point: tuple[float, ...], seen: bool) -> None:
+@pytest.mark.parametrize(("point", "visible"), [((0.5, 0.2, 1), True), ((2, 0, 1), False)])
+def test_derivative_of_a_pinholes_ray(point: tuple[float, ...], visible: bool) -> None:
     rays = np.array([point, np.negative(point)], dtype=float)
     jacobian = np.empty((2, 3, 2))
     pinhole_ray_jacobian(np.zeros(12), 1.5, 500.0, 400.0, rays, jacobian)
     assert np.isnan(jacobian[1]).all()
-    assert np.isfinite(jacobian[0]).all() == seen
-    if seen:
+    assert np.isfinite(jacobian[0]).all() == visible
+    if visible:
         x, y, _ = point
         step = 1e-6
         ahead, behind = (

@@ -1,4 +1,4 @@
-"""The small linear algebra of the kernels against NumPy, SciPy and published numbers."""
+"""Small linear algebra of the kernels against NumPy, SciPy and published numbers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def kabsch(M: np.ndarray) -> np.ndarray | None:
     return R if linear.kabsch(np.ascontiguousarray(M, dtype=float), R) else None
 
 
-def turned(R: np.ndarray, v: np.ndarray) -> np.ndarray:
+def rotated(R: np.ndarray, v: np.ndarray) -> np.ndarray:
     out = np.full((3, 3), np.nan)
     linear.apply_rotation_step(R, v[0], v[1], v[2], out)
     return out
@@ -115,7 +115,7 @@ def test_kabsch_aligns_what_a_narrow_view_sees(width_rad):
     ],
     ids=["zero", "rank one", "one axis", "nan"],
 )
-def test_kabsch_says_when_no_rotation_is_determined(M):
+def test_kabsch_returns_false_without_a_unique_rotation(M):
     assert kabsch(M) is None
 
 
@@ -138,10 +138,10 @@ def test_the_sandwich_of_what_is_left_of_a_matrix(seed, scale):
     np.testing.assert_array_equal(out, out.T)
 
 
-def test_the_sandwich_says_when_too_little_is_left():
+def test_the_sandwich_returns_false_without_enough_signal():
     V = np.diag([4.0, 1.0, 1.0, 1.0, 1.0])
     inner, out = 0.1 * V, np.zeros((5, 5))
-    # Of the first direction 10 % are left.
+    # 10 % of the first direction are left.
     assert linear.sandwich(V, np.diag([3.6, 0.0, 0.0, 0.0, 0.0]), inner, 0.05, out)
     assert out[0, 0] == pytest.approx(0.4 / 0.4**2)
     assert not linear.sandwich(V, np.diag([3.6, 0.0, 0.0, 0.0, 0.0]), inner, 0.15, out)
@@ -157,20 +157,20 @@ def test_the_sandwich_says_when_too_little_is_left():
 )
 def test_a_rotation_step_is_the_exponential_on_the_left(v, size, start):
     R, step = so3.exp(start), size * v
-    np.testing.assert_allclose(turned(R, step), so3.exp(step) @ R, rtol=0.0, atol=4e-14)
+    np.testing.assert_allclose(rotated(R, step), so3.exp(step) @ R, rtol=0.0, atol=4e-14)
 
 
 @pytest.mark.parametrize("angle", [1e-6, 0.9e-4, 1.1e-4, 1e-3, 0.05, 1.0])
 def test_a_rotation_step_turns_by_its_length(angle):
     axis = sphere.normalize(np.array([0.3, -0.5, 0.8]))
-    E = turned(np.eye(3), angle * axis)
+    E = rotated(np.eye(3), angle * axis)
     skew = 0.5 * np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
     np.testing.assert_allclose(skew, math.sin(angle) * axis, rtol=1e-13)
 
 
 def test_a_rotation_step_may_be_made_in_place():
     R, step = so3.exp(np.array([1.0, 2.0, -0.5])), np.array([0.1, -0.2, 0.3])
-    expected = turned(R, step)
+    expected = rotated(R, step)
     linear.apply_rotation_step(R, *step, R)
     np.testing.assert_array_equal(R, expected)
 
@@ -178,7 +178,7 @@ def test_a_rotation_step_may_be_made_in_place():
 @quick
 @given(d=vectors.filter(lambda v: np.linalg.norm(v) > 0.1).map(sphere.normalize))
 def test_the_tangent_basis_is_the_one_of_the_public_results(d):
-    # The covariance of a direction is stated in this basis and handed out with that one.
+    # The covariance of a direction is computed in this basis and returned in that of `sphere`.
     np.testing.assert_array_equal(basis_of(d), sphere.tangent_basis(d))
 
 
@@ -222,8 +222,8 @@ def test_drawn_indices_are_uniform_and_in_range(n):
 def test_eigenvectors_are_orthonormal_however_far_apart_the_values_are(seed, decades):
     rng = np.random.default_rng(seed)
     values = 10.0 ** rng.uniform(-decades, 0.0, 5) * np.where(rng.random(5) < 0.2, -1.0, 1.0)
-    turn = np.linalg.qr(rng.normal(size=(5, 5)))[0]
-    A = turn * values @ turn.T
+    apply_quaternion = np.linalg.qr(rng.normal(size=(5, 5)))[0]
+    A = apply_quaternion * values @ apply_quaternion.T
     A = 0.5 * (A + A.T)
     diagonal, axes = A.copy(), np.full((5, 5), np.nan)
     linear.eigen_five(diagonal, axes)

@@ -1,4 +1,4 @@
-"""The likelihood of residuals for each floor of their variance."""
+"""Likelihood of residuals for each floor of their variance."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ def test_it_is_the_maximum_over_the_common_factor_of_students_distribution():
     floors = np.array([0.0, 0.5, 4.0])
     found = floor_likelihoods(residuals**2, variances, floors, 5.0, 60)
 
-    def largest(floor: float) -> float:
+    def kth_largest(floor: float) -> float:
         def cost(log_factor: float) -> float:
             scale = np.sqrt(np.exp(log_factor) * (variances + floor))
             return -float(np.sum(scipy.stats.t.logpdf(residuals, 5.0, scale=scale)))
 
         return -float(scipy.optimize.minimize_scalar(cost).fun)
 
-    expected = np.array([largest(floor) for floor in floors])
-    # But for the constant of the density, which no floor changes.
+    expected = np.array([kth_largest(floor) for floor in floors])
+    # Up to the constant of the density, which does not depend on the floor.
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=1e-3)

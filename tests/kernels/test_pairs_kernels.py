@@ -1,4 +1,4 @@
-"""Matches in their panels: what goes in comes out, and what fills them up does no harm."""
+"""Matches in panels: packed values and filler."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from farpoint.geometry import sphere
 
 @kernel
 def read(pairs: np.ndarray, i: int, v: np.ndarray) -> tuple:
-    """All that a panel holds of match ``i``."""
+    """All values of match ``i`` in its panel."""
     at, along = address(i), vector(v)
     return (
         ray0(pairs, at),
@@ -40,15 +40,15 @@ def read(pairs: np.ndarray, i: int, v: np.ndarray) -> tuple:
     )
 
 
-def pack(view: View, **changes: np.ndarray) -> tuple[int, float, np.ndarray, np.ndarray]:
+def pack(view: View, **jacobian_times: np.ndarray) -> tuple[int, float, np.ndarray, np.ndarray]:
     n = view.size
     pairs, index = np.full(packed_length(n) // LANES * PANEL, np.nan), np.full(n, -1)
-    given = {"covariance0": UNIT, "covariance1": UNIT, "least_variance": 0.0} | changes
+    given = {"covariance0": UNIT, "covariance1": UNIT, "least_variance": 0.0} | jacobian_times
     arrays = (np.ascontiguousarray(array) for array in view[:4])
-    count, spread = pack_pairs(
+    count, half_width = pack_pairs(
         *arrays, given["covariance0"], given["covariance1"], given["least_variance"], pairs, index
     )
-    return count, spread, pairs, index
+    return count, half_width, pairs, index
 
 
 def assert_holds(pairs: np.ndarray, i: int, view: View, row: int, C0=UNIT[0], C1=UNIT[0]):
@@ -95,7 +95,7 @@ def test_matches_without_a_ray_are_left_out():
         assert_holds(pairs, i, view, row)
 
 
-def test_taken_matches_are_those_that_were_asked_for():
+def test_taken_matches_are_those_of_the_rows():
     view = two_views(3, 70)
     rows = np.array([69, 0, 31, 32, 5] * 8)
     taken = np.full(packed_length(len(rows)) // LANES * PANEL, np.nan)
@@ -105,7 +105,7 @@ def test_taken_matches_are_those_that_were_asked_for():
     assert np.isfinite(taken).all()
 
 
-def test_wrong_matches_fill_the_width_of_the_later_rays():
+def test_the_outlier_strip_has_the_width_of_the_later_rays():
     rng, half = np.random.default_rng(4), 0.2
     rays = np.c_[rng.uniform(-half, half, (4000, 2)), np.ones(4000)]
     noise = 1e-3 * sphere.tangent_basis(sphere.normalize(rays))
@@ -115,7 +115,7 @@ def test_wrong_matches_fill_the_width_of_the_later_rays():
     assert pack(view)[1] == pytest.approx(half / (math.sqrt(2.0) * 1e-3), rel=0.03)
 
 
-def test_wrong_matches_fill_ten_sigma_at_least():
+def test_the_half_width_of_outliers_is_at_least_ten_sigma():
     view = two_views(5, 1)
     same = View(*(np.repeat(array, 20, axis=0) for array in view[:4]), view.R, view.t)
     assert pack(same)[1] == 10.0

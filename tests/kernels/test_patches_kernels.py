@@ -1,4 +1,4 @@
-"""The image in patches, and halves of it, held against the same written down plainly."""
+"""Patches of the image and their halves, against a reference in plain NumPy."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from farpoint._kernels.linear import draw_index
-from farpoint._kernels.patches import deal, split_image
+from farpoint._kernels.patches import split_image, split_patches
 from farpoint.geometry import sphere
 
 
@@ -53,11 +53,11 @@ def test_rays_all_around_lie_together_in_their_patch():
     assert np.median(within) < 0.4
 
 
-def test_rays_that_are_all_alike_are_one_patch():
+def test_equal_rays_are_one_patch():
     assert set(patches(np.tile(ahead(3, 1), (50, 1)), 5)) == {0}
 
 
-def dealt(patch: np.ndarray, state: np.ndarray) -> np.ndarray:
+def chosen(patch: np.ndarray, state: np.ndarray) -> np.ndarray:
     """Half of each row: patches in random order, each to the smaller half."""
     sizes, half, order = [0, 0], np.empty(len(patch), np.int64), np.arange(patch.max() + 1)
     for i in range(len(order)):  # Fisher and Yates
@@ -70,27 +70,27 @@ def dealt(patch: np.ndarray, state: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("patches", [1, 2, 7, 200])
-def test_patches_are_dealt_as_a_whole_to_the_smaller_half(patches):
+def test_whole_patches_go_to_the_smaller_half(patches):
     patch = np.random.default_rng(1).integers(0, patches, 200)
     state, again = np.zeros(1, np.uint64), np.zeros(1, np.uint64)
-    deals = []
+    splits = []
     for _ in range(3):
         half = np.empty(200, np.int64)
-        first = deal(patch, state, half)
-        np.testing.assert_array_equal(half, dealt(patch, again))
+        first = split_patches(patch, state, half)
+        np.testing.assert_array_equal(half, chosen(patch, again))
         assert first == np.count_nonzero(half == 0)
         assert abs(first - (200 - first)) <= np.bincount(patch).max()
-        deals.append(half)
+        splits.append(half)
     assert np.array_equal(state, again)
-    assert (patches < 3) == bool(np.all(deals[0] == deals[1]) or np.all(deals[0] != deals[1]))
+    assert (patches < 3) == bool(np.all(splits[0] == splits[1]) or np.all(splits[0] != splits[1]))
 
 
 def test_every_match_comes_into_either_half_as_often():
     state, times = np.zeros(1, np.uint64), np.zeros(31)
     for _ in range(2000):
         half = np.empty(31, np.int64)
-        deal(np.arange(31), state, half)
+        split_patches(np.arange(31), state, half)
         assert np.count_nonzero(half == 0) == 16
         times += half == 0
-    # 16 of 31 deals; a share scatters by 0.011.
+    # 16 of 31 splits; the standard deviation of the share is 0.011.
     np.testing.assert_allclose(times / 2000.0, 16.0 / 31.0, atol=0.05)

@@ -1,4 +1,4 @@
-"""Kernels use numba by its public interface, and Python calls only what has a door for it."""
+"""Kernels use the public interface of numba, and Python calls only kernels with a wrapper."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import farpoint
 
 SOURCES = Path(farpoint.__file__).parent
 KERNELS = SOURCES / "_kernels"
-# What only kernels call, and Python must not: there is no door.
+# Called by kernels only: these have no wrapper for Python.
 INNER = {"inner_kernel", "inlined_kernel", "inlined_sum", "sum_kernel"}
 PRIVATE = re.compile(r"^(numba\.(core|_\w+|np|cpython|misc|typed|stencils)\b|llvmlite\b)")
 

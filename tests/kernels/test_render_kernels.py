@@ -1,4 +1,4 @@
-"""A picture of few pixels against rays of its own; also rendered without the compiler."""
+"""A picture of few pixels against separate rays; also rendered without the compiler."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rotation of direction vectors: consensus, enlargement, likelihood and its derivative."""
+"""Rotation of rays: RANSAC, consistent set, likelihood and its derivative."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from hypothesis import strategies as st
 from kernels_kit import View, gradient, packed, shares_of, two_views
 
 from farpoint._kernels import rotation, rotation_residual, rotation_search
-from farpoint._kernels.mixture import POOR
+from farpoint._kernels.mixture import TAIL_RATIO
 from farpoint._kernels.pairs import packed_length
 from farpoint.geometry import so3, sphere
 
 quick = settings(max_examples=20, deadline=None)
 seeds = st.integers(0, 2**32)
-# Variance of good matches, share of wrong ones (which makes the clutter), share of poor ones.
+# Variance of the core, share of outliers (by the clutter), share of the tail.
 MIXTURE = np.array([1.3, 0.1, 0.2])
 SHARES = shares_of(MIXTURE[2]).ravel()
-CLUTTER, SPREAD = 0.05, 500.0
+CLUTTER, HALF_WIDTH = 0.05, 500.0
 
 
 class Linearized:
-    """The robust cost at a rotation with everything that comes along."""
+    """Robust cost and normal equations at a rotation."""
 
     def __init__(self, view: View, prior: np.ndarray, R: np.ndarray) -> None:
         weights = packed(prior)
@@ -32,7 +32,7 @@ class Linearized:
         self.cost = rotation.rotation_linearize(
             view.pairs, weights, R, MIXTURE, CLUTTER, self.H, self.g, sums
         )
-        self.right, self.steps, self.trials, self.squares = sums
+        self.inlier, self.steps, self.trials, self.squares = sums
 
 
 def distance2(view: View, R: np.ndarray) -> np.ndarray:
@@ -57,7 +57,7 @@ def enlarge(view: View, tolerance: float, R: np.ndarray) -> tuple[np.ndarray, np
 def refine(view: View, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     R, mixture, n = R.copy(), np.array([1.0, 0.2, 0.1]), view.size
     weights = packed(np.ones(n))
-    given = (view.pairs, weights, n, SPREAD, 1e-6, 30)
+    given = (view.pairs, weights, n, HALF_WIDTH, 1e-6, 30)
     rotation.refine_rotation(*given, R, mixture, np.empty((3, 3)))
     return R, mixture
 
@@ -66,13 +66,13 @@ def precision(view: View) -> np.ndarray:
     return 2.0 / np.sum(view.noise0**2 + view.noise1**2, axis=(1, 2))
 
 
-def turning(seed: int, matches: int, *, noise: float, wrong: int = 0) -> View:
-    """Rays that only turn, with isotropic noise of 1 mrad times ``noise``, the last ones wrong."""
+def turning(seed: int, matches: int, *, noise: float, outliers: int = 0) -> View:
+    """Rays after a rotation, isotropic noise of 1 mrad times ``noise``; the last are outliers."""
     rng = np.random.default_rng(seed)
     R = so3.exp(rng.normal(size=3) * 0.3)
     rays0 = sphere.normalize(np.c_[rng.uniform(-1, 1, (matches, 2)), np.ones(matches)])
     rays1 = rays0 @ R.T
-    rays1[matches - wrong :] = sphere.normalize(rng.normal(size=(wrong, 3)))
+    rays1[matches - outliers :] = sphere.normalize(rng.normal(size=(outliers, 3)))
     factors = []
     noisy = []
     for rays in (rays0, rays1):
@@ -84,9 +84,11 @@ def turning(seed: int, matches: int, *, noise: float, wrong: int = 0) -> View:
 
 
 def density(distance2: np.ndarray) -> np.ndarray:
-    """Of a right match, over that of a good one at its peak."""
+    """Density of an inlier, over that of the core at its peak."""
     # In two dimensions a density falls with the square of its sigma.
-    parts = (np.exp(-0.5 * distance2 / MIXTURE[0] / s**2) / s**2 for s in POOR ** np.arange(4.0))
+    parts = (
+        np.exp(-0.5 * distance2 / MIXTURE[0] / s**2) / s**2 for s in TAIL_RATIO ** np.arange(4.0)
+    )
     return sum(share * part for share, part in zip(SHARES, parts, strict=True))
 
 
@@ -117,7 +119,7 @@ def test_distances_of_noise_are_chi_squared_with_two_degrees_of_freedom():
 
 @quick
 @given(seed=seeds)
-def test_the_gradient_of_the_robust_cost_with_the_noise_held(seed):
+def test_the_gradient_of_the_robust_cost_with_fixed_noise(seed):
     view = turning(seed, 8, noise=1.0)
     prior = np.random.default_rng(seed).uniform(0.5, 2.0, 8)
     a, b, A, B = view[:4]
@@ -140,7 +142,7 @@ def test_the_gradient_of_the_robust_cost_with_the_noise_held(seed):
 @quick
 @given(seed=seeds)
 def test_the_gradient_is_that_of_the_whole_cost_where_noise_is_isotropic(seed):
-    # The noise turns with the rotation; where it is round that is of second order.
+    # The noise is rotated, too; for isotropic noise that is of second order.
     view = turning(seed, 8, noise=1.0)
 
     def cost(dtheta: np.ndarray) -> float:
@@ -154,7 +156,7 @@ def test_the_gradient_is_that_of_the_whole_cost_where_noise_is_isotropic(seed):
 @quick
 @given(seed=seeds)
 def test_the_normal_matrix_is_the_information_of_the_matches(seed):
-    # Far below the noise every match is right, and the cost is a paraboloid of this curvature.
+    # Far below the noise every match is an inlier, and the cost is a paraboloid of this curvature.
     view = turning(seed, 12, noise=1e-4)
     at = Linearized(view, np.ones(12), view.R)
 
@@ -162,9 +164,9 @@ def test_the_normal_matrix_is_the_information_of_the_matches(seed):
         return Linearized(view, np.ones(12), so3.exp(step) @ view.R).g
 
     # In two dimensions a density falls with the square of its sigma.
-    density = SHARES / POOR ** (2 * np.arange(4))
+    density = SHARES / TAIL_RATIO ** (2 * np.arange(4))
     each = 12 / (density.sum() + CLUTTER)
-    assert at.right == pytest.approx(each * density.sum(), rel=1e-6)
+    assert at.inlier == pytest.approx(each * density.sum(), rel=1e-6)
     assert at.steps == pytest.approx(each * (np.arange(4) @ density), rel=1e-6)
     assert at.trials == pytest.approx(each * ([1, 2, 3, 3] @ density), rel=1e-6)
     h = 1e-6
@@ -173,24 +175,24 @@ def test_the_normal_matrix_is_the_information_of_the_matches(seed):
 
 
 def test_what_a_rotation_makes_of_each_match():
-    view = turning(6, 40, noise=1.0, wrong=8)
-    distance, right = np.full((2, packed_length(40)), np.nan)
-    given = (view.pairs, packed(np.ones(40)), SPREAD, view.R, MIXTURE)
-    rotation.explain_rotation(*given, distance, right)
-    variance, wrong, _ = MIXTURE
+    view = turning(6, 40, noise=1.0, outliers=8)
+    distance, inlier = np.full((2, packed_length(40)), np.nan)
+    given = (view.pairs, packed(np.ones(40)), HALF_WIDTH, view.R, MIXTURE)
+    rotation.evaluate_rotation(*given, distance, inlier)
+    variance, outliers, _ = MIXTURE
     expected = plain_distance2(view, view.R)
     np.testing.assert_allclose(distance[:40], expected, rtol=1e-8)
     near = np.minimum(expected, 30720.0 * variance)  # the exponential is constant beyond
-    # Wrong ones fill a disc of this radius, good ones a normal distribution.
-    clutter = wrong / (1.0 - wrong) * 2.0 * variance / SPREAD**2
+    # Outliers fill a disc of this radius, the core is a normal distribution.
+    clutter = outliers / (1.0 - outliers) * 2.0 * variance / HALF_WIDTH**2
     np.testing.assert_allclose(
-        right[:40], density(near) / (density(near) + clutter), rtol=1e-6, atol=1e-9
+        inlier[:40], density(near) / (density(near) + clutter), rtol=1e-6, atol=1e-9
     )
-    assert not right[40:].any()
+    assert not inlier[40:].any()
 
 
 def test_a_match_with_no_prior_counts_for_nothing():
-    view = turning(3, 8, noise=1.0, wrong=1)
+    view = turning(3, 8, noise=1.0, outliers=1)
     prior = np.ones(8)
     prior[-1] = 0.0
     without = View(*(array[:-1] for array in view[:4]), view.R, view.t)
@@ -198,21 +200,21 @@ def test_a_match_with_no_prior_counts_for_nothing():
     assert at.cost == pytest.approx(expected.cost)
     np.testing.assert_allclose(at.g, expected.g, rtol=1e-9)
     np.testing.assert_allclose(at.H, expected.H, rtol=1e-9)
-    assert at.right == pytest.approx(expected.right)
+    assert at.inlier == pytest.approx(expected.inlier)
 
 
-@pytest.mark.parametrize("wrong", [0, 10, 24])
-def test_the_search_finds_the_rotation_of_the_consistent_rays(wrong):
-    view = turning(7, 40, noise=0.3, wrong=wrong)
+@pytest.mark.parametrize("outliers", [0, 10, 24])
+def test_the_search_finds_the_rotation_of_the_consistent_rays(outliers):
+    view = turning(7, 40, noise=0.3, outliers=outliers)
     R = search(view, 3.0)
     assert so3.angle_between(R, view.R) < 3e-3
     assert so3.angle_between(R, search(view, 3.0)) == 0.0
     enlarged, consistent = enlarge(view, 3.0, R)
-    np.testing.assert_array_equal(consistent, np.arange(40) < 40 - wrong)
+    np.testing.assert_array_equal(consistent, np.arange(40) < 40 - outliers)
     assert so3.angle_between(enlarged, view.R) < 5e-4
 
 
-def test_enlarging_grows_the_set_from_a_poor_start_and_ends_at_its_own_fit():
+def test_enlarging_the_set_from_an_inaccurate_start_ends_at_its_own_fit():
     view = turning(2, 40, noise=0.3)
     off = so3.exp(np.array([1.5e-3, -1e-3, 1e-3])) @ view.R
     inside = np.sqrt(plain_distance2(view, off)) < 1.5
@@ -224,10 +226,10 @@ def test_enlarging_grows_the_set_from_a_poor_start_and_ends_at_its_own_fit():
     np.testing.assert_allclose(R, U @ Vt, rtol=0.0, atol=1e-9)
 
 
-def test_the_maximum_of_the_likelihood_is_stationary_and_knows_its_noise():
-    view = turning(4, 300, noise=0.7, wrong=30)
-    R, (variance, wrong, _) = refine(view, search(view, 3.0))
-    assert wrong == pytest.approx(0.1, abs=0.02)
+def test_the_maximum_of_the_likelihood_is_stationary_with_its_noise():
+    view = turning(4, 300, noise=0.7, outliers=30)
+    R, (variance, outliers, _) = refine(view, search(view, 3.0))
+    assert outliers == pytest.approx(0.1, abs=0.02)
     # The standard error of a variance of 540 coordinates is 6 %.
     assert variance == pytest.approx(0.49, rel=0.18)
     # Three standard errors: 0.7 mrad * sqrt(2) in each of 270 matches, over the rays' lever arms.

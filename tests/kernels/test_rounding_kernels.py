@@ -1,11 +1,11 @@
-"""Whether matches keep to a grid of pixels."""
+"""Noise of rounded coordinates."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from farpoint._kernels.rounding import ON_GRID, SIGMA, rounding_variance
+from farpoint._kernels.rounding import MIN_ON_GRID, SIGMA, rounding_variance
 
 
 def points(seed: int, count: int = 400) -> np.ndarray:
@@ -13,14 +13,15 @@ def points(seed: int, count: int = 400) -> np.ndarray:
 
 
 @pytest.mark.parametrize("step", [1.0, 0.5, 0.25])
-def test_the_coarsest_grid_that_they_keep_to_tells_how_much_they_were_rounded(step):
+def test_the_coarsest_grid_gives_the_variance_of_rounding(step):
     first, second = (step * np.round(points(seed) / step) for seed in (1, 2))
     assert rounding_variance(first, second) == pytest.approx((SIGMA * step) ** 2)
 
 
 def test_those_found_between_pixels_keep_to_none():
     assert rounding_variance(points(1), points(2)) == 0.0
-    # Of corners to the pixel that were followed between them, one image alone is rounded.
+    # Corners on whole pixels that were tracked to sub-pixel positions are rounded in one image
+    # only.
     assert rounding_variance(np.round(points(1)), points(2)) == 0.0
     assert rounding_variance(np.round(points(1), 1), points(2)) == 0.0
     none = np.empty((0, 2))
@@ -30,6 +31,6 @@ def test_those_found_between_pixels_keep_to_none():
 @pytest.mark.parametrize("by_chance", [True, False])
 def test_a_tenth_of_them_on_a_grid_is_enough(by_chance):
     first, second = points(1), points(2)
-    few = round(ON_GRID * len(first)) + (0 if by_chance else 1)
+    few = round(MIN_ON_GRID * len(first)) + (0 if by_chance else 1)
     first[:few], second[:few] = np.round(first[:few]), np.round(second[:few])
     assert rounding_variance(first, second) == (0.0 if by_chance else SIGMA**2)

@@ -34,7 +34,7 @@ def test_a_loop_over_several_has_the_digits_of_one():
     np.testing.assert_allclose(together, a * b + c, rtol=0.0, atol=1e-14)
 
 
-def test_narrow_numbers_stay_narrow():
+def test_float32_stays_float32():
     compiled = numba.njit(lambda a, b, c: fma(a, b, c))
     a, b, c = (np.float32(value) for value in (0.1, 0.3, -0.7))
     result = compiled(a, b, c)

@@ -1,4 +1,4 @@
-"""Places taken in their order, none within reach of another."""
+"""Places accepted in their order, none within reach of another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was compiled is forgotten when any kernel changes."""
+"""Compiled code is removed when any kernel changes."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.positive import eliminate_points, point_variances
+from farpoint._kernels.cholesky import eliminate_points, point_variances
 from farpoint._kernels.window import (
     UNSEEN_PX,
     gather_information,
@@ -19,7 +19,7 @@ DOF = 5.0
 
 
 def observations(seed: int = 0) -> dict[str, np.ndarray]:
-    """Three points in four keyframes, one of them unseen once, one not taken."""
+    """Three points in four keyframes, one of them unobserved once, one not used."""
     rng = np.random.default_rng(seed)
     frame = np.array([0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3])
     count = len(frame)
@@ -43,7 +43,7 @@ def observations(seed: int = 0) -> dict[str, np.ndarray]:
 
 
 def rows_of(case: dict[str, np.ndarray]) -> list[tuple[int, int, int]]:
-    """Point, observation and the one before it, of every residual that counts."""
+    """Point, observation and the previous one, of every residual that counts."""
     found, before = [], {}
     for o, j in enumerate(case["point"]):
         if not case["used"][j] or case["residuals"][o, 0] == UNSEEN_PX:

@@ -1,4 +1,4 @@
-"""The kernels mean the same to Python as to numba: their tests once more, interpreted."""
+"""The tests of the kernels, interpreted instead of compiled."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
-# Kernels that are held from where they are used.
-ELSEWHERE = [
+# Kernels that are tested where they are used.
+MAX_COSINE = [
     HERE.parent / "synthetic" / "test_raycast.py",
     f"{HERE.parent / 'tracks' / 'test_refinement.py'}::"
     "test_the_kernel_computes_what_plain_numpy_computes",
@@ -22,7 +22,7 @@ ELSEWHERE = [
 def test_the_kernels_pass_their_tests_interpreted():
     options = ["-p", "no:cacheprovider", "--tb=short"]
     run = subprocess.run(
-        [sys.executable, "-m", "pytest", *options, *map(str, [HERE, *ELSEWHERE])],
+        [sys.executable, "-m", "pytest", *options, *map(str, [HERE, *MAX_COSINE])],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
         capture_output=True,
         text=True,

@@ -10,8 +10,8 @@ from pose_kit import estimate, point_scene, rotation_error
 from scipy.stats import chi2
 
 from farpoint import PoseStatus, RelativePose, RelativePoseOptions
+from farpoint._kernels.ambiguous_motions import bas_relief_motion
 from farpoint._kernels.pose import Pose
-from farpoint._kernels.twins import layer_twin
 from farpoint.bench.scenes import draw_scenes
 from farpoint.geometry import so3
 from farpoint.pose import competing_motions, two_views
@@ -329,7 +329,7 @@ def test_a_likelier_motion_that_the_search_has_met_is_taken(monkeypatch, seed):
         found = search(matches, tolerance, options, state)
         R, t = found.R_cam1_from_cam0, found.direction_cam1_from_cam0
         twin = np.empty((3, 3)), np.empty(3)
-        layer_twin(matches.pairs, len(matches), 3.0 * found.noise.sigma, R, t, *twin)
+        bas_relief_motion(matches.pairs, len(matches), 3.0 * found.noise.sigma, R, t, *twin)
         start = replace(found, R_cam1_from_cam0=twin[0], direction_cam1_from_cam0=twin[1])
         wrong = refit_general_motion(matches, start)
         assert wrong.direction_cam1_from_cam0 @ t < -0.9

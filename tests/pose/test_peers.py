@@ -7,9 +7,9 @@ import pytest
 from pose_kit import estimate, point_scene
 
 from farpoint import PoseStatus, TrackLabel
-from farpoint._kernels.likelihood import explain
-from farpoint._kernels.mixture import TAIL
-from farpoint._kernels.pose import Seen
+from farpoint._kernels.likelihood import evaluate_residuals
+from farpoint._kernels.mixture import LONG_TAIL
+from farpoint._kernels.pose import LinearisationPoint
 from farpoint.geometry import so3, sphere
 from farpoint.pose.matches import matches_from_points
 from farpoint.synthetic import PointScene
@@ -102,16 +102,16 @@ def test_the_residual_is_the_sampson_distance_of_the_textbook(scene):
     matches = matches_from_points(scene.points0, scene.points1, scene.camera, scene.camera)
     everyone = matches.weights()
     residual_px, parallax, right = np.empty((3, len(everyone)))
-    seen = Seen(
+    seen = LinearisationPoint(
         matches.pairs,
         everyone,
         R,
         t,
         np.array([1.0, 0.1, 0.1, 0.1]),
         matches.outlier_half_width,
-        TAIL,
+        LONG_TAIL,
     )
-    explain(seen, residual_px, parallax, right)
+    evaluate_residuals(seen, residual_px, parallax, right)
     residual_px = residual_px[:250]
     true = ~scene.is_outlier
     assert np.abs(textbook_px[true]).max() > 0.5

@@ -9,7 +9,7 @@ import pytest
 from pose_kit import rotation_error
 
 from farpoint import Camera, PoseStatus, estimate_relative_pose
-from farpoint._kernels.settling import settle_motion
+from farpoint._kernels.motion_refinement import refine_motion
 from farpoint.geometry import so3, sphere
 from farpoint.pose import general_motion
 from farpoint.pose.matches import matches_from_points
@@ -94,8 +94,8 @@ def test_of_two_motions_that_some_matches_allow_all_choose(monkeypatch, first_is
     def found_both(judged, _effort, least_signal, _state, found):
         found.R_far[:], found.mixture[:] = fit.far_rotation_cam1_from_cam0, fit.noise.array
         found.R[:], found.t[:] = first
-        found.R_second[:], found.t_second[:] = second
-        return 16, False, False, True, settle_motion(judged, least_signal, found)
+        found.R_close[:], found.t_close[:] = second
+        return 16, False, False, True, refine_motion(judged, least_signal, found)
 
     monkeypatch.setattr(general_motion, "fit_motion", found_both)
     chosen = general_motion.fit_general_motion(matches, 1.0, DEFAULTS, np.array([1], np.uint64))

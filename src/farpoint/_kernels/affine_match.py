@@ -16,98 +16,98 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_slopes import (
+from farpoint._kernels.affine_jacobian import (
     PARAMETERS,
     Nine,
     Template,
     blank_template,
-    changes,
+    jacobian_products,
+    jacobian_times,
     linearise,
     normal_matrix,
-    pulls,
 )
 from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.warped_window import Around, blank_around, residual_of
 from farpoint._kernels.window_covariance import (
     Influence,
-    bend,
     blank_influence,
     covary,
     find_influence,
+    quadratic_bias,
     solve,
 )
 from farpoint._kernels.windows import (
     Image,
-    Patience,
+    Termination,
     blank_values,
     differentiate,
     line_px,
-    relaxed,
+    relaxed_share,
     room_px,
     sample,
 )
 
-__all__ = ["Belief", "Matched", "Workspace", "blank_workspace", "match_windows"]
+__all__ = ["Matched", "ParameterPrior", "Workspace", "blank_workspace", "match_windows"]
 
 
-class Belief(NamedTuple):
-    """What is known of a match before."""
+class ParameterPrior(NamedTuple):
+    """Gaussian prior of the parameters."""
 
     precision: np.ndarray
-    """(8,) inverse variance of each parameter; 0 where nothing is known."""
+    """(8,) inverse variance of each parameter; 0 without a prior."""
     noise_floor: float
-    """The variance of the residual is at least this, grey levels^2."""
+    """Lower bound of the variance of the residual, grey levels^2."""
 
 
 class Matched(NamedTuple):
-    """Matches, and what is told of them."""
+    """Matches and their statistics."""
 
     points: np.ndarray
-    """(N, 2) in the second image, px: in, where to begin; out, the match."""
+    """(N, 2) pixels in the second image: in, initial; out, matched."""
     warps: np.ndarray
-    """(N, 2, 2) ``I + M``: in, where to begin, and what is believed; out, the match."""
+    """(N, 2, 2) ``I + M``: in, initial values and means of the prior; out, matched."""
     covariances: np.ndarray
-    """(N, 2, 2) of the point, px^2; NaN where there is no match (window outside an image, no
+    """(N, 2, 2) covariance of the point, px^2; NaN without a match (window outside an image, no
     texture)."""
     correlations: np.ndarray
-    """(N,) of the two windows, -1 to 1."""
-    bendings: np.ndarray
-    """(N, 2, 2, 3) what a motion that the model leaves out does to the match, px: ``[a, b, c]`` is
-    the move along axis a for each unit of ``u^2``, ``u v`` or ``v^2`` (c) along axis b."""
+    """(N,) correlation of the two windows, -1 to 1."""
+    quadratic_bias: np.ndarray
+    """(N, 2, 2, 3) bias of the match by quadratic motion, px: ``[a, b, c]`` is the displacement
+    along axis a per unit of ``u^2``, ``u v`` or ``v^2`` (c) along axis b."""
 
 
 class Workspace(NamedTuple):
-    """What a match is worked on with, one after the other."""
+    """Buffers for one match after the other."""
 
     pixels: np.ndarray
-    """Those of the first image around the window."""
+    """Pixels of the first image around the window."""
     patch: np.ndarray
-    """Values between them, a pixel farther than the window."""
+    """Interpolated values, one pixel farther than the window."""
     patch_line: int
-    """Places from one line of both to the next."""
+    """Stride from one line to the next of both."""
     template: Template
     around: Around
-    """What the second image has there."""
+    """Pixels of the second image around the window."""
     residual: np.ndarray
-    """(S + 2 lines,) of the second image, less the first."""
-    explained: np.ndarray
-    """(S,) part of it."""
+    """(S + 2 lines,) residual: second image minus first."""
+    predicted: np.ndarray
+    """(S,) part of the residual predicted by the last step."""
     normal: np.ndarray
     """(8, 8) normal matrix."""
     factor: np.ndarray
     """(8, 8) its lower Cholesky factor, with the diagonal inverted."""
     expected: np.ndarray
-    """(8,) parameters, as they are believed."""
+    """(8,) mean of the prior of the parameters."""
     theta: np.ndarray
     """(8,) parameters."""
     step: np.ndarray
-    """(8,) of them."""
+    """(8,) step of the parameters."""
     influence: Influence
 
 
 def blank_workspace(half: int) -> Workspace:
-    """Room to match windows of ``2 half + 1`` pixels."""
+    """Buffers to match windows of ``2 half + 1`` pixels."""
     width = 2 * half + 1
     patch_line = line_px(width + 3)
     template = blank_template(half)
@@ -120,7 +120,7 @@ def blank_workspace(half: int) -> Workspace:
         template=template,
         around=blank_around(half),
         residual=blank_values(size + 2 * template.window.line),
-        explained=blank_values(size),
+        predicted=blank_values(size),
         normal=np.zeros(square),
         factor=np.zeros(square),
         expected=np.zeros(PARAMETERS),
@@ -135,12 +135,12 @@ def match_windows(
     image0: Image,
     image1: Image,
     points0: np.ndarray,
-    belief: Belief,
-    patience: Patience,
+    parameter_prior: ParameterPrior,
+    termination: Termination,
     space: Workspace,
     matched: Matched,
 ) -> None:
-    """Refine matches of points0 (N, 2), px, in place, and say how certain they are."""
+    """Refine matches of points0 (N, 2), px, in place, each with its covariance."""
     points1, warps, template, theta = matched.points, matched.warps, space.template, space.theta
     for k in range(len(points0)):
         matched.covariances[k] = np.nan
@@ -149,30 +149,30 @@ def match_windows(
         if not _take_template(image0, points0[k], space):
             continue
         x, y = points1[k]
-        variance, correlation = _fit(image1, (x, y), belief, patience, space)
+        variance, correlation = _fit(image1, (x, y), parameter_prior, termination, space)
         if variance < 0.0:
             continue
         points1[k, 0], points1[k, 1] = x + theta[0], y + theta[1]
         warps[k, 0, 0], warps[k, 0, 1] = 1.0 + theta[2], theta[3]
         warps[k, 1, 0], warps[k, 1, 1] = theta[4], 1.0 + theta[5]
         matched.correlations[k] = correlation
-        influence, precision = space.influence, belief.precision
+        influence, precision = space.influence, parameter_prior.precision
         find_influence(space.factor, template, influence)
-        bend(template, influence, matched.bendings[k])
+        quadratic_bias(template, influence, matched.quadratic_bias[k])
         covariance = matched.covariances[k]
         covary(template, space.residual, variance, precision, influence, covariance)
 
 
 @step_kernel
 def _expect(warp: np.ndarray, expected: np.ndarray) -> None:
-    """Parameters of a warp ``I + M``, with no displacement and no change of brightness."""
+    """Parameters of a warp ``I + M``, without displacement or change of brightness."""
     expected[2], expected[3] = warp[0, 0] - 1.0, warp[0, 1]
     expected[4], expected[5] = warp[1, 0], warp[1, 1] - 1.0
 
 
 @step_kernel
 def _take_template(image: Image, point: np.ndarray, space: Workspace) -> bool:
-    """Read the window around a point of the first image; False if the image has not all of it."""
+    """Read the window around a point of the first image; False if it is not inside the image."""
     template, patch_line, half = space.template, space.patch_line, space.template.window.half
     x, y, width = point[0] - half - 1, point[1] - half - 1, 2 * half + 3
     if not _holds(image, x, y, width):
@@ -186,7 +186,7 @@ def _take_template(image: Image, point: np.ndarray, space: Workspace) -> bool:
 
 @step_kernel
 def _holds(image: Image, x: float, y: float, width: int) -> bool:
-    """Whether the image has all pixels that a window which begins at (x, y) is made of."""
+    """Whether the image contains all pixels of a window that begins at (x, y)."""
     left, top = math.floor(x), math.floor(y)  # of NaN, a negative number
     return left >= 0 and top >= 0 and left + width < image.width and top + width < image.height
 
@@ -195,45 +195,45 @@ def _holds(image: Image, x: float, y: float, width: int) -> bool:
 def _fit(
     image: Image,
     start: tuple[float, float],
-    belief: Belief,
-    patience: Patience,
+    parameter_prior: ParameterPrior,
+    termination: Termination,
     space: Workspace,
 ) -> tuple[float, float]:
-    """Gauss-Newton steps to the parameters.
+    """Gauss-Newton iteration of the parameters.
 
-    Returns the residual's variance and the correlation of the windows; a variance of -1 where there
-    is no match.
+    Returns the variance of the residual and the correlation of the windows; a variance of -1
+    without a match.
     """
-    (x, y), precision = start, belief.precision
-    template, residual, explained = space.template, space.residual, space.explained
+    (x, y), precision = start, parameter_prior.precision
+    template, residual, predicted = space.template, space.residual, space.predicted
     normal, factor, expected = space.normal, space.factor, space.expected
     theta, step = space.theta, space.step
     count = (2 * template.window.half + 1) ** 2
     copy(expected, theta)
     variance, correlation = -1.0, 0.0
     before_x, before_y, share = 0.0, 0.0, 1.0
-    for _ in range(patience.iterations):
+    for _ in range(termination.iterations):
         if not residual_of(image, x, y, template, theta, space.around, residual):
             return -1.0, 0.0
-        sums = pulls(template, residual)
-        # The prior weighs as much as the noise tells it to; the residual shows the noise.
-        variance = max(sums[8] / count, belief.noise_floor)
+        sums = jacobian_products(template, residual)
+        # The prior is weighted by the noise variance, which the residual gives.
+        variance = max(sums[8] / count, parameter_prior.noise_floor)
         if not _factorise(normal, precision, variance, factor):
             return -1.0, 0.0
         correlation = _correlation(normal[6, 6], sums, theta[6], count)
         for a in range(PARAMETERS):
             step[a] = sums[a] + variance * precision[a] * (theta[a] - expected[a])
         solve(factor, step)
-        share = relaxed(share, step[0], step[1], before_x, before_y)
+        share = relaxed_share(share, step[0], step[1], before_x, before_y)
         before_x, before_y = step[0], step[1]
         for a in range(PARAMETERS):
             theta[a] -= share * step[a]
-        if step[0] * step[0] + step[1] * step[1] < patience.tolerance * patience.tolerance:
+        if step[0] * step[0] + step[1] * step[1] < termination.tolerance * termination.tolerance:
             break
-    # What is left once the last step is taken; its gradients say how much that is.
-    changes(template, step, explained)
-    for i in range(np.uintp(len(explained))):
-        residual[i] -= explained[i]
+    # Residual after the last step, to first order.
+    jacobian_times(template, step, predicted)
+    for i in range(np.uintp(len(predicted))):
+        residual[i] -= predicted[i]
     return variance, correlation
 
 
@@ -241,9 +241,9 @@ def _fit(
 def _factorise(
     normal: np.ndarray, precision: np.ndarray, variance: float, factor: np.ndarray
 ) -> bool:
-    """Lower Cholesky factor of the normal matrix with its prior; False if it has none.
+    """Lower Cholesky factor of the normal matrix with its prior; False if not positive definite.
 
-    Its diagonal is inverted: what it is used for is to divide by.
+    The diagonal is inverted, because it is only used for divisions.
     """
     for a in range(PARAMETERS):
         for b in range(a + 1):
@@ -263,7 +263,7 @@ def _factorise(
 def _correlation(contrast_square: float, sums: Nine, gain: float, count: int) -> float:
     """Correlation of the template with the warped window, from the residual of the match.
 
-    ``sums`` are the residual's `_pulls`.
+    ``sums`` are the residual's `jacobian_products`.
     """
     mean = -sums[7] / count
     cross = (1.0 + gain) * contrast_square - sums[6]

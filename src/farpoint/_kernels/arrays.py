@@ -1,4 +1,4 @@
-"""Copying and clearing of the small arrays that kernels work on."""
+"""Copy and fill small arrays."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""How good a corner every pixel is, and which are the best in their surroundings.
+"""Corner strength of every pixel, and local maxima.
 
-Loops along a line of the image are written so that one instruction works on several pixels. Floats
-are float32: gradients are whole numbers here, and so are their sums.
+Loops along a line of the image are written for vector instructions. Floats are float32: gradients
+are whole numbers here, and so are their sums.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ __all__ = ["corner_strength", "strongest_places"]
 
 @kernel
 def corner_strength(image: np.ndarray, block: int, strength: np.ndarray) -> None:
-    """Mean square slope in the weakest direction, over blocks of pixels.
+    """Mean squared gradient in its weakest direction, over blocks of pixels (Shi-Tomasi).
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def corner_strength(image: np.ndarray, block: int, strength: np.ndarray) -> None
     """
     height, width = image.shape
     strength[:] = 0.0
-    # Gradients of the last lines, and sums over them of their products.
+    # Gradients of the last ``block`` lines, and column sums of their products.
     gx, gy = np.zeros((block, width), np.float32), np.zeros((block, width), np.float32)
     xx, xy, yy = (
         np.zeros(width, np.float32),
@@ -59,12 +59,12 @@ def _move_on(
     xy: np.ndarray,
     yy: np.ndarray,
 ) -> None:
-    """Put a line's gradients in the place of those of a block ago, and their products too."""
+    """Replace the gradients of ``block`` lines ago by those of this line, also in the sums."""
     one, two = np.uintp(1), np.uintp(2)
     twice = np.float32(2.0)
     for i in range(np.uintp(len(here) - 2)):
         j, k = i + one, i + two
-        # Converted first: differences of bytes are no bytes.
+        # Converted first: bytes would wrap around.
         nw, n, ne = np.float32(above[i]), np.float32(above[j]), np.float32(above[k])
         w, e = np.float32(here[i]), np.float32(here[k])
         sw, s, se = np.float32(below[i]), np.float32(below[j]), np.float32(below[k])
@@ -78,7 +78,7 @@ def _move_on(
 
 @inner_kernel
 def _sum_along(values: np.ndarray, block: int, sums: np.ndarray) -> None:
-    """Sums of ``block`` neighbours, at the place of the first."""
+    """Sums of ``block`` neighbours, at the index of the first."""
     count = np.uintp(len(values) - block)
     for i in range(count):
         sums[i] = values[i]
@@ -96,7 +96,7 @@ def _weakest(
     block: int,
     line: np.ndarray,
 ) -> None:
-    """Smallest eigenvalues, each in the middle of its block."""
+    """Smallest eigenvalues, each at the centre of its block."""
     half = np.float32(0.5)
     for i in range(np.uintp(1), np.uintp(len(xx) - block)):
         mean, difference = half * (xx[i] + yy[i]), half * (xx[i] - yy[i])
@@ -113,19 +113,19 @@ def strongest_places(
     taken: np.ndarray,
     places: np.ndarray,
 ) -> int:
-    """Pixels that no other within ``reach`` along either axis outdoes; returns how many.
+    """Local maxima within ``reach`` along either axis; returns their number.
 
     Parameters
     ----------
     strength : ndarray of float32, shape (H, W)
     least : float
-        What is not stronger does not count.
+        Strength that a maximum must exceed.
     reach, border : int
-        The latter is the distance to keep from the border, px.
+        px; the latter is the distance to keep from the border.
     taken : ndarray of bool, shape (H, W)
-        Pixels that are not asked for.
+        Pixels that are excluded.
     places : ndarray of int64, shape (C, 2)
-        Out: column and row. Of every square of ``reach + 1`` pixels, one can be among them.
+        Out: column and row; at most one per square of ``reach + 1`` pixels.
     """
     height, width = strength.shape
     size = reach + 1
@@ -147,7 +147,7 @@ def strongest_places(
             while strength[row, column] != best:
                 row += 1
             if taken[row, column] or not _outdone_by_none(strength, column, row, 1):
-                continue  # most end here
+                continue  # most candidates end here
             if _outdone_by_none(strength, column, row, reach):
                 places[count, 0], places[count, 1] = column, row
                 count += 1
@@ -156,13 +156,13 @@ def strongest_places(
 
 @step_kernel
 def _highest(lines: np.ndarray, highest: np.ndarray) -> None:
-    """The largest of each column."""
+    """Maximum of each column."""
     for x in range(np.uintp(len(highest))):
         highest[x] = lines[0, x]
     for y in range(1, len(lines)):
         line = lines[y]
         for x in range(np.uintp(len(highest))):
-            here, above = line[x], highest[x]  # both read, so that no choice needs a jump
+            here, above = line[x], highest[x]  # both read, so that the selection needs no branch
             highest[x] = here if here > above else above
 
 

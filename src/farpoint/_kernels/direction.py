@@ -1,8 +1,8 @@
-"""Direction of translation when the rotation is known: intersections of great circles.
+"""Direction of translation at a known rotation: intersections of great circles.
 
-A match, its first ray turned by the rotation, moves along the great circle through both rays; all
-these circles meet at the direction of translation. On the sphere the intersection of two circles is
-the cross product of their normals, wherever it lies: in the image, at 90 degrees or behind.
+After the rotation a match moves along the great circle through both rays; all circles intersect at
+the direction of translation. The intersection of two circles is the cross product of their normals,
+wherever it lies: in the image, at 90 degrees or behind the camera.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
-    combine,
+    axpby,
     cross,
     dot,
     matrix,
@@ -35,17 +35,17 @@ def circle(pairs: np.ndarray, R: Matrix, i: int) -> tuple[Vector, Vector]:
     """Normal ``m x b`` (not normalised) and flow ``b - m`` of match ``i`` with ``m = R a``."""
     at = address(i)
     m = rotate(R, ray0(pairs, at))
-    flow = combine(1.0, ray1(pairs, at), -1.0, m)
-    # m x (b - m) loses no digits where the flow is short.
+    flow = axpby(1.0, ray1(pairs, at), -1.0, m)
+    # m x (b - m): exact where the flow is short.
     return cross(m, flow), flow
 
 
 @inner_kernel
 def intersect_circles(pairs: np.ndarray, R: np.ndarray, i: int, j: int, t: np.ndarray) -> bool:
     """Direction ``t`` (3,) from matches ``i`` and ``j``, signed so that both flow towards it."""
-    turn = matrix(R)
-    normal0, flow0 = circle(pairs, turn, i)
-    normal1, flow1 = circle(pairs, turn, j)
+    rotation = matrix(R)
+    normal0, flow0 = circle(pairs, rotation, i)
+    normal1, flow1 = circle(pairs, rotation, j)
     meeting = cross(normal0, normal1)
     length = norm(meeting)
     if not length > 1e-30:
@@ -62,19 +62,19 @@ def pairwise_direction(
     R: np.ndarray,
     partial: np.ndarray,
 ) -> None:
-    """Weighted sum of all pairwise intersections (eqs. 14-17), kept apart by match.
+    """Weighted sum of all pairwise intersections (eqs. 14-17), by match.
 
-    ``partial[i]`` (N, 3) receives ``sum_j w_i w_j c_ij (n_i x n_j)`` with unit normals, so that a
-    pair counts by the sine of the angle at which its circles cross, and the sign c = +-1 that lets
-    both matches flow towards the intersection. Each pair stands in two rows, so
-    the sum over all rows is twice the sum over pairs; leaving a match out takes off its row once.
+    ``partial[i]`` (N, 3) receives ``sum_j w_i w_j c_ij (n_i x n_j)`` with unit normals: the weight
+    of a pair is the sine of the angle between its circles, and the sign c = +-1 lets both matches
+    flow towards the intersection. Each pair is in two rows, so the sum over all rows is twice the
+    sum over pairs; to leave a match out, subtract its row once.
     """
     n = weight.size
-    turn = matrix(R)
+    rotation = matrix(R)
     normals = np.empty((n, 3))
     flows = np.empty((n, 3))
     for i in range(n):
-        normal, flow = circle(pairs, turn, i)
+        normal, flow = circle(pairs, rotation, i)
         length = max(norm(normal), 1e-300)
         put(1.0 / length, normal, normals[i])
         put(1.0 / length, flow, flows[i])

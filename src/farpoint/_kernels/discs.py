@@ -1,4 +1,4 @@
-"""Many small discs on a picture, with smooth rims."""
+"""Anti-aliased discs drawn into an image."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ __all__ = ["draw_discs"]
 def draw_discs(
     pixels: np.ndarray, centres: np.ndarray, radius: float, colour: tuple[float, float, float]
 ) -> None:
-    """Blend discs of one colour into (H, W, 3) pixels; parts outside are left out.
+    """Blend discs of one colour into (H, W, 3) pixels; parts outside are clipped.
 
-    A pixel is covered as far as the rim passes it: fully half a pixel inside, not at all half a
+    The coverage of a pixel is linear in its distance from the rim: 1 half a pixel inside, 0 half a
     pixel outside. Rows of `centres` (N, 2) are x, y, finite, counted from the first pixel's centre.
     """
     height, width = pixels.shape[0], pixels.shape[1]

@@ -1,4 +1,4 @@
-"""The Sampson residual of a match and its full derivative.
+"""Sampson residual of a match and its full derivative.
 
 For unit rays ``a`` (camera 0) and ``b`` (camera 1), ``m = R a`` and unit ``t``, the epipolar
 constraint is ``e = b . (t x m) = 0``. With the covariances ``S_a`` and ``S_b`` of the rays for unit
@@ -6,8 +6,8 @@ noise, ``e`` has to first order the variance ``sigma^2 g`` with
 
     g = q . R S_a R^T q + n . S_b n,     q = b x t,  n = t x m,     r = e / sqrt(g),
 
-and ``r`` is distributed as one coordinate of the noise. ``g`` depends on the pose too: leaving its
-derivative out costs a factor of 2.5 in the direction at small baselines.
+and ``r`` is distributed as one coordinate of the noise. ``g`` depends on the pose, too: without its
+derivative the direction is 2.5 times less accurate at small baselines.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from farpoint._kernels.scalars import fma
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
-    combine,
+    axpby,
     cross,
     dot,
     rotate,
@@ -38,7 +38,7 @@ __all__ = [
     "variances",
 ]
 
-# Keeps a match at the epipole, which satisfies any epipolar plane (e = g = 0), from 0 / 0.
+# Prevents 0 / 0 for a match at the epipole, which satisfies any epipolar plane (e = g = 0).
 TINY = 1e-300
 
 
@@ -88,17 +88,17 @@ def sampson_jacobian(
     m, b, q, w, z, e, g = _constraint(pairs, at, R, t)
     inv = 1.0 / math.sqrt(g)
     f = e * inv * inv
-    by_theta = combine(1.0, cross(m, combine(1.0, q, -f, cross(z, t))), -f, cross(w, q))
-    by_t = combine(1.0, cross(m, combine(1.0, b, -f, z)), -f, cross(w, b))
+    by_theta = axpby(1.0, cross(m, axpby(1.0, q, -f, cross(z, t))), -f, cross(w, q))
+    by_t = axpby(1.0, cross(m, axpby(1.0, b, -f, z)), -f, cross(w, b))
     return _row(inv, by_theta, by_t, basis, e)
 
 
 @inlined_kernel
 def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
-    """Flow from ``m`` to ``b`` along the great circle towards ``t``, and squared sine of its reach.
+    """Signed flow from ``m`` to ``b`` along the great circle towards ``t``, and a squared sine.
 
-    Both times the sine of the angle between ``m`` and ``t``: ``b . a`` and ``a . a`` with
-    ``a = t - (m . t) m``.
+    The flow is ``b . a`` and the squared sine, of the angle between ``m`` and ``t``, ``a . a`` with
+    ``a = t - (m . t) m``: the flow is multiplied by that sine.
     """
     reach = dot(m, t)
     return fma(-reach, dot(m, b), dot(b, t)), fma(-reach, reach, 1.0)
@@ -106,8 +106,8 @@ def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
 
 @inlined_kernel
 def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vector) -> float:
-    """Variance, for unit noise, of the first of `flow_along`."""
-    along = combine(1.0, t, -dot(m, t), m)
+    """Variance of the flow of `flow_along`, for unit noise."""
+    along = axpby(1.0, t, -dot(m, t), m)
     back = rotate_back(R, along)
     return dot(back, noise0(pairs, at, back)) + dot(along, noise1(pairs, at, along))
 
@@ -116,27 +116,26 @@ def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vecto
 def shift_jacobian(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, basis: tuple[Vector, Vector]
 ) -> tuple[float, float, float, float, float, float]:
-    """Derivative of the flow over its sigma by ``[dtheta (3), dbeta (2)]``, and that shift itself.
+    """Derivative of the flow over its sigma by ``[dtheta (3), dbeta (2)]``, and its value.
 
-    Its variance, which hardly changes within a few sigma, is taken as it is.
+    The variance is taken as constant; it hardly changes within a few sigma.
     """
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
     inv = 1.0 / math.sqrt(parallax_variance(pairs, at, R, m, t) + TINY)
-    alike = dot(m, b)
-    by_theta = combine(-alike, cross(m, t), -dot(m, t), cross(m, b))
-    by_t = combine(1.0, b, -alike, m)
+    cosine = dot(m, b)
+    by_theta = axpby(-cosine, cross(m, t), -dot(m, t), cross(m, b))
+    by_t = axpby(1.0, b, -cosine, m)
     return _row(inv, by_theta, by_t, basis, flow)
 
 
 @inlined_kernel
 def variances(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[float, float]:
-    """For unit noise: the variance ``g`` of the constraint, and of the flow once it is known.
+    """Variances of the constraint, ``g``, and of the flow given the residual; for unit noise.
 
-    The flow is the first of `flow_along`. Noise that is not round makes it covary with the
-    constraint, and the residual tells that part of it.
+    The flow is that of `flow_along`. Anisotropic noise has a covariance of flow and constraint.
     """
     m, _, _, w, z, _, g = _constraint(pairs, at, R, t)
-    along = combine(1.0, t, -dot(m, t), m)
+    along = axpby(1.0, t, -dot(m, t), m)
     covariance = dot(along, z) - dot(along, w)
     return g, parallax_variance(pairs, at, R, m, t) - covariance * covariance / g

@@ -1,4 +1,4 @@
-"""What the matches say for and against a pose, once it is found."""
+"""Labels of the matches, and evidence for sign, motion and translation of a pose."""
 
 from __future__ import annotations
 
@@ -8,93 +8,95 @@ import numpy as np
 
 from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.linear import apply_rotation_step
+from farpoint._kernels.normal_equations import solve_three_spd
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
 from farpoint._kernels.rotation import rotation_linearize
 from farpoint._kernels.rotation_residual import count_beyond
-from farpoint._kernels.squares import solve_three_spd
-from farpoint._kernels.vectors import combine, dot
+from farpoint._kernels.vectors import axpby, dot
 
-__all__ = ["NEAR_SIGMA", "count_beyond_rotation", "find_standing", "weigh"]
+__all__ = ["NEAR_SIGMA", "count_beyond_rotation", "find_stationary", "label_matches"]
 
-# Parallax below this is a far point's, in sigma.
+# Parallax in sigma, up to which a point is far.
 NEAR_SIGMA = 3.0
 
-# No match is right beyond doubt.
-MOST_TRUST = 0.99
-# Nor beyond rounding.
-LEAST_DOUBT = 1e-16
-# Variance, in units of the noise, beside which no match is off: all weigh alike.
-BEYOND_ANY = 1e20
+# Upper bound of the inlier probability, for the odds of the sign.
+MAX_PROBABILITY = 0.99
+# Lower bound of the outlier probability, for logarithms: rounding.
+MIN_COMPLEMENT = 1e-16
+# Variance, in units of the noise, with which all matches have the same weight.
+UNIFORM_WEIGHTS_VARIANCE = 1e20
 
 
 @step_kernel
-def weigh(
+def label_matches(
     parallax: np.ndarray,
-    right: np.ndarray,
+    inlier: np.ndarray,
     sigma: float,
-    wrong: float,
+    outlier_share: float,
     labels: np.ndarray,
 ) -> tuple[int, float, float]:
-    """Label the matches; returns how many agree, and two log odds: the sign's, and the motion's.
+    """Label the matches; number of inliers, log odds of the sign, log odds of the motion.
 
-    The latter: by how much likelier they are with it than all wrong, where a share ``wrong`` is.
+    The log odds of the motion are those to all matches being outliers, of which the motion has the
+    share ``outlier_share``. ``labels`` (N,) receives 0 for an outlier, 2 for an inlier with a
+    parallax above `NEAR_SIGMA`, else 1.
 
-    ``labels`` (N,) receives 0 for a match that disagrees, 2 for one whose parallax is above
-    `NEAR_SIGMA`, else 1. A far point, with parallax within the noise, votes on no sign. A near
-    point votes by the odds ``Phi(p) / Phi(-p)`` that noise has not turned its flow around, bounded
-    by the chance that it is a wrong match.
+    A match of inlier probability P and parallax s, in sigma, contributes ``log((P Phi(s) + (1 - P)
+    / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
     """
     agreeing = 0
-    odds = likelier = 0.0
+    sign_log_odds = log_odds = 0.0
     for i in range(labels.size):
         p = parallax[i] / sigma
-        agrees = right[i] > 0.5 and p > -NEAR_SIGMA
+        agrees = inlier[i] > 0.5 and p > -NEAR_SIGMA
         agreeing += 1 if agrees else 0
         labels[i] = 0 if not agrees else 2 if p > NEAR_SIGMA else 1
-        trust = min(right[i], MOST_TRUST)
-        doubt = 0.5 * (1.0 - trust)
+        bounded = min(inlier[i], MAX_PROBABILITY)
+        complement = 0.5 * (1.0 - bounded)
         backward = 0.5 * math.erfc(p / math.sqrt(2.0)) if abs(p) < 8.0 else 0.0 if p > 0.0 else 1.0
-        odds += math.log((trust * (1.0 - backward) + doubt) / (trust * backward + doubt))
-        likelier += math.log(wrong / max(1.0 - right[i], LEAST_DOUBT))
-    return agreeing, odds, likelier
+        sign_log_odds += math.log(
+            (bounded * (1.0 - backward) + complement) / (bounded * backward + complement)
+        )
+        log_odds += math.log(outlier_share / max(1.0 - inlier[i], MIN_COMPLEMENT))
+    return agreeing, sign_log_odds, log_odds
 
 
 @step_kernel
 def count_beyond_rotation(
-    pairs: np.ndarray, right: np.ndarray, R: np.ndarray, other_R: np.ndarray, distance: float
+    pairs: np.ndarray, inlier: np.ndarray, R: np.ndarray, other_R: np.ndarray, distance: float
 ) -> tuple[int, int]:
-    """How many of the right matches no rotation brings within ``distance``, and of how many.
+    """Number of inliers beyond ``distance`` of every rotation tried, and number of inliers.
 
-    ``right`` (N,) is 1 for these and 0 for the others; ``distance`` is in units of the noise. Of
-    ``R``, ``other_R`` and the least squares the one that brings in most counts. The least squares,
-    by one step from ``R``, about which the prediction is linear, undo what a motion took from the
-    rotation, but a few wrong matches drag them away.
+    ``inlier`` (N,) is 1 or 0; ``distance`` is in units of the noise. The rotations are ``R``,
+    ``other_R`` and the least-squares rotation, one step from ``R``; the one with most inliers
+    within the distance counts. The least squares undo the part of a rotation that a translation
+    took up, but are not robust to outliers.
     """
     step, nearest = np.empty(3), np.empty((3, 3))
-    H, g, sums, alike = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(3)
-    alike[0], alike[1], alike[2] = BEYOND_ANY, 0.0, 0.0
-    rotation_linearize(pairs, right, R, alike, 1e-300, H, g, sums)
+    H, g, sums, mixture = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(3)
+    mixture[0], mixture[1], mixture[2] = UNIFORM_WEIGHTS_VARIANCE, 0.0, 0.0
+    rotation_linearize(pairs, inlier, R, mixture, 1e-300, H, g, sums)
     if not solve_three_spd(H, g, 0.0, step):
         return 0, 0
     apply_rotation_step(R, -step[0], -step[1], -step[2], nearest)
     total = 0
-    for i in range(right.size):
-        total += 1 if right[i] > 0.5 else 0
+    for i in range(inlier.size):
+        total += 1 if inlier[i] > 0.5 else 0
     limit = distance * distance
-    fewest = min(count_beyond(pairs, right, R, limit), count_beyond(pairs, right, other_R, limit))
-    return int(min(fewest, count_beyond(pairs, right, nearest, limit))), total
+    fewest = min(count_beyond(pairs, inlier, R, limit), count_beyond(pairs, inlier, other_R, limit))
+    return int(min(fewest, count_beyond(pairs, inlier, nearest, limit))), total
 
 
 @kernel
-def find_standing(pairs: np.ndarray, within: float, standing: np.ndarray) -> int:
-    """Tell which matches (N,) stand still in the image, but for so much, by the unit of the noise.
+def find_stationary(pairs: np.ndarray, within: float, stationary: np.ndarray) -> int:
+    """Mark the ``stationary`` matches (N,); returns their number.
 
-    Returns how many.
+    Their flow is below ``within``, in units of the noise.
     """
     count = 0
-    for i in range(standing.size):
+    for i in range(stationary.size):
         at = address(i)
-        flow = combine(1.0, ray1(pairs, at), -1.0, ray0(pairs, at))
-        standing[i] = dot(flow, flow) < within * within * flow_variance(pairs, at)
-        count += 1 if standing[i] else 0
+        flow = axpby(1.0, ray1(pairs, at), -1.0, ray0(pairs, at))
+        stationary[i] = dot(flow, flow) < within * within * flow_variance(pairs, at)
+        count += 1 if stationary[i] else 0
     return count

@@ -1,4 +1,4 @@
-"""Exponential and logarithm that a processor can do for several numbers at once."""
+"""Exponential and logarithm for vector instructions."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _SQRT2 = 1.4142135623730951
 
 @inlined_kernel
 def exp_and_roots(x: float) -> tuple[float, float, float, float]:
-    """``exp(-x)``, its eighth root, the eighth root of that, and of that; constant beyond 15000.
+    """``exp(-x)`` to the powers 1, 1/8, 1/64 and 1/512; constant beyond 15000.
 
-    For x >= 0. The series at x / 65536, squared seven times, and thrice more each; the relative
-    errors are below 1e-9 up to x = 300, and below 1e-4 where any of them is more than nothing.
+    For x >= 0. The series at x / 65536, squared seven times, and three times more each; the
+    relative errors are below 1e-9 up to x = 300, and below 1e-4 where the value is not 0.
     """
     y = min(x, 15360.0) * (1.0 / 65536.0)
     s = 1.0 / 120.0

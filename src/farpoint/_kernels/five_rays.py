@@ -1,4 +1,4 @@
-"""Joint hypotheses: a pose from five matches, how well it fits all, and how many to try."""
+"""Five-ray hypotheses: minimal solver, score over all matches, and number of samples."""
 
 from __future__ import annotations
 
@@ -10,10 +10,16 @@ import numpy as np
 from farpoint._kernels.arrays import clear
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
 from farpoint._kernels.epipolar import flow_along, sampson
+from farpoint._kernels.normal_equations import (
+    SIX,
+    add_six,
+    predicted_decrease,
+    solve_five_spd,
+    write_six,
+)
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
 from farpoint._kernels.pose import apply_step
 from farpoint._kernels.scalars import where
-from farpoint._kernels.squares import SIX, add_six, promise, solve_five_spd, write_six
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
@@ -25,51 +31,55 @@ from farpoint._kernels.vectors import (
     vector,
 )
 
-__all__ = ["LONG_FLOW", "Effort", "iterations_needed", "score_pose", "solve_five"]
+__all__ = ["LONG_FLOW", "SearchBudget", "iterations_needed", "score_pose", "solve_five"]
 
-# Flow after the far rotation, rad, from which on Newton's method starts too far away to be trusted.
+# Median flow after the far rotation, rad, beyond which Newton's method does not converge reliably
+# from that rotation.
 LONG_FLOW = 0.05
-# How much more rarely a sample converges then: it starts from a rotation of its own.
-AS_FAR_AS_ANY = 2.0
-# Probability that the start leads to another pose, with no wrong matches and a short flow.
-START_DOUBT = 0.02
-# Share of samples without a wrong match that lead to the right pose, where it is hardly in doubt.
-CONVERGING = 0.5
-# A pose that this share of the matches agrees with has to do with the right one.
-BEYOND_CHANCE = 0.4
-# Newton's steps: how many, the longest, and one after which the next would be its square.
+# Upper bound of the factor on the number of samples for a long flow: samples then start from
+# rotations of their own.
+MAX_RESTART_FACTOR = 2.0
+# Probability that the initial pose leads to a wrong mode, without outliers and with a short flow;
+# measured on synthetic and real pairs.
+START_FAILURE = 0.02
+# Share of outlier-free samples that converge to the right mode, where the initial pose is reliable.
+CONVERGENCE_RATE = 0.5
+# Share of consistent matches above which a pose is related to the right one.
+MIN_CONSENSUS = 0.4
+# Newton's method: maximum number of steps.
 NEWTON_STEPS = 7
-# Pairs that are worked on at once: five, and empty seats.
-SEATS = 8
-SEATED = 6 * SEATS
+# Lanes for the five rays of a sample, three of them filler; size of the array. Length of the
+# longest step; length of a step after which the next one, its square, is within the noise.
+SAMPLE_LANES = 8
+PADDED_SIZE = 6 * SAMPLE_LANES
 LONGEST_STEP = 0.5
 LAST_STEP = 0.01
 
 Row = tuple[float, float, float, float, float, float]
 
 
-class Effort(NamedTuple):
-    """How much is tried to find a pose."""
+class SearchBudget(NamedTuple):
+    """Search budget."""
 
     tolerance: float
-    """Distance at which a match agrees with a first guess, in units of the noise."""
+    """Residual of a consistent match, in units of the noise."""
     confidence: float
-    """Probability that the pose has been found."""
+    """Probability that the search has found the right mode."""
     min_iterations: int
-    """Samples that are drawn in any case."""
+    """Minimum number of samples."""
     max_iterations: int
-    """Samples that are drawn at the most."""
+    """Maximum number of samples."""
 
 
 @inlined_kernel
 def _cost_each_way(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, limit: float
 ) -> tuple[float, float]:
-    """Truncated square of a match, and of the same with the other sign of ``t``."""
+    """Truncated square of a match for ``t`` and for ``-t``."""
     r = sampson(pairs, at, R, t)
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, reach2 = flow_along(m, b, t)
-    # On opposite sides of t: the pose is twisted by half a turn about it.
+    # With the epipole between the rays the match fits the twisted pair only.
     cost = where(dot(m, b) < dot(m, t) * dot(b, t), limit, min(r * r, limit))
     ahead, noise = flow * abs(flow), limit * flow_variance(pairs, at) * reach2
     return where(ahead < -noise, limit, cost), where(ahead > noise, limit, cost)
@@ -86,16 +96,16 @@ def score_pose(
 ) -> float:
     """Truncated squares ``sum min(r^2, limit)`` of all matches, at the better sign of ``t``.
 
-    A match that flows away from ``t`` by more than the limit lies behind the camera, and so does
-    one on the other side of ``t``: they cost the full ``limit``. Those of prior 0 cost nothing.
-    Returns early, with a cost of at least ``best``, once both signs have lost. ``t`` is flipped in
-    place where the other sign is better.
+    A match costs the full ``limit`` if it flows away from ``t`` by more than the limit (behind the
+    camera), or has the epipole between its rays. Matches of prior 0 cost nothing. Returns early,
+    with a cost of at least ``best``, once both signs exceed it. ``t`` is negated in place if the
+    other sign is better.
     """
-    turn, towards = matrix(R), vector(t)
+    rotation, direction = matrix(R), vector(t)
     forward = backward = 0.0
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
-            ahead, back = _cost_each_way(pairs, panel * PANEL + lane, turn, towards, limit)
+            ahead, back = _cost_each_way(pairs, panel * PANEL + lane, rotation, direction, limit)
             weight = 1.0 if prior[panel * LANES + lane] > 0.0 else 0.0
             forward += weight * ahead
             backward += weight * back
@@ -112,22 +122,26 @@ def score_pose(
 def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np.ndarray) -> None:
     """Normal equations ``normal`` (6, 6) of ``b . (t x m) = 0`` for the pairs ``rays`` (48,).
 
-    Rows ``[m x (b x t), B^T (m x b)]`` are taken at unit length: a short flow gives a weak row, not
-    a weak equation.
+    Rows ``[m x (b x t), B^T (m x b)]`` are normalised: a short flow gives a small row with the same
+    weight.
     """
-    turn, towards = matrix(R), vector(t)
+    rotation, direction = matrix(R), vector(t)
     sums = SIX
-    for lane in range(SEATS):
-        weight, row = _row(rays, lane, turn, towards)
+    for lane in range(SAMPLE_LANES):
+        weight, row = _row(rays, lane, rotation, direction)
         sums = add_six(sums, weight, row)
     write_six(sums, normal)
 
 
 @inlined_kernel
-def _row(rays: np.ndarray, seat: int, R: Matrix, t: Vector) -> tuple[float, Row]:
-    """Weight and row of the pair in this seat; the last element is the constraint itself."""
-    a = rays[seat], rays[SEATS + seat], rays[2 * SEATS + seat]
-    b = rays[3 * SEATS + seat], rays[4 * SEATS + seat], rays[5 * SEATS + seat]
+def _row(rays: np.ndarray, lane: int, R: Matrix, t: Vector) -> tuple[float, Row]:
+    """Weight and row of the pair in this lane; the last element is the constraint itself."""
+    a = rays[lane], rays[SAMPLE_LANES + lane], rays[2 * SAMPLE_LANES + lane]
+    b = (
+        rays[3 * SAMPLE_LANES + lane],
+        rays[4 * SAMPLE_LANES + lane],
+        rays[5 * SAMPLE_LANES + lane],
+    )
     m = rotate(R, a)
     first, second = tangent_columns(t)
     by_t = cross(m, b)
@@ -141,21 +155,20 @@ def _row(rays: np.ndarray, seat: int, R: Matrix, t: Vector) -> tuple[float, Row]
 def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarray) -> bool:
     """Pose that satisfies the epipolar constraint of five matches, by Newton from ``R, t``.
 
-    Iterative five-point solver on the manifold (Lui and Drummond, BMVC 2013,
-    DOI 10.5244/C.27.116). It ends where the next step would be within the noise of five rays; False
-    where it does not get there.
+    Iterative five-point solver on the manifold (Lui and Drummond, BMVC 2013, DOI 10.5244/C.27.116).
+    Converged when the next step would be within the noise of five rays; False otherwise.
     """
-    rays, normal, x = np.empty(SEATED), np.empty((6, 6)), np.empty(5)
+    rays, normal, x = np.empty(PADDED_SIZE), np.empty((6, 6)), np.empty(5)
     clear(rays)
     for s in range(5):
         at = address(sample[s])
         for row in range(6):
-            rays[row * SEATS + s] = pairs[at + row * LANES]
+            rays[row * SAMPLE_LANES + s] = pairs[at + row * LANES]
     for _ in range(NEWTON_STEPS):
         _newton_equations(rays, R, t, normal)
         if not solve_five_spd(normal, 0.0, x):
             return False
-        _, size2 = promise(normal, x)
+        _, size2 = predicted_decrease(normal, x)
         size = math.sqrt(size2)
         if not size < 1e3:
             return False
@@ -170,33 +183,33 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
 
 @inner_kernel
 def iterations_needed(
-    wrong: float,
+    outlier_share: float,
     known: float,
     flow: float,
-    is_contested: bool,
-    effort: Effort,
+    has_competing_mode: bool,
+    budget: SearchBudget,
 ) -> int:
-    """Samples of five until the pose has been found, with the confidence of the ``effort``.
+    """Number of five-ray samples until the right mode is found with this confidence.
 
-    Half of them are of the share of matches that is ``known`` to agree with a pose that was met: of
-    these, as many are right as agree with the best, if those are more than agree by chance.
+    A half of the samples is drawn from the share ``known`` of matches consistent with a mode; their
+    inlier share is that of the best pose over ``known``, if that exceeds chance.
 
-    The start already led to it, but for a doubt that was measured on drawn and real pairs: it grows
-    with the share of ``wrong`` matches, and with the square of the ``flow`` that the rotation of
-    the start leaves (rad); once there was a rival (``is_contested``), nothing is known. A sample
-    without a wrong match converges to the right pose every second time; half as often where that
-    flow is long and samples start from their own rotation, and where nothing is known.
+    ``log((1 - confidence) / failure) / log(1 - hit)``: ``failure`` is the probability that the
+    initial pose leads to a wrong mode, which grows with the ``outlier_share`` and with the square
+    of the ``flow`` in rad after the initial rotation, and is 1 once a competing mode was found.
+    ``hit`` is the probability that a sample is free of outliers and converges to the right mode:
+    0.5, less by up to a factor of 2 each for a long flow and for an unreliable initial pose.
     """
-    right = max(1.0 - wrong, 0.0)
-    square = right * right
+    inlier_share = max(1.0 - outlier_share, 0.0)
+    square = inlier_share * inlier_share
     away = 1.0 + flow / LONG_FLOW * flow / LONG_FLOW
-    start_doubt = min(START_DOUBT * away / (square + 1e-9), 1.0)
-    doubt = 1.0 if is_contested else start_doubt
-    among = min(right / known, 1.0) * min(right / BEYOND_CHANCE, 1.0)
-    clean = 0.5 * (right**5 + among**5)
-    hit = CONVERGING / (1.0 + doubt) / min(away, AS_FAR_AS_ANY) * clean
+    start_failure = min(START_FAILURE * away / (square + 1e-9), 1.0)
+    failure = 1.0 if has_competing_mode else start_failure
+    among_known = min(inlier_share / known, 1.0) * min(inlier_share / MIN_CONSENSUS, 1.0)
+    clean = 0.5 * (inlier_share**5 + among_known**5)
+    hit = CONVERGENCE_RATE / (1.0 + failure) / min(away, MAX_RESTART_FACTOR) * clean
     if hit <= 0.0:
-        return effort.max_iterations
-    needed = math.log(min((1.0 - effort.confidence) / doubt, 1.0)) / math.log(1.0 - hit)
-    least, most = float(effort.min_iterations), float(effort.max_iterations)
+        return budget.max_iterations
+    needed = math.log(min((1.0 - budget.confidence) / failure, 1.0)) / math.log(1.0 - hit)
+    least, most = float(budget.min_iterations), float(budget.max_iterations)
     return int(min(max(needed + 1.0, least), most))

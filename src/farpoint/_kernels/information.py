@@ -1,4 +1,4 @@
-"""How much the matches tell of a pose, and how much of that is noise."""
+"""Information of the matches on a pose, and the part of it that is noise."""
 
 from __future__ import annotations
 
@@ -17,10 +17,7 @@ from farpoint._kernels.mixture import (
     weight2_of,
     weight_of,
 )
-from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0, ray1
-from farpoint._kernels.pose import Seen
-from farpoint._kernels.scalars import where
-from farpoint._kernels.squares import (
+from farpoint._kernels.normal_equations import (
     FIVE,
     SIX,
     add_five,
@@ -30,10 +27,13 @@ from farpoint._kernels.squares import (
     write_five,
     write_six,
 )
+from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0, ray1
+from farpoint._kernels.pose import LinearisationPoint
+from farpoint._kernels.scalars import where
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
-    combine,
+    axpby,
     cross,
     dot,
     matrix,
@@ -44,139 +44,143 @@ from farpoint._kernels.vectors import (
 
 __all__ = ["information"]
 
-# A match nearer to the epipole than this, in sigma of its flow, tells nothing of where it is.
+# Distance to the epipole, in sigma of the flow, below which a match is left out.
 EPIPOLE_SIGMA = 8.0
-# Leverage beyond which a match is trusted no less.
-MOST_LEVERAGE = 0.9
-# Rounds in which mean and variance of the inverse depths settle, and what of the variance the last
-# one may still change.
+# Upper bound of the leverage in the correction of the scatter.
+MAX_LEVERAGE = 0.9
+# Estimation of mean and variance of the inverse depths: maximum number of rounds, and relative
+# change of the variance at convergence.
 DEPTH_ROUNDS = 20
-SETTLED = 1e-3
-# Rows of a panel of what is told: Jacobian and residual, change of the Jacobian by the inverse
-# depth, their weights, the weight of the residual and what is missing of it, the square of the
-# weighted residual, the inverse depth and its variance.
-JACOBIAN, RESIDUAL, CHANGE, WEIGHT, SHARE, KNOWN, MISSING, SCATTER, DEPTH, DOUBT = (
+CONVERGED = 1e-3
+# Rows of a panel of per-match terms: Jacobian (5), residual, derivative of the Jacobian by the
+# inverse depth (5); weight of Jacobian and residual, weight of that derivative, weight of the
+# residual, information missing of it, square of the weighted residual; inverse depth and its
+# variance.
+JACOBIAN, RESIDUAL, CHANGE, WEIGHT, SHARE, KNOWN, MISSING, SCATTER, DEPTH, DEPTH_VARIANCE = (
     np.int64(row) for row in (0, 5, 6, 11, 12, 13, 14, 15, 16, 17)
 )
-TOLD = 18 * LANES
+# Length of a panel.
+TERMS = 18 * LANES
 
 
 @inner_kernel
 def information(
-    seen: Seen,
-    predicted: bool,
+    point: LinearisationPoint,
+    shrunk_flow: bool,
     normal: np.ndarray,
     noise: np.ndarray,
     scatter: np.ndarray,
 ) -> tuple[float, float]:
-    """Normal equations ``normal`` (6, 6) of the cost, and the part of them that is ``noise``.
+    """Normal equations ``normal`` (6, 6) of the cost, and the part ``noise`` (5, 5) of them.
 
-    The Gauss-Newton matrix (5, 5), with the gradient in the last column. The Jacobian of a match
-    grows with its flow, and the flow is measured: noise along the epipolar line is taken for flow.
-    With ``u`` the unit vector along the line, noise of variance ``v`` there (given the residual)
-    changes the Jacobian by ``[(m . t) u, B^T (m x u)] / sqrt(g)`` times itself, and so adds v times
-    that squared. Matches at the epipole are left out: noise alone decides on their epipolar line.
+    The Gauss-Newton matrix (5, 5), with the gradient in the last column. The Jacobian of a match is
+    proportional to its measured flow, so noise along the epipolar line counts as information. With
+    ``u`` the unit vector along the line, noise of variance ``v`` there (given the residual) changes
+    the Jacobian by ``C = [(m . t) u, B^T (m x u)] / sqrt(g)`` times itself, and adds ``v C^T C``.
+    Matches at the epipole are left out: noise alone decides on their epipolar line.
 
-    A match that flows by less than its noise tells nothing of the direction, and yet draws it. So
-    its flow may be ``predicted``: the best guess of its inverse depth lies between its own and the
-    mean of all, by their variances (the best linear unbiased prediction: Robinson, Stat. Sci. 6,
-    1991, DOI 10.1214/ss/1177011926). Then all of the matrix is signal on average, and ``noise``
-    what of it varies with the noise all the same; and the solution of the normal equations is one
-    step from the likelihood's maximum to an estimate with less variance.
+    With ``shrunk_flow`` the inverse depth of a match is replaced by its best linear unbiased
+    prediction from the measured depth and the mean over all matches (Robinson, Stat. Sci. 6, 1991,
+    DOI 10.1214/ss/1177011926). Then the expectation of the whole matrix is signal, ``noise`` is its
+    variation with the noise, and one step of the normal equations from the maximum of the
+    likelihood is an estimate with less variance.
 
-    A match that tells more than all others together vouches for itself: none would say if it were
-    wrong, and near the epipole its line turns with every step of the pose. It is heard with
-    ``1 - h^3`` of its weight, h its leverage, the share of it in what is told along its own axis.
+    Leverage h: the weight of a match is multiplied by ``1 - h^3``, because no other match can
+    contradict one that has more information than all others together, and near the epipole its line
+    turns with every step of the pose.
 
-    ``scatter`` (5, 5) is the variance of the gradient as the residuals show it, which is the matrix
-    where their noise is the one that was stated. A match draws the pose towards itself, and so
-    shows a smaller square than it had: by ``1 - h`` (MacKinnon and White, J. Econom. 29, 1985, HC2,
-    DOI 10.1016/0304-4076(85)90158-7).
+    ``scatter`` (5, 5) is the observed variance of the gradient, with squared residuals over ``1 -
+    h`` (HC2: MacKinnon and White, J. Econom. 29, 1985, DOI 10.1016/0304-4076(85)90158-7). Its
+    expectation is the Gauss-Newton matrix if the noise is that of the model.
 
-    Returns the share of this information that there is without knowing which matches are good, poor
-    or wrong: what is missing is the variance of the score over these (Louis, J. R. Stat. Soc. B 44,
-    1982, DOI 10.1111/j.2517-6161.1982.tb01203.x). And as how many matches they tell: all of them if
-    all have the same leverage, the fewer the more of it a few have.
+    Returns the share of the information that remains although the component of each match is
+    unknown (Louis, J. R. Stat. Soc. B 44, 1982, DOI 10.1111/j.2517-6161.1982.tb01203.x), and the
+    effective number of matches ``(sum h)^2 / sum h^2``.
     """
-    told = np.empty(seen.prior.size // LANES * TOLD)
-    _tell(seen, told)
-    if predicted:
-        _predict(told)
-    _normal_equations(told, normal)
-    alike = _weigh_by_leverage(told, normal)
-    _normal_equations(told, normal)
-    _gram(told, CHANGE, SHARE, noise)
-    _gram(told, JACOBIAN, SCATTER, scatter)
-    known, missing = _total(told, KNOWN), _total(told, MISSING)
-    return 1.0 - missing / known if known > 0.0 else 1.0, alike
+    terms = np.empty(point.prior.size // LANES * TERMS)
+    _fill_terms(point, terms)
+    if shrunk_flow:
+        _shrink_depths(terms)
+    _normal_equations(terms, normal)
+    effective = _weigh_by_leverage(terms, normal)
+    _normal_equations(terms, normal)
+    _gram(terms, CHANGE, SHARE, noise)
+    _gram(terms, JACOBIAN, SCATTER, scatter)
+    known, missing = _total(terms, KNOWN), _total(terms, MISSING)
+    return 1.0 - missing / known if known > 0.0 else 1.0, effective
 
 
 @inner_kernel
-def _predict(told: np.ndarray) -> None:
-    """Bring each inverse depth, and the Jacobian with it, to where the others let expect it."""
+def _shrink_depths(terms: np.ndarray) -> None:
+    """Replace inverse depths by their BLUP, and the Jacobians with them."""
     mean, variance = 0.0, 0.0
     for k in range(DEPTH_ROUNDS):
-        total, weighted, weight2, excess = _spread_of_depths(
-            told, mean, variance, 1.0 if k == 0 else 0.0
+        total, weighted, weight2, excess = _depth_moments(
+            terms, mean, variance, 1.0 if k == 0 else 0.0
         )
         if not (total > 0.0 and weight2 > 0.0):
             return
         before = variance
         mean = weighted / total if k > 0 else 0.0
         variance = max(excess / weight2, 0.0)
-        if k > 1 and abs(variance - before) <= SETTLED * variance:
+        if k > 1 and abs(variance - before) <= CONVERGED * variance:
             break
-    for panel in range(told.size // TOLD):
+    for panel in range(terms.size // TERMS):
         for lane in range(LANES):
-            at = panel * TOLD + lane
-            depth, doubt = told[at + DEPTH * LANES], told[at + DOUBT * LANES]
-            own = variance / (variance + doubt + 1e-300)
-            told[at + SHARE * LANES] *= own * own
+            at = panel * TERMS + lane
+            depth, depth_variance = terms[at + DEPTH * LANES], terms[at + DEPTH_VARIANCE * LANES]
+            own = variance / (variance + depth_variance + 1e-300)
+            terms[at + SHARE * LANES] *= own * own
             for row in range(5):
-                change = told[at + (CHANGE + row) * LANES]
-                told[at + row * LANES] += (1.0 - own) * (mean - depth) * change
+                change = terms[at + (CHANGE + row) * LANES]
+                terms[at + row * LANES] += (1.0 - own) * (mean - depth) * change
 
 
 @sum_kernel
-def _spread_of_depths(
-    told: np.ndarray, mean: float, variance: float, first: float
+def _depth_moments(
+    terms: np.ndarray, mean: float, variance: float, first: float
 ) -> tuple[float, float, float, float]:
-    """Sums over the inverse depths, as a mean and variance of them weigh each.
+    """Sums for the method of moments of the inverse depths.
 
-    Of their weights, of the weighted depths, of the weights of their squared distances from the
-    mean, and of these squares beyond what is noise. The ``first`` time (1, else 0) there is
-    neither: each depth counts by its own noise alone.
+    Of the weights, of the weighted depths, of the weights of squared deviations from the mean, and
+    of these squares less the part of the noise. The weights are by ``mean`` and ``variance``; in
+    the first round (``first`` 1) by the noise of each depth alone.
     """
     total = weighted = weight2 = excess = 0.0
-    for panel in range(told.size // TOLD):
+    for panel in range(terms.size // TERMS):
         for lane in range(LANES):
-            at = panel * TOLD + lane
-            depth, doubt = told[at + DEPTH * LANES], told[at + DOUBT * LANES]
-            over = 1.0 / (variance + doubt + 1e-300)
-            w = told[at + KNOWN * LANES] * over
+            at = panel * TERMS + lane
+            depth, depth_variance = terms[at + DEPTH * LANES], terms[at + DEPTH_VARIANCE * LANES]
+            over = 1.0 / (variance + depth_variance + 1e-300)
+            w = terms[at + KNOWN * LANES] * over
             each = w * (first + (1.0 - first) * over)
             total += w
             weighted += w * depth
             weight2 += each
-            excess += each * ((depth - mean) ** 2 - (1.0 - first) * doubt)
+            excess += each * ((depth - mean) ** 2 - (1.0 - first) * depth_variance)
     return total, weighted, weight2, excess
 
 
 @inner_kernel
-def _tell(seen: Seen, told: np.ndarray) -> None:
-    """Write down what each match tells."""
-    turn, towards = matrix(seen.R), vector(seen.t)
-    basis = tangent_columns(towards)
-    noise = 1.0 / seen.mixture[0], seen.mixture[2], clutter_of(seen.mixture, seen.spread), seen.tail
-    for panel in range(seen.prior.size // LANES):
+def _fill_terms(point: LinearisationPoint, terms: np.ndarray) -> None:
+    """Fill the per-match terms."""
+    rotation, direction = matrix(point.R), vector(point.t)
+    basis = tangent_columns(direction)
+    noise = (
+        1.0 / point.mixture[0],
+        point.mixture[2],
+        clutter_of(point.mixture, point.outlier_half_width),
+        point.long_tail,
+    )
+    for panel in range(point.prior.size // LANES):
         for lane in range(LANES):
-            at, to = panel * PANEL + lane, panel * TOLD + lane
-            share = seen.prior[panel * LANES + lane]
-            _tell_of(seen.pairs, at, share, turn, towards, basis, noise, told, to)
+            at, to = panel * PANEL + lane, panel * TERMS + lane
+            share = point.prior[panel * LANES + lane]
+            _fill_match(point.pairs, at, share, rotation, direction, basis, noise, terms, to)
 
 
 @inlined_kernel
-def _tell_of(
+def _fill_match(
     pairs: np.ndarray,
     at: int,
     prior: float,
@@ -184,101 +188,101 @@ def _tell_of(
     t: Vector,
     basis: tuple[Vector, Vector],
     noise: tuple[float, float, Clutter, float],
-    told: np.ndarray,
+    terms: np.ndarray,
     to: int,
 ) -> None:
-    """Write down what one match tells, in a column of a panel."""
-    precision, poor, clutter, tail = noise
+    """Fill the terms of one match, in a column of a panel."""
+    precision, tail_share, clutter, long_tail = noise
     jacobian = sampson_jacobian(pairs, at, R, t, basis)
     r = jacobian[5]
     m = rotate(R, ray0(pairs, at))
     reach = dot(m, t)
-    along = combine(reach, t, -reach * reach, m)
+    along = axpby(reach, t, -reach * reach, m)
     across = cross(m, t)
-    each = densities(pairs, at, R, t, r, precision, poor, prior, tail)
+    each = densities(pairs, at, R, t, r, precision, tail_share, prior, long_tail)
     flow, square = flow_along(m, ray1(pairs, at), t)
     elsewhere = square > EPIPOLE_SIGMA**2 / precision * flow_variance(pairs, at)
-    lost, _ = clutter_at(clutter, r)
-    over = where(elsewhere, 1.0 / (sum_of(each) + lost), 0.0)
+    outlier, _ = clutter_at(clutter, r)
+    over = where(elsewhere, 1.0 / (sum_of(each) + outlier), 0.0)
     w, w2 = weight_of(each) * over, weight2_of(each) * over
     g, v = variances(pairs, at, R, t)
     scale = 1.0 / math.sqrt(g)
-    x, y, z = combine(scale, along, 0.0, along)
+    x, y, z = axpby(scale, along, 0.0, along)
     change = x, y, z, scale * dot(basis[0], across), scale * dot(basis[1], across)
     over_square = 1.0 / (square + 1e-150)
-    depth, doubt = flow * over_square, v * over_square * over_square / precision
+    depth, depth_variance = flow * over_square, v * over_square * over_square / precision
     weight = w * precision
     missing, scatter = r * r * precision * (w2 - w * w), weight * r * weight * r
-    told_here = weight, weight * doubt, w, missing, scatter, depth, doubt
-    _write_rows(told, to, jacobian)
-    _write_rows(told, to + CHANGE * LANES, change)
-    _write_rows(told, to + WEIGHT * LANES, told_here)
+    weights = weight, weight * depth_variance, w, missing, scatter, depth, depth_variance
+    _write_rows(terms, to, jacobian)
+    _write_rows(terms, to + CHANGE * LANES, change)
+    _write_rows(terms, to + WEIGHT * LANES, weights)
 
 
 @inlined_kernel
-def _write_rows(told: np.ndarray, to: int, values: tuple[float, ...]) -> None:
-    """Write down some numbers of a match, each in the row below the last one."""
+def _write_rows(terms: np.ndarray, to: int, values: tuple[float, ...]) -> None:
+    """Write the numbers of a match, one per row."""
     for row in range(len(values)):
-        told[to + row * LANES] = values[row]
+        terms[to + row * LANES] = values[row]
 
 
 @inner_kernel
-def _weigh_by_leverage(told: np.ndarray, whole: np.ndarray) -> float:
-    """Hear a match the less the more it tells, and make up for what it took of its residual.
+def _weigh_by_leverage(terms: np.ndarray, whole: np.ndarray) -> float:
+    """Multiply the weights by ``1 - h^3``, the scatter by ``1 / (1 - h)``; h is the leverage.
 
-    Returns as how many matches of the same leverage they tell.
+    Returns the effective number of matches ``(sum h)^2 / sum h^2``.
     """
     inverse, positive = inverse_square(whole)
     if not positive:
         return 0.0
     total = squares = 0.0
-    for panel in range(told.size // TOLD):
+    for panel in range(terms.size // TERMS):
         for lane in range(LANES):
-            at = panel * TOLD + lane
-            drawn = min(told[at + WEIGHT * LANES] * size2(inverse, _five(told, at)), 1.0)
-            total += drawn
-            squares += drawn * drawn
-            heard = 1.0 - drawn * drawn * drawn
-            told[at + WEIGHT * LANES] *= heard
-            told[at + SHARE * LANES] *= heard
-            told[at + SCATTER * LANES] *= heard / (1.0 - min(drawn, MOST_LEVERAGE))
+            at = panel * TERMS + lane
+            leverage = min(terms[at + WEIGHT * LANES] * size2(inverse, _five(terms, at)), 1.0)
+            total += leverage
+            squares += leverage * leverage
+            kept = 1.0 - leverage * leverage * leverage
+            terms[at + WEIGHT * LANES] *= kept
+            terms[at + SHARE * LANES] *= kept
+            terms[at + SCATTER * LANES] *= kept / (1.0 - min(leverage, MAX_LEVERAGE))
     return total * total / max(squares, 1e-300)
 
 
 @sum_kernel
-def _gram(told: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
-    """``A diag(w) A^T`` (5, 5) of five rows A and the row w of what is told."""
+def _gram(terms: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
+    """``A diag(w) A^T`` (5, 5) of five rows A and one row w of the terms."""
     sums = FIVE
-    for panel in range(told.size // TOLD):
+    for panel in range(terms.size // TERMS):
         for lane in range(LANES):
-            at = panel * TOLD + lane
-            sums = add_five(sums, told[at + weight * LANES], _five(told, at + row * LANES))
+            at = panel * TERMS + lane
+            sums = add_five(sums, terms[at + weight * LANES], _five(terms, at + row * LANES))
     write_five(sums, out)
 
 
 @sum_kernel
-def _normal_equations(told: np.ndarray, out: np.ndarray) -> None:
+def _normal_equations(terms: np.ndarray, out: np.ndarray) -> None:
     """``A diag(w) A^T`` (6, 6) of Jacobian and residual A and their weight w."""
     sums = SIX
-    for panel in range(told.size // TOLD):
+    for panel in range(terms.size // TERMS):
         for lane in range(LANES):
-            at = panel * TOLD + lane
-            x, y, z, u, v = _five(told, at)
-            row = x, y, z, u, v, told[at + RESIDUAL * LANES]
-            sums = add_six(sums, told[at + WEIGHT * LANES], row)
+            at = panel * TERMS + lane
+            x, y, z, u, v = _five(terms, at)
+            row = x, y, z, u, v, terms[at + RESIDUAL * LANES]
+            sums = add_six(sums, terms[at + WEIGHT * LANES], row)
     write_six(sums, out)
 
 
 @inlined_kernel
-def _five(told: np.ndarray, at: int) -> tuple[float, float, float, float, float]:
-    a, b, c = told[at], told[at + LANES], told[at + 2 * LANES]
-    return a, b, c, told[at + 3 * LANES], told[at + 4 * LANES]
+def _five(terms: np.ndarray, at: int) -> tuple[float, float, float, float, float]:
+    a, b, c = terms[at], terms[at + LANES], terms[at + 2 * LANES]
+    return a, b, c, terms[at + 3 * LANES], terms[at + 4 * LANES]
 
 
 @inner_kernel
-def _total(told: np.ndarray, row: int) -> float:
+def _total(terms: np.ndarray, row: int) -> float:
     total = 0.0
-    for panel in range(told.size // TOLD):
+    for panel in range(terms.size // TERMS):
         for lane in range(LANES):
-            total += told[panel * TOLD + row * LANES + lane]
+            total += terms[panel * TERMS + row * LANES + lane]
     return total

@@ -1,7 +1,7 @@
-"""Lenses, ray by ray: the derivative of a ray by its pixel, and the pinhole with its distortion.
+"""Lens models, ray by ray: derivative of a ray by its pixel, and the pinhole with distortion.
 
-``k`` holds the first twelve coefficients of radial-tangential distortion in OpenCV's order,
-``k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4``, absent ones zero.
+``k`` holds the first twelve coefficients of radial-tangential distortion in OpenCV's order, ``k1 k2
+p1 p2 k3 k4 k5 k6 s1 s2 s3 s4``, absent ones zero.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ __all__ = [
     "undistort",
 ]
 
+# Newton's method: relative length of the last step, and maximum number of steps.
 NEWTON_TOLERANCE = 1e-10
 NEWTON_ITERATIONS = 20
 
@@ -101,7 +102,7 @@ def distort(k: np.ndarray, x: np.ndarray, y: np.ndarray, out: np.ndarray) -> Non
 
 @step_kernel
 def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> float:
-    """Piecewise linear function through a table of growing arguments, held constant outside."""
+    """Piecewise linear function by a table of increasing arguments, constant outside."""
     low, high = 0, len(arguments) - 1
     if target >= arguments[high]:
         return values[high]
@@ -117,7 +118,7 @@ def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> fl
 
 @step_kernel
 def _undistort_point(k: np.ndarray, a: float, b: float, x: float, y: float) -> tuple[float, float]:
-    """Newton's method from (x, y); NaN where it does not settle."""
+    """Newton's method from (x, y); NaN where it does not converge."""
     for _ in range(NEWTON_ITERATIONS):
         at_a, at_b, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
         inverse = 1.0 / (a_x * b_y - a_y * b_x)
@@ -125,7 +126,7 @@ def _undistort_point(k: np.ndarray, a: float, b: float, x: float, y: float) -> t
         step_y = (a_x * (b - at_b) - b_x * (a - at_a)) * inverse
         x += step_x
         y += step_y
-        # NaN counts as settled: it stays NaN.
+        # NaN counts as converged: it stays NaN.
         if not abs(step_x) + abs(step_y) > NEWTON_TOLERANCE * (1.0 + abs(x) + abs(y)):
             return x, y
     return np.nan, np.nan
@@ -149,7 +150,7 @@ def undistort(
     for i in range(len(a)):
         target = np.sqrt(a[i] * a[i] + b[i] * b[i])
         x = y = np.nan
-        # Newton would search in vain for what no point is imaged to.
+        # Beyond the farthest radius there is no solution for Newton's method.
         if target <= farthest and target < np.inf:
             scale = _interpolate(target, table[0], table[1]) / target if target > 0.0 else 1.0
             x, y = _undistort_point(k, a[i], b[i], a[i] * scale, b[i] * scale)
@@ -187,8 +188,8 @@ def _pinhole_ray_jacobian(
     inverse = 1.0 / z
     x, y = x * inverse, y * inverse
     _, _, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
-    seen = (rz > 0.0) & (x * x + y * y < fold * fold)
-    scale = where(seen, rz / (a_x * b_y - a_y * b_x), math.nan)
+    visible = (rz > 0.0) & (x * x + y * y < fold * fold)
+    scale = where(visible, rz / (a_x * b_y - a_y * b_x), math.nan)
     over_x, over_y = scale * (1.0 / fx), scale * (1.0 / fy)
     by_x, by_y = (b_y * over_x, -b_x * over_x), (-a_y * over_y, a_x * over_y)
     _write_tangents((rx, ry, rz), (by_x, by_y), jacobian, i)
@@ -219,7 +220,7 @@ def _write_tangents(
     jacobian: np.ndarray,
     i: int,
 ) -> None:
-    """Write what is perpendicular to the ray of its steps (x, y, 0), one a column."""
+    """Write the parts of the steps (x, y, 0) perpendicular to the ray, one per column."""
     for column in range(2):
         x, y = steps[column]
         along = ray[0] * x + ray[1] * y

@@ -1,4 +1,4 @@
-"""The likelihood of a pose given matches of which some are wrong."""
+"""Likelihood of a pose given matches with outliers, and its normal equations."""
 
 from __future__ import annotations
 
@@ -16,165 +16,210 @@ from farpoint._kernels.epipolar import (
 )
 from farpoint._kernels.exponential import lane_log
 from farpoint._kernels.mixture import (
-    FAR_SIGMA,
-    STEEPER,
+    CHEIRALITY_SIGMA,
+    CHEIRALITY_WEIGHT,
+    cheirality_penalty,
     clutter_at,
     clutter_of,
     densities,
     mixture_cost,
-    retreat2,
-    steps_of,
     sum_of,
-    trials_of,
+    tail_steps_of,
+    tail_trials_of,
     weight_of,
 )
-from farpoint._kernels.pairs import LANES, PANEL, ray0, ray1
-from farpoint._kernels.pose import PackedMatches, Pose, Seen
-from farpoint._kernels.scalars import where
-from farpoint._kernels.squares import (
+from farpoint._kernels.normal_equations import (
     SIX,
     add_six,
     add_to_square,
     write_six,
 )
+from farpoint._kernels.pairs import LANES, PANEL, ray0, ray1
+from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
+from farpoint._kernels.scalars import where
 from farpoint._kernels.vectors import Matrix, Vector, matrix, rotate, tangent_columns, vector
 
-__all__ = ["explain", "judge_pose", "linearize"]
+__all__ = ["evaluate_pose", "evaluate_residuals", "linearize"]
 
-# Right matches that retreat by more, in all, that are left alone.
-FEW_RETREATING = 0.01
-# `mixture.retreat2` beyond which no match is good.
-FARTHEST2 = 64.0
+# Expected number of inliers with a cheirality penalty, below which the penalty is no residual.
+MIN_PENALISED = 0.01
+# Cheirality penalty beyond which the penalty is no residual of a match.
+MAX_PENALTY = 64.0
 
 
 @sum_kernel
-def linearize(seen: Seen, gives_way: bool, normal: np.ndarray, shares: np.ndarray) -> float:
-    """Robust cost of all matches, with its normal equations.
+def linearize(
+    point: LinearisationPoint, soft_cheirality: bool, normal: np.ndarray, shares: np.ndarray
+) -> float:
+    """Robust cost of all matches and its normal equations.
 
-    The cost is ``-sum log(prior (good + poor) + clutter)``. With J the Jacobian (N, 5) of the
+    The cost is ``-sum log(prior (core + tail) + clutter)``. With J the Jacobian (N, 5) of the
     residuals r, ``normal`` (6, 6) receives ``[J r]^T W [J r]``: the Gauss-Newton matrix, the
-    gradient in its last column, the squares in its corner. Where the pose ``gives_way`` to them,
-    the shifts of matches that retreat are residuals, too. ``shares`` (4,) receives the expected
-    number of right matches, how often these are poorer, how often they could have been, and the
-    number of repeated ones among the wrong ones.
+    gradient in its last column, the weighted squares in its corner. With ``soft_cheirality`` the
+    parallaxes that have a penalty are residuals, too. ``shares`` (4,) receives the expected number
+    of inliers, of tail steps, of trials of the tail, and of repeated structure among the outliers.
     """
-    pairs, prior, clutter = seen.pairs, seen.prior, clutter_of(seen.mixture, seen.spread)
-    turn, towards = matrix(seen.R), vector(seen.t)
-    basis = tangent_columns(towards)
-    precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
-    cost = right = steps = trials = repeated = retreating = 0.0
+    pairs, prior, clutter = (
+        point.pairs,
+        point.prior,
+        clutter_of(point.mixture, point.outlier_half_width),
+    )
+    rotation, direction = matrix(point.R), vector(point.t)
+    basis = tangent_columns(direction)
+    precision, tail_share = 1.0 / point.mixture[0], point.mixture[2]
+    cost = inlier = steps = trials = repeated = penalised = 0.0
     sums = SIX
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
-            row = sampson_jacobian(pairs, at, turn, towards, basis)
+            row = sampson_jacobian(pairs, at, rotation, direction, basis)
             _, _, _, _, _, residual = row
-            each = densities(pairs, at, turn, towards, residual, precision, poor, share, seen.tail)
+            each = densities(
+                pairs,
+                at,
+                rotation,
+                direction,
+                residual,
+                precision,
+                tail_share,
+                share,
+                point.long_tail,
+            )
             whole = sum_of(each)
-            lost, near = clutter_at(clutter, residual)
-            total = whole + lost
+            outlier, near = clutter_at(clutter, residual)
+            total = whole + outlier
             over = 1.0 / total
             used = 1.0 if share > 0.0 else 0.0
             cost -= used * lane_log(total)
-            right += whole * over
-            steps += steps_of(each) * over
-            trials += trials_of(each, seen.tail) * over
+            inlier += whole * over
+            steps += tail_steps_of(each) * over
+            trials += tail_trials_of(each, point.long_tail) * over
             repeated += used * near * over
-            retreat = retreat2(pairs, at, turn, towards, precision)
-            retreating += where(retreat > 0.0, whole * over, 0.0)
+            penalty = cheirality_penalty(pairs, at, rotation, direction, precision)
+            penalised += where(penalty > 0.0, whole * over, 0.0)
             sums = add_six(sums, precision * weight_of(each) * over, row)
     write_six(sums, normal)
-    if gives_way and retreating > FEW_RETREATING:
-        _add_retreats(seen, normal)
-    shares[0], shares[1], shares[2], shares[3] = right, steps, trials, repeated
+    if soft_cheirality and penalised > MIN_PENALISED:
+        _add_cheirality_residuals(point, normal)
+    shares[0], shares[1], shares[2], shares[3] = inlier, steps, trials, repeated
     return cost
 
 
 @inner_kernel
-def _add_retreats(seen: Seen, normal: np.ndarray) -> None:
-    """Add the matches that retreat to the normal equations of `linearize`, by their shift.
+def _add_cheirality_residuals(point: LinearisationPoint, normal: np.ndarray) -> None:
+    """Add cheirality penalties to the normal equations of `linearize`, as residuals.
 
-    As far as they are good, and matches are at all: where noise has tails, of two that are far off
-    along their lines one retreats, and the other, which could tell of it, does not.
+    The residual is ``s + 2.5`` for a parallax of s sigma. The weight is the probability of the core
+    times ``(1 - tail_share)^2``: with a heavy tail, matches with large errors along their lines lie
+    on both sides, and only those on one side have a penalty.
     """
-    pairs, prior, clutter = seen.pairs, seen.prior, clutter_of(seen.mixture, seen.spread)
-    turn, towards = matrix(seen.R), vector(seen.t)
-    basis = tangent_columns(towards)
-    precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
+    pairs, prior, clutter = (
+        point.pairs,
+        point.prior,
+        clutter_of(point.mixture, point.outlier_half_width),
+    )
+    rotation, direction = matrix(point.R), vector(point.t)
+    basis = tangent_columns(direction)
+    precision, tail_share = 1.0 / point.mixture[0], point.mixture[2]
     beyond2 = np.empty(prior.size)
-    _tell_retreats(pairs, turn, towards, precision, beyond2)
+    _evaluate_penalties(pairs, rotation, direction, precision, beyond2)
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
-            if not 0.0 < beyond2[panel * LANES + lane] < FARTHEST2:
+            if not 0.0 < beyond2[panel * LANES + lane] < MAX_PENALTY:
                 continue
-            residual = sampson(pairs, at, turn, towards)
-            each = densities(pairs, at, turn, towards, residual, precision, poor, share, seen.tail)
-            good, _, _, _ = each
-            lost, _ = clutter_at(clutter, residual)
-            right = good / (sum_of(each) + lost)
-            weight = STEEPER * precision * (1.0 - poor) * (1.0 - poor) * right
-            x, y, z, u, v, shift = shift_jacobian(pairs, at, turn, towards, basis)
-            beyond = shift + FAR_SIGMA / math.sqrt(precision)
+            residual = sampson(pairs, at, rotation, direction)
+            each = densities(
+                pairs,
+                at,
+                rotation,
+                direction,
+                residual,
+                precision,
+                tail_share,
+                share,
+                point.long_tail,
+            )
+            core, _, _, _ = each
+            outlier, _ = clutter_at(clutter, residual)
+            inlier = core / (sum_of(each) + outlier)
+            weight = (
+                CHEIRALITY_WEIGHT * precision * (1.0 - tail_share) * (1.0 - tail_share) * inlier
+            )
+            x, y, z, u, v, shift = shift_jacobian(pairs, at, rotation, direction, basis)
+            beyond = shift + CHEIRALITY_SIGMA / math.sqrt(precision)
             add_to_square(weight, (x, y, z, u, v, beyond), normal)
 
 
 @inner_kernel
-def _tell_retreats(
+def _evaluate_penalties(
     pairs: np.ndarray, R: Matrix, t: Vector, precision: float, beyond2: np.ndarray
 ) -> None:
-    """`mixture.retreat2` of each match."""
+    """`mixture.cheirality_penalty` of each match."""
     for panel in range(beyond2.size // LANES):
         for lane in range(LANES):
             at = panel * PANEL + lane
-            beyond2[panel * LANES + lane] = retreat2(pairs, at, R, t, precision)
+            beyond2[panel * LANES + lane] = cheirality_penalty(pairs, at, R, t, precision)
 
 
 @step_kernel
-def judge_pose(matches: PackedMatches, pose: Pose, shares: np.ndarray) -> float:
-    """The negative log likelihood of a pose, with the rest as of `linearize`."""
-    variance, wrong, spread, tail = pose.mixture[0], pose.mixture[1], matches.spread, matches.tail
-    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, spread, tail)
-    cost = linearize(seen, matches.gives_way, pose.normal, shares)
-    return cost + matches.total * mixture_cost(variance, wrong)
+def evaluate_pose(matches: PackedMatches, pose: Pose, shares: np.ndarray) -> float:
+    """Negative log likelihood of a pose; normal equations and ``shares`` as of `linearize`."""
+    variance, outlier_share, half_width, long_tail = (
+        pose.mixture[0],
+        pose.mixture[1],
+        matches.outlier_half_width,
+        matches.long_tail,
+    )
+    point = LinearisationPoint(
+        matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, half_width, long_tail
+    )
+    cost = linearize(point, matches.soft_cheirality, pose.normal, shares)
+    return cost + matches.total * mixture_cost(variance, outlier_share)
 
 
 @inlined_kernel
-def _said_of(
+def _evaluate_match(
     pairs: np.ndarray,
     at: int,
     R: Matrix,
     t: Vector,
     precision: float,
-    poor: float,
+    tail_share: float,
     prior: float,
-    tail: float,
+    long_tail: float,
 ) -> tuple[float, float, float]:
-    """Residual and parallax of a match, both for unit noise, and the sum of its `densities`."""
+    """Residual and parallax of a match for unit noise, and the sum of its `densities`."""
     residual = sampson(pairs, at, R, t)
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
     variance = parallax_variance(pairs, at, R, m, t)
-    each = densities(pairs, at, R, t, residual, precision, poor, prior, tail)
+    each = densities(pairs, at, R, t, residual, precision, tail_share, prior, long_tail)
     return residual, flow / math.sqrt(variance + 1e-300), sum_of(each)
 
 
 @kernel
-def explain(seen: Seen, residual: np.ndarray, parallax: np.ndarray, right: np.ndarray) -> None:
-    """What a pose makes of each match.
+def evaluate_residuals(
+    point: LinearisationPoint, residual: np.ndarray, parallax: np.ndarray, inlier: np.ndarray
+) -> None:
+    """Evaluate residual, parallax and inlier probability of each match at a pose.
 
-    ``residual`` receives the Sampson residual, ``parallax`` the signed shift towards the direction
-    along the epipolar line in units of its own noise, both for unit noise, and ``right`` the
-    probability of being right.
+    ``residual`` receives the Sampson residual for unit noise; ``parallax`` the signed shift along
+    the epipolar line towards the direction, in units of its own sigma for unit noise; ``inlier``
+    the inlier probability.
     """
-    pairs, prior, clutter = seen.pairs, seen.prior, clutter_of(seen.mixture, seen.spread)
-    turn, towards = matrix(seen.R), vector(seen.t)
-    precision, poor = 1.0 / seen.mixture[0], seen.mixture[2]
+    pairs, prior, clutter = (
+        point.pairs,
+        point.prior,
+        clutter_of(point.mixture, point.outlier_half_width),
+    )
+    rotation, direction = matrix(point.R), vector(point.t)
+    precision, tail_share = 1.0 / point.mixture[0], point.mixture[2]
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, i = panel * PANEL + lane, panel * LANES + lane
-            residual[i], parallax[i], density = _said_of(
-                pairs, at, turn, towards, precision, poor, prior[i], seen.tail
+            residual[i], parallax[i], density = _evaluate_match(
+                pairs, at, rotation, direction, precision, tail_share, prior[i], point.long_tail
             )
-            lost, _ = clutter_at(clutter, residual[i])
-            right[i] = density / (density + lost)
+            outlier, _ = clutter_at(clutter, residual[i])
+            inlier[i] = density / (density + outlier)

@@ -1,7 +1,7 @@
-"""Small linear algebra on fixed sizes: rotations, symmetric systems, and random numbers.
+"""Small linear algebra of fixed sizes: rotations, symmetric systems, random numbers.
 
-Every function writes into the caller's buffers and allocates nothing, so that the loops above can
-call it a million times. No ``np.linalg``: it would cost seconds of compiling (and a LAPACK call).
+Every function writes into the caller's buffers and allocates nothing. No ``np.linalg``: it would
+take seconds to compile, and a LAPACK call.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel
-from farpoint._kernels.squares import sandwich_five
+from farpoint._kernels.normal_equations import sandwich_five
 from farpoint._kernels.vectors import (
     Vector,
-    combine,
+    axpby,
     cross,
     dot,
     matrix,
@@ -26,6 +26,7 @@ from farpoint._kernels.vectors import (
 __all__ = [
     "add",
     "add_outer",
+    "apply_quaternion",
     "apply_rotation_step",
     "draw_direction",
     "draw_index",
@@ -35,12 +36,11 @@ __all__ = [
     "put",
     "sandwich",
     "tangent_basis",
-    "turn",
 ]
 
 
-# Of Jacobi's method; five are usual.
-MOST_SWEEPS = 30
+# Maximum number of sweeps of Jacobi's method; five are usual.
+MAX_SWEEPS = 30
 
 
 @inner_kernel
@@ -56,7 +56,7 @@ def draw_unit(state: np.ndarray) -> float:
 
 @inner_kernel
 def draw_index(state: np.ndarray, n: int) -> int:
-    """Uniform integer in [0, n); its bias over n < 2^32 is beyond notice."""
+    """Uniform integer in [0, n); its bias is negligible for n < 2^32."""
     return int(draw_unit(state) * n)
 
 
@@ -89,11 +89,13 @@ def apply_rotation_step(R: np.ndarray, x: float, y: float, z: float, out: np.nda
         angle = math.sqrt(angle2)
         qw = math.cos(0.5 * angle)
         f = math.sin(0.5 * angle) / angle
-    turn(qw, f * x, f * y, f * z, R, out)
+    apply_quaternion(qw, f * x, f * y, f * z, R, out)
 
 
 @inlined_kernel
-def turn(qw: float, qx: float, qy: float, qz: float, R: np.ndarray, out: np.ndarray) -> None:
+def apply_quaternion(
+    qw: float, qx: float, qy: float, qz: float, R: np.ndarray, out: np.ndarray
+) -> None:
     """``out = E @ R`` with the rotation E of a unit quaternion."""
     e00, e01, e02 = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qw * qz), 2 * (qx * qz + qw * qy)
     e10, e11, e12 = 2 * (qx * qy + qw * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qw * qx)
@@ -119,16 +121,16 @@ def sandwich(
 
 @inner_kernel
 def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
-    """Eigenvectors of a symmetric matrix (5, 5), in rows; its diagonal receives the values.
+    """Eigenvectors of a symmetric matrix (5, 5), in rows; its diagonal receives the eigenvalues.
 
-    Jacobi's method: each turn makes one element zero, and the others smaller together.
+    Jacobi's method.
     """
     for i in range(5):
         for j in range(5):
             axes[i, j] = 1.0 if i == j else 0.0
     is_diagonal = False
     sweeps = 0
-    while not is_diagonal and sweeps < MOST_SWEEPS:
+    while not is_diagonal and sweeps < MAX_SWEEPS:
         sweeps += 1
         is_diagonal = True
         for p in range(4):
@@ -140,7 +142,7 @@ def eigen_five(A: np.ndarray, axes: np.ndarray) -> None:
 
 @step_kernel
 def _make_zero(A: np.ndarray, p: int, q: int, axes: np.ndarray) -> None:
-    """Turn the axes ``p`` and ``q`` into those in which their element is zero."""
+    """Jacobi rotation of the axes ``p`` and ``q`` that makes their off-diagonal element zero."""
     cotangent = 0.5 * (A[q, q] - A[p, p]) / A[p, q]
     tangent = 1.0 / (abs(cotangent) + math.sqrt(cotangent * cotangent + 1.0))
     tangent = tangent if cotangent > 0.0 else -tangent
@@ -167,9 +169,9 @@ def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     41, 1993). False where M has rank below two.
     """
     square, det, cofactors = _invariants(M)
-    # The root has (trace^2 - square)^2 = 4 (cofactors + 2 det trace). With an upper bound on the
-    # right, that gives a better one on the left: exact for rays of a narrow view, whose det is 0.
-    # Newton's method comes down from there to the largest root and stops.
+    # The root has (trace^2 - square)^2 = 4 (cofactors + 2 det trace). An upper bound on the right
+    # gives a better one on the left: exact for rays of a narrow view, whose det is 0. Newton's
+    # method decreases monotonically from there to the largest root.
     bound = cofactors + 2.0 * max(det, 0.0) * math.sqrt(3.0 * square)
     trace = math.sqrt(square + 2.0 * math.sqrt(bound))
     for _ in range(60):
@@ -201,13 +203,13 @@ def _write_nearest(M: np.ndarray, square: float, trace: float, R: np.ndarray) ->
     x, y, z = matrix(M)
     xy, yz, zx = dot(x, y), dot(y, z), dot(z, x)
     k = 0.5 * (trace * trace - square) + square
-    first = combine(k - dot(x, x), x, trace, cross(y, z))
-    first = combine(1.0, first, -1.0, combine(xy, y, zx, z))
-    second = combine(k - dot(y, y), y, trace, cross(z, x))
-    second = combine(1.0, second, -1.0, combine(xy, x, yz, z))
-    first = combine(1.0 / norm(first), first, 0.0, first)
+    first = axpby(k - dot(x, x), x, trace, cross(y, z))
+    first = axpby(1.0, first, -1.0, axpby(xy, y, zx, z))
+    second = axpby(k - dot(y, y), y, trace, cross(z, x))
+    second = axpby(1.0, second, -1.0, axpby(xy, x, yz, z))
+    first = axpby(1.0 / norm(first), first, 0.0, first)
     third = cross(first, second)
-    third = combine(1.0 / norm(third), third, 0.0, third)
+    third = axpby(1.0 / norm(third), third, 0.0, third)
     second = cross(third, first)
     R[0, 0], R[0, 1], R[0, 2] = first
     R[1, 0], R[1, 1], R[1, 2] = second

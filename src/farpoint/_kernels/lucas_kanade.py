@@ -1,13 +1,12 @@
-"""Points followed from image to image: Lucas-Kanade with the gradients of the first, by pyramids.
+"""Pyramidal Lucas-Kanade tracking with the gradients of the first image.
 
-A pyramid is one flat array of bytes; a row of its layout tells where a level lies in it: the place
-of the level's pixel (0, 0), the places from one line to the next, width and height. Around every
-level there is a border at least as wide as `border_px`, so that a window whose centre is in the
-image needs no look at where the image ends.
+A pyramid is one flat array of bytes; a row of its layout describes a level: index of its pixel (0,
+0), stride from one line to the next, width and height. Around every level there is a border at
+least as wide as `border_px`, so that a window whose centre is in the image needs no bounds check.
 
-Templates, gradients and what they are compared with have lines of one length, so that a window is
-one stretch of memory: what lies between the window's columns and the end of a line has no gradient,
-and no weight by that. Floats are float32, as in `affine_match`.
+Templates, gradients and pixels of the second image have lines of one length, so that a window is
+contiguous in memory: between the window's columns and the end of a line the gradient is zero, and
+so is the weight. Floats are float32, as in `affine_match`.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step
 from farpoint._kernels.windows import (
     LANES,
     Image,
-    Patience,
+    Termination,
     Weights,
     Window,
     blank_values,
@@ -29,7 +28,7 @@ from farpoint._kernels.windows import (
     differentiate,
     line_px,
     read,
-    relaxed,
+    relaxed_share,
     room_px,
     sample,
     value_at,
@@ -38,12 +37,12 @@ from farpoint._kernels.windows import (
 
 __all__ = ["Levels", "Workspace", "blank_workspace", "border_px", "follow_windows"]
 
-# px to each side that a window may move before the image is read anew
-_SLACK = np.int64(1)  # as a variable's value: a plain number would be a type of its own
+# px to each side that a window may move before the image is read again
+_SLACK = np.int64(1)  # a literal would be of another numba type
 
 
 class Levels(NamedTuple):
-    """The levels of a pyramid that are used."""
+    """Levels of a pyramid that are used."""
 
     values: np.ndarray
     """(V,) uint8, the pyramid."""
@@ -52,18 +51,18 @@ class Levels(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """What a window is followed with, one after the other."""
+    """Buffers for one window after the other."""
 
     pixels: np.ndarray
-    """Those of an image around the window, as they are."""
+    """Pixels of an image around the window."""
     patch: np.ndarray
-    """Values between them, a pixel farther than the window."""
+    """Interpolated values, one pixel farther than the window."""
     window: Window
-    """Of the first image; its lines are as long as those of the others."""
+    """Window of the first image; its lines are as long as those of the others."""
 
 
 def blank_workspace(half: int) -> Workspace:
-    """Room to follow windows of ``2 half + 1`` pixels."""
+    """Buffers for windows of ``2 half + 1`` pixels."""
     width = 2 * half + 1
     reach = width + 1 + 2 * int(_SLACK)
     line = line_px(reach)
@@ -75,7 +74,7 @@ def blank_workspace(half: int) -> Workspace:
 
 
 def border_px(half: int) -> int:
-    """How wide the border around each level must be for windows of ``2 half + 1`` pixels."""
+    """Least width of the border around each level for windows of ``2 half + 1`` pixels."""
     return 2 * half + LANES + 4
 
 
@@ -85,44 +84,44 @@ def follow_windows(
     levels1: Levels,
     points0: np.ndarray,
     start: np.ndarray,
-    patience: Patience,
+    termination: Termination,
     back: float,
     space: Workspace,
     points1: np.ndarray,
 ) -> None:
-    """Find windows of one image in another, from the coarsest level to the finest, and back.
+    """Track windows from one image to another, from the coarsest level to the finest, and backward.
 
-    The way back begins as far from its goal as the way forth did.
+    The backward pass starts as far from its goal as the forward pass did.
 
     Parameters
     ----------
     levels0, levels1 : Levels
-        Of both images, alike.
+        Of both images, with the same layout.
     points0 : ndarray of float64, shape (N, 2)
         Centres of the windows in the first image, px.
     start : ndarray of float64, shape (N, 2)
-        Where to begin in the second.
-    patience : Patience
+        Initial centres in the second image, px.
+    termination : Termination
         At every level, px of the level.
     back : float
-        How far from its start a point may come back, px.
+        Upper bound of the forward-backward error, px.
     space : Workspace
-        For windows of the size that is wanted.
+        Buffers for this size of window.
     points1 : ndarray of float64, shape (N, 2)
-        Out: centres of the windows in the second image; NaN where the finest level has no answer
-        (no texture, or no place within the image), or one that does not lead back.
+        Out: centres of the windows in the second image; NaN where the finest level has no result
+        (no texture, or outside the image), or the forward-backward error exceeds its bound.
     """
     for k in range(len(points0)):
         x0, y0 = points0[k]
         from_x, from_y = start[k]
         points1[k] = np.nan
-        x, y, seen = _find(levels0, levels1, (x0, y0), (from_x, from_y), patience, space)
-        if seen:
+        x, y, found = _find(levels0, levels1, (x0, y0), (from_x, from_y), termination, space)
+        if found:
             from_x, from_y = x + x0 - from_x, y + y0 - from_y
-            x0_again, y0_again, seen = _find(
-                levels1, levels0, (x, y), (from_x, from_y), patience, space
+            x0_again, y0_again, found = _find(
+                levels1, levels0, (x, y), (from_x, from_y), termination, space
             )
-            if seen and math.hypot(x0_again - x0, y0_again - y0) <= back:
+            if found and math.hypot(x0_again - x0, y0_again - y0) <= back:
                 points1[k, 0], points1[k, 1] = x, y
 
 
@@ -132,43 +131,43 @@ def _find(
     levels1: Levels,
     point0: tuple[float, float],
     start: tuple[float, float],
-    patience: Patience,
+    termination: Termination,
     space: Workspace,
 ) -> tuple[float, float, bool]:
-    """Where the window around a point is in the second image; whether it is."""
+    """Position of the window around a point in the second image; whether it was found."""
     window, layout = space.window, levels0.layout
     width, line = 2 * window.half + 3, window.line
     scale = 0.5 ** (len(layout) - 1)
     x, y = start[0] * scale, start[1] * scale
-    seen = False
+    found = False
     for k in range(len(layout) - 1, -1, -1):
         place, stride, columns, rows = layout[k, 0], layout[k, 1], layout[k, 2], layout[k, 3]
         image0 = Image(levels0.values, place, stride, columns, rows)
         image1 = Image(levels1.values, place, stride, columns, rows)
         left, top = point0[0] * scale, point0[1] * scale
-        seen = _within(image0, left, top)
-        if seen:
+        found = _within(image0, left, top)
+        if found:
             left, top = left - window.half - 1, top - window.half - 1
             sample(image0, left, top, width, line, space.pixels, space.patch)
             differentiate(space.patch, line, window)
             _project_out_brightness(window)
-            x1, y1, seen = _descend(image1, x, y, patience, space)
-            if seen:
+            x1, y1, found = _descend(image1, x, y, termination, space)
+            if found:
                 x, y = x1, y1
         if k > 0:
             scale, x, y = 2.0 * scale, 2.0 * x, 2.0 * y
-    return x, y, seen
+    return x, y, found
 
 
 @inner_kernel
 def _within(image: Image, x: float, y: float) -> bool:
-    """Whether a pixel is in the image; NaN is not."""
+    """Whether a pixel is in the image; False for NaN."""
     return 0.0 <= x <= image.width - 1.0 and 0.0 <= y <= image.height - 1.0
 
 
 @step_kernel
 def _descend(
-    image: Image, x: float, y: float, patience: Patience, space: Workspace
+    image: Image, x: float, y: float, termination: Termination, space: Workspace
 ) -> tuple[float, float, bool]:
     """Gauss-Newton steps on one level from (x, y); whether they stayed in the image."""
     window, pixels = space.window, space.pixels
@@ -179,7 +178,7 @@ def _descend(
         return x, y, False
     before_x, before_y, share = 0.0, 0.0, 1.0
     left, top = 0, 0
-    for step in range(patience.iterations):
+    for step in range(termination.iterations):
         if not _within(image, x, y):
             return x, y, False
         whole_x, whole_y = math.floor(x), math.floor(y)
@@ -192,9 +191,9 @@ def _descend(
         bx, by = _mismatch(pixels, below * line + beside, weights, window)
         step_x = (yy * bx - xy * by) / determinant
         step_y = (xx * by - xy * bx) / determinant
-        share = relaxed(share, step_x, step_y, before_x, before_y)
+        share = relaxed_share(share, step_x, step_y, before_x, before_y)
         x, y = x - share * step_x, y - share * step_y
-        if step_x * step_x + step_y * step_y < patience.tolerance * patience.tolerance:
+        if step_x * step_x + step_y * step_y < termination.tolerance * termination.tolerance:
             break
         before_x, before_y = step_x, step_y
     return x, y, _within(image, x, y)
@@ -202,12 +201,12 @@ def _descend(
 
 @step_kernel
 def _project_out_brightness(window: Window) -> None:
-    """Make the gradients orthogonal to a change of gain and offset, over the window.
+    """Make the gradients orthogonal to a change of gain and offset over the window.
 
-    Whatever brightness ``a I + b`` the second image has, the sums of gradients times mismatch stay
-    the same: least squares with ``a`` and ``b`` as further unknowns, solved for the displacement
+    For any brightness ``a I + b`` of the second image the sums of gradients times mismatch stay the
+    same: least squares with ``a`` and ``b`` as further unknowns, solved for the displacement
     ("project out": G. Hager, P. Belhumeur, PAMI 1998, doi:10.1109/34.722606), at the cost of one
-    look at each window instead of one at every step.
+    pass over each window instead of one per step.
     """
     grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
     count = np.float32((2 * window.half + 1) ** 2)
@@ -263,7 +262,7 @@ def _normal_matrix(gx: np.ndarray, gy: np.ndarray) -> tuple[float, float, float]
 def _mismatch(
     pixels: np.ndarray, begin: int, weights: Weights, window: Window
 ) -> tuple[float, float]:
-    """Sums of gradient times second image minus first, for a window that begins at a pixel."""
+    """Sums of gradient times (second image - first) for a window that begins at pixel ``begin``."""
     line, grey, gx, gy = window.line, window.grey, window.gx, window.gy
     bx, by = np.float32(0.0), np.float32(0.0)
     first = np.uintp(begin)

@@ -1,20 +1,20 @@
-"""How far off matches are: good, poor, wrong, or on the wrong side; and EM of it.
+"""Mixture density of a residual: inliers with a heavy tail, and outliers; EM of its parameters.
 
-A match is good, with a normal residual of variance ``variance``; or poor, with `POOR` times its
-sigma; or wrong, and anywhere in a strip of half-width ``spread`` about the epipolar line (all in
-units of the noise). Of the poor ones, as large a share is poorer still, with `POOR` times their
-sigma; and where there is a ``tail``, of these again. Errors of real matches go on like this, but a
-search that allowed for it would take more wrong minima for right ones with noise. Of the wrong
-matches some are repeated, one window taken for the next, and lie about the line (a Cauchy
-distribution). Were they taken to lie anywhere, a pose that goes between them and the right ones,
-with more noise, would look likelier than the right one. The shares of poor matches among the right
-ones, of wrong ones among all, and of repeated ones among these are estimated along, so that normal
-noise is treated as such and heavy tails lose only what they must.
+An inlier has a normal residual of variance ``variance`` (the core); with the probability
+``tail_share`` its sigma is `TAIL_RATIO` times as large, of these a share ``tail_share`` has
+`TAIL_RATIO` times that sigma, and with a ``long_tail`` once more. The density of the k-th component
+is ``N(r; 0, 8^k variance)``, k = 0 to 3. The search uses the short tail, k <= 2: with a longer one
+more wrong local minima are as likely as the right one. An outlier lies anywhere in a strip of
+half-width ``half_width`` about the epipolar line, in units of the noise. A share of the outliers is
+repeated structure, one window matched with its neighbour, with a Cauchy distribution about the
+line; with a uniform distribution alone, a pose between inliers and repeated structure, with a
+larger variance, has the higher likelihood. EM estimates all three shares: that of the tail among
+inliers, that of outliers among all matches, and that of repeated structure among outliers.
 
-A right match flows towards the direction. Noise can make a far one retreat; beyond `FAR_SIGMA` the
-density of right matches falls off, `STEEPER` than noise. Up to there it is flat, for rotation can
-imitate parallax, and any slope would pull at the rotation; and from there it falls off smoothly: at
-a kink a pose would be held, and no step of Gauss-Newton ends there.
+Soft cheirality: an inlier flows towards the direction of translation. Noise turns the flow of a far
+point around; below `CHEIRALITY_SIGMA` the density falls off with `CHEIRALITY_WEIGHT` times the
+exponent of the noise. Above that limit it is flat, because a slope would bias the rotation, which
+imitates parallax; the fall-off is smooth, so that Gauss-Newton converges there.
 """
 
 from __future__ import annotations
@@ -30,17 +30,18 @@ from farpoint._kernels.pairs import ray0, ray1
 from farpoint._kernels.vectors import rotate
 
 Clutter = tuple[float, float, float]
-# Of a match that is good, poor, poorer, or poorer still.
+# Densities of the core and of the three components of the tail.
 Densities = tuple[float, float, float, float]
 
 __all__ = [
-    "FAR_SIGMA",
-    "NO_TAIL",
-    "POOR",
-    "REPEATED_WITHIN",
-    "STEEPER",
-    "TAIL",
+    "CHEIRALITY_SIGMA",
+    "CHEIRALITY_WEIGHT",
+    "LONG_TAIL",
+    "REPEATED_WIDTH_RATIO",
+    "SHORT_TAIL",
+    "TAIL_RATIO",
     "Densities",
+    "cheirality_penalty",
     "clutter_at",
     "clutter_of",
     "densities",
@@ -48,81 +49,89 @@ __all__ = [
     "mean_variance",
     "mixture_cost",
     "repeated_share",
-    "retreat2",
-    "steps_of",
+    "share_prior_cost",
     "sum_of",
-    "trials_of",
-    "unusual",
+    "tail_steps_of",
+    "tail_trials_of",
     "update_mixture",
     "weight2_of",
     "weight_of",
 ]
 
-# Whether errors have a ``tail``.
-TAIL, NO_TAIL = 1.0, 0.0
-# Sigma of a poor match over that of a good one.
-POOR = math.sqrt(8.0)
-# Share of poor matches among the right ones, and of repeated ones among the wrong ones, that is
-# usual, with the weight of so many: among few, chance alone makes some look like it, and the others
-# better than they are.
-FEW = 0.01
-USUAL = 20.0
-# How much farther than EM a step of the mixture goes, by the share of poor matches, and at most.
-FARTHER = 3.0
-MOST_FARTHER = 0.7
-# Retreat along its epipolar line that noise can cause of a far point, in sigma; and by how much
-# more steeply than noise the density falls off beyond: at 8.5 sigma it is what noise makes of it.
-FAR_SIGMA = 2.5
-STEEPER = 2.0
-# Half of the repeated matches are off by less than this part of the spread.
-REPEATED_WITHIN = 32.0
+# Number of components of the tail: 3 with a long tail, 2 with a short one.
+LONG_TAIL, SHORT_TAIL = 1.0, 0.0
+# Ratio of sigma between one component of the tail and the next: variances grow 8-fold.
+TAIL_RATIO = math.sqrt(8.0)
+# Mean and weight, in matches, of the Beta prior of two shares: that of the tail among inliers and
+# that of repeated structure among outliers. Among few matches chance alone produces some residuals
+# of the tail.
+PRIOR_SHARE = 0.01
+PRIOR_WEIGHT = 20.0
+# Over-relaxation of EM: factor on the share of the tail, and upper bound.
+OVER_RELAXATION = 3.0
+MAX_OVER_RELAXATION = 0.7
+# Flow away from the direction, in sigma, that noise causes for a far point: exceeded by one of 160.
+# Factor on the exponent of the density beyond that limit: at 8.5 sigma the density equals that of
+# the noise.
+CHEIRALITY_SIGMA = 2.5
+CHEIRALITY_WEIGHT = 2.0
+# Half-width of the outlier strip over the scale of the Cauchy distribution of repeated structure,
+# within which half of it lies.
+REPEATED_WIDTH_RATIO = 32.0
 
 
 @inlined_kernel
-def clutter_of(mixture: np.ndarray, spread: float) -> Clutter:
-    """Density of wrong matches over that of good ones at r = 0.
+def clutter_of(mixture: np.ndarray, half_width: float) -> Clutter:
+    """Density of outliers over that of the core at r = 0.
 
-    Of those anywhere; of repeated ones, at r = 0; and one over the square of the r at which that is
-    half as much.
+    Returns the uniform part, the repeated-structure part at r = 0, and the inverse square of its
+    scale.
     """
-    variance, wrong, repeated = mixture[0], mixture[1], mixture[3]
-    density = wrong / (1.0 - wrong) * math.sqrt(2.0 * math.pi * variance) / (2.0 * spread)
-    over = REPEATED_WITHIN / spread
-    about = density * repeated * (2.0 / math.pi * REPEATED_WITHIN)
+    variance, outlier_share, repeated = mixture[0], mixture[1], mixture[3]
+    density = (
+        outlier_share
+        / (1.0 - outlier_share)
+        * math.sqrt(2.0 * math.pi * variance)
+        / (2.0 * half_width)
+    )
+    over = REPEATED_WIDTH_RATIO / half_width
+    about = density * repeated * (2.0 / math.pi * REPEATED_WIDTH_RATIO)
     return density * (1.0 - repeated), about, over * over
 
 
 @inlined_kernel
 def clutter_at(clutter: Clutter, residual: float) -> tuple[float, float]:
-    """Density of wrong matches so far off, and of the repeated ones among them."""
+    """Density of outliers at this residual, and of repeated structure alone."""
     anywhere, about, over2 = clutter
     near = about / (1.0 + over2 * residual * residual)
     return anywhere + near, near
 
 
 @kernel
-def mean_variance(variance: float, poor: float) -> float:
-    """Of right matches, good and poor."""
-    good, eightfold = 1.0 - poor, poor * POOR * POOR
-    return variance * (good + eightfold * (good + eightfold * (good + eightfold)))
+def mean_variance(variance: float, tail_share: float) -> float:
+    """Mean variance of inliers over core and tail."""
+    core, eightfold = 1.0 - tail_share, tail_share * TAIL_RATIO * TAIL_RATIO
+    return variance * (core + eightfold * (core + eightfold * (core + eightfold)))
 
 
 @step_kernel
-def unusual(share: float) -> float:
-    """Cost of a share of poor or of repeated matches that is not the usual one."""
-    return -USUAL * (FEW * math.log(share) + (1.0 - FEW) * math.log(1.0 - share))
+def share_prior_cost(share: float) -> float:
+    """Negative log density of the Beta prior of a share, up to a constant."""
+    return -PRIOR_WEIGHT * (
+        PRIOR_SHARE * math.log(share) + (1.0 - PRIOR_SHARE) * math.log(1.0 - share)
+    )
 
 
 @step_kernel
-def repeated_share(repeated: float, wrong: float) -> float:
-    """Step of EM of the share of repeated matches, from their and the wrong ones' numbers."""
-    return (repeated + FEW * USUAL) / (wrong + USUAL)
+def repeated_share(repeated: float, outlier_share: float) -> float:
+    """EM step of the share of repeated structure, from its number and that of outliers."""
+    return (repeated + PRIOR_SHARE * PRIOR_WEIGHT) / (outlier_share + PRIOR_WEIGHT)
 
 
 @step_kernel
-def mixture_cost(variance: float, wrong: float) -> float:
-    """What each match adds to the cost by the noise alone."""
-    return 0.5 * math.log(variance) - math.log(1.0 - wrong)
+def mixture_cost(variance: float, outlier_share: float) -> float:
+    """Normalisation of the cost per match: ``log(sigma) - log(1 - outlier_share)``."""
+    return 0.5 * math.log(variance) - math.log(1.0 - outlier_share)
 
 
 @inlined_kernel
@@ -133,77 +142,82 @@ def densities(
     t: tuple,
     residual: float,
     precision: float,
-    poor: float,
+    tail_share: float,
     prior: float,
-    tail: float,
+    long_tail: float,
 ) -> Densities:
-    """Densities of the match at this address, over a good one's at 0."""
-    retreat = retreat2(pairs, at, R, t, precision)
-    return densities_of(residual * residual * precision + retreat, poor, poor / POOR, prior, tail)
-
-
-@inlined_kernel
-def densities_of(square: float, poor: float, again: float, prior: float, tail: float) -> Densities:
-    """Densities so many squared sigma off, each step of the tails ``again`` times as high.
-
-    Which is the share of ``poor`` ones over the `POOR` by which a step is wider, in one dimension;
-    over its square in two.
-    """
-    good, fair, bad, worst = exp_and_roots(0.5 * square)
-    once, twice = prior * (1.0 - poor), prior * again * again
-    return (
-        once * good,
-        once * again * fair,
-        twice * (1.0 - tail * poor) * bad,
-        twice * tail * again * worst,
+    """Densities of the match at this address, over that of the core at r = 0."""
+    penalty = cheirality_penalty(pairs, at, R, t, precision)
+    return densities_of(
+        residual * residual * precision + penalty,
+        tail_share,
+        tail_share / TAIL_RATIO,
+        prior,
+        long_tail,
     )
 
 
 @inlined_kernel
-def retreat2(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> float:
-    """How much farther away from the direction a match lies than noise may bring it, squared.
+def densities_of(
+    square: float, tail_share: float, again: float, prior: float, long_tail: float
+) -> Densities:
+    """Densities at ``square`` = squared residual over variance, times the ``prior``.
 
-    In units of the variance with which the density falls off.
+    Each component of the tail has ``again`` times the height of the one before: ``tail_share`` over
+    `TAIL_RATIO` in one dimension, over its square in two.
     """
+    core, tail1, tail2, tail3 = exp_and_roots(0.5 * square)
+    once, twice = prior * (1.0 - tail_share), prior * again * again
+    return (
+        once * core,
+        once * again * tail1,
+        twice * (1.0 - long_tail * tail_share) * tail2,
+        twice * long_tail * again * tail3,
+    )
+
+
+@inlined_kernel
+def cheirality_penalty(pairs: np.ndarray, at: int, R: tuple, t: tuple, precision: float) -> float:
+    """Exponent of soft cheirality: ``2 min(s + 2.5, 0)^2`` with the parallax s in sigma."""
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
     flow, _ = flow_along(m, b, t)
     shift = flow * math.sqrt(precision / (parallax_variance(pairs, at, R, m, t) + 1e-300))
-    beyond = min(shift + FAR_SIGMA, 0.0)
-    return STEEPER * beyond * beyond
+    beyond = min(shift + CHEIRALITY_SIGMA, 0.0)
+    return CHEIRALITY_WEIGHT * beyond * beyond
 
 
 @inlined_kernel
 def sum_of(each: Densities) -> float:
-    good, fair, bad, worst = each
-    return good + fair + bad + worst
+    core, tail1, tail2, tail3 = each
+    return core + tail1 + tail2 + tail3
 
 
 @inlined_kernel
-def steps_of(each: Densities) -> float:
-    """Sum of the densities, each times how often the match is poorer."""
-    _, fair, bad, worst = each
-    return fair + 2.0 * bad + 3.0 * worst
+def tail_steps_of(each: Densities) -> float:
+    """Sum of the densities, each times the index k of its component."""
+    _, tail1, tail2, tail3 = each
+    return tail1 + 2.0 * tail2 + 3.0 * tail3
 
 
 @inlined_kernel
-def trials_of(each: Densities, tail: float) -> float:
-    """Sum of the densities, each times how often the match could have been poorer."""
-    good, fair, bad, worst = each
-    return good + 2.0 * fair + (2.0 + tail) * bad + 3.0 * worst
+def tail_trials_of(each: Densities, long_tail: float) -> float:
+    """Sum of the densities, each times the number of trials of the tail: k + 1, at most 3."""
+    core, tail1, tail2, tail3 = each
+    return core + 2.0 * tail1 + (2.0 + long_tail) * tail2 + 3.0 * tail3
 
 
 @inlined_kernel
 def weight_of(each: Densities) -> float:
-    """Sum of the densities, each over its variance in units of a good one's."""
-    good, fair, bad, worst = each
-    return good + fair * 0.125 + bad * 0.015625 + worst * 0.001953125
+    """Sum of the densities, each over its variance in units of the variance of the core."""
+    core, tail1, tail2, tail3 = each
+    return core + tail1 * 0.125 + tail2 * 0.015625 + tail3 * 0.001953125
 
 
 @inlined_kernel
 def weight2_of(each: Densities) -> float:
-    """As `weight_of`, each over the square of its variance."""
-    good, fair, bad, worst = each
-    return weight_of((good, fair * 0.125, bad * 0.015625, worst * 0.001953125))
+    """As `weight_of`, with squared variances."""
+    core, tail1, tail2, tail3 = each
+    return weight_of((core, tail1 * 0.125, tail2 * 0.015625, tail3 * 0.001953125))
 
 
 @inlined_kernel
@@ -212,20 +226,20 @@ def update_mixture(
     shares: np.ndarray,
     count: float,
     minimum: float,
-    haste: float,
+    over_relaxed: float,
     mixture: np.ndarray,
 ) -> None:
-    """Step of EM of variance, share of wrong and share of poor matches, from weighted sums.
+    """EM step of variance, outlier share and tail share.
 
-    Of the right matches some are poor, and of these as large a share poorer still: ``shares`` has
-    the number of right ones, how often these are poorer, and how often they could have been. With a
-    ``haste`` of 1 it goes farther than EM does, with 0 it does not.
+    ``square`` is the weighted mean square of the residuals. ``shares`` holds the expected number of
+    inliers, of tail steps and of trials. With ``over_relaxed`` 1 the step is over-relaxed, with 0
+    it is plain EM.
     """
     total, steps, trials = shares[0], shares[1], shares[2]
-    share = (steps + FEW * USUAL) / (trials + USUAL)
-    # EM goes the right way, and the more slowly the heavier the tails: farther that way helps.
-    farther = haste * min(FARTHER * mixture[2], MOST_FARTHER)
-    change = min(max(farther * (square / mixture[0] - 1.0), -0.5), 1.0)
+    share = (steps + PRIOR_SHARE * PRIOR_WEIGHT) / (trials + PRIOR_WEIGHT)
+    # EM converges linearly, the more slowly the heavier the tail: over-relaxation compensates.
+    over_relaxation = over_relaxed * min(OVER_RELAXATION * mixture[2], MAX_OVER_RELAXATION)
+    change = min(max(over_relaxation * (square / mixture[0] - 1.0), -0.5), 1.0)
     mixture[0] = max((1.0 + change) * square, minimum)
     mixture[1] = min(max(1.0 - total / count, 0.005), 0.95)
-    mixture[2] = min(max(share + farther * (share - mixture[2]), 0.5 * share), 0.5)
+    mixture[2] = min(max(share + over_relaxation * (share - mixture[2]), 0.5 * share), 0.5)

@@ -1,4 +1,4 @@
-"""The fit of a motion from end to end, so that Python calls once and not fourteen times."""
+"""Fit of a general motion: candidates, search, refinement."""
 
 from __future__ import annotations
 
@@ -6,53 +6,57 @@ import numpy as np
 
 from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import kernel, step_kernel
-from farpoint._kernels.five_rays import Effort
+from farpoint._kernels.five_rays import SearchBudget
+from farpoint._kernels.motion_refinement import (
+    MAX_SEARCHED,
+    MotionBuffers,
+    SummaryValues,
+    refine_and_evaluate,
+    searched_matches,
+    searched_pairs,
+)
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.search import search_pose
-from farpoint._kernels.settling import (
-    MAX_SEARCHED,
-    Found,
-    Numbers,
-    searched_of,
-    settle,
-    some_of,
-)
 
 __all__ = ["fit_motion"]
 
-# Samples for the rotation that the search begins with.
+# Maximum number of samples for the far rotation.
 START_SAMPLES = np.int64(50)
-# With fewer matches that the rotation does not explain, all may carry translation.
-MIN_FLOWING = 8
-# Matches that a rotation from three of them explains by itself.
-OWN = 3
-# How much farther off matches may be where no others agree, each time, and how often.
-WIDER = 4.0
+# Least number of matches beyond the far rotation for them alone to be candidates.
+MIN_CANDIDATES = 8
+# Size of a sample for a rotation, whose matches fit it by construction.
+SAMPLE_SIZE = 3
+# Factor on the tolerance where no other match is consistent, and maximum number of times.
+WIDENING = 4.0
 WIDENINGS = 8
 
 
 def fit_motion(
-    matches: PackedMatches, effort: Effort, least_signal: float, state: np.ndarray, found: Found
-) -> tuple[int, bool, bool, bool, Numbers]:
-    """Search for a pose by some of the matches, and settle it by all.
+    matches: PackedMatches,
+    budget: SearchBudget,
+    least_signal: float,
+    state: np.ndarray,
+    buffers: MotionBuffers,
+) -> tuple[int, bool, bool, bool, SummaryValues]:
+    """Search for a pose by a subsample of the matches, and refine it by all.
 
-    Returns the hypotheses tried, whether the other motion of a plane was a rival, whether one
-    elsewhere was met that came near, whether any was while others of the matches were not asked,
-    and what `settle_motion` does, with the same arguments.
+    Returns the number of hypotheses, whether the second motion of a plane competes, whether a
+    secondary mode in another direction is within the margin, whether any mode is while only a
+    subsample was searched, and the values of `refine_motion`.
 
-    The search, as of `search.search_pose`, starts at the rotation of the far matches, the identity
-    at first; where there are none, at the rotation that most matches roughly agree on. The other
-    matches may carry translation, and where few are left, all may.
+    The search, as of `search.search_pose`, starts at the rotation of the far matches, initially the
+    identity; without far matches, at the rotation consistent with most matches at a larger
+    tolerance. Candidates for translation are the other matches, or all where these are few.
     """
-    some, few = some_of(matches), matches.total <= MAX_SEARCHED
+    some, few = searched_pairs(matches), matches.total <= MAX_SEARCHED
     count = matches.total if few else MAX_SEARCHED
-    candidates = find_candidates(some, count, effort.tolerance, state, found.R_far)
-    iterations, is_planar, has_met, has_second = _search(
-        some, matches, candidates, effort, state, found
+    candidates = find_candidates(some, count, budget.tolerance, state, buffers.R_far)
+    iterations, is_planar, has_secondary, has_close = _search(
+        some, matches, candidates, budget, state, buffers
     )
-    numbers = settle(some, matches, least_signal, found)
-    return iterations, is_planar, has_met, has_second and not few, numbers
+    values = refine_and_evaluate(some, matches, least_signal, buffers)
+    return iterations, is_planar, has_secondary, has_close and not few, values
 
 
 @kernel
@@ -60,34 +64,36 @@ def _search(
     some: np.ndarray,
     matches: PackedMatches,
     candidates: np.ndarray,
-    effort: Effort,
+    budget: SearchBudget,
     state: np.ndarray,
-    found: Found,
+    buffers: MotionBuffers,
 ) -> tuple[int, bool, bool, bool]:
-    """The search of `fit_motion`, by some of the matches."""
-    best = Pose(found.R, found.t, found.mixture, np.empty((6, 6)), np.empty(1))
-    second = Pose(found.R_second, found.t_second, np.empty(4), np.empty((6, 6)), np.empty(1))
-    rival = Pose(found.R_rival, found.t_rival, np.empty(4), np.empty((6, 6)), np.empty(1))
-    copy(found.R_far, best.R)
-    searched = searched_of(some, matches)
-    return search_pose(searched, candidates, effort, state, best, second, rival)
+    """The search of `fit_motion`, by a subsample of the matches."""
+    best = Pose(buffers.R, buffers.t, buffers.mixture, np.empty((6, 6)), np.empty(1))
+    close = Pose(buffers.R_close, buffers.t_close, np.empty(4), np.empty((6, 6)), np.empty(1))
+    secondary = Pose(
+        buffers.R_secondary, buffers.t_secondary, np.empty(4), np.empty((6, 6)), np.empty(1)
+    )
+    copy(buffers.R_far, best.R)
+    searched = searched_matches(some, matches)
+    return search_pose(searched, candidates, budget, state, best, close, secondary)
 
 
 @kernel
 def find_candidates(
     pairs: np.ndarray, count: int, tolerance: float, state: np.ndarray, R_far: np.ndarray
 ) -> np.ndarray:
-    """Find the rotation of the far matches; which others may carry translation."""
+    """Rotation of the far matches into ``R_far``; indices of the candidates for translation."""
     consistent = np.empty(count)
     search_rotation(pairs, count, tolerance, START_SAMPLES, state, R_far)
     enlarge_rotation(pairs, count, tolerance, R_far, consistent)
     flowing = 0
     for i in range(count):
         flowing += 0 if consistent[i] else 1
-    lost = count - flowing <= OWN
-    if lost:
+    has_no_far = count - flowing <= SAMPLE_SIZE
+    if has_no_far:
         _widen(pairs, count, tolerance, state, R_far, consistent)
-    few = lost or flowing < MIN_FLOWING
+    few = has_no_far or flowing < MIN_CANDIDATES
     candidates = np.empty(count if few else flowing, np.int64)
     taken = 0
     for i in range(count):
@@ -106,13 +112,14 @@ def _widen(
     R_far: np.ndarray,
     consistent: np.ndarray,
 ) -> None:
-    """Rotation that most matches roughly agree on: the start where none are far.
+    """Rotation consistent with most matches at an increased tolerance: a start without far points.
 
-    Hardly any agree within the noise then, and the best rotation of three rays may be any.
+    Hardly any match is consistent within the noise there, and the best sample of three is
+    arbitrary.
     """
     within = tolerance
     for _ in range(WIDENINGS):
-        within *= WIDER
+        within *= WIDENING
         search_rotation(pairs, count, within, START_SAMPLES, state, R_far)
         if 2 * enlarge_rotation(pairs, count, within, R_far, consistent) > count:
             break

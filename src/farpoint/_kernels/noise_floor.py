@@ -1,4 +1,4 @@
-"""How likely residuals are, for each of some floors of their variance."""
+"""Likelihood of residuals for each of several floors of their variance."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def floor_likelihoods(
     Parameters
     ----------
     squares : ndarray, shape (N,)
-        Of the residuals.
+        Squared residuals.
     variances : ndarray, shape (N,)
-        As given, up to a common factor, which EM estimates in so many ``rounds``.
+        Given variances, up to a common factor, which EM estimates in ``rounds`` iterations.
     floors : ndarray, shape (F,)
-        What is added to each.
+        Candidates of the variance added to each.
     freedom : float
         Degrees of freedom of the distribution.
 

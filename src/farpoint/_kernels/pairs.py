@@ -1,8 +1,8 @@
-"""The matches as the kernels take them: packed so that one instruction works on several.
+"""Matches packed in panels for vector instructions.
 
-Sums over matches are what the time goes into, and a processor adds four or eight numbers at once
-where they lie side by side. So matches are packed in panels of `LANES`, in which each coordinate of
-all of them stands in a row of its own. The last panel is filled up with matches of prior zero.
+Most of the time is spent on sums over matches, and a processor adds four or eight numbers at once
+if they are neighbours in memory. A panel holds `LANES` matches, each coordinate in a row of its
+own. The last panel is filled up with matches of prior 0 (filler).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
 from farpoint._kernels.scalars import fma
-from farpoint._kernels.vectors import Vector, combine, dot
+from farpoint._kernels.vectors import Vector, axpby, dot
 
 __all__ = [
     "FLOW",
@@ -34,24 +34,24 @@ __all__ = [
     "take_pairs",
 ]
 
-LANES = 16  # as in `address`
-# Rows of a panel: two rays, their covariances (upper triangles), the mean variance of their flow.
+LANES = 16  # as the shift and mask of `address`
+# Rows of a panel: two rays, their covariances (upper triangles), mean variance of the flow.
 RAY0, RAY1, COVARIANCE0, COVARIANCE1, FLOW = 0, 3, 6, 12, 18
 PANEL = 19 * LANES
-# Noise that is smaller is rounding of the rays themselves, rad^2.
+# Lower bound of the mean variance, rad^2: rounding of the rays.
 MIN_VARIANCE_RAD2 = 1e-30
-# That of the matches which fill up a panel: whatever the pose, they agree with it.
-VAGUE = 1e12
+# Variance of filler, rad^2: consistent with any pose.
+FILLER_VARIANCE = 1e12
 
 
 def packed_length(count: int) -> int:
-    """Matches that there is room for in the panels that ``count`` matches need."""
+    """Number of matches in the panels that ``count`` matches need, filler included."""
     return -(-count // LANES) * LANES
 
 
 @inlined_kernel
 def address(i: int) -> int:
-    """Where the first row has match ``i``; the next row has it `LANES` further on."""
+    """Index of match ``i`` in the first row of its panel; the next row is `LANES` further on."""
     return (i >> 4) * PANEL + (i & 15)
 
 
@@ -97,7 +97,7 @@ def noise1(pairs: np.ndarray, at: int, v: Vector) -> Vector:
 
 @inlined_kernel
 def flow_variance(pairs: np.ndarray, at: int) -> float:
-    """Variance, rad^2 for unit noise, of the flow in one direction, on average."""
+    """Mean variance of the flow per coordinate, rad^2 for unit noise."""
     return pairs[at + FLOW * LANES]
 
 
@@ -138,7 +138,7 @@ def _squares(factors: np.ndarray, i: int) -> float:
 
 @kernel
 def is_finite(values: np.ndarray) -> bool:
-    """Whether none of the numbers (N,) is NaN or infinite; in a tenth of NumPy's time for few."""
+    """Whether all numbers (N,) are finite; for few numbers 10 times as fast as NumPy."""
     infinite = 0
     for i in range(values.size):
         infinite += 0 if abs(values[i]) < math.inf else 1
@@ -157,18 +157,18 @@ def pack_pairs(
     pairs: np.ndarray,
     index: np.ndarray,
 ) -> tuple[int, float]:
-    """Pack the matches whose rays exist; returns how many, and what wrong matches may fill.
+    """Pack the matches whose rays exist.
 
     Parameters
     ----------
     rays0, rays1 : (N, 3)
         Unit rays, NaN where there is none.
     factors0, factors1 : (N, 3, 2)
-        Derivative of a ray by what the noise is of: pixels, or angles.
+        Derivative of a ray by the noisy quantity: pixels, or angles.
     covariance0, covariance1 : (N, 2, 2) or (1, 2, 2)
-        Of that noise.
+        Covariance of that quantity.
     least_variance : float
-        Rays that unit noise moves by less, rad^2, are left out.
+        Rays with a smaller variance for unit noise, rad^2, are left out.
     pairs : (packed_length(N) * 19,)
         Receives the panels.
     index : (N,)
@@ -177,9 +177,10 @@ def pack_pairs(
     Returns
     -------
     count : int
-    spread : float
-        Half the width, in units of the noise, of a uniform distribution with the second moment of
-        the later rays.
+        Number of matches packed.
+    outlier_half_width : float
+        Half-width, in units of the noise, of a uniform distribution with the second moment of the
+        later rays; at least 10.
     """
     n = np.int64(0)
     square = precision = 0.0
@@ -193,7 +194,7 @@ def pack_pairs(
         _put_ray(pairs, at, rays0, i)
         ray = _put_ray(pairs, at + RAY1 * LANES, rays1, i)
         square += dot(ray, ray)
-        mean = combine(1.0, mean, 1.0, ray)
+        mean = axpby(1.0, mean, 1.0, ray)
         j, k = i if len(covariance0) > 1 else 0, i if len(covariance1) > 1 else 0
         trace = _put_covariance(pairs, at + COVARIANCE0 * LANES, factors0, i, covariance0, j)
         trace += _put_covariance(pairs, at + COVARIANCE1 * LANES, factors1, i, covariance1, k)
@@ -206,26 +207,26 @@ def pack_pairs(
     if n == 0:
         return 0, 10.0
     square -= dot(mean, mean) / n
-    return n, max(math.sqrt(1.5 * max(square, 0.0) / n * precision / n), 10.0)
+    return int(n), max(math.sqrt(1.5 * max(square, 0.0) / n * precision / n), 10.0)
 
 
 @inner_kernel
 def _fill_up(pairs: np.ndarray, n: int) -> None:
-    """Fill the last panel with matches that are harmless to compute with."""
+    """Fill the last panel up with matches that are consistent with any pose."""
     for i in range(n, -(-n // LANES) * LANES):
-        _put_harmless(pairs, address(i))
+        _put_filler(pairs, address(i))
 
 
 @step_kernel
-def _put_harmless(pairs: np.ndarray, at: int) -> None:
+def _put_filler(pairs: np.ndarray, at: int) -> None:
     for row in range(FLOW):
         pairs[at + row * LANES] = 0.0
     for row in (RAY0 + 2, RAY1 + 2):
         pairs[at + row * LANES] = 1.0
     for row in (COVARIANCE0, COVARIANCE1):
         for diagonal in (0, 3, 5):
-            pairs[at + (row + diagonal) * LANES] = VAGUE
-    pairs[at + FLOW * LANES] = VAGUE
+            pairs[at + (row + diagonal) * LANES] = FILLER_VARIANCE
+    pairs[at + FLOW * LANES] = FILLER_VARIANCE
 
 
 @kernel

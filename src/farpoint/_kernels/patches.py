@@ -1,4 +1,4 @@
-"""An image in patches: what lies together, and halves of it."""
+"""Patches of the image, and random halves of the patches."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from farpoint._kernels.arrays import clear
 from farpoint._kernels.compile import kernel, step_kernel
 from farpoint._kernels.linear import draw_index
 
-__all__ = ["deal", "split_image"]
+__all__ = ["split_image", "split_patches"]
 
 
 @kernel
 def split_image(rays: np.ndarray, splits: int, patch: np.ndarray) -> None:
-    """Write which ``patch`` (N,) of ``2^splits`` each of the ``rays`` (3 N,) is in.
+    """Write the ``patch`` (N,), of ``2^splits``, of each of the ``rays`` (3 N,).
 
-    The image is split in two across its longest axis, at the mean of the rays, and so is each part,
-    again and again.
+    Every part of the image is split in two across its longest axis, at the mean of its rays,
+    ``splits`` times.
     """
     for k in range(patch.size):
         patch[k] = 0
@@ -26,7 +26,7 @@ def split_image(rays: np.ndarray, splits: int, patch: np.ndarray) -> None:
 
 @step_kernel
 def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
-    """Move what lies beyond the mean of its part, of so many, to a new one."""
+    """Split each of the ``parts``: rays beyond the mean of their part move to a new one."""
     sizes, sums, squares = np.empty(parts), np.empty(3 * parts), np.empty(3 * parts)
     clear(sizes)
     clear(sums)
@@ -52,11 +52,11 @@ def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
 
 
 @kernel
-def deal(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
-    """Deal matches into two halves, those of one ``patch`` (N,) into the same.
+def split_patches(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
+    """Split the patches into two halves in random order, each patch into the smaller half.
 
-    Patches are dealt in random order, by the generator's ``state``, each to the smaller half.
-    Writes the ``half`` (N,) of each match, 0 or 1, and returns how many are in the first.
+    Writes the ``half`` (N,) of each match, 0 or 1, by its ``patch`` (N,); ``state`` is that of the
+    random generator. Returns the number of matches in the first half.
     """
     patches = 0
     for i in range(patch.size):
@@ -73,13 +73,13 @@ def deal(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
     first = second = 0
     for k in range(patches):
         j = k + draw_index(state, patches - k)
-        dealt = order[j]
+        chosen = order[j]
         order[j] = order[k]
-        half_of[dealt] = 1 if first > second else 0
+        half_of[chosen] = 1 if first > second else 0
         if first > second:
-            second += int(sizes[dealt])
+            second += int(sizes[chosen])
         else:
-            first += int(sizes[dealt])
+            first += int(sizes[chosen])
     for i in range(patch.size):
         half[i] = half_of[patch[i]]
     return first

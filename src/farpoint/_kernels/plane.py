@@ -1,10 +1,9 @@
-"""The other motion that a plane allows, and whether anything off the plane tells the two apart.
+"""Second motion of a plane, and the log-likelihood ratio of the two by the relief.
 
-Two motions move the points of a plane alike (Longuet-Higgins, Proc. R. Soc. B 223, 1984,
-DOI 10.1098/rspb.1984.0088). Their likelihoods differ all the same, by chance: each leaves free
-where a match lies along its own epipolar line, and so counts another part of the same noise. Over N
-matches that makes a difference of about sqrt(N), which says nothing. What says something is the
-plane's relief: it moves points along the epipolar lines of the right motion, and of no other one.
+Two motions have the same homography of a plane (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI
+10.1098/rspb.1984.0088). Their likelihoods differ by chance, by about sqrt(N) for N matches: each
+motion ignores the noise along its own epipolar lines. The relief of the plane decides: it displaces
+points along the epipolar lines of the true motion only.
 """
 
 from __future__ import annotations
@@ -13,25 +12,25 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.ambiguous_motions import second_planar_motion
 from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel, sum_kernel
-from farpoint._kernels.contest import GATE_SIGMA, is_same, near_of_plane
 from farpoint._kernels.exponential import exp_and_roots, lane_log
-from farpoint._kernels.likelihood import explain, judge_pose
+from farpoint._kernels.hypothesis_comparison import GATE_SIGMA, is_same_mode, planar_margin
+from farpoint._kernels.likelihood import evaluate_pose, evaluate_residuals
 from farpoint._kernels.linear import add, add_outer
 from farpoint._kernels.mixture import clutter_at, clutter_of, densities, sum_of
+from farpoint._kernels.motion_refinement import MAX_REFINEMENTS
+from farpoint._kernels.normal_equations import solve_three_spd
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, noise0, noise1, ray0, ray1
-from farpoint._kernels.plausible import largest
-from farpoint._kernels.pose import PackedMatches, Pose, Seen
+from farpoint._kernels.parallax_prior import kth_largest
+from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.scalars import where
-from farpoint._kernels.settling import MAX_REFINEMENTS
-from farpoint._kernels.squares import solve_three_spd
-from farpoint._kernels.twins import planar_twin
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
-    combine,
+    axpby,
     cross,
     dot,
     matrix,
@@ -42,129 +41,140 @@ from farpoint._kernels.vectors import (
 
 __all__ = ["other_motion"]
 
-# Log likelihood to which motions are refined, and relief is.
-FINE = 0.1
-# Matches that lie anywhere on their lines, and not about the plane, of so many: as much is believed
-# before any is seen. A wrong match or two lie on the lines of any motion.
-OFF, OF_ALL = 4.0, 40.0
-# Matches whose noise counts as much as what was found of it before.
-KNOWN = 60.0
+# Log likelihood: predicted decrease of the refinement and change of EM at convergence.
+FINE_TOLERANCE = 0.1
+# Prior of the share of matches anywhere on their lines, off the plane: 4 of 40 matches. An outlier
+# or two lie on the lines of any motion.
+OFF_PLANE, OFF_PLANE_OF = 4.0, 40.0
+# Weight of the prior variance across the lines, in matches.
+PRIOR_MATCHES = 60.0
+# Rounds of the robust fit of the plane, and of EM.
 PLANE_ROUNDS = 8
 RELIEF_ROUNDS = 8
-# Median of the sum of the squares of two normal errors.
+# Median of the sum of two squared normal errors of unit variance.
 MEDIAN = 2.0 * math.log(2.0)
 
 
 @kernel
 def other_motion(
-    matches: PackedMatches, pose: Pose, other: Pose, is_told: bool
+    matches: PackedMatches, pose: Pose, other: Pose, is_given: bool
 ) -> tuple[bool, float]:
-    """Whether another motion is a rival, and by how much the log likelihood of this one is larger.
+    """Whether the second motion of a plane competes, and the log-likelihood ratio to it.
 
-    As far as that is not chance. ``other`` receives the rival, with the noise that it needs;
-    without one it has no meaning. ``pose`` stays as it is. Of noise that is told match by match,
-    only the size is heard: what has shaped it shapes the errors of tracks otherwise.
+    ``other`` receives the second motion with its noise parameters; it has no meaning if there is
+    none. ``pose`` stays unchanged. Of covariances given per match (``is_given``) only the size is
+    used, not the shape: errors of tracks have another shape.
     """
     count = matches.total
     gate = GATE_SIGMA * math.sqrt(pose.mixture[0])
-    twin_R, twin_t = np.empty((3, 3)), np.empty(3)
-    if not planar_twin(matches.pairs, count, gate, pose.R, pose.t, twin_R, twin_t):
+    other_R, other_t = np.empty((3, 3)), np.empty(3)
+    if not second_planar_motion(matches.pairs, count, gate, pose.R, pose.t, other_R, other_t):
         return False, 0.0
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
-    _put(own, pose.R, pose.t, pose.mixture)
-    refine_pose(matches, FINE, MAX_REFINEMENTS, own)
-    _put(other, twin_R, twin_t, pose.mixture)
-    refine_pose(matches, FINE, MAX_REFINEMENTS, other)
-    if is_same(other.R, other.t, own):
-        # By chance there may be no minimum. The matches are explained as well for all that.
-        _put(other, twin_R, twin_t, own.mixture)
-        other.cost[0] = judge_pose(matches, other, np.empty(4))
-    is_near = other.cost[0] < own.cost[0] + near_of_plane(count)
-    if not is_near or is_same(other.R, other.t, own):
+    _set_pose(own, pose.R, pose.t, pose.mixture)
+    refine_pose(matches, FINE_TOLERANCE, MAX_REFINEMENTS, own)
+    _set_pose(other, other_R, other_t, pose.mixture)
+    refine_pose(matches, FINE_TOLERANCE, MAX_REFINEMENTS, other)
+    if is_same_mode(other.R, other.t, own):
+        # By chance there may be no local maximum there, with nearly the same likelihood.
+        _set_pose(other, other_R, other_t, own.mixture)
+        other.cost[0] = evaluate_pose(matches, other, np.empty(4))
+    is_near = other.cost[0] < own.cost[0] + planar_margin(count)
+    if not is_near or is_same_mode(other.R, other.t, own):
         return False, 0.0
-    return True, _evidence(matches, pose, other, is_told)
+    return True, _log_ratio(matches, pose, other, is_given)
 
 
 @inner_kernel
-def _put(pose: Pose, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> None:
-    """Make the pose this one."""
+def _set_pose(pose: Pose, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> None:
+    """Set rotation, direction and mixture of a pose."""
     copy(R, pose.R)
     copy(t, pose.t)
     copy(mixture, pose.mixture)
 
 
 @step_kernel
-def _evidence(matches: PackedMatches, pose: Pose, other: Pose, is_told: bool) -> float:
-    """Log likelihood of the first motion over the other, whatever the relief and the noise.
+def _log_ratio(matches: PackedMatches, pose: Pose, other: Pose, is_given: bool) -> float:
+    """Log-likelihood ratio of two motions by the relief, with EM of relief and noise.
 
-    By the plane of either in turn: what one has explained of the noise, it has for its own motion.
+    The mean over the planes of both motions: a plane fitted with one motion takes up noise in its
+    favour.
     """
     pairs, prior, mixture, evidence = matches.pairs, matches.prior, pose.mixture, 0.0
-    spread, tail = matches.spread, matches.tail
+    half_width, long_tail = matches.outlier_half_width, matches.long_tail
     off, parts = np.empty(3 * matches.total), np.empty(2 * matches.prior.size)
     clear(parts)
     for k in range(2):
         planar = pose if k == 0 else other
-        seen = Seen(pairs, prior, planar.R, planar.t, mixture, spread, tail)
-        _measure(seen, matches.total, off)
-        _part(matches, planar.R, pose.t, is_told, off, parts)
-        evidence += 0.5 * _likelihood_by(pose, matches, parts, mixture)
-        _part(matches, planar.R, other.t, is_told, off, parts)
-        evidence -= 0.5 * _likelihood_by(other, matches, parts, mixture)
+        point = LinearisationPoint(pairs, prior, planar.R, planar.t, mixture, half_width, long_tail)
+        _plane_offsets(point, matches.total, off)
+        _decompose(matches, planar.R, pose.t, is_given, off, parts)
+        evidence += 0.5 * _log_likelihood(pose, matches, parts, mixture)
+        _decompose(matches, planar.R, other.t, is_given, off, parts)
+        evidence -= 0.5 * _log_likelihood(other, matches, parts, mixture)
     return evidence
 
 
 @inner_kernel
-def _likelihood_by(
+def _log_likelihood(
     pose: Pose, matches: PackedMatches, parts: np.ndarray, mixture: np.ndarray
 ) -> float:
-    """Log likelihood of how far matches are off the plane, by a motion, from what `_part` says.
+    """Log likelihood by one motion of the offsets from the plane, as of `_decompose`.
 
-    A match is about the plane, off by the noise and, along its epipolar line, by the relief; or
-    anywhere on that line; or wrong. The share of those anywhere and the variances across the line
-    and along it are found by EM, the latter no smaller than the former. Where they are alike, so is
-    all that is said by any motion.
+    A match lies about the plane, with the noise across its epipolar line and noise plus relief
+    along it; or anywhere on its line; or is an outlier. EM estimates the share off the plane and
+    the variances across and along the lines, the latter at least the former. With equal variances
+    any motion has the same likelihood.
     """
-    # Density on a line of a match about the plane, at its place, over that of one anywhere.
-    spread, tail = matches.spread, matches.tail
-    peak = 2.0 * spread / math.sqrt(2.0 * math.pi * mixture[0])
-    seen = Seen(matches.pairs, matches.prior, pose.R, pose.t, mixture, spread, tail)
+    # Density on a line of a match in the plane, at its place, over that of a uniform one.
+    half_width, long_tail = matches.outlier_half_width, matches.long_tail
+    peak = 2.0 * half_width / math.sqrt(2.0 * math.pi * mixture[0])
+    point = LinearisationPoint(
+        matches.pairs, matches.prior, pose.R, pose.t, mixture, half_width, long_tail
+    )
     relief, sums, likelihood = np.empty(3), np.empty(5), -math.inf
-    across, along, off_share = 1.0, 1.0, OFF / OF_ALL
+    across, along, off_share = 1.0, 1.0, OFF_PLANE / OFF_PLANE_OF
     for _ in range(RELIEF_ROUNDS):
         relief[0], relief[1], relief[2] = across, along, off_share
-        before, likelihood = likelihood, _hear(seen, parts, peak, relief, sums)
-        if abs(likelihood - before) < FINE:
+        before, likelihood = likelihood, _relief_log_likelihood(point, parts, peak, relief, sums)
+        if abs(likelihood - before) < FINE_TOLERANCE:
             break
-        on_line, off_plane, weight = OF_ALL + sums[0], OFF + sums[1], sums[2]
+        on_line, off_plane, weight = OFF_PLANE_OF + sums[0], OFF_PLANE + sums[1], sums[2]
         squares_across, squares_along = sums[3], sums[4]
-        across = (squares_across + KNOWN) / (weight + KNOWN)
+        across = (squares_across + PRIOR_MATCHES) / (weight + PRIOR_MATCHES)
         along = squares_along / max(weight, 1.0)
         if along < across:
-            along = (squares_across + squares_along + KNOWN) / (2.0 * weight + KNOWN)
+            along = (squares_across + squares_along + PRIOR_MATCHES) / (
+                2.0 * weight + PRIOR_MATCHES
+            )
             across = along
         off_share = off_plane / on_line
     return likelihood
 
 
 @sum_kernel
-def _hear(
-    seen: Seen, parts: np.ndarray, peak: float, relief: np.ndarray, sums: np.ndarray
+def _relief_log_likelihood(
+    point: LinearisationPoint, parts: np.ndarray, peak: float, relief: np.ndarray, sums: np.ndarray
 ) -> float:
-    """Log likelihood of `_likelihood_by`, by the squares of how far matches are off, as of `_part`.
+    """One EM evaluation of `_log_likelihood`, by the squared offsets of `_decompose`.
 
-    ``relief`` (3,) holds the variances across the lines and along them, over those of the noise,
-    and the share of matches anywhere on their lines; ``peak`` is the density of one about the plane
-    over that of one anywhere. ``sums`` (5,) receives the expected number of matches on their lines,
-    of those of them that are off the plane, and of the others; and the squares of these across
-    their lines and along them.
+    ``relief`` (3,) holds the variances across and along the lines, over that of the noise, and the
+    share of matches off the plane; ``peak`` is the density of a match in the plane over that of a
+    uniform one. ``sums`` (5,) receives the expected numbers of matches on their lines, of those off
+    the plane, and of the core in the plane; and for the core in the plane the squares across and
+    along the lines.
     """
-    pairs, prior, variance, poor = seen.pairs, seen.prior, seen.mixture[0], seen.mixture[2]
-    turn, towards = matrix(seen.R), vector(seen.t)
+    pairs, prior, variance, tail_share = (
+        point.pairs,
+        point.prior,
+        point.mixture[0],
+        point.mixture[2],
+    )
+    rotation, direction = matrix(point.R), vector(point.t)
     across, along, off_share = relief[0], relief[1], relief[2]
-    # Wrong matches speak for neither, wherever they lie, nor do those that fill up the panels.
-    clutter, _ = clutter_at(clutter_of(seen.mixture, seen.spread), 0.0)
-    precision, likeness = 1.0 / (variance * across), 1.0 / math.sqrt(across)
+    # The density of outliers is the same for both motions; filler has prior 0.
+    clutter, _ = clutter_at(clutter_of(point.mixture, point.outlier_half_width), 0.0)
+    precision, scale = 1.0 / (variance * across), 1.0 / math.sqrt(across)
     highest = (1.0 - off_share) * peak / math.sqrt(along)
     likelihood = on_line = off_plane = about_it = squares_across = squares_along = 0.0
     for panel in range(prior.size // LANES):
@@ -173,9 +183,17 @@ def _hear(
             across2, along2 = parts[i], parts[prior.size + i]
             residual = math.sqrt(across2 * variance)
             each = densities(
-                pairs, at, turn, towards, residual, precision, poor, prior[i] * likeness, seen.tail
+                pairs,
+                at,
+                rotation,
+                direction,
+                residual,
+                precision,
+                tail_share,
+                prior[i] * scale,
+                point.long_tail,
             )
-            good, _, _, _ = each
+            core, _, _, _ = each
             whole = sum_of(each)
             near, _, _, _ = exp_and_roots(0.5 * along2 / along)
             about = highest * near
@@ -184,7 +202,7 @@ def _hear(
             likelihood += lane_log(density)
             on_line += whole * (off_share + about) * over
             off_plane += whole * off_share * over
-            w = good * about * over
+            w = core * about * over
             about_it += w
             squares_across += w * across2
             squares_along += w * along2
@@ -194,28 +212,28 @@ def _hear(
 
 
 @inner_kernel
-def _part(
+def _decompose(
     matches: PackedMatches,
     R: np.ndarray,
     t: np.ndarray,
-    is_told: bool,
+    is_given: bool,
     off: np.ndarray,
     parts: np.ndarray,
 ) -> None:
-    """Squares ``parts`` of how far matches are off the plane: across their lines, then along them.
+    """Squared offsets ``parts`` from the plane: across the epipolar lines, then along them.
 
-    Each over its variance; along a line, of what the noise across it does not tell of it. The two
-    add up to the same towards any direction ``t``, however the noise of a match lies.
+    Each over its variance; along a line, given the offset across it. The sum of the two is the same
+    for any direction ``t`` and any shape of the noise.
     """
-    turn, towards = matrix(R), vector(t)
+    rotation, direction = matrix(R), vector(t)
     for i in range(matches.total):
         at, away = address(i), (off[3 * i], off[3 * i + 1], off[3 * i + 2])
         b = ray1(matches.pairs, at)
-        line = combine(1.0, towards, -dot(towards, b), b)
+        line = axpby(1.0, direction, -dot(direction, b), b)
         aside = cross(line, b)
-        by_line = _noise_times(matches.pairs, at, turn, is_told, line)
-        by_aside = _noise_times(matches.pairs, at, turn, is_told, aside)
-        # Both lie across the ray, and what is off is turned about it by a quarter.
+        by_line = _noise_times(matches.pairs, at, rotation, is_given, line)
+        by_aside = _noise_times(matches.pairs, at, rotation, is_given, aside)
+        # Both vectors are perpendicular to the ray; the offset is turned about it by 90 degrees.
         x, y = dot(away, line), -dot(away, aside)
         variance = dot(aside, by_aside) + 1e-300
         shared = dot(aside, by_line) / variance
@@ -226,44 +244,44 @@ def _part(
 
 
 @inlined_kernel
-def _noise_times(pairs: np.ndarray, at: int, R: Matrix, is_told: bool, v: Vector) -> Vector:
-    """Covariance of the flow from ``R a`` to b, for unit noise, times ``v`` across b."""
-    size = where(is_told, flow_variance(pairs, at), 0.0)
-    shape = where(is_told, 0.0, 1.0)
+def _noise_times(pairs: np.ndarray, at: int, R: Matrix, is_given: bool, v: Vector) -> Vector:
+    """Covariance of the flow from ``R a`` to b, for unit noise, times ``v`` perpendicular to b."""
+    size = where(is_given, flow_variance(pairs, at), 0.0)
+    shape = where(is_given, 0.0, 1.0)
     first, second = rotate(R, noise0(pairs, at, rotate_back(R, v))), noise1(pairs, at, v)
-    return combine(size, v, shape, combine(1.0, first, 1.0, second))
+    return axpby(size, v, shape, axpby(1.0, first, 1.0, second))
 
 
 @step_kernel
-def _measure(seen: Seen, count: int, off: np.ndarray) -> None:
-    """How far the later rays are ``off`` (3 N,) where the plane through most would have them.
+def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> None:
+    """Offsets ``off`` (3 N,) of the later rays from their prediction by a robustly fitted plane.
 
-    In rad over the sigma of the noise, and turned about the ray by a quarter. The plane
-    ``n . X = 1`` (camera 0, unit of the translation) moves a ray a to ``R a + t (n . a)``.
+    In rad over the sigma of the noise, turned about the ray by 90 degrees. The plane ``n . X = 1``
+    (camera 0, unit of the translation) moves a ray a to ``R a + t (n . a)``.
     """
-    size = seen.prior.size
-    right, square, spare, sizes = np.empty(size), np.empty(size), np.empty(size), np.empty(count)
-    explain(seen, square, spare, right)
+    size = point.prior.size
+    inlier, square, spare, sizes = np.empty(size), np.empty(size), np.empty(size), np.empty(count)
+    evaluate_residuals(point, square, spare, inlier)
     M, v, n = np.empty((3, 3)), np.empty(3), np.empty(3)
-    turn, towards, variance = matrix(seen.R), vector(seen.t), seen.mixture[0]
+    rotation, direction, variance = matrix(point.R), vector(point.t), point.mixture[0]
     clear(square)
     typical = MEDIAN
     for _ in range(PLANE_ROUNDS):
         clear(M)
         clear(v)
         for i in range(count):
-            _add_to_plane(seen.pairs, i, turn, towards, right, square, typical, M, v)
+            _add_to_plane(point.pairs, i, rotation, direction, inlier, square, typical, M, v)
         _solve(M, v, variance, n)
         for i in range(count):
-            square[i] = _put_off(seen.pairs, i, turn, towards, variance, n, off)
-        typical = max(_median(square, right, sizes), MEDIAN)
+            square[i] = _write_offset(point.pairs, i, rotation, direction, variance, n, off)
+        typical = max(_median(square, inlier, sizes), MEDIAN)
 
 
 @inlined_kernel
 def _apart(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[Vector, Vector, Vector]:
-    """Ray a of a match and, across the later ray b, where ``R a`` is and where ``t`` leads.
+    """Ray a of a match; cross products of the later ray b with ``R a`` and with ``t``.
 
-    As products with b, whose lengths are exact where differences of ones would not be.
+    Their lengths are exact where differences of rays would not be.
     """
     a, b = ray0(pairs, at), ray1(pairs, at)
     return a, cross(b, rotate(R, a)), cross(b, t)
@@ -275,24 +293,24 @@ def _add_to_plane(
     i: int,
     R: Matrix,
     t: Vector,
-    right: np.ndarray,
+    inlier: np.ndarray,
     square: np.ndarray,
     typical: float,
     M: np.ndarray,
     v: np.ndarray,
 ) -> None:
-    """Add a match to the normal equations of the plane, the less the farther off that was."""
+    """Add a match to the normal equations of the plane, with a robust weight."""
     a, still, moved = _apart(pairs, address(i), R, t)
-    doubt = 1.0 + square[i] / (9.0 / MEDIAN * typical)
-    precision = 1.0 / (doubt * doubt * flow_variance(pairs, address(i)))
-    weight = where(right[i] > 0.5, precision, 0.0)
+    discount = 1.0 + square[i] / (9.0 / MEDIAN * typical)
+    precision = 1.0 / (discount * discount * flow_variance(pairs, address(i)))
+    weight = where(inlier[i] > 0.5, precision, 0.0)
     add_outer(a, a, weight * dot(moved, moved), M)
     add(-weight * dot(moved, still), a, v)
 
 
 @inlined_kernel
 def _solve(M: np.ndarray, v: np.ndarray, variance: float, n: np.ndarray) -> None:
-    """The plane; where the rays fix none, the farthest of those they allow."""
+    """Solve for the plane; the damping makes an underdetermined one the farthest possible."""
     damping = 1e-9 * (M[0, 0] + M[1, 1] + M[2, 2]) + 1e-300 * variance
     for k in range(3):
         M[k, k] += damping
@@ -300,7 +318,7 @@ def _solve(M: np.ndarray, v: np.ndarray, variance: float, n: np.ndarray) -> None
 
 
 @step_kernel
-def _put_off(
+def _write_offset(
     pairs: np.ndarray,
     i: int,
     R: Matrix,
@@ -309,20 +327,20 @@ def _put_off(
     n: np.ndarray,
     off: np.ndarray,
 ) -> float:
-    """Write down how far a match is ``off`` the plane; the square of it in units of its noise."""
+    """Write the offset ``off`` of a match from the plane; returns its square over its variance."""
     a, still, moved = _apart(pairs, address(i), R, t)
     over = 1.0 / math.sqrt(variance)
-    away = combine(over, still, over * dot(vector(n), a), moved)
+    away = axpby(over, still, over * dot(vector(n), a), moved)
     off[3 * i], off[3 * i + 1], off[3 * i + 2] = away
     return dot(away, away) / flow_variance(pairs, address(i))
 
 
 @step_kernel
-def _median(square: np.ndarray, right: np.ndarray, sizes: np.ndarray) -> float:
-    """Median of the squares of right matches; 0 of none. ``sizes`` (count,) is room for these."""
-    agreeing = 0
+def _median(square: np.ndarray, inlier: np.ndarray, sizes: np.ndarray) -> float:
+    """Median of the squares of inliers; 0 without any. ``sizes`` (count,) is a buffer."""
+    consistent = 0
     for i in range(sizes.size):
-        is_right = right[i] > 0.5
+        is_right = inlier[i] > 0.5
         sizes[i] = square[i] if is_right else -1.0
-        agreeing += 1 if is_right else 0
-    return largest(sizes, (agreeing + 1) // 2)
+        consistent += 1 if is_right else 0
+    return kth_largest(sizes, (consistent + 1) // 2)

@@ -1,4 +1,4 @@
-"""A pose with the noise that it needs, what it is judged by, and a step of it."""
+"""Pose with its noise parameters, packed matches, and steps on the manifold."""
 
 from __future__ import annotations
 
@@ -9,61 +9,63 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, step_kernel
 from farpoint._kernels.linear import apply_rotation_step
-from farpoint._kernels.vectors import combine, dot, tangent_columns, vector
+from farpoint._kernels.vectors import axpby, dot, tangent_columns, vector
 
 __all__ = [
+    "LinearisationPoint",
     "PackedMatches",
     "Pose",
-    "Seen",
     "apply_step",
     "copy_motion",
     "copy_pose",
-    "seen_by",
+    "linearisation_point",
     "take_step",
 ]
 
 
 class PackedMatches(NamedTuple):
-    """What a pose is judged by: matches as the kernels take them, with what is known of all."""
+    """Matches in panels, with their prior and the bounds of their noise."""
 
     pairs: np.ndarray
-    """Panels of matches."""
+    """Panels of matches; see `pairs`."""
     prior: np.ndarray
-    """Of each match, by what its share of being right is scaled; 0 leaves it out."""
+    """Factor on the inlier density of each match; 0 leaves the match out."""
     total: int
-    """Matches."""
-    spread: float
-    """Half the width that wrong matches fill, in units of the noise."""
-    tail: float
-    """`mixture.TAIL` or `mixture.NO_TAIL`."""
+    """Number of matches."""
+    outlier_half_width: float
+    """Half-width of the strip of outliers about an epipolar line, in units of the noise."""
+    long_tail: float
+    """`mixture.LONG_TAIL` or `mixture.SHORT_TAIL`."""
     min_variance: float
-    """Smaller noise is rounding."""
+    """Lower bound of the noise variance, in squared units of the noise: rounding."""
     max_variance: float
-    """Larger noise is not believed, and none is poor; infinite where both are as they are found."""
-    gives_way: bool
-    """Whether a pose does to matches that retreat. Motions that are held against each other do not:
-    each match may retreat by `mixture.FAR_SIGMA` at no cost, and the reverse of a motion would make
-    use of that."""
+    """Upper bound of the noise variance, without a tail; infinite: both are estimated freely."""
+    soft_cheirality: bool
+    """Whether the cheirality penalty is a residual of the refinement.
+
+    Not where modes are compared: above -`mixture.CHEIRALITY_SIGMA` the penalty is 0, and the
+    reverse of a motion would find a pose at which all matches have a small negative parallax.
+    """
 
 
 class Pose(NamedTuple):
-    """A pose with the noise that it needs."""
+    """A pose with its noise parameters and its linearisation."""
 
     R: np.ndarray
     """(3, 3) rotation cam1_from_cam0."""
     t: np.ndarray
-    """(3,) direction cam1_from_cam0."""
+    """(3,) unit direction of translation, cam1_from_cam0."""
     mixture: np.ndarray
-    """(4,) variance of good matches, share of wrong ones among all, of poor ones among the right
-    ones, and of repeated ones among the wrong ones."""
+    """(4,) noise variance of the core; share of outliers among all matches, of the tail among
+    inliers, and of repeated structure among outliers."""
     normal: np.ndarray
     """(6, 6) normal equations, as of `likelihood.linearize`."""
     cost: np.ndarray
     """(1,) negative log likelihood."""
 
 
-class Seen(NamedTuple):
-    """Matches as a pose sees them: all that their likelihood is made of."""
+class LinearisationPoint(NamedTuple):
+    """Linearisation point of the likelihood: matches, pose and noise parameters."""
 
     pairs: np.ndarray
     """Panels of matches."""
@@ -72,25 +74,29 @@ class Seen(NamedTuple):
     R: np.ndarray
     """(3, 3) rotation cam1_from_cam0."""
     t: np.ndarray
-    """(3,) direction cam1_from_cam0."""
+    """(3,) unit direction of translation, cam1_from_cam0."""
     mixture: np.ndarray
     """As of `Pose`."""
-    spread: float
+    outlier_half_width: float
     """As of `PackedMatches`."""
-    tail: float
+    long_tail: float
     """As of `PackedMatches`."""
 
 
 @step_kernel
-def seen_by(matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> Seen:
-    """The matches as a pose sees them."""
-    spread, tail = matches.spread, matches.tail
-    return Seen(matches.pairs, matches.prior, R, t, mixture, spread, tail)
+def linearisation_point(
+    matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray
+) -> LinearisationPoint:
+    """Linearisation point of these matches at a pose."""
+    outlier_half_width, long_tail = matches.outlier_half_width, matches.long_tail
+    return LinearisationPoint(
+        matches.pairs, matches.prior, R, t, mixture, outlier_half_width, long_tail
+    )
 
 
 @inner_kernel
 def copy_pose(pose: Pose, target: Pose) -> None:
-    """All of it."""
+    """Copy every field of a pose."""
     copy_motion(pose.R, pose.t, target.R, target.t)
     for k in range(4):
         target.mixture[k] = pose.mixture[k]
@@ -102,7 +108,7 @@ def copy_pose(pose: Pose, target: Pose) -> None:
 
 @inner_kernel
 def copy_motion(R: np.ndarray, t: np.ndarray, target_R: np.ndarray, target_t: np.ndarray) -> None:
-    """Rotation and direction."""
+    """Copy rotation and direction."""
     for i in range(3):
         target_t[i] = t[i]
         for j in range(3):
@@ -111,14 +117,14 @@ def copy_motion(R: np.ndarray, t: np.ndarray, target_R: np.ndarray, target_t: np
 
 @inner_kernel
 def apply_step(R: np.ndarray, t: np.ndarray, x: np.ndarray) -> None:
-    """Move the pose by ``x = [dtheta (3), dbeta (2)]`` in place."""
+    """Retract the pose by ``x = [dtheta (3), dbeta (2)]``, rad, in place."""
     apply_rotation_step(R, x[0], x[1], x[2], R)
     _apply_direction_step(t, x[3], x[4])
 
 
 @inner_kernel
 def take_step(R: np.ndarray, t: np.ndarray, x: np.ndarray, size2: float) -> None:
-    """Move the pose against ``x``, of this squared length, by 0.3 at the most."""
+    """Retract the pose by ``-x``, of squared length ``size2``, shortened to 0.3 rad."""
     scale = -1.0 if size2 < 0.09 else -0.3 / math.sqrt(size2)
     for k in range(5):
         x[k] *= scale
@@ -128,6 +134,6 @@ def take_step(R: np.ndarray, t: np.ndarray, x: np.ndarray, size2: float) -> None
 @step_kernel
 def _apply_direction_step(t: np.ndarray, x: float, y: float) -> None:
     first, second = tangent_columns(vector(t))
-    moved = combine(1.0, vector(t), 1.0, combine(x, first, y, second))
+    moved = axpby(1.0, vector(t), 1.0, axpby(x, first, y, second))
     scale = 1.0 / math.sqrt(dot(moved, moved))
     t[0], t[1], t[2] = scale * moved[0], scale * moved[1], scale * moved[2]

@@ -1,7 +1,7 @@
-"""What a ray hits first: a walk through the cells of a grid of shapes, then the hills.
+"""Ray casting: a walk through the cells of a grid of shapes, then the hills.
 
-Directions need not have unit length: distances are counted in lengths of the direction. The grid is
-walked by Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", Eurographics 1987.
+Directions need not have unit length: distances are in units of that length. The grid is walked by
+Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", Eurographics 1987.
 """
 
 from __future__ import annotations
@@ -26,21 +26,22 @@ from farpoint._kernels.vectors import Vector
 
 __all__ = ["TOP_FACE", "Hit", "Ray", "cast_rays", "trace"]
 
+# Number of the top face of a box; the bottom is the next one.
 TOP_FACE = 4
 
 
 class Ray(NamedTuple):
-    """Where a ray begins, m, and where it goes."""
+    """Origin, m, and direction of a ray."""
 
     origin: Vector
     direction: Vector
 
 
 class Hit(NamedTuple):
-    """What a ray hits first."""
+    """First intersection of a ray."""
 
     distance: float
-    """In lengths of the direction."""
+    """In units of the length of the direction."""
     surface: int
     """Number of a shape, or GROUND, SKY, or FIRST_RING and downwards for a ring of hills."""
     face: int
@@ -87,7 +88,7 @@ def hit_round(ray: Ray, radius: float, half_height: float, stretch: float) -> fl
     if square < 0.0 or a == 0.0:
         return math.inf
     t = (-half_b - math.sqrt(square)) / a
-    # An ellipsoid lies within its height but for rounding.
+    # An ellipsoid lies within its height up to rounding.
     return t if t > 0.0 and abs(py + t * dy) <= half_height * 1.000001 else math.inf
 
 
@@ -173,7 +174,7 @@ def hit_shapes(blocks: Blocks, ray: Ray, limit: float) -> tuple[float, int, int]
 
 @inlined_kernel
 def trace(blocks: Blocks, hills: Hills, ray: Ray) -> Hit:
-    """What a ray hits first."""
+    """First intersection of a ray."""
     down, below = ray.direction[1], ray.origin[1]
     reach = math.inf
     if down > 0.0:

@@ -1,4 +1,4 @@
-"""A pose on its way to the maximum of its likelihood, step by step, with its noise by EM."""
+"""Maximum-likelihood refinement of a pose: Gauss-Newton alternating with EM of the noise."""
 
 from __future__ import annotations
 
@@ -8,60 +8,67 @@ import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, step_kernel
 from farpoint._kernels.likelihood import linearize
-from farpoint._kernels.mixture import mixture_cost, repeated_share, unusual, update_mixture
-from farpoint._kernels.pose import PackedMatches, Pose, Seen, seen_by, take_step
-from farpoint._kernels.squares import promise, solve_five_spd
+from farpoint._kernels.mixture import mixture_cost, repeated_share, share_prior_cost, update_mixture
+from farpoint._kernels.normal_equations import predicted_decrease, solve_five_spd
+from farpoint._kernels.pose import (
+    LinearisationPoint,
+    PackedMatches,
+    Pose,
+    linearisation_point,
+    take_step,
+)
 
-__all__ = ["PROMISED", "advance", "begin", "finish", "refine_pose"]
+__all__ = ["PREDICTED_DECREASE", "advance", "begin", "finish", "refine_pose"]
 
-# What EM with unbiased variance may climb; a step that climbs more has gone astray.
-CLIMB = 0.5
+# Increase of the cost, in log likelihood, up to which a step is kept: EM with an unbiased variance
+# may raise the cost a little.
+MAX_INCREASE = 0.5
 
-# Share of poor matches where none is believed to be: its logarithm is asked for.
+# Share of the tail where the noise variance is bounded; its logarithm must exist.
 NONE = 1e-9
 
-# What is kept from step to step: the lowest cost so far, the weighted squares of the residuals for
-# each right match there, how much steps are damped, how far EM goes, and what the last step
-# promises, in log likelihood.
-LOWEST, SQUARE, DAMPING, HASTE, PROMISED = range(5)
+# State between steps: lowest cost, mean weighted squared residual of the inliers at that cost,
+# Levenberg damping, over-relaxation of EM (1 or 0), predicted decrease of the last step in log
+# likelihood.
+LOWEST, SQUARE, DAMPING, OVER_RELAXED, PREDICTED_DECREASE = range(5)
 
 
-# The likeliest pose so far, in one array: rotation, direction, mixture, normal equations, cost, and
-# the shares as of `likelihood.linearize`.
+# Layout of the array that keeps the likeliest pose: rotation, direction, mixture, normal equations,
+# cost, and the shares as of `likelihood.linearize`.
 AT_T, AT_MIXTURE, AT_NORMAL, AT_COST, AT_SHARES, KEPT = 9, 12, 16, 52, 53, 57
 
 
 @inner_kernel
 def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, pose: Pose) -> None:
-    """Maximum-likelihood pose, with its noise by EM.
+    """Maximum-likelihood pose, with its noise parameters by EM.
 
-    Gauss-Newton with the full derivative of the residual, and where the pose gives way to matches
-    that retreat, of their shifts. ``pose`` holds the start, with its mixture, and receives the end,
-    from which a step promises less than ``precision``, in the unit of the log likelihood; with the
-    normal equations and the cost there.
+    Gauss-Newton with the full derivative of the residuals, and with soft cheirality of the
+    penalised parallaxes. ``pose`` holds the initial pose and mixture, and receives the result with
+    its normal equations and cost. The refinement ends where the predicted decrease is below
+    ``precision``, in log likelihood, and the variance has converged.
     """
     normal, cost, shares = pose.normal, pose.cost, np.empty(4)
-    seen = seen_by(matches, pose.R, pose.t, pose.mixture)
+    point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
     state, kept = np.empty(5), np.empty(KEPT)
-    begin(matches, seen.mixture, state)
+    begin(matches, point.mixture, state)
     for _ in range(max_iterations):
-        if not advance(matches, seen, precision, normal, cost, shares, state, kept):
+        if not advance(matches, point, precision, normal, cost, shares, state, kept):
             break
-    finish(seen.R, seen.t, seen.mixture, normal, cost, shares, kept)
+    finish(point.R, point.t, point.mixture, normal, cost, shares, kept)
 
 
 @step_kernel
 def begin(matches: PackedMatches, mixture: np.ndarray, state: np.ndarray) -> None:
-    """From where the pose is, with as much of its noise as is believed."""
-    believe(matches.max_variance, mixture)
+    """Initialise the state; bound the noise of the initial mixture."""
+    bound_noise(matches.max_variance, mixture)
     state[LOWEST] = state[SQUARE] = math.inf
-    state[DAMPING], state[HASTE], state[PROMISED] = 0.0, 1.0, 0.0
+    state[DAMPING], state[OVER_RELAXED], state[PREDICTED_DECREASE] = 0.0, 1.0, 0.0
 
 
 @step_kernel
 def advance(
     matches: PackedMatches,
-    seen: Seen,
+    point: LinearisationPoint,
     precision: float,
     normal: np.ndarray,
     cost: np.ndarray,
@@ -69,25 +76,26 @@ def advance(
     state: np.ndarray,
     kept: np.ndarray,
 ) -> bool:
-    """Judge the pose and take a step; False where there is none that promises enough.
+    """Evaluate the pose and take a step; False at convergence.
 
-    The pose that is ``seen`` moves, with its ``normal`` equations and ``cost`` of where it was;
-    ``kept`` (57,) is the likeliest so far, and ``state`` (5,) what is kept from step to step.
+    ``point`` is updated in place; ``normal`` and ``cost`` are those before the step. ``kept`` (57,)
+    holds the likeliest pose, ``state`` (5,) the state between steps. A step that raises the cost by
+    more than `MAX_INCREASE` is taken back.
     """
-    R, t, mixture = seen.R, seen.t, seen.mixture
+    R, t, mixture = point.R, point.t, point.mixture
     variance = mixture[0]
-    cost[0] = linearize(seen, matches.gives_way, normal, shares)
+    cost[0] = linearize(point, matches.soft_cheirality, normal, shares)
     cost[0] += matches.total * mixture_cost(variance, mixture[1])
-    judged = cost[0] + unusual(mixture[2]) + unusual(mixture[3])
-    if judged > state[LOWEST] + CLIMB:
-        bring_back(kept, R, t, mixture, normal, cost, shares)
-        # Either the noise or the pose went too far: the noise first.
-        if state[HASTE] == 0.0:
+    penalised_cost = cost[0] + share_prior_cost(mixture[2]) + share_prior_cost(mixture[3])
+    if penalised_cost > state[LOWEST] + MAX_INCREASE:
+        restore(kept, R, t, mixture, normal, cost, shares)
+        # First without over-relaxation, then with damping.
+        if state[OVER_RELAXED] == 0.0:
             state[DAMPING] = max(100.0 * state[DAMPING], 1e-2)
-        state[HASTE] = 0.0
+        state[OVER_RELAXED] = 0.0
     else:
         keep(R, t, mixture, normal, cost, shares, kept)
-        state[LOWEST] = judged
+        state[LOWEST] = penalised_cost
         state[SQUARE] = normal[5, 5] * variance / max(shares[0] - 5.0, 1.0)
         state[DAMPING] *= 0.1
     return _take_step(matches, precision, variance, R, t, mixture, normal, shares, state)
@@ -105,26 +113,26 @@ def _take_step(
     shares: np.ndarray,
     state: np.ndarray,
 ) -> bool:
-    """A step of EM and one of Gauss-Newton from the likeliest pose; False if that promises less."""
+    """One step of EM and one of Gauss-Newton from the likeliest pose; False at convergence."""
     x, count = np.empty(5), float(matches.total)
-    update_mixture(state[SQUARE], shares, count, matches.min_variance, state[HASTE], mixture)
+    update_mixture(state[SQUARE], shares, count, matches.min_variance, state[OVER_RELAXED], mixture)
     mixture[3] = repeated_share(shares[3], count - shares[0])
-    believe(matches.max_variance, mixture)
+    bound_noise(matches.max_variance, mixture)
     while not solve_five_spd(normal, state[DAMPING], x) and state[DAMPING] < 1e6:
         state[DAMPING] = max(10.0 * state[DAMPING], 1e-9)
     if not state[DAMPING] < 1e6:
         return False
-    state[PROMISED], size2 = promise(normal, x)
-    settled = abs(mixture[0] - variance) < max(0.01, precision) * variance
-    if settled and state[PROMISED] < precision:
+    state[PREDICTED_DECREASE], size2 = predicted_decrease(normal, x)
+    has_converged = abs(mixture[0] - variance) < max(0.01, precision) * variance
+    if has_converged and state[PREDICTED_DECREASE] < precision:
         return False
     take_step(R, t, x, size2)
     return True
 
 
 @step_kernel
-def believe(max_variance: float, mixture: np.ndarray) -> None:
-    """No larger noise than is believed."""
+def bound_noise(max_variance: float, mixture: np.ndarray) -> None:
+    """Bound the noise variance."""
     if max_variance < math.inf:
         mixture[0], mixture[2] = min(mixture[0], max_variance), NONE
 
@@ -139,10 +147,10 @@ def finish(
     shares: np.ndarray,
     kept: np.ndarray,
 ) -> None:
-    """The likeliest pose is the end; its noise is that of EM one step further."""
+    """Restore the likeliest pose, with the mixture of one more EM step."""
     for k in range(4):
         kept[AT_MIXTURE + k] = mixture[k]
-    bring_back(kept, R, t, mixture, normal, cost, shares)
+    restore(kept, R, t, mixture, normal, cost, shares)
 
 
 @inner_kernel
@@ -155,7 +163,7 @@ def keep(
     shares: np.ndarray,
     kept: np.ndarray,
 ) -> None:
-    """Write down a pose, as the likeliest so far."""
+    """Keep a pose as the likeliest one."""
     for i in range(3):
         kept[AT_T + i] = t[i]
         for j in range(3):
@@ -170,7 +178,7 @@ def keep(
 
 
 @inner_kernel
-def bring_back(
+def restore(
     kept: np.ndarray,
     R: np.ndarray,
     t: np.ndarray,
@@ -179,7 +187,7 @@ def bring_back(
     cost: np.ndarray,
     shares: np.ndarray,
 ) -> None:
-    """The pose that `keep` has written down."""
+    """Restore the pose that `keep` has stored."""
     for i in range(3):
         t[i] = kept[AT_T + i]
         for j in range(3):

@@ -13,17 +13,17 @@ import numpy as np
 from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
 from farpoint._kernels.raycast import Hit, Ray, trace
 from farpoint._kernels.scene_arrays import NOTHING, Scene
-from farpoint._kernels.surfaces import Spread, ray_grey
+from farpoint._kernels.surfaces import RayDifferential, ray_grey
 from farpoint._kernels.vectors import Vector
 
 __all__ = ["render"]
 
 
 def tent_offsets(count: int, half_width: float) -> np.ndarray:
-    """Offsets (count, 2), px, distributed like a tent: a rank-1 lattice, warped.
+    """Offsets (count, 2), px, with a tent distribution: a rank-1 lattice, warped.
 
-    All their x differ, and all their y: an edge along rows or columns, too, is met at as many
-    places as there are samples.
+    All x differ, and all y: an edge along rows or columns is sampled at as many places as there are
+    samples.
     """
     lattice = np.stack([np.arange(count), 7 * np.arange(count) % count], axis=1)
     share = (lattice + 0.5) / count
@@ -31,14 +31,14 @@ def tent_offsets(count: int, half_width: float) -> np.ndarray:
     return np.where(share < 0.5, -tail, tail)
 
 
-# As wide as the filter of the textures: sigma 1.25 / sqrt(6) = 0.51 px.
+# Width of the filter of the textures: sigma 1.25 / sqrt(6) = 0.51 px.
 EDGE_OFFSETS = tent_offsets(16, 1.25)
 CENTRE = np.zeros((1, 2))
-EDGE_FOOTPRINT = 0.4  # of the pixel's, for one of the samples
+EDGE_FOOTPRINT = 0.4  # footprint of one sample over that of the pixel
 
 
 @inlined_kernel
-def turned(R: np.ndarray, x: float, y: float, z: float) -> Vector:
+def rotated(R: np.ndarray, x: float, y: float, z: float) -> Vector:
     """``R @ (x, y, z)``."""
     return (
         R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
@@ -70,10 +70,10 @@ def pixel_grey(
     footprint: float,
 ) -> tuple[float, Hit]:
     """Mean grey of the rays at ``offsets`` from the pixel's centre, and what the last one hit."""
-    centre = turned(pose, ray[0], ray[1], ray[2])
-    right = turned(pose, step[0, 0], step[1, 0], step[2, 0])
-    down = turned(pose, step[0, 1], step[1, 1], step[2, 1])
-    spread = Spread(
+    centre = rotated(pose, ray[0], ray[1], ray[2])
+    right = rotated(pose, step[0, 0], step[1, 0], step[2, 0])
+    down = rotated(pose, step[0, 1], step[1, 1], step[2, 1])
+    differential = RayDifferential(
         (footprint * right[0], footprint * right[1], footprint * right[2]),
         (footprint * down[0], footprint * down[1], footprint * down[2]),
     )
@@ -86,7 +86,7 @@ def pixel_grey(
         dz = centre[2] + a * right[2] + b * down[2]
         beam = Ray(origin, (dx, dy, dz))
         hit = trace(scene.blocks, scene.hills, beam)
-        total += ray_grey(scene.blocks, scene.hills, scene.finish, beam, spread, hit)
+        total += ray_grey(scene.blocks, scene.hills, scene.finish, beam, differential, hit)
     return total / len(offsets), hit
 
 

@@ -1,4 +1,4 @@
-"""Maximum-likelihood rotation of direction vectors where translation is absent."""
+"""Maximum-likelihood rotation of rays without translation."""
 
 from __future__ import annotations
 
@@ -10,33 +10,35 @@ from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
 from farpoint._kernels.exponential import lane_log
 from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.mixture import (
-    POOR,
-    TAIL,
+    LONG_TAIL,
+    TAIL_RATIO,
     Densities,
     densities_of,
-    steps_of,
     sum_of,
-    trials_of,
+    tail_steps_of,
+    tail_trials_of,
     update_mixture,
     weight2_of,
     weight_of,
 )
+from farpoint._kernels.normal_equations import FOUR, add_four, solve_three_spd
 from farpoint._kernels.pairs import LANES, PANEL
-from farpoint._kernels.rotation_residual import rotation_distance2, whitened_turn
-from farpoint._kernels.squares import FOUR, add_four, solve_three_spd
+from farpoint._kernels.rotation_residual import rotation_distance2, whitened_residual
 from farpoint._kernels.vectors import matrix
 
 __all__ = [
-    "explain_rotation",
+    "evaluate_rotation",
     "refine_rotation",
     "rotation_linearize",
 ]
 
 
 @inlined_kernel
-def _densities(square: float, precision: float, poor: float, prior: float) -> Densities:
-    """Densities of a match, over a good one's at 0, in two dimensions."""
-    return densities_of(square * precision, poor, poor / (POOR * POOR), prior, TAIL)
+def _densities(square: float, precision: float, tail_share: float, prior: float) -> Densities:
+    """Densities of a match in two dimensions, over that of the core at 0."""
+    return densities_of(
+        square * precision, tail_share, tail_share / (TAIL_RATIO * TAIL_RATIO), prior, LONG_TAIL
+    )
 
 
 @sum_kernel
@@ -52,32 +54,32 @@ def rotation_linearize(
 ) -> float:
     """Robust cost, gradient ``g`` (3,) and Gauss-Newton matrix ``H`` (3, 3) without translation.
 
-    As `likelihood.linearize` with the residual of two dimensions ``E^T (b - R a)`` on the tangent
+    As `likelihood.linearize` with the two-dimensional residual ``E^T (b - R a)`` on the tangent
     plane of ``b`` and its covariance ``E^T (S_b + R S_a R^T) E``. ``sums`` (4,) receives the
-    expected number of right matches, how often these are poorer, how often they could have been,
-    and the squares of good ones.
+    expected number of inliers, of tail steps and of trials of the tail, and the weighted squares of
+    the residuals.
     """
-    turn = matrix(R)
-    precision, poor = 1.0 / mixture[0], mixture[2]
-    cost = used = right = steps = trials = 0.0
+    rotation = matrix(R)
+    precision, tail_share = 1.0 / mixture[0], mixture[2]
+    cost = used = inlier = steps = trials = 0.0
     normal = FOUR
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
-            square, row0, row1 = whitened_turn(pairs, at, turn)
-            each = _densities(square, precision, poor, share)
+            square, row0, row1 = whitened_residual(pairs, at, rotation)
+            each = _densities(square, precision, tail_share, share)
             whole = sum_of(each)
             total = whole + clutter
             over = 1.0 / total
             cost -= lane_log(total)
             used += 1.0 if share > 0.0 else 0.0
-            right += whole * over
-            steps += steps_of(each) * over
-            trials += trials_of(each, TAIL) * over
+            inlier += whole * over
+            steps += tail_steps_of(each) * over
+            trials += tail_trials_of(each, LONG_TAIL) * over
             weight = precision * weight_of(each) * over
             normal = add_four(add_four(normal, weight, row0), weight, row1)
     sums[0], sums[1], sums[2], sums[3] = (
-        right,
+        inlier,
         steps,
         trials,
         _write_normal(normal, H, g) / precision,
@@ -87,7 +89,7 @@ def rotation_linearize(
 
 @inlined_kernel
 def _write_normal(sums: tuple, H: np.ndarray, g: np.ndarray) -> float:
-    """Write Gauss-Newton matrix and gradient; the sum of the squares."""
+    """Write Gauss-Newton matrix and gradient; returns the weighted sum of squares."""
     aa, ba, bb, ca, cb, cc, g[0], g[1], g[2], square = sums
     H[0, 0], H[0, 1], H[0, 2] = aa, ba, ca
     H[1, 0], H[1, 1], H[1, 2] = ba, bb, cb
@@ -100,7 +102,7 @@ def refine_rotation(
     pairs: np.ndarray,
     prior: np.ndarray,
     count: int,
-    spread: float,
+    half_width: float,
     min_variance: float,
     max_iterations: int,
     R: np.ndarray,
@@ -109,15 +111,15 @@ def refine_rotation(
 ) -> float:
     """Maximum-likelihood rotation without translation; returns its cost.
 
-    ``mixture`` (3,) holds the variance of good matches, the share of wrong ones among all ``count``
-    and that of poor ones, in and out (EM); wrong matches fill a disc of radius ``spread`` (in units
-    of the noise).
+    ``mixture`` (3,) holds the noise variance of the core, the share of outliers among all ``count``
+    matches and that of the tail among inliers, in and out (EM). Outliers fill a disc of radius
+    ``half_width``, in units of the noise.
     """
     g, step, sums = np.empty(3), np.empty(3), np.empty(4)
     cost = math.inf
     for _ in range(max_iterations):
-        variance, wrong = mixture[0], mixture[1]
-        clutter = _clutter(variance, wrong, spread)
+        variance, outlier_share = mixture[0], mixture[1]
+        clutter = _clutter(variance, outlier_share, half_width)
         cost = rotation_linearize(pairs, prior, R, mixture, clutter, H, g, sums)
         square = sums[3] / max(2.0 * sums[0] - 3.0, 1.0)
         update_mixture(square, sums, float(count), min_variance, 1.0, mixture)
@@ -133,34 +135,34 @@ def refine_rotation(
 
 
 @inlined_kernel
-def _clutter(variance: float, wrong: float, spread: float) -> float:
-    """Density of wrong matches over that of good ones at 0, in two dimensions."""
-    return wrong / (1.0 - wrong) * 2.0 * variance / (spread * spread)
+def _clutter(variance: float, outlier_share: float, half_width: float) -> float:
+    """Density of outliers over that of the core at 0, in two dimensions."""
+    return outlier_share / (1.0 - outlier_share) * 2.0 * variance / (half_width * half_width)
 
 
 @inner_kernel
-def explain_rotation(
+def evaluate_rotation(
     pairs: np.ndarray,
     prior: np.ndarray,
-    spread: float,
+    half_width: float,
     R: np.ndarray,
     mixture: np.ndarray,
     distance2: np.ndarray,
-    right: np.ndarray,
+    inlier: np.ndarray,
 ) -> float:
-    """Distance of each match as by `rotation_distance2`, and the probability that it is right.
+    """Squared distance of each match, as of `rotation_distance2`, and its inlier probability.
 
-    Returns the share of the information that there is without knowing which matches are good, poor
-    or wrong, as `information.information` does.
+    Returns the share of the information that remains although the component of each match is
+    unknown, as `information.information` does.
     """
     rotation_distance2(pairs, R, distance2)
-    clutter = _clutter(mixture[0], mixture[1], spread)
+    clutter = _clutter(mixture[0], mixture[1], half_width)
     precision = 1.0 / mixture[0]
     known = missing = 0.0
     for i in range(prior.size):
         each = _densities(distance2[i], precision, mixture[2], prior[i])
         over = 1.0 / (sum_of(each) + clutter)
-        right[i] = sum_of(each) * over
+        inlier[i] = sum_of(each) * over
         weight = weight_of(each) * over
         weight2 = weight2_of(each) * over
         known += weight

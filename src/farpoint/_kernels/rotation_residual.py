@@ -1,4 +1,4 @@
-"""How far a ray is from where a rotation turns the other, in units of the noise of both."""
+"""Residual of a rotation without translation: ``E^T (b - R a)`` in units of the noise."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from farpoint._kernels.pairs import LANES, PANEL, noise0, noise1, ray0, ray1
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,
-    combine,
+    axpby,
     cross,
     dot,
     matrix,
@@ -20,7 +20,7 @@ from farpoint._kernels.vectors import (
     tangent_columns,
 )
 
-__all__ = ["count_beyond", "rotation_distance2", "whitened_turn"]
+__all__ = ["count_beyond", "rotation_distance2", "whitened_residual"]
 
 Row = tuple[float, float, float, float]
 
@@ -29,9 +29,9 @@ Row = tuple[float, float, float, float]
 def _tangent_residual(
     pairs: np.ndarray, at: int, R: Matrix
 ) -> tuple[tuple, tuple, float, float, float, float, float]:
-    """Basis ``E`` of the plane at ``b``, ``E^T (b - R a)``, its covariance for unit noise."""
+    """Basis ``E`` of the tangent plane at ``b``; ``E^T (b - R a)`` and its unit covariance."""
     m, b = rotate(R, ray0(pairs, at)), ray1(pairs, at)
-    d = combine(1.0, b, -1.0, m)
+    d = axpby(1.0, b, -1.0, m)
     first, second = tangent_columns(b)
     x, y = _noise_along(pairs, at, R, first), _noise_along(pairs, at, R, second)
     return (
@@ -49,7 +49,7 @@ def _tangent_residual(
 def _noise_along(pairs: np.ndarray, at: int, R: Matrix, e: Vector) -> Vector:
     """Covariance of ``b - R a``, for unit noise, times ``e``."""
     later, earlier = noise1(pairs, at, e), noise0(pairs, at, rotate_back(R, e))
-    return combine(1.0, later, 1.0, rotate(R, earlier))
+    return axpby(1.0, later, 1.0, rotate(R, earlier))
 
 
 @inlined_kernel
@@ -60,8 +60,8 @@ def _square(pairs: np.ndarray, at: int, R: Matrix) -> float:
 
 
 @inlined_kernel
-def whitened_turn(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row, Row]:
-    """Squared distance, and Jacobian and residual in axes in which their noise is 1 and round."""
+def whitened_residual(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row, Row]:
+    """Squared distance; rows of Jacobian and residual, whitened."""
     first, second, z0, z1, s00, s01, s11 = _tangent_residual(pairs, at, R)
     m = rotate(R, ray0(pairs, at))
     # d(b - R a) = m x dtheta, so the rows of J = E^T [m]x are e x m.
@@ -69,7 +69,7 @@ def whitened_turn(pairs: np.ndarray, at: int, R: Matrix) -> tuple[float, Row, Ro
     scale0, slope = 1.0 / math.sqrt(s00), s01 / s00
     scale1 = 1.0 / math.sqrt(s11 - slope * s01)
     u, v = scale0 * z0, scale1 * (z1 - slope * z0)
-    rest = combine(scale1, k, -scale1 * slope, j)
+    rest = axpby(scale1, k, -scale1 * slope, j)
     return (
         u * u + v * v,
         (scale0 * j[0], scale0 * j[1], scale0 * j[2], u),
@@ -83,19 +83,19 @@ def rotation_distance2(pairs: np.ndarray, R: np.ndarray, out: np.ndarray) -> Non
 
     Two degrees of freedom each where translation is absent.
     """
-    turn = matrix(R)
+    rotation = matrix(R)
     for panel in range(out.size // LANES):
         for lane in range(LANES):
-            out[panel * LANES + lane] = _square(pairs, panel * PANEL + lane, turn)
+            out[panel * LANES + lane] = _square(pairs, panel * PANEL + lane, rotation)
 
 
 @sum_kernel
-def count_beyond(pairs: np.ndarray, right: np.ndarray, R: np.ndarray, limit: float) -> float:
-    """How many of the right matches (those of 1) have a squared distance beyond ``limit``."""
-    turn = matrix(R)
+def count_beyond(pairs: np.ndarray, inlier: np.ndarray, R: np.ndarray, limit: float) -> float:
+    """Number of inliers (``inlier`` 1, otherwise 0) with a squared distance beyond ``limit``."""
+    rotation = matrix(R)
     beyond = 0.0
-    for panel in range(right.size // LANES):
+    for panel in range(inlier.size // LANES):
         for lane in range(LANES):
-            square = _square(pairs, panel * PANEL + lane, turn)
-            beyond += right[panel * LANES + lane] if square > limit else 0.0
+            square = _square(pairs, panel * PANEL + lane, rotation)
+            beyond += inlier[panel * LANES + lane] if square > limit else 0.0
     return beyond

@@ -1,4 +1,4 @@
-"""Rotation of the far matches: consensus over samples of three rays, and what agrees with it."""
+"""Rotation of the far matches: RANSAC with samples of three rays, and its consistent set."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inlined_sum, kernel, sum_kernel
 from farpoint._kernels.linear import add_outer, draw_index, kabsch
 from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
-from farpoint._kernels.vectors import Matrix, Vector, combine, dot, matrix, rotate
+from farpoint._kernels.vectors import Matrix, Vector, axpby, dot, matrix, rotate
 
 __all__ = ["enlarge_rotation", "search_rotation"]
 
@@ -18,7 +18,7 @@ __all__ = ["enlarge_rotation", "search_rotation"]
 @inlined_kernel
 def _distance2(pairs: np.ndarray, at: int, R: Matrix) -> float:
     """``|b - R a|^2`` in units of the noise of one coordinate (isotropic)."""
-    d = combine(1.0, ray1(pairs, at), -1.0, rotate(R, ray0(pairs, at)))
+    d = axpby(1.0, ray1(pairs, at), -1.0, rotate(R, ray0(pairs, at)))
     return dot(d, d) / flow_variance(pairs, at)
 
 
@@ -28,11 +28,11 @@ def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float, best: flo
 
     Returns early, with at least ``best``, what is no better.
     """
-    turn = matrix(R)
+    rotation = matrix(R)
     cost = 0.0
     for panel in range(pairs.size // PANEL):
         for lane in range(LANES):
-            cost += min(_distance2(pairs, panel * PANEL + lane, turn), limit)
+            cost += min(_distance2(pairs, panel * PANEL + lane, rotation), limit)
         if cost >= best:
             return cost
     return cost
@@ -47,11 +47,11 @@ def search_rotation(
     state: np.ndarray,
     R: np.ndarray,
 ) -> int:
-    """Consensus over rotations from three rays each (eqs. 7-13 of the paper); returns iterations.
+    """RANSAC over rotations from three rays each (eqs. 7-13 of the paper); number of iterations.
 
     Minimises the truncated squares ``sum min(|b - R a|^2 / variance, tolerance^2)`` of the
-    ``count`` matches. Stops when with 99.9 % one sample of consistent rays has been drawn. ``R``
-    receives the best rotation.
+    ``count`` matches. Stops when a sample of consistent rays has been drawn with 99.9 %
+    probability. ``R`` receives the best rotation.
     """
     limit = tolerance * tolerance
     hypothesis, M = np.empty((3, 3)), np.empty((3, 3))
@@ -83,15 +83,15 @@ def search_rotation(
 def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) -> float:
     """``M = sum b a^T / variance`` over the matches within ``limit`` of a rotation; their number.
 
-    Those that fill up the panels agree with any rotation and weigh nothing.
+    Filler is within any limit, and has no weight.
     """
-    turn = matrix(R)
+    rotation = matrix(R)
     inside = 0.0
     sums = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for panel in range(pairs.size // PANEL):
         for lane in range(LANES):
             at = panel * PANEL + lane
-            agrees = 1.0 if _distance2(pairs, at, turn) <= limit else 0.0
+            agrees = 1.0 if _distance2(pairs, at, rotation) <= limit else 0.0
             inside += agrees
             weight = agrees / flow_variance(pairs, at)
             sums = _add_product(sums, weight, ray1(pairs, at), ray0(pairs, at))
@@ -128,9 +128,9 @@ def enlarge_rotation(
 ) -> int:
     """Enlarge the consistent set step by step, re-fitting after each; returns its size.
 
-    The set grows from half the tolerance to all of it: a rotation from three noisy rays is off by
-    about as much as the far points that it should recognise. ``consistent`` (count,) receives
-    whether a match belongs to it; ``R`` is improved in place.
+    The limit grows from 0.5 to 1 times the tolerance: a rotation from three noisy rays has an error
+    of about the noise of a far point. ``consistent`` (count,) receives whether a match is within
+    the tolerance; ``R`` is improved in place.
     """
     M = np.empty((3, 3))
     filled_up = pairs.size // PANEL * LANES - count
@@ -145,7 +145,7 @@ def enlarge_rotation(
             break
         if size < 2 or not kabsch(M, R):
             break
-    turn = matrix(R)
+    rotation = matrix(R)
     for i in range(count):
-        consistent[i] = _distance2(pairs, address(i), turn) <= limit
+        consistent[i] = _distance2(pairs, address(i), rotation) <= limit
     return size

@@ -1,4 +1,4 @@
-"""Arithmetic on single numbers that loops over many matches can do for several at once."""
+"""Arithmetic on single numbers, for vector instructions."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ __all__ = ["exponent_and_mantissa", "fma", "where"]
 def fma(a: Any, b: Any, c: Any) -> Any:
     """``a b + c``, rounded once when compiled.
 
-    Written where it is meant, every loop has the same digits; a compiler that is free to contract
-    does so differently from loop to loop.
+    Explicit, so that every loop has the same digits; a compiler that is free to contract does so
+    differently from loop to loop.
     """
     return a * b + c
 
@@ -40,9 +40,9 @@ def where(condition: bool, a: float, b: float) -> float:
 
 @inlined_kernel
 def exponent_and_mantissa(x: float) -> tuple[float, float]:
-    """``e`` and ``m``, from 1 to 2, of a positive normal number ``m 2^e``; both are numbers."""
+    """``e`` and ``m``, from 1 to 2, of a positive normal number ``m 2^e``; both floats."""
     bits = np.float64(x).view(np.int64)
-    # By way of 32 bits, which processors make numbers of several at a time.
+    # By way of 32 bits, for which processors have vector conversions.
     exponent = np.int32(bits >> 52)
     mantissa = np.int64((bits & 0x000FFFFFFFFFFFFF) | 0x3FF0000000000000)
     return exponent - 1023.0, mantissa.view(np.float64)

@@ -1,4 +1,4 @@
-"""The arrays that describe a scene to the ray caster, and the numbers that name its parts."""
+"""Arrays that describe a scene to the ray caster, and numbers of its parts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BOX = 0
 CYLINDER = 1
 ELLIPSOID = 2
 
-# Surfaces that are no shape; shapes are numbered from 0, rings of hills downwards from FIRST_RING.
+# Surfaces other than shapes; shapes are numbered from 0, rings of hills downwards from FIRST_RING.
 GROUND = -1
 SKY = -2
 NOTHING = -3
@@ -93,7 +93,7 @@ class Finish(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """All that there is to be seen."""
+    """Arrays of a scene."""
 
     blocks: Blocks
     hills: Hills

@@ -1,4 +1,4 @@
-"""Search for the pose: directions at a known rotation, then joint hypotheses against the best."""
+"""Search for the pose: directions at a known rotation, then five-ray hypotheses."""
 
 from __future__ import annotations
 
@@ -6,29 +6,30 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.ambiguous_motions import bas_relief_motion, second_planar_motion
 from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
-from farpoint._kernels.contest import (
-    GATE_SIGMA,
-    NEAR,
-    REFINEMENTS,
-    challenge,
-    is_close_second,
-    is_rival,
-    mark_agreeing,
-    near_of_plane,
-    noise_of,
-    refine,
-    start_noise,
-    unexplained,
-)
 from farpoint._kernels.direction import intersect_circles
 from farpoint._kernels.five_rays import (
     LONG_FLOW,
-    Effort,
+    SearchBudget,
     iterations_needed,
     score_pose,
     solve_five,
+)
+from farpoint._kernels.hypothesis_comparison import (
+    GATE_SIGMA,
+    MODE_MARGIN,
+    REFINEMENTS,
+    compare_hypothesis,
+    default_noise,
+    initial_noise,
+    is_close_mode,
+    is_secondary_mode,
+    mark_consistent,
+    outlier_share_of,
+    planar_margin,
+    refine,
 )
 from farpoint._kernels.linear import (
     add_outer,
@@ -39,21 +40,20 @@ from farpoint._kernels.linear import (
     kabsch,
 )
 from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.plausible import largest
+from farpoint._kernels.parallax_prior import kth_largest
 from farpoint._kernels.pose import PackedMatches, Pose
-from farpoint._kernels.twins import layer_twin, planar_twin
-from farpoint._kernels.vectors import Vector, combine, dot, matrix, rotate
+from farpoint._kernels.vectors import Vector, axpby, dot, matrix, rotate
 
 __all__ = ["search_direction", "search_pose"]
 
-# A hypothesis is still worth refining with so many times the least truncated squares so far, if at
-# least this share of the most matches so far support it.
-PROMISING = 2.0
-SUPPORTED = 0.5
-# Pairs of matches whose directions the search starts from.
+# A hypothesis is refined if its truncated squares are below 2 times the lowest so far, and its
+# support (limit minus truncated squares) is at least 0.5 of the highest so far.
+MAX_SCORE_RATIO = 2.0
+MIN_SUPPORT = 0.5
+# Number of pairs of matches whose intersections are the initial directions.
 DIRECTIONS = np.int64(16)
-# So many known matches have samples of their own.
-LEAST_KNOWN = 8
+# Least number of matches consistent with a mode for samples among them alone.
+MIN_KNOWN = 8
 
 
 @kernel
@@ -67,9 +67,9 @@ def search_direction(
     R: np.ndarray,
     t: np.ndarray,
 ) -> float:
-    """Best direction among intersections of two great circles, at a given rotation; its cost.
+    """Best direction among intersections of two great circles at a given rotation; its cost.
 
-    The two are drawn from ``candidates`` (M,), indices of the matches that may carry translation.
+    The pairs are drawn from ``candidates`` (M,), indices of the matches that may carry translation.
     """
     limit = tolerance * tolerance
     hypothesis = np.empty(3)
@@ -89,7 +89,7 @@ def search_direction(
 
 @inner_kernel
 def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndarray) -> None:
-    """Fill ``sample`` with distinct indices below ``n``, of those that ``among`` is not 0 for."""
+    """Fill ``sample`` with distinct indices below ``n`` whose ``among`` is not 0."""
     for s in range(sample.size):
         fresh = False
         while not fresh:
@@ -101,28 +101,28 @@ def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndar
 
 
 @inner_kernel
-def _get_to_know(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
-    """Mark the matches that agree with a pose as ``known``; the share of those that are.
+def _mark_known(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
+    """Mark the matches consistent with a pose as ``known``; returns the share of known matches.
 
-    1 where so few are that samples of them would all be alike.
+    1 if fewer than `MIN_KNOWN`: samples among them would hardly differ.
     """
-    mark_agreeing(matches.pairs, pose.R, pose.t, tolerance, known)
+    mark_consistent(matches.pairs, pose.R, pose.t, tolerance, known)
     count = 0
     for i in range(matches.total):
         count += 1 if known[i] > 0.0 else 0
-    return count / matches.total if count >= LEAST_KNOWN else 1.0
+    return count / matches.total if count >= MIN_KNOWN else 1.0
 
 
 @inlined_kernel
 def _flow(pairs: np.ndarray, R: np.ndarray, i: int) -> Vector:
-    """The flow that the rotation leaves of match ``i``."""
+    """Flow of match ``i`` after the rotation."""
     at = address(i)
-    return combine(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
+    return axpby(1.0, ray1(pairs, at), -1.0, rotate(matrix(R), ray0(pairs, at)))
 
 
 @inlined_kernel
 def _flow2(pairs: np.ndarray, R: np.ndarray, i: int) -> float:
-    """Its squared length."""
+    """Squared length of the flow of match ``i`` after the rotation."""
     flow = _flow(pairs, R, i)
     return dot(flow, flow)
 
@@ -143,75 +143,78 @@ def _longest_flow_first(pairs: np.ndarray, R: np.ndarray, sample: np.ndarray) ->
 
 @step_kernel
 def _typical_flow(pairs: np.ndarray, count: int, R: np.ndarray) -> float:
-    """Median angle, rad, that the rotation ``R`` leaves between matched rays."""
+    """Median angle, rad, between matched rays after the rotation ``R``."""
     squares = np.empty(count)
     for i in range(count):
         squares[i] = _flow2(pairs, R, i)
-    return math.sqrt(largest(squares, count // 2 + 1))
+    return math.sqrt(kth_largest(squares, count // 2 + 1))
 
 
 @step_kernel
 def search_pose(
     matches: PackedMatches,
     candidates: np.ndarray,
-    effort: Effort,
+    budget: SearchBudget,
     state: np.ndarray,
     best: Pose,
-    second: Pose,
-    rival: Pose,
+    close: Pose,
+    secondary: Pose,
 ) -> tuple[int, bool, bool, bool]:
-    """Most likely pose near the rotation of ``best`` and among joint hypotheses.
+    """Likeliest pose near the rotation of ``best`` and among five-ray hypotheses.
 
-    The start is the direction that the flow of the ``candidates`` suggests there. Samples are
-    solved in turn from the best pose, for a better one nearby, and from about the rotation of the
-    start, or their own, with a direction from anywhere, or from their own rays. Every second sample
-    is drawn from the matches that agree with a pose that was the best or its rival: where a better
-    one is found, few of its matches are new, and hardly any wrong one is known. A hypothesis that
-    agrees with the matches about as well as the first pose, and as any since, is refined, and
-    judged by its likelihood with the noise that it needs: a wrong minimum looks good only with more
-    noise than there is. Once there has been a rival, more are tried. At last come the motions that
-    look like the best one. ``best`` receives it, ``second`` the next best, ``rival`` the next best
-    of those elsewhere. Returns the number of samples, whether the other motion of a plane was a
-    rival, and whether there is a rival and a second that came near the best.
+    The search starts at the direction of the flow of the ``candidates``. Samples of five matches
+    are solved in turn from the best pose; from the initial rotation or one at the distance of its
+    flow, or that of the sample itself, with a random direction; and with the intersection of two
+    great circles of the sample. Every second sample is drawn from matches consistent with the best
+    pose or a competing mode, which have few outliers. A hypothesis whose truncated squares are low
+    enough is refined and compared by its likelihood with noise parameters of its own: a wrong mode
+    has low squares only with a large variance. Once a competing mode was found, more samples are
+    drawn. Finally the ambiguous motions of the best pose are compared.
+
+    ``best`` receives the likeliest pose, ``close`` the second likeliest, and ``secondary`` the
+    likeliest in another direction. Returns the number of samples; whether the second motion of a
+    plane competes; whether ``secondary`` is within the margin; and whether ``close`` is.
     """
-    pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, effort.tolerance
+    pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, budget.tolerance
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     sample, start = np.empty(5, np.int64), np.empty((3, 3))
-    second.cost[0] = rival.cost[0] = math.inf
+    close.cost[0] = secondary.cost[0] = math.inf
     copy(best.R, start)
     flow = _typical_flow(pairs, count, start)
     limit, lowest = _start(matches, candidates, tolerance, state, best, other)
-    wrong = unexplained(matches, best, tolerance)
+    outlier_share = outlier_share_of(matches, best, tolerance)
     known = np.empty(prior.size)
     clear(known)
-    share = _get_to_know(matches, best, tolerance, known)
-    is_contested = np.bool_(False)  # a plain word has a type of its own
+    share = _mark_known(matches, best, tolerance, known)
+    has_competing_mode = np.bool_(False)  # a literal would be of another numba type
     iteration = 0
-    while iteration < iterations_needed(wrong, share, flow, is_contested, effort):
+    while iteration < iterations_needed(outlier_share, share, flow, has_competing_mode, budget):
         iteration += 1
         are_known = iteration % 2 == 0 and share < 1.0
         _draw_distinct(sample, known if are_known else prior, count, state)
-        # From the best pose samples of known matches would lead back to it.
-        turn = 1 + iteration // 2 % 2 if are_known else iteration // 2 % 3
-        if not _solve_sample(pairs, sample, turn, start, flow, state, best, other):
+        # From the best pose, samples among consistent matches would converge to it again.
+        start_kind = 1 + iteration // 2 % 2 if are_known else iteration // 2 % 3
+        if not _solve_sample(pairs, sample, start_kind, start, flow, state, best, other):
             continue
-        most = min(PROMISING * lowest, SUPPORTED * lowest + (1.0 - SUPPORTED) * limit * count)
+        most = min(
+            MAX_SCORE_RATIO * lowest, MIN_SUPPORT * lowest + (1.0 - MIN_SUPPORT) * limit * count
+        )
         raw = score_pose(pairs, prior, other.R, other.t, limit, most)
         if raw >= most:
             continue
         lowest = min(raw, lowest)
-        noise_of(matches, best, tolerance, other.mixture)
-        # Once others are known, one that is no better than they are tells nothing new.
-        worst = max(second.cost[0], rival.cost[0])
-        within = worst - best.cost[0] if worst < best.cost[0] + NEAR else NEAR
-        competes, _ = challenge(matches, other, best, second, rival, within)
+        initial_noise(matches, best, tolerance, other.mixture)
+        # With two competing modes, a hypothesis less likely than both is of no use.
+        worst = max(close.cost[0], secondary.cost[0])
+        within = worst - best.cost[0] if worst < best.cost[0] + MODE_MARGIN else MODE_MARGIN
+        competes, _ = compare_hypothesis(matches, other, best, close, secondary, within)
         if competes:
-            is_contested = np.bool_(True)
-            wrong = unexplained(matches, best, tolerance)
-            _get_to_know(matches, best, tolerance, known)
-            share = _get_to_know(matches, other, tolerance, known)
-    is_planar = _search_twins(matches, best, other, second, rival)
-    return iteration, is_planar, is_rival(rival, best), is_close_second(second, best)
+            has_competing_mode = np.bool_(True)
+            outlier_share = outlier_share_of(matches, best, tolerance)
+            _mark_known(matches, best, tolerance, known)
+            share = _mark_known(matches, other, tolerance, known)
+    is_planar = _search_ambiguous_motions(matches, best, other, close, secondary)
+    return iteration, is_planar, is_secondary_mode(secondary, best), is_close_mode(close, best)
 
 
 @step_kernel
@@ -223,39 +226,42 @@ def _start(
     best: Pose,
     other: Pose,
 ) -> tuple[float, float]:
-    """Put ``best`` where, at its rotation, the flow of the ``candidates`` leads.
+    """Refine ``best`` from the direction of the flow of the ``candidates`` at its rotation.
 
-    Returns the square beyond which no match supports it, and the truncated squares of all matches
-    there. ``other`` is room.
+    Returns the squared residual beyond which a match is no support, and the truncated squares of
+    all matches. ``other`` is a buffer.
     """
-    start_noise(tolerance, best.mixture)
+    default_noise(tolerance, best.mixture)
     search_direction(
         matches.pairs, matches.prior, candidates, tolerance, DIRECTIONS, state, best.R, best.t
     )
     refine(matches, REFINEMENTS, best)
-    noise_of(matches, best, tolerance, other.mixture)
+    initial_noise(matches, best, tolerance, other.mixture)
     limit = GATE_SIGMA * GATE_SIGMA * other.mixture[0]
     copy(best.t, other.t)
     return limit, score_pose(matches.pairs, matches.prior, best.R, other.t, limit, math.inf)
 
 
 @step_kernel
-def _search_twins(
-    matches: PackedMatches, best: Pose, other: Pose, second: Pose, rival: Pose
+def _search_ambiguous_motions(
+    matches: PackedMatches, best: Pose, other: Pose, close: Pose, secondary: Pose
 ) -> bool:
-    """Challenge the best pose by those that look like it; whether a plane's was a rival."""
+    """Compare the best pose with its ambiguous motions; whether that of a plane competes."""
     gate = GATE_SIGMA * math.sqrt(best.mixture[0])
-    is_planar = planar_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t)
+    is_planar = second_planar_motion(
+        matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t
+    )
     if is_planar:
         copy(best.mixture, other.mixture)
-        # The best may lie between the two: it goes to one of them when it is refined.
-        within = near_of_plane(matches.total)
-        competes, was_near = challenge(matches, other, best, second, rival, within)
-        is_planar = competes or was_near
+        # The best pose may lie between the two motions of the plane; refined, it becomes one of
+        # them.
+        within = planar_margin(matches.total)
+        competes, was_close = compare_hypothesis(matches, other, best, close, secondary, within)
+        is_planar = competes or was_close
         gate = GATE_SIGMA * math.sqrt(best.mixture[0])
-    if layer_twin(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
+    if bas_relief_motion(matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t):
         copy(best.mixture, other.mixture)
-        challenge(matches, other, best, second, rival, NEAR)
+        compare_hypothesis(matches, other, best, close, secondary, MODE_MARGIN)
     return is_planar
 
 
@@ -263,30 +269,30 @@ def _search_twins(
 def _solve_sample(
     pairs: np.ndarray,
     sample: np.ndarray,
-    turn: int,
+    start_kind: int,
     start: np.ndarray,
     flow: float,
     state: np.ndarray,
     best: Pose,
     other: Pose,
 ) -> bool:
-    """Solve a sample from where it is the ``turn`` to, of three, for the pose ``other``.
+    """Solve a sample from one of three starts (``start_kind`` 0 to 2) for the pose ``other``.
 
-    From the best pose; or from about the rotation of the start with a direction from anywhere, or
-    from the two rays that flow most. Where the start leaves a long flow, it may be any rotation:
-    then from that which turns the sample's own rays nearest to each other, in the direction in
-    which one of them flows most. False where there is no such place, or no solution near it.
+    0: the best pose. 1: a rotation near the initial one with a random direction. 2: the same with
+    the intersection of the great circles of the two rays with the longest flow. If the initial
+    rotation leaves a long flow, 1 and 2 start at the rotation that aligns the rays of the sample
+    (Kabsch), with the direction of its longest flow. False without a start or a solution.
     """
-    if turn == 0:
+    if start_kind == 0:
         copy(best.R, other.R)
         copy(best.t, other.t)
-    elif flow > LONG_FLOW and _turn_of_sample(pairs, sample, other.R):
+    elif flow > LONG_FLOW and _aligning_rotation(pairs, sample, other.R):
         _longest_flow_first(pairs, other.R, sample)
-        _along_flow(pairs, sample[0], other.R, other.t)
+        _direction_of_flow(pairs, sample[0], other.R, other.t)
     else:
-        _step_away(start, flow, state, other.R)
+        _nearby_rotation(start, flow, state, other.R)
         _longest_flow_first(pairs, other.R, sample)
-        if turn == 1:
+        if start_kind == 1:
             draw_direction(state, other.t)
         elif not intersect_circles(pairs, other.R, sample[0], sample[1], other.t):
             return False
@@ -294,8 +300,8 @@ def _solve_sample(
 
 
 @step_kernel
-def _turn_of_sample(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> bool:
-    """The rotation that brings the rays of a sample nearest to each other, if there is one."""
+def _aligning_rotation(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> bool:
+    """Rotation that aligns the rays of a sample (Kabsch); False if it is not unique."""
     M = np.empty((3, 3))
     clear(M)
     for s in range(sample.size):
@@ -305,16 +311,16 @@ def _turn_of_sample(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray) -> boo
 
 
 @step_kernel
-def _along_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None:
-    """The direction ``t`` in which the rotation leaves match ``i`` to flow."""
+def _direction_of_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> None:
+    """Direction ``t`` of the flow of match ``i`` after the rotation."""
     x, y, z = _flow(pairs, R, i)
     over = 1.0 / math.sqrt(x * x + y * y + z * z + 1e-300)
     t[0], t[1], t[2] = x * over, y * over, z * over
 
 
 @step_kernel
-def _step_away(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
-    """The rotation of the start, or one about as far from it as the flow it leaves."""
+def _nearby_rotation(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
+    """The initial rotation, or a random one at about the distance of the flow it leaves."""
     if flow < 0.2 * LONG_FLOW:
         copy(start, R)
         return

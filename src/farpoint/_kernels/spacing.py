@@ -1,4 +1,4 @@
-"""Points that keep their distance from each other."""
+"""Selection of points that keep a distance from each other."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["cover", "take_places"]
 def take_places(
     places: np.ndarray, taken: np.ndarray, reach: int, limit: int, kept: np.ndarray
 ) -> int:
-    """Accept places that are free, in their order, until there are enough; return how many.
+    """Accept free places in their order, up to a limit; returns their number.
 
     Parameters
     ----------

@@ -26,42 +26,43 @@ from farpoint._kernels.scene_arrays import (
 from farpoint._kernels.texture import Footprint, filtered, footprint_of, scaled
 from farpoint._kernels.vectors import Vector
 
-__all__ = ["Spread", "ray_grey"]
+__all__ = ["RayDifferential", "ray_grey"]
 
-NOISE = 0  # texture of the noise that lies over every surface, at two scales
-FINE_M = 0.011  # metres per texel
-COARSE_M = 0.23
+NOISE = 0  # index of the noise texture on every surface, at two scales
+FINE_M = 0.011  # m per texel of the fine scale
+COARSE_M = 0.23  # m per texel of the coarse scale
 CLOUD = 0.012  # of the height of the clouds per texel
-CLOUD_GAIN = 9.0  # grey
-FACE_SHIFT_M = 7.3  # every face has its own part of the noise
-_LEAST_COSINE = 0.02  # of the angle of incidence: footprints stay finite at silhouettes
+CLOUD_GAIN = 9.0  # amplitude of the clouds, grey levels
+FACE_SHIFT_M = 7.3  # m; offset of the noise texture between faces
+# Lower bound of the cosine of the angle of incidence: footprints stay finite at silhouettes.
+_LEAST_COSINE = 0.02
 
 
-class Spread(NamedTuple):
-    """How the direction of a ray changes by a pixel."""
+class RayDifferential(NamedTuple):
+    """Ray differential: change of a ray's direction per pixel."""
 
     right: Vector
     down: Vector
 
 
 class Frame(NamedTuple):
-    """A surface where a ray has hit it."""
+    """Local frame of a surface at the intersection."""
 
     normal: Vector
-    """Of either sign, and any length."""
+    """Normal of either sign, not normalised."""
     along_u: Vector
-    """Unit, along the texture's u."""
+    """Unit vector along the texture's u."""
     along_v: Vector
-    """Unit, along its v."""
+    """Unit vector along the texture's v."""
     u: float
-    """m."""
+    """Texture coordinate, m."""
     v: float
-    """m."""
+    """Texture coordinate, m."""
 
 
 @step_kernel
 def box_frame(shape: np.ndarray, index: int, face: int, point: Vector) -> Frame:
-    """The face of a box at a point that is seen from the box's axis."""
+    """Face of a box at a point relative to the box's axis."""
     x, y, z = point
     cos, sin = shape[index, 2], shape[index, 3]
     along_x, along_z = (cos, 0.0, sin), (-sin, 0.0, cos)
@@ -75,7 +76,7 @@ def box_frame(shape: np.ndarray, index: int, face: int, point: Vector) -> Frame:
 
 @inlined_kernel
 def round_frame(radius: float, slope: float, point: Vector, v: float) -> Frame:
-    """A round surface at a point that is seen from its centre, with texture wrapped around."""
+    """Round surface at a point relative to its centre, with the texture wrapped around."""
     x, y, z = point
     across = math.sqrt(x * x + z * z) + 1e-12
     normal = (x / across, slope * y / across, z / across)
@@ -88,7 +89,7 @@ def round_frame(radius: float, slope: float, point: Vector, v: float) -> Frame:
 
 @step_kernel
 def surface_frame(blocks: Blocks, hills: Hills, hit: Hit, point: Vector) -> Frame:
-    """The surface at the point that was hit."""
+    """Surface at the intersection."""
     shape, ring, surface = blocks.shape, hills.ring, hit.surface
     x, y, z = point
     if surface == GROUND:
@@ -120,9 +121,9 @@ def light(normal: Vector) -> float:
 
 
 @step_kernel
-def sky_footprint(direction: Vector, spread: Spread) -> Footprint:
-    """On clouds that bend down towards the horizon, infinitely far away."""
-    (right_x, right_y, right_z), (down_x, down_y, down_z) = spread.right, spread.down
+def sky_footprint(direction: Vector, differential: RayDifferential) -> Footprint:
+    """Footprint on clouds, infinitely far away, that curve down towards the horizon."""
+    (right_x, right_y, right_z), (down_x, down_y, down_z) = differential.right, differential.down
     depth = 0.35 - direction[1]
     u, v = direction[0] / depth, direction[2] / depth
     ux, vx = (right_x + u * right_y) / depth, (right_z + v * right_y) / depth
@@ -131,32 +132,37 @@ def sky_footprint(direction: Vector, spread: Spread) -> Footprint:
 
 
 @step_kernel
-def wall_footprint(frame: Frame, t: float, direction: Vector, spread: Spread) -> Footprint:
-    """On a surface, m."""
+def wall_footprint(
+    frame: Frame, t: float, direction: Vector, differential: RayDifferential
+) -> Footprint:
+    """Footprint on a surface, m."""
     normal, along_u, along_v = frame.normal, frame.along_u, frame.along_v
     facing = dot(normal, direction)
     facing = math.copysign(max(abs(facing), _LEAST_COSINE), facing)
     # A step of the ray moves the point hit by t (step - direction (normal.step / facing)).
-    slide_x, slide_y = dot(normal, spread.right) / facing, dot(normal, spread.down) / facing
+    slide_x, slide_y = (
+        dot(normal, differential.right) / facing,
+        dot(normal, differential.down) / facing,
+    )
     du, dv = dot(along_u, direction), dot(along_v, direction)
-    ux = t * (dot(along_u, spread.right) - slide_x * du)
-    uy = t * (dot(along_u, spread.down) - slide_y * du)
-    vx = t * (dot(along_v, spread.right) - slide_x * dv)
-    vy = t * (dot(along_v, spread.down) - slide_y * dv)
+    ux = t * (dot(along_u, differential.right) - slide_x * du)
+    uy = t * (dot(along_u, differential.down) - slide_y * du)
+    vx = t * (dot(along_v, differential.right) - slide_x * dv)
+    vy = t * (dot(along_v, differential.down) - slide_y * dv)
     return footprint_of(frame.u, frame.v, (ux, vx), (uy, vy))
 
 
 @step_kernel
-def sky_grey(finish: Finish, direction: Vector, spread: Spread) -> float:
+def sky_grey(finish: Finish, direction: Vector, differential: RayDifferential) -> float:
     """Grey value of the sky: a gradient, and coarse noise."""
-    footprint = sky_footprint(direction, spread)
+    footprint = sky_footprint(direction, differential)
     clouds = filtered(finish, NOISE, scaled(footprint, footprint.u, footprint.v, 1.0 / CLOUD))
     return 205.0 + 25.0 * (direction[1] + 0.3) + CLOUD_GAIN * clouds
 
 
 @step_kernel
 def paint_row(blocks: Blocks, surface: int) -> int:
-    """Of a surface, in the table of paints."""
+    """Row of a surface in the table of paints."""
     if surface >= 0:
         return surface
     row = blocks.shape.shape[0]
@@ -165,14 +171,14 @@ def paint_row(blocks: Blocks, surface: int) -> int:
 
 @step_kernel
 def ray_grey(
-    blocks: Blocks, hills: Hills, finish: Finish, ray: Ray, spread: Spread, hit: Hit
+    blocks: Blocks, hills: Hills, finish: Finish, ray: Ray, differential: RayDifferential, hit: Hit
 ) -> float:
     """Grey value where a ray ended, averaged over its footprint."""
     if hit.surface == SKY:
-        return sky_grey(finish, ray.direction, spread)
+        return sky_grey(finish, ray.direction, differential)
     (ox, oy, oz), (dx, dy, dz), t = ray.origin, ray.direction, hit.distance
     frame = surface_frame(blocks, hills, hit, (ox + t * dx, oy + t * dy, oz + t * dz))
-    footprint = wall_footprint(frame, t, ray.direction, spread)
+    footprint = wall_footprint(frame, t, ray.direction, differential)
     paint, row = finish.paint, paint_row(blocks, hit.surface)
     pattern, pattern_m, pattern_gain = int(paint[row, 1]), paint[row, 2], paint[row, 3]
     u, v, noise_gain = footprint.u + paint[row, 5], footprint.v + paint[row, 6], paint[row, 4]

@@ -1,4 +1,4 @@
-"""Textures seen through the footprint of a pixel: mip pyramids, with several taps where it is long.
+"""Textures filtered over the footprint of a pixel: mip pyramids, several taps for long footprints.
 
 Trilinear lookups (Williams, "Pyramidal Parametrics", SIGGRAPH 1983) at the scale of the footprint's
 minor axis, averaged along its major axis (McCormack et al., "Feline", SIGGRAPH 1999).
@@ -16,14 +16,15 @@ from farpoint._kernels.scene_arrays import Finish
 
 __all__ = ["Footprint", "filtered", "footprint_of", "scaled"]
 
-MOST_TAPS = 12
+# Maximum number of lookups along the major axis of a footprint.
+MAX_TAPS = 12
 # Width of the texels that are read, px, at the minor axis. Each level is blurred by 0.8 of its
 # texels and interpolation adds 0.4: a filter of 0.6 sqrt(0.8^2 + 0.4^2) = 0.54 px.
 _TEXEL_PX = 0.6
 
 
 class Footprint(NamedTuple):
-    """The ellipse that a pixel covers of a texture, in its units."""
+    """Elliptical footprint of a pixel on a texture, in the texture's units."""
 
     u: float
     """Centre."""
@@ -39,7 +40,7 @@ class Footprint(NamedTuple):
 def bilinear(
     texels: np.ndarray, start: int, log2_width: int, level: int, u: float, v: float
 ) -> float:
-    """Level of a pyramid at ``u, v`` in texels of level 0; repeats endlessly."""
+    """Level of a pyramid at ``u, v`` in texels of level 0, periodic."""
     skipped = ((1 << (2 * log2_width + 2)) - (1 << (2 * (log2_width - level) + 2))) // 3
     width = 1 << (log2_width - level)
     x, y = u / (1 << level) - 0.5, v / (1 << level) - 0.5
@@ -69,7 +70,7 @@ def trilinear(
 def footprint_of(
     u: float, v: float, right: tuple[float, float], down: tuple[float, float]
 ) -> Footprint:
-    """What a pixel covers at a place, from the steps (u, v) to the pixels beside and below."""
+    """Footprint of a pixel, from the steps (u, v) to the pixels beside and below."""
     (ux, vx), (uy, vy) = right, down
     uu, uv, vv = ux * ux + uy * uy, ux * vx + uy * vy, vx * vx + vy * vy
     half_sum, half_difference = 0.5 * (uu + vv), 0.5 * (uu - vv)
@@ -81,7 +82,7 @@ def footprint_of(
 
 @inlined_kernel
 def scaled(footprint: Footprint, u: float, v: float, scale: float) -> Footprint:
-    """The footprint at another place, in units so many of which go into one."""
+    """Footprint at another place, in units ``1 / scale`` as large."""
     major_u, major_v, minor = footprint.major_u, footprint.major_v, footprint.minor
     return Footprint(u * scale, v * scale, major_u * scale, major_v * scale, minor * scale)
 
@@ -93,7 +94,7 @@ def filtered(finish: Finish, index: int, footprint: Footprint) -> float:
     start, log2_width = texture[index, 0], texture[index, 1]
     u, v, major_u, major_v, minor = footprint
     major = math.sqrt(major_u * major_u + major_v * major_v)
-    width = max(minor, major / MOST_TAPS)
+    width = max(minor, major / MAX_TAPS)
     level = math.log2(max(width * _TEXEL_PX, 1.0))
     taps = max(1, math.ceil(major / width - 0.25))
     if taps == 1:

@@ -1,4 +1,4 @@
-"""Vectors and matrices of three as tuples, which live in registers: the formulas' own words."""
+"""Vectors and matrices of three as tuples, which live in registers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from farpoint._kernels.scalars import fma
 __all__ = [
     "Matrix",
     "Vector",
-    "combine",
+    "axpby",
     "cross",
     "dot",
     "matrix",
@@ -66,7 +66,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @inlined_kernel
-def combine(s: float, a: Vector, u: float, b: Vector) -> Vector:
+def axpby(s: float, a: Vector, u: float, b: Vector) -> Vector:
     """``s a + u b``."""
     return fma(s, a[0], u * b[0]), fma(s, a[1], u * b[1]), fma(s, a[2], u * b[2])
 

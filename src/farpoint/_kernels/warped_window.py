@@ -1,4 +1,4 @@
-"""A window of the second image, warped as the first one's is, and what differs."""
+"""Residual of a warped window of the second image."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_slopes import Template
+from farpoint._kernels.affine_jacobian import Template
 from farpoint._kernels.compile import inlined_kernel, step_kernel
 from farpoint._kernels.scalars import fma
 from farpoint._kernels.windows import Image, blank_values, line_px, read, room_px
@@ -14,22 +14,22 @@ from farpoint._kernels.windows import Image, blank_values, line_px, read, room_p
 __all__ = ["Around", "blank_around", "residual_of"]
 
 _STEP = 16  # pixels of a line that are read at once
-_WIDE = np.int64(_STEP)  # as a variable's value: a plain number would be a type of its own
-_MOST = 2.0  # a window that is stretched more than that is none
+_WIDE = np.int64(_STEP)  # a literal would be of another numba type
+_MAX_STRETCH = 2.0  # upper bound of the stretch of a window
 
 
 class Around(NamedTuple):
-    """The pixels between which a warped window is read."""
+    """Pixels around a warped window."""
 
     pixels: np.ndarray
-    """All that it may need, by lines."""
+    """All pixels that the window may need, by lines."""
     line: int
-    """Places from one line to the next."""
+    """Stride from one line to the next."""
 
 
 def blank_around(half: int) -> Around:
-    """Room for what is around a window of ``2 half + 1`` pixels."""
-    span = int(2.0 * _MOST * half) + 5
+    """Buffer for the surroundings of a window of ``2 half + 1`` pixels."""
+    span = int(2.0 * _MAX_STRETCH * half) + 5
     line = line_px(span)
     return Around(blank_values(room_px(span, line) + _STEP), line)
 
@@ -44,17 +44,17 @@ def residual_of(
     around: Around,
     residual: np.ndarray,
 ) -> bool:
-    """Second image, warped, minus the brightness-corrected template; False if it leaves it."""
+    """Second image, warped, minus the brightness-corrected template; False outside the image."""
     window, contrast = template.window, template.contrast
     half, grey = window.half, window.grey
     reach_x = half * (abs(1.0 + theta[2]) + abs(theta[3]))
     reach_y = half * (abs(theta[4]) + abs(1.0 + theta[5]))
     x += theta[0]
     y += theta[1]
-    # Written so that a NaN is outside too.
+    # In this form False for NaN.
     if not (reach_x <= x < image.width - 1 - reach_x and reach_y <= y < image.height - 1 - reach_y):
         return False
-    if max(reach_x, reach_y) > _MOST * half:
+    if max(reach_x, reach_y) > _MAX_STRETCH * half:
         return False
     left, top = int(x - reach_x) - 1, int(y - reach_y) - 1
     read(image, left, top, int(2.0 * reach_y) + 5, around.line, around.pixels)
@@ -75,11 +75,11 @@ def _warp(
     line: int,
     out: np.ndarray,
 ) -> None:
-    """Values of a window around (x, y) between pixels, warped; beyond its lines anything.
+    """Interpolated values of a warped window around (x, y); undefined beyond its lines.
 
-    Seen from a pixel that moves on as if there were no warp, pixels side by side need the same
-    neighbours as long as the warp moves them by a pixel at most. So many are read in one step;
-    `_STEP` are written each time, and what is wrong of these is overwritten by the next step.
+    Relative to an unwarped grid, adjacent pixels have the same 3 x 3 neighbours as long as the warp
+    displaces them by at most one pixel. That many are read in one step; `_STEP` are written each
+    time, and the surplus is overwritten by the next step.
     """
     pixels, pixel_line = around.pixels, around.line
     xu, xv, yu, yv = theta[2], theta[3], theta[4], theta[5]
@@ -108,12 +108,10 @@ def _warp_part(
     to: int,
     out: np.ndarray,
 ) -> None:
-    """Values between three by three pixels that move on along a line, in steps as warped.
+    """Values within 3 x 3 pixels that move along a line, in steps of the warp, piecewise bilinear.
 
-    Between these pixels, values go up or down along straight lines.
-
-    The pixel at the upper left is the ``i``-th; the first value is (x, y) from it, 0 to 2 px, where
-    they ``begin``, and the next one by a ``slope`` farther. The first is written to the place
+    The upper left pixel is the ``i``-th; the first value is at (x, y) = ``begin`` from it, 0 to 2
+    px, and each further one is displaced by the ``slope``. The first value is written to index
     ``to``.
     """
     zero, one = np.float32(0.0), np.float32(1.0)
@@ -133,6 +131,6 @@ def _warp_part(
 
 @inlined_kernel
 def _along(pixels: np.ndarray, i: np.uintp, a: float, b: float) -> float:
-    """Value at ``a + b`` pixels to the right of the i-th."""
+    """Value at ``a + b`` pixels to the right of the i-th, piecewise linear."""
     left, middle, right = pixels[i], pixels[i + np.uintp(1)], pixels[i + np.uintp(2)]
     return fma(b, right - middle, fma(a, middle - left, left))

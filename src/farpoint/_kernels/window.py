@@ -1,12 +1,11 @@
-"""Sums over the observations of a window: information of poses, lens and shutter, and of points.
+"""Sums over the observations of a window: information on poses, lens, shutter and points.
 
-A point is seen from its anchor along the ray ``b`` at the inverse distance ``s``: in the world it
-is, up to scale, ``X = R_a b + s p_a``. Keyframe k sees it along ``R_k^T (X - s p_k)``, which is
-compared with the observed pixel. Poses change as ``R' = Exp(theta) R``,
-``p' = Exp(theta) p + rho``, both in the world: then the derivative by the anchor's pose is that by
-the observer's with the opposite sign. Rows of an image are read one after the other: a camera that
-turns by ``w`` and moves by ``v`` a second sees the point at ``X - t (w x (X - s p) + s v)`` when it
-reads a row t later.
+A point has the ray ``b`` in its anchor and the inverse depth ``s``: in the world it is, up to
+scale, ``X = R_a b + s p_a``. Keyframe k observes it along ``R_k^T (X - s p_k)``, which is compared
+with the observed pixel. Poses are perturbed as ``R' = Exp(theta) R``, ``p' = Exp(theta) p + rho``,
+both in the world: then the derivative by the anchor's pose is that by the observer's with the
+opposite sign. Rolling shutter: a camera that rotates by ``w`` and moves by ``v`` per second
+observes the point at ``X - t (w x (X - s p) + s v)`` in a row that is read t later.
 
 These loops are plain `numba.njit`: arrays in, the caller's arrays out.
 """
@@ -31,21 +30,21 @@ __all__ = [
 ]
 
 UNSEEN_PX = 1e9
-"""The residual of a point that is not in front of the camera."""
+"""Residual, px, of a point that is not in front of the camera."""
 
 UNSEEN_COST = 50.0
-"""What it costs to have a point behind the camera: as a residual of many sigma."""
+"""Cost, in log likelihood, of a point behind the camera: as a residual of many sigma."""
 
-DOF = 5.0  # of Student's t, whose tails residuals of tracks have
-_RIDGE = 1e-9  # relative, of a diagonal: keeps what no point tells where it is
-_FACING = 0.2  # least cosine between a point and where it is expected
+DOF = 5.0  # degrees of freedom of Student's t, which has the tails of residuals of tracks
+_RIDGE = 1e-9  # relative ridge on the diagonal, for poses that no point constrains
+_FACING = 0.2  # least cosine between a point and its prediction
 
 _loop: Any = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 _inline: Any = njit(error_model="numpy", fastmath={"reassoc", "contract", "nsz"}, inline="always")
 
 
 @_inline
-def _turned(R, x, y, z):
+def _rotated(R, x, y, z):
     """``R @ [x, y, z]``."""
     return (
         R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
@@ -55,7 +54,7 @@ def _turned(R, x, y, z):
 
 
 @_inline
-def _turned_back(R, x, y, z):
+def _rotated_back(R, x, y, z):
     """``R.T @ [x, y, z]``."""
     return (
         R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
@@ -71,14 +70,14 @@ def _cross(ax, ay, az, bx, by, bz):
 
 @_inline
 def _lag(twist, x, y, z, s):
-    """``w x d + s v``: how a point at ``d`` from the camera, times ``s``, moves against it."""
+    """``w x d + s v``: velocity, times ``s``, of a point at ``d`` relative to the camera."""
     cx, cy, cz = _cross(twist[0], twist[1], twist[2], x, y, z)
     return cx + s * twist[3], cy + s * twist[4], cz + s * twist[5]
 
 
 @_inline
 def _whitened(noise, last, travelled, before, u, v):
-    """Inverse covariance (uu, uv, vv) of a change of residual since ``before``; and its square."""
+    """Inverse covariance (uu, uv, vv) of a change of residual since ``before``; squared norm."""
     uu = noise[3] * (noise[0] * last[0] + noise[1] * abs(travelled[0] - before[0]) + noise[2])
     uv = noise[3] * (noise[0] * last[1] + noise[1] * (travelled[1] - before[1]))
     vv = noise[3] * (noise[0] * last[2] + noise[1] * abs(travelled[2] - before[2]) + noise[2])
@@ -90,7 +89,7 @@ def _whitened(noise, last, travelled, before, u, v):
 
 @_loop
 def by_sigmas(by_parameters, factor, out):
-    """``by_parameters @ factor`` (N, 2, r) of (N, 2, P) and (P, r), without BLAS's threads."""
+    """``by_parameters @ factor`` (N, 2, r) of (N, 2, P) and (P, r), without the threads of BLAS."""
     for n in range(len(out)):
         for q in range(2):
             for i in range(factor.shape[1]):
@@ -104,7 +103,7 @@ def by_sigmas(by_parameters, factor, out):
 def expected_rays(
     R, p, twist, readout, lens, frame, point, row_phase, rays, ray_by_lens, anchor, s, out
 ):
-    """Unit rays (N, 3) along which points are expected; arguments as of `pixel_residuals`."""
+    """Predicted unit rays (N, 3) of points; arguments as of `pixel_residuals`."""
     for o in range(len(frame)):
         j = point[o]
         a = anchor[j]
@@ -114,7 +113,7 @@ def expected_rays(
             bx += ray_by_lens[j, 0, i] * lens[i]
             by += ray_by_lens[j, 1, i] * lens[i]
             bz += ray_by_lens[j, 2, i] * lens[i]
-        wx, wy, wz = _turned(R[ka], bx, by, bz)
+        wx, wy, wz = _rotated(R[ka], bx, by, bz)
         ux, uy, uz = _lag(twist[ka], wx, wy, wz, sj)
         late = readout * row_phase[a]
         dx = wx + late * ux + sj * (p[ka, 0] - p[k, 0])
@@ -122,7 +121,7 @@ def expected_rays(
         dz = wz + late * uz + sj * (p[ka, 2] - p[k, 2])
         vx, vy, vz = _lag(twist[k], dx, dy, dz, sj)
         late = readout * row_phase[o]
-        cx, cy, cz = _turned_back(R[k], dx - late * vx, dy - late * vy, dz - late * vz)
+        cx, cy, cz = _rotated_back(R[k], dx - late * vx, dy - late * vy, dz - late * vz)
         scale = 1.0 / math.sqrt(cx * cx + cy * cy + cz * cz)
         out[o, 0], out[o, 1], out[o, 2] = cx * scale, cy * scale, cz * scale
 
@@ -135,7 +134,7 @@ def pixel_residuals(
     anchor, s, used,
     residuals, by_pose, by_common, by_s,
 ):  # fmt: skip
-    """Expected less found pixel of every observation, and its derivatives.
+    """Predicted minus observed pixel of every observation, and its derivatives.
 
     Parameters
     ----------
@@ -148,20 +147,20 @@ def pixel_residuals(
     frame, point : (N,)
         Of each observation, keyframes ascending.
     row_phase : (N,)
-        When its row is read: from -1/2 to 1/2 of the read-out time.
+        Time at which its row is read: from -1/2 to 1/2 of the read-out time.
     rays, ray_by_lens : (M, 3), (M, 3, r)
         Ray of each point in its anchor, and its derivative by the lens.
     expected, offsets, by_ray, by_lens : (N, 3), (N, 2), (N, 2, 3), (N, 2, r)
-        Ray near the expected one, its pixel less the observed one, and the pixel's derivatives.
+        Ray near the predicted one, its pixel minus the observed one, and the pixel's derivatives.
     anchor : (M,)
         Observation in which each point has its ray.
     s : (M,)
-        Inverse distances.
+        Inverse depths.
     used : (M,)
-        Whether the point is taken.
+        Whether the point is used.
     residuals, by_pose, by_common, by_s : (N, 2), (N, 2, 6), (N, 2, r + 1), (N, 2)
-        Results, `UNSEEN_PX` where the point is not seen; derivatives by the observer's pose, by
-        lens and read-out time, and by the inverse distance.
+        Results, `UNSEEN_PX` where the point is not in front of the camera; derivatives by the
+        observer's pose, by lens and read-out time, and by the inverse depth.
     """
     r = len(lens)
     for o in range(len(frame)):
@@ -176,7 +175,7 @@ def pixel_residuals(
             bx += ray_by_lens[j, 0, i] * lens[i]
             by += ray_by_lens[j, 1, i] * lens[i]
             bz += ray_by_lens[j, 2, i] * lens[i]
-        wx, wy, wz = _turned(R[ka], bx, by, bz)
+        wx, wy, wz = _rotated(R[ka], bx, by, bz)
         ux, uy, uz = _lag(twist[ka], wx, wy, wz, sj)
         phase_a, phase = row_phase[a], row_phase[o]
         ux, uy, uz = phase_a * ux, phase_a * uy, phase_a * uz
@@ -186,7 +185,7 @@ def pixel_residuals(
         dx, dy, dz = X - sj * p[k, 0], Y - sj * p[k, 1], Z - sj * p[k, 2]
         vx, vy, vz = _lag(twist[k], dx, dy, dz, sj)
         vx, vy, vz = phase * vx, phase * vy, phase * vz
-        cx, cy, cz = _turned_back(R[k], dx - readout * vx, dy - readout * vy, dz - readout * vz)
+        cx, cy, cz = _rotated_back(R[k], dx - readout * vx, dy - readout * vy, dz - readout * vz)
         depth = expected[o, 0] * cx + expected[o, 1] * cy + expected[o, 2] * cz
         if not depth > _FACING * math.sqrt(cx * cx + cy * cy + cz * cz):
             residuals[o, 0] = residuals[o, 1] = UNSEEN_PX
@@ -198,14 +197,14 @@ def pixel_residuals(
         ez = p[ka, 2] - p[k, 2] + late_a * twist[ka, 5] - late * twist[k, 5]
         for q in range(2):
             pixel = inverse * (by_ray[o, q, 0] * cx + by_ray[o, q, 1] * cy + by_ray[o, q, 2] * cz)
-            mx, my, mz = _turned(
+            mx, my, mz = _rotated(
                 R[k],
                 (by_ray[o, q, 0] - pixel * expected[o, 0]) * inverse,
                 (by_ray[o, q, 1] - pixel * expected[o, 1]) * inverse,
                 (by_ray[o, q, 2] - pixel * expected[o, 2]) * inverse,
             )
             pixel += offsets[o, q]
-            nx, ny, nz = _turned_back(R[ka], mx, my, mz)
+            nx, ny, nz = _rotated_back(R[ka], mx, my, mz)
             for i in range(r):
                 pixel += by_lens[o, q, i] * lens[i]
                 by_common[o, q, i] = (
@@ -230,29 +229,30 @@ def gather_information(
 ):  # fmt: skip
     """Information (D, D) and gradient (D,) of poses and common unknowns, and of the points.
 
-    Errors of a track add up from match to match, so what is compared is the change of its residual
-    since the last keyframe that saw it. D is 6 for each keyframe, then the lens, then the read-out.
+    Errors of a track accumulate from match to match, so the residual of a term is the change since
+    the last keyframe that observed the track. D is 6 for each keyframe, then the lens, then the
+    read-out.
 
     Parameters
     ----------
     last, travelled : (N, 3)
         Covariances (uu, uv, vv), px^2: of the last match, and summed since the track began.
     noise : (4,)
-        Share of the last covariance, share of those travelled, floor (px^2), variance factor.
+        Share of the last covariance, share of the summed ones, floor (px^2), variance factor.
     patch : (N,) of int
-        Which part of which image the observation lies in.
+        Part of the image in which the observation lies.
     before : (M,) of int
-        Scratch.
+        Buffer.
     H, g, coupling, point_h, point_g : (D, D), (D,), (M, D), (M,), (M,)
-        Results, zero before: of poses and common unknowns, of both with the inverse distances, and
-        of these.
+        Results, zero before: of poses and common unknowns, of both with the inverse depths, and
+        of the latter.
     patch_sums, point_sums : (P, 2), (M, 2)
         Results, zero before: sums of residuals, each in units of its sigma times its weight.
 
     Returns
     -------
     (float, float, int)
-        Sums of the weighted squares and of the squares of what the sums are of, and the count.
+        Sum of the weighted squares, sum of the squared summands of the sums, and number of terms.
     """
     D, G = len(g), by_common.shape[2]
     J, where = np.empty((2, 18 + G)), np.empty(18 + G, np.int64)
@@ -302,7 +302,7 @@ def gather_information(
         weight = (DOF + 2.0) / (DOF + square)
         squares += weight * square
         count += 1
-        # Root of the weighted inverse covariance: both rows get a variance of one.
+        # Root of the weighted inverse covariance: both rows have unit variance.
         c00 = math.sqrt(weight * uu)
         c01 = weight * uv / c00
         c11 = math.sqrt(max(weight * vv - c01 * c01, 0.0))
@@ -323,7 +323,7 @@ def gather_information(
                 H[row, where[m]] += a0 * J[0, m] + a1 * J[1, m]
         point_h[j] += E[0] * E[0] + E[1] * E[1]
         point_g[j] += E[0] * e[0] + E[1] * e[1]
-    # Each product was added once, on either side of the diagonal.
+    # Each product was added on one side of the diagonal only.
     for i in range(D):
         for m in range(i):
             H[i, m] = H[m, i] = H[i, m] + H[m, i]
@@ -332,7 +332,7 @@ def gather_information(
 
 @_loop
 def robust_cost(point, last, travelled, anchor, used, noise, residuals, before):
-    """Negative log likelihood of `gather_information`'s residuals, but for a constant."""
+    """Negative log likelihood of `gather_information`'s residuals, up to a constant."""
     before[:] = -1
     cost = 0.0
     for o in range(len(point)):
@@ -357,7 +357,7 @@ def robust_cost(point, last, travelled, anchor, used, noise, residuals, before):
 
 @_loop
 def point_steps(coupling, point_h, point_g, step, damping, steps):
-    """Changes (M,) of the inverse distances that belong to a step (D,) of all else."""
+    """Changes (M,) of the inverse depths for a step (D,) of the other unknowns."""
     for j in range(len(steps)):
         total = point_g[j]
         for i in range(len(step)):
@@ -367,7 +367,7 @@ def point_steps(coupling, point_h, point_g, step, damping, steps):
 
 @_loop
 def _velocity(R, R0, p, p0, rate, twist):
-    """Rotation vector and way from one pose to another, times a rate."""
+    """Rotation vector and displacement from one pose to another, times a rate."""
     D = R @ R0.T
     x, y, z = 0.5 * (D[2, 1] - D[1, 2]), 0.5 * (D[0, 2] - D[2, 0]), 0.5 * (D[1, 0] - D[0, 1])
     sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0)
@@ -378,7 +378,7 @@ def _velocity(R, R0, p, p0, rate, twist):
 
 
 @_loop
-def _turn(R, x, y, z):
+def _rotate(R, x, y, z):
     """``R = Exp([x, y, z]) R``."""
     angle = math.sqrt(x * x + y * y + z * z)
     a = math.sin(angle) / angle if angle > 1e-9 else 1.0
@@ -392,7 +392,7 @@ def _turn(R, x, y, z):
 
 @_loop
 def _solved(H, g, x):
-    """``H x = g`` for a positive matrix, by its Cholesky factor; False where it is none."""
+    """Solve ``H x = g`` by Cholesky; False if H is not positive definite."""
     n = len(g)
     L = np.zeros((n, n))
     for i in range(n):
@@ -424,34 +424,34 @@ def locate(
     R, p, R0, p0, seconds, readout, offsets, row_phase, expected, by_ray, covariances, inflations,
     X, s, s_variance, base, before_by_s, H, squares,
 ):  # fmt: skip
-    """Move a pose to where it is likelier by points whose places are known, step by step.
+    """Gauss-Newton steps of a pose by known points.
 
-    The pose changes as ``R' = Exp(theta) R``, ``p' = p + rho``.
+    The pose is perturbed as ``R' = Exp(theta) R``, ``p' = p + rho``.
 
     Parameters
     ----------
     R, p : (3, 3), (3,)
-        The pose; changed.
+        The pose; updated in place.
     R0, p0, seconds, readout : (3, 3), (3,), float, float
-        The pose of the frame before, the time since, and the read-out time.
+        Pose of the frame before, time since then, s, and read-out time, s.
     offsets, row_phase, expected, by_ray : (N, 2), (N,), (N, 3), (N, 2, 3)
-        As of `pixel_residuals`; offsets are less the residuals in the last keyframe.
+        As of `pixel_residuals`; offsets minus the residuals in the last keyframe.
     covariances : (N, 3)
-        Of what the residuals have changed by since then (uu, uv, vv), px^2.
+        Of the change of the residuals since that keyframe (uu, uv, vv), px^2.
     inflations : (I,)
-        Of these, for each step: for a pose that may be far off.
+        Factors on the covariances for each step: above 1 for an initial pose with large errors.
     X, s, s_variance, base : (N, 3), (N,), (N,), (N, 3)
-        Homogeneous points, their inverse distances with variances, and the derivative of X by it.
+        Homogeneous points, their inverse depths with variances, and the derivative of X by s.
     before_by_s : (N, 2)
-        Derivatives, by the inverse distance, of the residuals in the last keyframe.
+        Derivatives by the inverse depth of the residuals in the last keyframe.
     H, squares : (6, 6), (N,)
-        Results: information of the pose before the last step; and squared residuals over their
-        variances there, infinite where a point is not seen.
+        Results: information on the pose before the last step; and squared residuals over their
+        variances there, infinite for a point that is not in front of the camera.
 
     Returns
     -------
     (float, int)
-        Robust cost before the last step, and how many points are in it; 0 where a step failed.
+        Robust cost before the last step, and number of points in it; 0 where a step failed.
     """
     J, m = np.empty((2, 6)), np.empty((2, 3))
     e, E = np.empty(2), np.empty(2)
@@ -470,7 +470,7 @@ def locate(
             dx, dy, dz = X[o, 0] - sj * p[0], X[o, 1] - sj * p[1], X[o, 2] - sj * p[2]
             late = row_phase[o] * readout
             vx, vy, vz = _lag(twist, dx, dy, dz, sj)
-            cx, cy, cz = _turned_back(R, dx - late * vx, dy - late * vy, dz - late * vz)
+            cx, cy, cz = _rotated_back(R, dx - late * vx, dy - late * vy, dz - late * vz)
             depth = expected[o, 0] * cx + expected[o, 1] * cy + expected[o, 2] * cz
             if not depth > _FACING * math.sqrt(cx * cx + cy * cy + cz * cz):
                 continue
@@ -478,7 +478,7 @@ def locate(
             for q in range(2):
                 ux, uy, uz = by_ray[o, q, 0], by_ray[o, q, 1], by_ray[o, q, 2]
                 pixel = inverse * (ux * cx + uy * cy + uz * cz)
-                m[q, 0], m[q, 1], m[q, 2] = _turned(
+                m[q, 0], m[q, 1], m[q, 2] = _rotated(
                     R,
                     (ux - pixel * expected[o, 0]) * inverse,
                     (uy - pixel * expected[o, 1]) * inverse,
@@ -514,7 +514,7 @@ def locate(
                     H[i, n] += w0 * J[0, n] + w1 * J[1, n]
         if not _solved(H, g, step):
             return cost, 0
-        _turn(R, -step[0], -step[1], -step[2])
+        _rotate(R, -step[0], -step[1], -step[2])
         for i in range(3):
             p[i] -= step[3 + i]
     return cost, count

@@ -1,4 +1,4 @@
-"""What the residual of a matched window tells of the match: its covariance, and what bends it."""
+"""Covariance of a matched window from its residual, and its bias by quadratic motion."""
 
 from __future__ import annotations
 
@@ -7,35 +7,36 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_slopes import PARAMETERS, Template, changes
+from farpoint._kernels.affine_jacobian import PARAMETERS, Template, jacobian_times
 from farpoint._kernels.compile import inner_kernel, step_kernel, sum_kernel
 from farpoint._kernels.windows import LANES, line_px
 
-__all__ = ["Influence", "bend", "blank_influence", "covary", "find_influence", "solve"]
+__all__ = ["Influence", "blank_influence", "covary", "find_influence", "quadratic_bias", "solve"]
 
-# Variance of Scharr's gradients over that of the residual, both of white noise sampled between
-# pixels: 0.23 s^2 shrunk to 0.13 s^2, over the two images' 0.88 s^2.
+# Variance of the noise of Scharr's gradients over that of the residual, for white noise s^2
+# interpolated between pixels: 0.23 s^2 shrunk to 0.13 s^2, over 0.88 s^2 of both images.
 _GRADIENT_NOISE = 0.15
-# px: residuals are taken as independent from here on (see `covary`); `_block_moments` writes the
-# sums out.
+# px: residuals count as independent from this distance on (see `covary`); `_block_moments` writes
+# the sums out.
 _BLOCK = 3
 
 
 class Influence(NamedTuple):
-    """How far a match moves, px, by what it is made of."""
+    """Influence of the pixels on the displacement of a match, px."""
 
     rows: np.ndarray
-    """(2, 8) those of the inverse normal matrix that belong to the displacement."""
+    """(2, 8) rows of the inverse normal matrix for the displacement."""
     pixels: np.ndarray
-    """(2, S) for each grey level that a pixel's residual is lower: the rows times its Jacobian."""
+    """(2, S) derivative of the displacement by the residual of each pixel, px per grey level: rows
+    times Jacobian."""
     moves: np.ndarray
-    """(2, R) what each pixel does to the match, with a border of zeros."""
+    """(2, R) influence times residual of each pixel, px, with a border of zeros."""
     line: int
-    """Places from one line of the moves to the next."""
+    """Stride from one line of ``moves`` to the next."""
 
 
 def blank_influence(half: int) -> Influence:
-    """Room for the influence of a window of ``2 half + 1`` pixels."""
+    """Buffers for the influence of a window of ``2 half + 1`` pixels."""
     width, around = 2 * half + 1, 2 * half + 1 + 2 * (_BLOCK - 1)
     line = line_px(around)
     pixels = np.zeros((2, width * line_px(width)), np.float32)
@@ -58,26 +59,26 @@ def solve(factor: np.ndarray, vector: np.ndarray) -> None:
 
 @step_kernel
 def find_influence(factor: np.ndarray, template: Template, influence: Influence) -> None:
-    """Fill in the rows, and the pixels' influence."""
+    """Fill ``rows`` and ``pixels``."""
     rows, pixels = influence.rows, influence.pixels
     rows[:] = 0.0
     for a in range(2):
         rows[a, a] = 1.0
         solve(factor, rows[a])
-        changes(template, rows[a], pixels[a])
+        jacobian_times(template, rows[a], pixels[a])
 
 
 @step_kernel
-def bend(template: Template, influence: Influence, bending: np.ndarray) -> None:
-    """What the quadratic part of a window's motion, which is not modelled, does to the match.
+def quadratic_bias(template: Template, influence: Influence, bias: np.ndarray) -> None:
+    """Bias of a match by the quadratic part of the window's motion, which the model leaves out.
 
-    A motion that is farther by ``q(w)`` at the pixel w lowers its residual by ``gradient . q``.
+    A displacement ``q(w)`` at the pixel w decreases its residual by ``gradient . q``.
     """
     for a in range(2):
         sums = _quadratic_moves(template, influence.pixels[a])
         for b in range(2):
             for c in range(3):
-                bending[a, b, c] = sums[3 * b + c]
+                bias[a, b, c] = sums[3 * b + c]
 
 
 @sum_kernel
@@ -107,13 +108,12 @@ def covary(
     influence: Influence,
     covariance: np.ndarray,
 ) -> None:
-    """Sandwich covariance of the displacement: what each pixel's residual did to the answer.
+    """Sandwich covariance of the displacement: sums of influence times residual.
 
-    A pixel moves the match by its influence times its residual. Neighbouring residuals are not
-    independent (interpolation, blur, what the affine model misses), so these are summed over every
-    block of 3 x 3 pixels before they are squared: the estimate of Newey and West (1987) in two
-    dimensions, with triangular weights out to a lag of 2 px. It is positive semi-definite by
-    construction.
+    Neighbouring residuals are correlated (interpolation, blur, model error), so the products are
+    summed over every block of 3 x 3 pixels before they are squared: the estimate of Newey and West
+    (1987) in two dimensions, with triangular weights up to a lag of 2 px. It is positive
+    semi-definite by construction.
     """
     half, line = template.window.half, template.window.line
     rows, pixels, moves = influence.rows, influence.pixels, influence.moves
@@ -124,15 +124,14 @@ def covary(
             for j in range(np.uintp(line)):
                 moves[a, out + j] = pixels[a, i + j] * residual[i + j]
     xx, xy, yy = _block_moments(moves, moves_line, (width + margin) * moves_line)
-    # The fit has bent the residuals towards zero: of the count / block^2 independent blocks the
-    # parameters have taken their share.
+    # Degrees of freedom: of the count / block^2 independent blocks the parameters take their share.
     count = width * width
     blocks = count / _BLOCK**2
     scale = blocks / (blocks - PARAMETERS / 2.0)
     covariance[0, 0] = scale * xx
     covariance[0, 1] = scale * xy
     covariance[1, 1] = scale * yy
-    # The prior pulls at M, gain and offset, and these at the displacement.
+    # The prior of M, gain and offset contributes to the displacement.
     for a in range(2):
         for b in range(a, 2):
             for c in range(PARAMETERS):
@@ -143,7 +142,7 @@ def covary(
 
 @sum_kernel
 def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, float, float]:
-    """Mean over the block's shifts of the second moments of block sums."""
+    """Mean over the shifts of the block of the second moments of block sums."""
     zero = np.float32(0.0)
     xx, xy, yy = zero, zero, zero
     one, two = np.uintp(1), np.uintp(2)
@@ -163,16 +162,16 @@ def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, floa
 
 @step_kernel
 def _undo_attenuation(rows: np.ndarray, power: float, covariance: np.ndarray) -> None:
-    """Allow for noise in the gradients, which makes a window seem to hold more than it does.
+    """Correct for noise in the gradients, which makes the information of a window too large.
 
-    With ``D`` (2, 2) the information on the displacement and ``nu`` the noise's part of it, the
-    covariance is ``S C S``, ``S = inv(D - nu I) D = I + nu inv(D - nu I)``. ``nu`` stays below a
-    third of the smallest eigenvalue of D, since not all of a residual is noise.
+    With ``D`` (2, 2) the information on the displacement and ``nu`` its part by noise, the
+    covariance is ``S C S``, ``S = inv(D - nu I) D = I + nu inv(D - nu I)``. ``nu`` is at most 1/3
+    of the smallest eigenvalue of D, since not all of a residual is noise.
     """
     # inv(D) is the displacement's block of the inverse normal matrix.
     mean = 0.5 * (rows[0, 0] + rows[1, 1])
-    largest = mean + math.hypot(0.5 * (rows[0, 0] - rows[1, 1]), rows[0, 1])
-    nu = min(_GRADIENT_NOISE * power, 1.0 / (3.0 * largest))
+    kth_largest = mean + math.hypot(0.5 * (rows[0, 0] - rows[1, 1]), rows[0, 1])
+    nu = min(_GRADIENT_NOISE * power, 1.0 / (3.0 * kth_largest))
     # S = inv(I - nu inv(D))
     a, b, c = 1.0 - nu * rows[0, 0], -nu * rows[0, 1], 1.0 - nu * rows[1, 1]
     scale = 1.0 / (a * c - b * b)

@@ -1,9 +1,8 @@
-"""Windows of an image, read between its pixels: what Lucas-Kanade and the refinement stand on.
+"""Windows of an image at sub-pixel positions, for Lucas-Kanade and the affine refinement.
 
-An image is a flat array of bytes with a border around it, so that a window may reach beyond it.
-
-Lines of a window are as long as the processor likes them, `LANES` pixels or a multiple. What lies
-beyond the window has no weight. Floats are float32: a window holds a few hundred 8-bit values.
+An image is a flat array of bytes with a border, so that a window may extend beyond it. Lines of a
+window have a multiple of `LANES` pixels, for vector instructions; pixels beyond the window have no
+weight. Floats are float32: a window holds a few hundred 8-bit values.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from farpoint._kernels.compile import inlined_kernel, inner_kernel
 __all__ = [
     "LANES",
     "Image",
-    "Patience",
+    "Termination",
     "Weights",
     "Window",
     "blank_values",
@@ -26,57 +25,58 @@ __all__ = [
     "differentiate",
     "line_px",
     "read",
-    "relaxed",
+    "relaxed_share",
     "room_px",
     "sample",
     "value_at",
     "weights_of",
 ]
 
+# Lines of a window have a multiple of this number of pixels, for vector instructions.
 LANES = 8
 
 Weights = tuple[np.floating, np.floating, np.floating, np.floating]
 
 
 class Image(NamedTuple):
-    """Where an image lies in an array."""
+    """Position of an image in an array."""
 
     values: np.ndarray
     """(V,) uint8."""
     place: int
-    """Of its pixel (0, 0)."""
+    """Index of its pixel (0, 0)."""
     line: int
-    """Places from one of its lines to the next."""
+    """Stride from one line to the next."""
     width: int
-    """px."""
+    """Width, px."""
     height: int
-    """px."""
+    """Height, px."""
 
 
 class Window(NamedTuple):
-    """A window around a point, by lines of pixels."""
+    """Window around a point, by lines of pixels."""
 
     half: int
-    """It is ``2 half + 1`` pixels wide and high."""
+    """Half-size: the window is ``2 half + 1`` pixels wide and high."""
     line: int
-    """Places from one of its lines to the next."""
+    """Stride from one line to the next."""
     grey: np.ndarray
-    """(S,) its values, grey levels."""
+    """(S,) values, grey levels."""
     gx: np.ndarray
-    """(S,) its gradient to the right, grey levels / px."""
+    """(S,) gradient to the right, grey levels / px."""
     gy: np.ndarray
-    """(S,) its gradient downwards."""
+    """(S,) gradient downwards, grey levels / px."""
     inside: np.ndarray
-    """(S,) 1 where it has a pixel, 0 beyond its lines."""
+    """(S,) 1 for pixels of the window, 0 beyond its lines."""
 
 
-class Patience(NamedTuple):
-    """When a search ends."""
+class Termination(NamedTuple):
+    """Termination criterion of an iteration."""
 
     iterations: int
-    """Steps at most."""
+    """Maximum number of steps."""
     tolerance: float
-    """It ends with a step that is shorter, px."""
+    """Length of a step, px, below which the iteration has converged."""
 
 
 def line_px(width: int) -> int:
@@ -85,17 +85,17 @@ def line_px(width: int) -> int:
 
 
 def room_px(rows: int, line: int) -> int:
-    """Places for so many lines, and for what is read beyond the last of them."""
+    """Size of a buffer for this number of lines, with what is read beyond the last one."""
     return (rows + 1) * line + LANES
 
 
 def blank_values(size: int) -> np.ndarray:
-    """Room for so many values, zeros at first."""
+    """Zero-initialised float32 buffer."""
     return np.zeros(size, np.float32)
 
 
 def blank_window(half: int, line: int) -> Window:
-    """Room for a window with lines of this length, which says where it has pixels."""
+    """Buffers of a window with lines of this length; ``inside`` is filled in."""
     width = 2 * half + 1
     size = width * line
     inside = blank_values(size)
@@ -105,10 +105,7 @@ def blank_window(half: int, line: int) -> Window:
 
 @inner_kernel
 def read(image: Image, left: int, top: int, rows: int, line: int, pixels: np.ndarray) -> None:
-    """Fill the lines of ``pixels`` from a place of the image on, the first of them its (left, top).
-
-    They are turned into floats once, and looked at between them many times.
-    """
+    """Read lines of ``pixels`` as floats from an image; the first pixel is its (left, top)."""
     values = image.values
     place, stride = np.uintp(image.place + top * image.line + left), np.uintp(image.line)
     out, length = np.uintp(0), np.uintp(line)
@@ -121,16 +118,16 @@ def read(image: Image, left: int, top: int, rows: int, line: int, pixels: np.nda
 
 @inner_kernel
 def weights_of(x: float, y: float) -> Weights:
-    """Weights of a pixel, of those to its right, below and across, for a value (x, y) from it."""
+    """Bilinear weights of a pixel and its neighbours to the right, below and diagonal."""
     a, b, one = np.float32(x), np.float32(y), np.float32(1.0)
     return (one - a) * (one - b), a * (one - b), (one - a) * b, a * b
 
 
 @inlined_kernel
 def value_at(pixels: np.ndarray, i: np.uintp, line: int, weights: Weights) -> np.floating:
-    """Value between the pixel ``i`` and its three neighbours.
+    """Bilinear interpolation between the pixel ``i`` and its three neighbours.
 
-    Both unsigned: an index that might count from the end is looked at, one by one.
+    Indices are unsigned: a signed one may count from the end and needs a check.
     """
     right, below = np.uintp(1), np.uintp(line)
     above = weights[0] * pixels[i] + weights[1] * pixels[i + right]
@@ -147,7 +144,7 @@ def sample(
     pixels: np.ndarray,
     patch: np.ndarray,
 ) -> None:
-    """Fill the lines of ``patch`` with values between pixels, the first of them at (x, y)."""
+    """Fill the lines of ``patch`` with interpolated values, the first of them at (x, y)."""
     left, top = math.floor(x), math.floor(y)
     read(image, left, top, rows + 1, line, pixels)
     weights = weights_of(x - left, y - top)
@@ -157,9 +154,9 @@ def sample(
 
 @inner_kernel
 def differentiate(patch: np.ndarray, patch_line: int, window: Window) -> None:
-    """Values and Scharr gradients of a window, from a patch that reaches a pixel farther."""
+    """Values and Scharr gradients of a window, from a patch one pixel larger on each side."""
     line, inside, grey, gx, gy = window.line, window.inside, window.grey, window.gx, window.gy
-    # Where both have lines of one length, they are one line.
+    # With lines of one length the window is a single line.
     rows = 2 * window.half + 1
     rows, length = (1, rows * line) if line == patch_line else (rows, line)
     side, middle = np.float32(3.0 / 32.0), np.float32(10.0 / 32.0)
@@ -178,12 +175,14 @@ def differentiate(patch: np.ndarray, patch_line: int, window: Window) -> None:
 
 
 @inner_kernel
-def relaxed(share: float, step_x: float, step_y: float, before_x: float, before_y: float) -> float:
-    """Share of a step to take, 0.5 to 1, given the share taken of the step before.
+def relaxed_share(
+    share: float, step_x: float, step_y: float, before_x: float, before_y: float
+) -> float:
+    """Share of a step to take, 0.5 to 1, from the share of the previous step (secant method).
 
-    The gradients of a sampled image are too flat, by a half where it is sharp, and steps too long
-    by as much: they go to and fro. Had all of the last step been as long as it should, none would
-    be left; what is left of it tells by how much it was not (the secant of the steps).
+    The gradients of a sampled image are too small, by up to 50 % where it is sharp, and
+    Gauss-Newton oscillates. The component of the new step along the previous one is the error of
+    that step's length.
     """
     square = before_x * before_x + before_y * before_y
     left = (step_x * before_x + step_y * before_y) / square if square > 0.0 else 0.0

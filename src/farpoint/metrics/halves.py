@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.patches import deal as split_patches
+from farpoint._kernels.patches import split_patches
 from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.metrics.pairs import direction_error

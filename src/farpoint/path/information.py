@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.positive import factorise, invert, solve
+from farpoint._kernels.cholesky import factorise, invert, solve
 
 __all__ = ["System", "inverse", "solution"]
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.positive import eliminate_points
+from farpoint._kernels.cholesky import eliminate_points
 from farpoint._kernels.window import (
     expected_rays,
     gather_information,

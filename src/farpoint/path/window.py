@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.positive import point_variances
+from farpoint._kernels.cholesky import point_variances
 from farpoint._kernels.window import UNSEEN_PX, point_steps
 from farpoint.geometry import so3
 from farpoint.path.history import TrackObservations
@@ -29,10 +29,10 @@ _POSE_SIGMA = 1e-6  # of the first pose, the pose gauge
 _MAX_STEP_RATIO = 10.0  # of an inverse distance in one step
 _FACTOR_RANGE = (0.1, 100.0)  # of the variance factor
 _EFFECT_RANGE = (1.0, 50.0)  # of the design effect
-_FIRST_EFFECT = 4.0  # initial value: handheld and driving recordings have 3 to 6
+_FIRST_EFFECT = 2.0  # initial value: handheld and driving recordings have 3 to 6
 # Spurious information from linearising at noisy estimates: ratio of squared errors of lens and
 # shutter to their variances, for tracks with independent errors.
-_LINEARISATION_EFFECT = 3.0
+_LINEARISATION_EFFECT = 2.0
 _MEMORY = 0.8  # exponential smoothing from keyframe to keyframe
 _FEWEST_RESIDUALS = 50  # for an update of the variance factor
 _FIRST_DAMPING, _DAMPING_STEP, _TRIES = 1e-6, 100.0, 3

@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from farpoint._kernels.competing_modes import compare_with_mode, likeliest_other_mode
+from farpoint._kernels.motion_refinement import MAX_SEARCHED
 from farpoint._kernels.plane import other_motion
 from farpoint._kernels.pose import PackedMatches, Pose
-from farpoint._kernels.rivals import judge_rival as compare_with_mode
-from farpoint._kernels.rivals import nearest_rival as likeliest_other_mode
-from farpoint._kernels.settling import MAX_SEARCHED
 from farpoint.geometry.so3 import rotation_vector
 from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from farpoint._kernels.covariance import growth_by_few as few_parts_inflation
-from farpoint._kernels.sharing import LIKELY
+from farpoint._kernels.covariance import finite_sample_inflation
+from farpoint._kernels.design_effect import CORRELATED_Z
 from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches
 
@@ -30,9 +30,9 @@ def count_residual_correlation(
     independent ones: without the design effect the covariance, the evidence for translation and the
     odds of two motions are overconfident. Above `SIGNIFICANT` the noise counts as misspecified.
     """
-    if matches.misspecification > 1.0 or fit.correlation_z < LIKELY:
+    if matches.misspecification > 1.0 or fit.correlation_z < CORRELATED_Z:
         return matches, fit
-    effect = max(few_parts_inflation(FREEDOM) * BEYOND_PARTS * fit.design_effect, 1.0)
+    effect = max(finite_sample_inflation(FREEDOM) * BEYOND_PARTS * fit.design_effect, 1.0)
     is_misspecified = fit.correlation_z > SIGNIFICANT
     fitted = fit.matches.with_design_effect(effect, is_misspecified=is_misspecified)
     counted = matches.with_design_effect(effect, is_misspecified=is_misspecified)

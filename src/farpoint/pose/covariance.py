@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.coherence import coherence as patch_correlation
-from farpoint._kernels.contest import GATE_SIGMA
 from farpoint._kernels.covariance import covariance_around
-from farpoint._kernels.halves import MOST, disagreement
-from farpoint._kernels.patches import deal as split_patches
-from farpoint._kernels.sharing import ASKED
+from farpoint._kernels.design_effect import MAX_QUERIED
+from farpoint._kernels.hypothesis_comparison import GATE_SIGMA
+from farpoint._kernels.patches import split_patches
+from farpoint._kernels.residual_correlation import patch_correlation
+from farpoint._kernels.split_halves import MAX_RATIO, pose_difference_ratio
 from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.general_motion import GeneralMotionFit, linearisation_point, packed_pose
@@ -91,7 +91,7 @@ def split_half_ratio(fit: GeneralMotionFit, splits: int) -> float | None:
     packed = matches.packed(fit.per_match[0], soft_cheirality=True)
     inliers, patch = float(np.add.reduce(fit.probability)), patches_of(matches.rays0)
     pose, is_shrunk = packed_pose(fit), fit.has_shrunk_flow
-    return disagreement(packed, pose, inliers, is_shrunk, splits, patch, state) / OF_NOISE
+    return pose_difference_ratio(packed, pose, inliers, is_shrunk, splits, patch, state) / OF_NOISE
 
 
 def split_half_ratio_of_rotation(
@@ -115,7 +115,7 @@ def split_half_ratio_of_rotation(
         expected = one.covariance + other.covariance
         if fixes_rotation(expected):
             apart = rotation_vector(one.R_cam1_from_cam0 @ other.R_cam1_from_cam0.T)
-            squares.append(min(size2(apart, expected) / 3.0, MOST))
+            squares.append(min(size2(apart, expected) / 3.0, MAX_RATIO))
     return float(np.mean(squares)) if squares else 1.0
 
 
@@ -165,7 +165,7 @@ def inflation_between_patches(fit: GeneralMotionFit) -> float:
     matches, inlier = fit.matches, np.flatnonzero(fit.probability > 0.5)
     patch = patches_of(matches.rays0)
     correlation = patch_correlation(
-        matches.pairs, fit.residual, inlier, patch, fit.noise.sigma, ASKED
+        matches.pairs, fit.residual, inlier, patch, fit.noise.sigma, MAX_QUERIED
     )
     correlation = max(correlation, fit.merged_mode_correlation)
     return 1.0 + SLOPE * max(correlation - CORRELATED, 0.0)

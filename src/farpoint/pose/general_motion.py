@@ -12,15 +12,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.contest import NEAR, START_POOR, START_REPEATED
-from farpoint._kernels.five_rays import Effort
-from farpoint._kernels.likelihood import explain
-from farpoint._kernels.mixture import TAIL
+from farpoint._kernels.five_rays import SearchBudget
+from farpoint._kernels.hypothesis_comparison import (
+    MODE_MARGIN,
+    START_REPEATED_SHARE,
+    START_TAIL_SHARE,
+)
+from farpoint._kernels.likelihood import evaluate_residuals
+from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.motion import fit_motion
+from farpoint._kernels.motion_refinement import (
+    MAX_SEARCHED,
+    MotionBuffers,
+    MotionSummary,
+    refine_motion,
+)
 from farpoint._kernels.pairs import LANES, PANEL, packed_length
-from farpoint._kernels.plausible import BAND_SIGMA
-from farpoint._kernels.pose import PackedMatches, Pose, Seen
-from farpoint._kernels.settling import MAX_SEARCHED, Found, Settled, settle_motion
+from farpoint._kernels.parallax_prior import BAND_SIGMA
+from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise
@@ -198,7 +207,7 @@ def fit_general_motion(
     n = len(matches)
     found = _empty_buffers(n)
     samples = max(options.min_iterations, math.ceil(HALF_DRAWN * math.comb(n, 5)))
-    budget = Effort(
+    budget = SearchBudget(
         tolerance=tolerance,
         confidence=options.confidence,
         min_iterations=options.min_iterations,
@@ -207,12 +216,12 @@ def fit_general_motion(
     iterations, is_planar, has_mode, has_close_mode, numbers = fit_motion(
         _packed(matches, found), budget, _least_signal(matches), state, found
     )
-    mode = (found.R_rival, found.t_rival) if has_mode else None
-    summary = Settled(*numbers)
+    mode = (found.R_secondary, found.t_secondary) if has_mode else None
+    summary = MotionSummary(*numbers)
     fit = _general_motion_fit(matches, iterations, bool(is_planar), mode, found, summary)
     if not has_close_mode:
         return fit
-    close = refit_general_motion(matches, fit.at(found.R_second, found.t_second))
+    close = refit_general_motion(matches, fit.at(found.R_close, found.t_close))
     if not is_clearly_likelier(close, fit):
         return fit
     return replace(close, secondary_mode=(fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0))
@@ -239,7 +248,7 @@ def fit_with_bounded_noise(
 
 def is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool:
     """Whether a fit is likelier than another by more than the margin of modes to be compared."""
-    return is_likelier(fit, other, by=NEAR)
+    return is_likelier(fit, other, by=MODE_MARGIN)
 
 
 def is_likelier(fit: GeneralMotionFit, other: GeneralMotionFit, by: float = 0.0) -> bool:
@@ -265,7 +274,7 @@ def refit_general_motion(matches: Matches, fit: GeneralMotionFit | Start) -> Gen
         t=fit.direction_cam1_from_cam0.copy(),
         mixture=fit.noise.array,
     )
-    summary = Settled(*settle_motion(_packed(matches, found), _least_signal(matches), found))
+    summary = MotionSummary(*refine_motion(_packed(matches, found), _least_signal(matches), found))
     return _general_motion_fit(
         matches, fit.iterations, fit.is_planar, fit.secondary_mode, found, summary
     )
@@ -279,34 +288,34 @@ def start_at(pose: RelativePose) -> Start:
     assert noise is not None
     stats = pose.stats
     outlier_share = (1.0 + stats.outliers) / (2.0 + stats.matches)  # Laplace's rule of succession
-    return Start(R, t, Noise(noise**2, outlier_share, START_POOR, START_REPEATED), R)
+    return Start(R, t, Noise(noise**2, outlier_share, START_TAIL_SHARE, START_REPEATED_SHARE), R)
 
 
 def evaluate_matches(matches: Matches, fit: GeneralMotionFit | Start) -> np.ndarray:
     """Residual, parallax and inlier probability (3, N) of any matches by the motion fitted.
 
-    As of `likelihood.explain`, with the noise of these matches and a uniform prior along the
-    epipolar lines.
+    As of `likelihood.evaluate_residuals`, with the noise of these matches and a uniform prior
+    along the epipolar lines.
     """
     rows = np.empty((3, packed_length(len(matches))))
     half_width, prior = matches.outlier_half_width, matches.weights()
-    explain(linearisation_point(fit, half_width, matches.pairs, prior), *rows)
+    evaluate_residuals(linearisation_point(fit, half_width, matches.pairs, prior), *rows)
     return rows[:, : len(matches)]
 
 
 def linearisation_point(
     fit: GeneralMotionFit | Start, half_width: float, pairs: np.ndarray, prior: np.ndarray
-) -> Seen:
+) -> LinearisationPoint:
     """Motion, noise and matches with their prior, for the kernels."""
     noise = fit.noise
-    return Seen(
+    return LinearisationPoint(
         pairs,
         prior,
         fit.R_cam1_from_cam0,
         fit.direction_cam1_from_cam0,
         noise.array,
         half_width,
-        TAIL,
+        LONG_TAIL,
     )
 
 
@@ -325,26 +334,26 @@ def _least_signal(matches: Matches) -> float:
     return 1.0 - MOST_NOISE / (sigma * sigma)
 
 
-def _packed(matches: Matches, found: Found) -> PackedMatches:
+def _packed(matches: Matches, found: MotionBuffers) -> PackedMatches:
     """The matches as the kernels take them; the kernels write their prior into ``found``."""
-    return matches.packed(found.said[0], soft_cheirality=True)
+    return matches.packed(found.per_match[0], soft_cheirality=True)
 
 
-def _empty_buffers(n: int) -> Found:
+def _empty_buffers(n: int) -> MotionBuffers:
     """Output buffers of the kernels for a motion of n matches."""
-    return Found(
+    return MotionBuffers(
         R_far=IDENTITY.copy(),
         R=np.empty((3, 3)),
         t=np.empty(3),
         mixture=np.empty(4),
-        said=np.empty((4, packed_length(n))),
+        per_match=np.empty((4, packed_length(n))),
         labels=np.empty(n, np.uint8),
         covariance=np.empty((5, 5)),
-        R_second=np.empty((3, 3)),
-        t_second=np.empty(3),
-        R_rival=np.empty((3, 3)),
-        t_rival=np.empty(3),
-        grown=np.empty(packed_length(n) // LANES * PANEL),
+        R_close=np.empty((3, 3)),
+        t_close=np.empty(3),
+        R_secondary=np.empty((3, 3)),
+        t_secondary=np.empty(3),
+        scaled_pairs=np.empty(packed_length(n) // LANES * PANEL),
     )
 
 
@@ -353,34 +362,34 @@ def _general_motion_fit(
     iterations: int,
     is_planar: bool,
     mode: tuple[np.ndarray, np.ndarray] | None,
-    found: Found,
-    summary: Settled,
+    found: MotionBuffers,
+    summary: MotionSummary,
 ) -> GeneralMotionFit:
-    if summary.grows:
-        matches = replace(matches, pairs=found.grown)
+    if summary.scales_with_parallax:
+        matches = replace(matches, pairs=found.scaled_pairs)
     return GeneralMotionFit(
         R_cam1_from_cam0=found.R,
         direction_cam1_from_cam0=found.t,
         noise=Noise(*found.mixture.tolist()),
         matches=matches,
-        per_match=found.said,
+        per_match=found.per_match,
         labels=found.labels,
         covariance=found.covariance,
-        has_shrunk_flow=bool(summary.is_predicted),
+        has_shrunk_flow=bool(summary.has_shrunk_flow),
         shows_direction=bool(summary.shows_direction),
         iterations=iterations,
         is_planar=is_planar,
         secondary_mode=mode,
         cost=summary.cost / len(matches),
         far_rotation_cam1_from_cam0=found.R_far,
-        laplace_factor=summary.narrowness,
+        laplace_factor=summary.laplace_factor,
         agreeing=summary.agreeing,
         sign_log_odds=summary.sign_log_odds,
         log_odds=summary.log_odds,
         beyond_rotation=summary.beyond_rotation,
         supporting=summary.supporting,
-        residual_correlation=summary.coherence,
-        correlation_z=summary.likeness,
+        residual_correlation=summary.residual_correlation,
+        correlation_z=summary.correlation_z,
         design_effect=summary.design_effect,
         merged_mode_correlation=0.0,
     )

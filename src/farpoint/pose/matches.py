@@ -9,7 +9,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from farpoint._kernels.mixture import TAIL
+from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.pairs import (
     FLOW,
     LANES,
@@ -159,7 +159,7 @@ class Matches:
         """As the kernels take them, in panels, with the ``prior`` of each match."""
         n, width = len(self), self.outlier_half_width
         least, most = self.min_variance, self.max_variance
-        return PackedMatches(self.pairs, prior, n, width, TAIL, least, most, soft_cheirality)
+        return PackedMatches(self.pairs, prior, n, width, LONG_TAIL, least, most, soft_cheirality)
 
     def weights(self, values: np.ndarray | float = 1.0) -> np.ndarray:
         """Values of the matches (N,) as the kernels take them: 0 where the panels are filled up."""

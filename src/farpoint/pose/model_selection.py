@@ -19,8 +19,12 @@ import numpy as np
 import scipy  # its parts load on first use
 
 from farpoint._kernels.evidence import NEAR_SIGMA
-from farpoint._kernels.settling import MAX_SEARCHED
-from farpoint._kernels.turning import Judged, flow_beside_rotation, likelier_moving
+from farpoint._kernels.motion_refinement import MAX_SEARCHED
+from farpoint._kernels.pure_rotation import (
+    MatchProbabilities,
+    flow_beside_rotation,
+    translation_log_ratio,
+)
 from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose.certainty import MAX_DIRECTION_SIGMA
 from farpoint.pose.general_motion import GeneralMotionFit
@@ -119,8 +123,10 @@ def _log_ratio_to_rotation(fit: GeneralMotionFit, pure_rotation: PureRotationFit
     if fit.agreeing <= MINIMAL:
         return 0.0
     sigma, half_width = fit.noise.sigma, fit.matches.outlier_half_width
-    gain = likelier_moving(
-        Judged(fit.per_match[0], fit.parallax, fit.probability, pure_rotation.probability),
+    gain = translation_log_ratio(
+        MatchProbabilities(
+            fit.per_match[0], fit.parallax, fit.probability, pure_rotation.probability
+        ),
         sigma,
         2.0 * half_width / (math.sqrt(2.0 * math.pi) * sigma),
         math.log(fit.noise.outlier_share / pure_rotation.noise.outlier_share),

@@ -11,9 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.contest import GATE_SIGMA, START_POOR, START_WRONG
+from farpoint._kernels.hypothesis_comparison import (
+    GATE_SIGMA,
+    START_OUTLIER_SHARE,
+    START_TAIL_SHARE,
+)
 from farpoint._kernels.pairs import packed_length
-from farpoint._kernels.turning import fit_rotation
+from farpoint._kernels.pure_rotation import fit_rotation
 from farpoint.pose.information import symmetric_inverse
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise
@@ -57,7 +61,7 @@ def fit_pure_rotation(matches: Matches, R_start: np.ndarray, tolerance: float) -
     n, size = len(matches), packed_length(len(matches))
     R, information = R_start.copy(), np.empty((3, 3))
     distance2, inlier = np.empty(size), np.empty(size)
-    mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_WRONG, START_POOR])
+    mixture = np.array([(tolerance / GATE_SIGMA) ** 2, START_OUTLIER_SHARE, START_TAIL_SHARE])
     cost, laplace_factor = fit_rotation(
         matches.pairs,
         n,

@@ -15,8 +15,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from farpoint._kernels.evidence import find_standing
-from farpoint._kernels.plausible import BAND_SIGMA
+from farpoint._kernels.evidence import find_stationary
+from farpoint._kernels.parallax_prior import BAND_SIGMA
 from farpoint.geometry.sphere import tangent_basis
 from farpoint.pose.general_motion import (
     GeneralMotionFit,
@@ -84,7 +84,7 @@ def without_stationary(
     """
     stationary = np.empty(len(matches), bool)
     within = min(STILL_SIGMA * fit.noise.sigma, tolerance)
-    count = find_standing(matches.pairs, within, stationary)
+    count = find_stationary(matches.pairs, within, stationary)
     least, most = LEAST_SHARE * len(matches), MOST_SHARE * len(matches)
     if count < FEWEST or not least <= count <= most:
         return matches, fit

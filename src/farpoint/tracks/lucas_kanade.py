@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint._kernels.lucas_kanade import Levels, blank_workspace, follow_windows
-from farpoint._kernels.windows import Patience
+from farpoint._kernels.windows import Termination
 from farpoint.tracks.options import LucasKanadeOptions
 from farpoint.tracks.pyramid import Pyramid
 
@@ -94,7 +94,7 @@ def _forward_backward(
         Levels(image1.values, image1.layout[: level + 1]),
         points0,
         start,
-        Patience(options.max_iterations, options.tolerance_px),
+        Termination(options.max_iterations, options.tolerance_px),
         options.forward_backward_px,
         blank_workspace(options.window_px // 2),
         points1,

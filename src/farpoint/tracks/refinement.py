@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from farpoint._kernels.affine_match import Belief, Matched, blank_workspace, match_windows
-from farpoint._kernels.windows import Patience
+from farpoint._kernels.affine_match import Matched, ParameterPrior, blank_workspace, match_windows
+from farpoint._kernels.windows import Termination
 from farpoint.tracks.options import RefinementOptions
 from farpoint.tracks.pyramid import Pyramid
 from farpoint.tracks.tracks import Windows
@@ -75,8 +75,8 @@ def refine(
         image0.level(0),
         image1.level(0),
         np.ascontiguousarray(points0, dtype=np.float64),
-        Belief(_precision(options), options.noise_floor**2),
-        Patience(options.max_iterations, options.tolerance_px),
+        ParameterPrior(_precision(options), options.noise_floor**2),
+        Termination(options.max_iterations, options.tolerance_px),
         blank_workspace(options.window_px // 2),
         Matched(matched, windows.warps, covariance_px2, correlation, windows.quadratic_bias),
     )

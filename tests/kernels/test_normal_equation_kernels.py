@@ -1,4 +1,4 @@
-"""Sums of squares, and what solves them, against NumPy."""
+"""Normal equations and their solution, against NumPy."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from farpoint._kernels import squares
+from farpoint._kernels import normal_equations
 from farpoint._kernels.compile import kernel
 
 quick = settings(max_examples=60, deadline=None)
@@ -16,43 +16,43 @@ seeds = st.integers(0, 2**32)
 
 @kernel
 def gram_of_six(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
-    sums = squares.SIX
+    sums = normal_equations.SIX
     for i in range(rows.shape[0]):
         row = rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3], rows[i, 4], rows[i, 5]
-        sums = squares.add_six(sums, weights[i], row)
-    squares.write_six(sums, out)
+        sums = normal_equations.add_six(sums, weights[i], row)
+    normal_equations.write_six(sums, out)
 
 
 @kernel
 def gram_of_five(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
-    sums = squares.FIVE
+    sums = normal_equations.FIVE
     for i in range(rows.shape[0]):
         row = rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3], rows[i, 4]
-        sums = squares.add_five(sums, weights[i], row)
-    squares.write_five(sums, out)
+        sums = normal_equations.add_five(sums, weights[i], row)
+    normal_equations.write_five(sums, out)
 
 
 @kernel
 def solve_five(normal: np.ndarray, damping: float, x: np.ndarray) -> bool:
-    return squares.solve_five_spd(normal, damping, x)
+    return normal_equations.solve_five_spd(normal, damping, x)
 
 
 @kernel
-def promised(normal: np.ndarray, x: np.ndarray) -> tuple:
-    return squares.promise(normal, x)
+def decrease_of(normal: np.ndarray, x: np.ndarray) -> tuple:
+    return normal_equations.predicted_decrease(normal, x)
 
 
 @kernel
 def solve_three(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray) -> bool:
-    return squares.solve_three_spd(H, g, damping, x)
+    return normal_equations.solve_three_spd(H, g, damping, x)
 
 
 @kernel
 def size2(H: np.ndarray, row: np.ndarray) -> float:
-    inverse, positive = squares.inverse_square(H)
+    inverse, positive = normal_equations.inverse_square(H)
     if not positive:
         return -1.0
-    return squares.size2(inverse, (row[0], row[1], row[2], row[3], row[4]))
+    return normal_equations.size2(inverse, (row[0], row[1], row[2], row[3], row[4]))
 
 
 def damped(H: np.ndarray, damping: float) -> np.ndarray:
@@ -78,7 +78,7 @@ def test_normal_equations_are_solved(seed, damping):
     assert solve_five(normal, damping, x)
     expected = np.linalg.solve(damped(normal[:5, :5], damping), normal[:5, 5])
     np.testing.assert_allclose(x, expected, rtol=1e-8, atol=1e-10)
-    np.testing.assert_allclose(promised(normal, x), [normal[:5, 5] @ x, x @ x], rtol=1e-12)
+    np.testing.assert_allclose(decrease_of(normal, x), [normal[:5, 5] @ x, x @ x], rtol=1e-12)
     np.testing.assert_array_equal(normal, kept)
 
 
@@ -140,7 +140,7 @@ def test_a_row_is_measured_by_the_inverse(seed):
 
 @kernel
 def beside_one(H: np.ndarray) -> tuple:
-    return squares.determinant_beside_one(H)
+    return normal_equations.determinant_beside_one(H)
 
 
 def test_the_determinant_beside_one():

@@ -1,4 +1,4 @@
-"""By how much two halves of the matches disagree, held against the same written in NumPy."""
+"""Split-half ratio, against a reference in NumPy."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import pytest
 from kernels_kit import View, matches_of, packed, pose_of, shaken, two_views
 
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.covariance import MEASURED, SIGNAL, covariance_here
-from farpoint._kernels.halves import MOST, disagreement
+from farpoint._kernels.covariance import MEASURED_FLOW, MIN_SIGNAL_NEARBY, covariance_here
 from farpoint._kernels.pairs import LANES, PANEL, packed_length, take_pairs
-from farpoint._kernels.patches import deal
-from farpoint._kernels.pose import PackedMatches, Pose, Seen
+from farpoint._kernels.patches import split_patches
+from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.refinement import refine_pose
+from farpoint._kernels.split_halves import MAX_RATIO, pose_difference_ratio
 from farpoint.geometry import so3, sphere
 
 MIXTURE = np.array([1.0, 0.02, 0.02, 0.02])
-SPREAD = 500.0
-DEALS = np.int64(8)
-RIGHT = 40.0
+HALF_WIDTH = 500.0
+SPLITS = np.int64(8)
+INLIERS = 40.0
 
 
 def generator() -> np.ndarray:
@@ -26,26 +26,35 @@ def generator() -> np.ndarray:
 
 
 def fitted(seed: int, matches: int, times: int = 1) -> tuple[PackedMatches, Pose]:
-    """Matches with the noise of their factors, each so many times, and the likeliest pose."""
+    """Matches with the noise of their factors, each ``times`` times, and the likeliest pose."""
     view = shaken(two_views(seed, matches), seed)
     repeated = [np.repeat(array, times, axis=0) for array in view[:4]]
     view = View(*repeated, view.R, view.t)
-    given, pose = matches_of(view, SPREAD, gives_way=True), pose_of(view.R, view.t, MIXTURE)
+    given, pose = (
+        matches_of(view, HALF_WIDTH, soft_cheirality=True),
+        pose_of(view.R, view.t, MIXTURE),
+    )
     refine_pose(given, 1e-6, 30, pose)
     return given, pose
 
 
 @kernel
-def _here(seen: Seen, right: float, out: np.ndarray) -> bool:
-    return covariance_here(seen, right, MEASURED, SIGNAL, out)
+def _here(point: LinearisationPoint, inliers: float, out: np.ndarray) -> bool:
+    return covariance_here(point, inliers, MEASURED_FLOW, MIN_SIGNAL_NEARBY, out)
 
 
 def expected_of(matches: PackedMatches, pose: Pose) -> np.ndarray:
     covariance = np.empty((5, 5))
-    seen = Seen(
-        matches.pairs, matches.prior, pose.R, pose.t, pose.mixture, matches.spread, matches.tail
+    point = LinearisationPoint(
+        matches.pairs,
+        matches.prior,
+        pose.R,
+        pose.t,
+        pose.mixture,
+        matches.outlier_half_width,
+        matches.long_tail,
     )
-    assert _here(seen, RIGHT, covariance)
+    assert _here(point, INLIERS, covariance)
     return covariance
 
 
@@ -53,16 +62,16 @@ def each_by_itself(count: int) -> np.ndarray:
     return np.arange(count)
 
 
-def told(matches: PackedMatches, pose: Pose, patch: np.ndarray) -> float:
-    return disagreement(matches, pose, RIGHT, False, DEALS, patch, generator())
+def computed(matches: PackedMatches, pose: Pose, patch: np.ndarray) -> float:
+    return pose_difference_ratio(matches, pose, INLIERS, False, SPLITS, patch, generator())
 
 
 def apart(one: Pose, other: Pose, pose: Pose) -> np.ndarray:
-    turn = so3.log(one.R @ other.R.T)
-    return np.concatenate([turn, sphere.tangent_basis(pose.t).T @ (one.t - other.t)])
+    rotation = so3.log(one.R @ other.R.T)
+    return np.concatenate([rotation, sphere.tangent_basis(pose.t).T @ (one.t - other.t)])
 
 
-def some_of(matches: PackedMatches, rows: np.ndarray) -> PackedMatches:
+def searched_pairs(matches: PackedMatches, rows: np.ndarray) -> PackedMatches:
     pairs = np.empty(packed_length(len(rows)) // LANES * PANEL)
     take_pairs(matches.pairs, rows, pairs)
     return matches._replace(pairs=pairs, prior=packed(matches.prior[rows]), total=len(rows))
@@ -81,45 +90,45 @@ def test_it_is_the_mean_over_halves_of_what_they_differ_by(patches):
     matches.prior[:45] = rng.uniform(0.5, 1.0, 45)
     patch, state = rng.permutation(np.arange(45) % patches), generator()
     squares = []
-    for _ in range(DEALS):
+    for _ in range(SPLITS):
         half = np.empty(45, np.int64)
-        deal(patch, state, half)
-        halves = [some_of(matches, np.flatnonzero(half == k)) for k in (0, 1)]
+        split_patches(patch, state, half)
+        halves = [searched_pairs(matches, np.flatnonzero(half == k)) for k in (0, 1)]
         covariance = sum(expected_of(half, pose) for half in halves)
         difference = apart(*(refined(half, pose) for half in halves), pose)
         squares.append(difference @ np.linalg.solve(covariance, difference) / 5.0)
-    shown = told(matches, pose, patch)
+    shown = computed(matches, pose, patch)
     assert shown == pytest.approx(np.mean(squares), rel=1e-4)
-    assert told(matches, pose, patch) == shown
+    assert computed(matches, pose, patch) == shown
 
 
 def mean_disagreement(apart_rad: float) -> float:
-    """Where half of 60 matches ask for a motion with another rotation."""
+    """Mean ratio where half of 60 matches have a motion with another rotation."""
     shown = []
     for seed in range(12):
         view = shaken(two_views(seed, 60), seed)
         axis = sphere.normalize(np.random.default_rng(seed).normal(size=3))
         view.rays1[:30] = view.rays1[:30] @ so3.exp(apart_rad * axis).T
-        matches = matches_of(view, SPREAD, gives_way=True)
+        matches = matches_of(view, HALF_WIDTH, soft_cheirality=True)
         pose = pose_of(view.R, view.t, MIXTURE)
         refine_pose(matches, 1e-6, 30, pose)
-        shown.append(told(matches, pose, each_by_itself(60)))
+        shown.append(computed(matches, pose, each_by_itself(60)))
     return float(np.mean(shown))
 
 
-def test_halves_disagree_where_matches_ask_for_two_motions():
-    # 0.8 and 1.5: which motion a half follows is decided by few.
-    alike, apart_by_far = mean_disagreement(0.0), mean_disagreement(0.06)
-    assert 0.7 < alike < 0.95
-    assert apart_by_far > 1.6 * alike
+def test_the_ratio_is_large_where_matches_have_two_motions():
+    # 0.8 and 1.5: a few matches decide which motion a half follows.
+    one_motion, two_motions = mean_disagreement(0.0), mean_disagreement(0.06)
+    assert 0.7 < one_motion < 0.95
+    assert two_motions > 1.6 * one_motion
 
 
-def test_what_a_patch_has_in_common_shows_where_it_is_dealt_as_one():
+def test_common_errors_of_a_patch_raise_the_ratio_if_it_stays_in_one_half():
     shown = []
     for seed in range(30):
         matches, pose = fitted(seed, 60, times=5)
         patch = np.arange(300) // 5
-        shown.append([told(matches, pose, p) for p in (patch, each_by_itself(300))])
+        shown.append([computed(matches, pose, p) for p in (patch, each_by_itself(300))])
     by_patch, by_match = np.mean(shown, axis=0)
     assert 4.0 < by_patch < 6.0
     assert by_match < 1.5
@@ -127,26 +136,34 @@ def test_what_a_patch_has_in_common_shows_where_it_is_dealt_as_one():
 
 def test_noise_that_is_larger_than_was_thought_shows():
     matches, pose = fitted(3, 200)
-    shown = told(matches, pose, each_by_itself(200))
-    too_sure = pose._replace(mixture=pose.mixture * [0.25, 1.0, 1.0, 1.0])
-    # Not four times as much: the scatter of the residuals is heard, too.
-    assert told(matches, too_sure, each_by_itself(200)) > 1.5 * shown
+    shown = computed(matches, pose, each_by_itself(200))
+    too_confident = pose._replace(mixture=pose.mixture * [0.25, 1.0, 1.0, 1.0])
+    # Less than 4 times as large: the covariance contains the scatter of the residuals, too.
+    assert computed(matches, too_confident, each_by_itself(200)) > 1.5 * shown
 
 
-def test_no_deal_counts_as_more_than_the_most():
+def test_the_ratio_of_one_split_is_bounded():
     """Two motions of 800 matches each, three sigma apart, and one motion in each half."""
     view = shaken(two_views(5, 1600), 5)
     view.rays1[800:] = view.rays1[800:] @ so3.exp(np.array([0.0, 0.003, 0.0])).T
-    matches, pose = matches_of(view, SPREAD, gives_way=True), pose_of(view.R, view.t, MIXTURE)
+    matches, pose = (
+        matches_of(view, HALF_WIDTH, soft_cheirality=True),
+        pose_of(view.R, view.t, MIXTURE),
+    )
     refine_pose(matches, 1e-6, 30, pose)
-    assert told(matches, pose, np.arange(1600) // 800) == MOST
-    assert told(matches, pose, each_by_itself(1600)) < 2.0
+    assert computed(matches, pose, np.arange(1600) // 800) == MAX_RATIO
+    assert computed(matches, pose, each_by_itself(1600)) < 2.0
 
 
 def test_halves_that_fix_no_motion_count_as_expected():
     view, pose = two_views(5, 60), pose_of(*two_views(5, 60)[4:], MIXTURE)
     point = [np.tile(rays[:1], (60, 1)) for rays in view[:2]]
-    matches = matches_of(view._replace(rays0=point[0], rays1=point[1]), SPREAD, gives_way=True)
-    assert told(matches, pose, each_by_itself(60)) == 1.0
+    matches = matches_of(
+        view._replace(rays0=point[0], rays1=point[1]), HALF_WIDTH, soft_cheirality=True
+    )
+    assert computed(matches, pose, each_by_itself(60)) == 1.0
     # All in one patch: there is no second half.
-    assert told(matches_of(view, SPREAD, gives_way=True), pose, np.zeros(60, np.int64)) == 1.0
+    assert (
+        computed(matches_of(view, HALF_WIDTH, soft_cheirality=True), pose, np.zeros(60, np.int64))
+        == 1.0
+    )

@@ -1,8 +1,7 @@
-"""Positive matrices of some tens of rows: Cholesky's factor, solutions, inverses, elimination.
+"""Positive definite matrices of some tens of rows: Cholesky factor, solution, inverse, elimination.
 
-Without BLAS, whose threads wait for each other longer than such a product takes.
-
-These loops are plain `numba.njit`: arrays in, the caller's arrays out.
+Without BLAS, whose threads wait for each other longer than such a product takes. These loops are
+plain `numba.njit`: arrays in, the caller's arrays out.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ _loop: Any = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contrac
 
 @_loop
 def factorise(H, damping, unit, L):
-    """Factor L (D, D), lower, of ``H`` in units (D,) that make its diagonal ``1 + damping``.
+    """Lower factor L (D, D) of ``H`` in units (D,) that make its diagonal ``1 + damping``.
 
     Returns
     -------
     bool
-        Whether it is positive.
+        Whether the matrix is positive definite.
     """
     n = len(H)
     for i in range(n):
@@ -48,7 +47,7 @@ def factorise(H, damping, unit, L):
 
 @_loop
 def solve(L, unit, g, x):
-    """``H x = g`` by the factor of H."""
+    """Solve ``H x = g`` by the factor of H."""
     n = len(g)
     for i in range(n):
         total = g[i] * unit[i]
@@ -65,9 +64,9 @@ def solve(L, unit, g, x):
 
 @_loop
 def invert(L, unit, columns, out):
-    """Inverse of H (D, D) by its factor; ``columns`` (D, D) is scratch."""
+    """Inverse of H (D, D) by its factor; ``columns`` (D, D) is a buffer."""
     n = len(L)
-    # Columns of the factor's inverse, each in a row.
+    # Columns of the inverse factor, each in a row.
     for j in range(n):
         columns[j, j] = 1.0 / L[j, j]
         for i in range(j + 1, n):
@@ -85,9 +84,9 @@ def invert(L, unit, columns, out):
 
 @_loop
 def eliminate_points(coupling, point_h, point_g, damping, H, g):
-    """Take from H (D, D) and g (D,) what points know that are told by these: Schur's complement.
+    """Schur complement: eliminate the inverse depths of points from H (D, D) and g (D,).
 
-    ``coupling`` (M, D) has few columns in each row that are not zero.
+    ``coupling`` (M, D) has few non-zero columns per row.
     """
     D = len(g)
     where, values = np.empty(D, np.int64), np.empty(D)
@@ -112,9 +111,9 @@ def eliminate_points(coupling, point_h, point_g, damping, H, g):
 
 
 @_loop
-def point_variances(rows, coupling, point_h, spread, variances):
-    """Variances (R,) of the inverse distances of some points, with those (D, D) of all else."""
-    D = len(spread)
+def point_variances(rows, coupling, point_h, covariance, variances):
+    """Variances (R,) of the inverse depths of points, with the covariance (D, D) of the rest."""
+    D = len(covariance)
     where, values = np.empty(D, np.int64), np.empty(D)
     for r in range(len(rows)):
         j = rows[r]
@@ -126,5 +125,5 @@ def point_variances(rows, coupling, point_h, spread, variances):
         total = 0.0
         for i in range(n):
             for k in range(n):
-                total += values[i] * values[k] * spread[where[i], where[k]]
+                total += values[i] * values[k] * covariance[where[i], where[k]]
         variances[r] = (1.0 + total / point_h[j]) / point_h[j]

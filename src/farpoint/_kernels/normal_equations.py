@@ -1,8 +1,8 @@
-"""Least squares in registers: sums of ``weight row row^T``, and what they are equal to.
+"""Normal equations in registers: sums of ``weight row row^T``, and their solution.
 
-A sum is kept as a tuple, the lower triangle by rows: an array would make each term wait for the one
-before to be stored. For the same reason the factors of a matrix are written out: three times as
-fast as loops over indices, which wait for memory and for one root after another.
+A sum is a tuple, the lower triangle by rows: in an array every term would wait for the previous one
+to be stored. The factors of a matrix are written out for the same reason: 3 times as fast as loops
+over indices.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = [
     "add_to_square",
     "determinant_beside_one",
     "inverse_square",
-    "promise",
+    "predicted_decrease",
     "sandwich_five",
     "size2",
     "solve_five_spd",
@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 Sums = tuple[float, ...]
-# The sum of nothing, for rows of so many numbers.
+# Empty sums for rows of 4, 5 and 6 numbers.
 FOUR: Sums = (0.0,) * 10
 FIVE: Sums = (0.0,) * 15
 SIX: Sums = (0.0,) * 21
@@ -41,7 +41,7 @@ SIX: Sums = (0.0,) * 21
 
 @inlined_sum
 def add_four(sums: Sums, weight: float, row: Sums) -> Sums:
-    """``sums + weight row row^T``, of four numbers."""
+    """``sums + weight row row^T`` for rows of 4 numbers."""
     aa, ba, bb, ca, cb, cc, da, db, dc, dd = sums
     a, b, c, d = row
     u, v, w, x = weight * a, weight * b, weight * c, weight * d
@@ -61,7 +61,7 @@ def add_four(sums: Sums, weight: float, row: Sums) -> Sums:
 
 @inlined_sum
 def add_five(sums: Sums, weight: float, row: Sums) -> Sums:
-    """``sums + weight row row^T``, of five numbers."""
+    """``sums + weight row row^T`` for rows of 5 numbers."""
     ea, eb, ec, ed, ee = sums[10:]
     a, b, c, d, e = row
     by_e = weight * e
@@ -71,7 +71,7 @@ def add_five(sums: Sums, weight: float, row: Sums) -> Sums:
 
 @inlined_sum
 def add_six(sums: Sums, weight: float, row: Sums) -> Sums:
-    """``sums + weight row row^T``, of six numbers."""
+    """``sums + weight row row^T`` for rows of 6 numbers."""
     fa, fb, fc, fd, fe, ff = sums[15:]
     a, b, c, d, e, f = row
     by_f = weight * f
@@ -153,7 +153,7 @@ def _factor(triangle: Sums, damping: float) -> tuple[Sums, bool]:
 
 @inlined_kernel
 def _is_positive(pivot: float, diagonal: float) -> bool:
-    """Whether an element of D is more than the rounding of the matrix's own."""
+    """Whether a pivot of D exceeds the rounding of the matrix's diagonal."""
     return (pivot > 1e-14 * diagonal) & (pivot < math.inf)
 
 
@@ -182,7 +182,7 @@ def _solve(factors: Sums, right: Sums) -> Sums:
 
 @inner_kernel
 def solve_five_spd(normal: np.ndarray, damping: float, x: np.ndarray) -> bool:
-    """Solve normal equations (6, 6), the right side in their last column, for the five of a pose.
+    """Solve normal equations (6, 6), right side in the last column, for the five of a pose.
 
     As `solve_three_spd`.
     """
@@ -196,7 +196,7 @@ def solve_five_spd(normal: np.ndarray, damping: float, x: np.ndarray) -> bool:
 def solve_three_spd(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray) -> bool:
     """Solve ``(H + damping * diag(H)) x = g``, all (3, 3) and (3,).
 
-    False, and ``x`` without a meaning, where that is not positive definite.
+    False, and ``x`` undefined, if the matrix is not positive definite.
     """
     more = 1.0 + damping
     p = more * H[0, 0]
@@ -218,7 +218,7 @@ def solve_three_spd(H: np.ndarray, g: np.ndarray, damping: float, x: np.ndarray)
 def sandwich_five(
     whole: np.ndarray, part: np.ndarray, inner: np.ndarray, least: float, out: np.ndarray
 ) -> bool:
-    """As `linear.sandwich`; ``out`` has no meaning where it is False."""
+    """As `linear.sandwich`; ``out`` is undefined where the result is False."""
     H, half = np.empty((5, 5)), np.empty((5, 5))
     for i in range(5):
         for j in range(5):
@@ -242,13 +242,13 @@ def sandwich_five(
 
 @inner_kernel
 def inverse_square(H: np.ndarray) -> tuple[Sums, bool]:
-    """What `size2` needs of a matrix (5, 5), and whether that is positive definite."""
+    """Factor of a matrix (5, 5) for `size2`, and whether the matrix is positive definite."""
     return _factor(_triangle_of(H), 0.0)
 
 
 @inlined_kernel
 def size2(inverse: Sums, row: Sums) -> float:
-    """``row^T H^-1 row`` with what `inverse_square` says of H."""
+    """``row^T H^-1 row`` by the factor of `inverse_square`."""
     a, b, c, d, e = _forward(inverse, row)
     over_a, over_b, over_c, over_d, over_e = inverse[10:]
     return a * a * over_a + b * b * over_b + c * c * over_c + d * d * over_d + e * e * over_e
@@ -256,7 +256,7 @@ def size2(inverse: Sums, row: Sums) -> float:
 
 @step_kernel
 def determinant_beside_one(H: np.ndarray) -> tuple[float, bool]:
-    """Determinant of ``H + 1``, of five rows and columns, and whether that is positive definite."""
+    """Determinant of ``H + I`` (5, 5), and whether it is positive definite."""
     a, ba, b, ca, cb, c, da, db, dc, d, ea, eb, ec, ed, e = _triangle_of(H)
     a, b, c, d, e = a + 1.0, b + 1.0, c + 1.0, d + 1.0, e + 1.0
     triangle = a, ba, b, ca, cb, c, da, db, dc, d, ea, eb, ec, ed, e
@@ -266,8 +266,8 @@ def determinant_beside_one(H: np.ndarray) -> tuple[float, bool]:
 
 
 @inlined_kernel
-def promise(normal: np.ndarray, x: np.ndarray) -> tuple[float, float]:
-    """What a step that solves normal equations gains, and its square."""
+def predicted_decrease(normal: np.ndarray, x: np.ndarray) -> tuple[float, float]:
+    """Predicted decrease ``g . x`` of the cost by a Gauss-Newton step ``x``, and ``|x|^2``."""
     gain = square = 0.0
     for k in range(5):
         gain += normal[k, 5] * x[k]

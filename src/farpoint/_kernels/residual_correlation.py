@@ -1,4 +1,4 @@
-"""Whether matches that lie side by side are off alike, as noise is not."""
+"""Correlation of residuals between neighbouring matches."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel
 from farpoint._kernels.pairs import address, ray0, ray1
-from farpoint._kernels.vectors import combine, dot
+from farpoint._kernels.vectors import axpby, dot
 
-__all__ = ["bounded", "coherence"]
+__all__ = ["bounded", "patch_correlation"]
 
-# No residual counts for more, in sigma.
-MOST_SIGMA = 3.0
-# All that lie less apart, rad, lie at one place.
-LEAST_WIDTH = 1e-12
+# Bound of the absolute residual, in sigma.
+MAX_SIGMA = 3.0
+# Least width of the image, rad, for the division into strips.
+MIN_WIDTH = 1e-12
 
 
 @kernel
-def coherence(
+def patch_correlation(
     pairs: np.ndarray,
     residual: np.ndarray,
     rows: np.ndarray,
@@ -27,18 +27,18 @@ def coherence(
     sigma: float,
     most: int,
 ) -> float:
-    """Correlation of the residuals of matches with those of their neighbours.
+    """Correlation of residuals with those of the nearest neighbour in another patch.
 
-    The neighbour is that of these ``rows``, in another ``patch`` (N,), which is nearest in both
-    images together. At ``most`` so many are asked for theirs. 0 on average where residuals are
-    noise; 0 as well where there are hardly any.
+    ``sum r_i r_nn(i) / sum r_i^2`` over at most ``most`` of the ``rows``. The nearest neighbour has
+    the least distance in both images together, among ``rows`` with another ``patch`` (N,). The
+    expectation is 0 for independent noise; 0 also without neighbours.
     """
     in_order = np.empty(rows.size, np.int64)
     _sort(pairs, rows, in_order)
-    asked = rows.size if rows.size < most else most
+    queried = rows.size if rows.size < most else most
     product = square = 0.0
-    for j in range(asked):
-        place = j * rows.size // asked
+    for j in range(queried):
+        place = j * rows.size // queried
         here, neighbour = int(in_order[place]), int(_neighbour(pairs, in_order, patch, place))
         if neighbour >= 0:
             own = bounded(residual[here], sigma)
@@ -49,11 +49,7 @@ def coherence(
 
 @inner_kernel
 def _sort(pairs: np.ndarray, rows: np.ndarray, in_order: np.ndarray) -> None:
-    """Bring rows in the order of their first coordinate in image 0.
-
-    First into strips, as many as there are rows, of equal width; then one by one, of those that lie
-    in one strip.
-    """
+    """Sort rows by their first coordinate in image 0: bucket sort, then insertion sort."""
     count = rows.size
     places, ends = np.empty(count), np.empty(count, np.int64)
     low, high = math.inf, -math.inf
@@ -61,7 +57,7 @@ def _sort(pairs: np.ndarray, rows: np.ndarray, in_order: np.ndarray) -> None:
         places[k] = ray0(pairs, address(rows[k]))[0]
         low, high = min(low, places[k]), max(high, places[k])
         ends[k] = 0
-    over = (count - 1.0) / max(high - low, LEAST_WIDTH)
+    over = (count - 1.0) / max(high - low, MIN_WIDTH)
     for k in range(count):
         ends[int((places[k] - low) * over)] += 1
     for s in range(1, count):
@@ -82,7 +78,7 @@ def _sort(pairs: np.ndarray, rows: np.ndarray, in_order: np.ndarray) -> None:
 
 @inner_kernel
 def _neighbour(pairs: np.ndarray, rows: np.ndarray, patch: np.ndarray, place: int) -> int:
-    """The row of another patch nearest to that at this place; -1 if there is none."""
+    """Row of the nearest match in another patch; -1 if there is none."""
     at, own = address(rows[place]), patch[rows[place]]
     nearest, found = math.inf, -1
     for way in (-1, 1):
@@ -99,13 +95,13 @@ def _neighbour(pairs: np.ndarray, rows: np.ndarray, patch: np.ndarray, place: in
 
 @inlined_kernel
 def _distances2(pairs: np.ndarray, at: int, other: int) -> tuple[float, float]:
-    """Of two matches, rad^2: by the first coordinate in image 0, and in both images together."""
-    first = combine(1.0, ray0(pairs, at), -1.0, ray0(pairs, other))
-    second = combine(1.0, ray1(pairs, at), -1.0, ray1(pairs, other))
+    """Squared distances, rad^2: by the first coordinate in image 0, and in both images."""
+    first = axpby(1.0, ray0(pairs, at), -1.0, ray0(pairs, other))
+    second = axpby(1.0, ray1(pairs, at), -1.0, ray1(pairs, other))
     return first[0] * first[0], dot(first, first) + dot(second, second)
 
 
 @inlined_kernel
 def bounded(residual: float, sigma: float) -> float:
-    """A residual in units of its sigma, as far as it counts."""
-    return min(max(residual / sigma, -MOST_SIGMA), MOST_SIGMA)
+    """Residual over sigma, clipped to `MAX_SIGMA`."""
+    return min(max(residual / sigma, -MAX_SIGMA), MAX_SIGMA)

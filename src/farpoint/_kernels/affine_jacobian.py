@@ -1,8 +1,9 @@
-"""What a window's residual depends on: its derivatives by the parameters, and sums of products.
+"""Jacobian of a window's residual by the affine parameters, and its products.
 
 With the gradients ``gx, gy`` and the contrast ``c = mean - I0``, a pixel ``(u, v)`` of a window has
 the derivatives ``[gx, gy, gx u, gx v, gy u, gy v, c, -1]`` by the parameters of `affine_match`.
-Only what differs from pixel to pixel is kept; the products are made where they are summed.
+Only the factors that differ from pixel to pixel are stored; products are formed where they are
+summed.
 """
 
 from __future__ import annotations
@@ -18,32 +19,33 @@ __all__ = [
     "PARAMETERS",
     "Template",
     "blank_template",
-    "changes",
+    "jacobian_products",
+    "jacobian_times",
     "linearise",
     "normal_matrix",
-    "pulls",
 ]
 
+# Displacement (2), warp (4), gain and offset.
 PARAMETERS = 8
 
 Nine = tuple[float, float, float, float, float, float, float, float, float]
 
 
 class Template(NamedTuple):
-    """A window of the first image, which the second is compared with."""
+    """Window of the first image, with the Jacobian of its residual."""
 
     window: Window
-    """With the gradients of the second image, as they are expected, once it is linearised."""
+    """With the gradients of the second image, as predicted by the prior, once linearised."""
     contrast: np.ndarray
-    """(S,) mean of the window less its values."""
+    """(S,) mean of the window minus its values."""
     u: np.ndarray
     """(S,) px to the right of the centre."""
     v: np.ndarray
-    """(S,) px below it."""
+    """(S,) px below the centre."""
 
 
 def blank_template(half: int) -> Template:
-    """Room for a template, which says where its pixels are."""
+    """Buffers of a template; ``u`` and ``v`` are filled in."""
     width = 2 * half + 1
     window = blank_window(half, line_px(width))
     size = width * window.line
@@ -55,9 +57,9 @@ def blank_template(half: int) -> Template:
 
 @step_kernel
 def linearise(template: Template, expected: np.ndarray) -> None:
-    """Turn Scharr's gradients into the second image's, as expected, and set the contrast.
+    """Transform Scharr's gradients into those predicted for the second image; set the contrast.
 
-    These are ``inv(I + M).T`` times the first's.
+    The predicted gradients are ``inv(I + M).T`` times the first's.
     """
     window, contrast = template.window, template.contrast
     grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
@@ -82,8 +84,8 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.floating:
 
 
 @inner_kernel
-def changes(template: Template, step: np.ndarray, out: np.ndarray) -> None:
-    """What every pixel changes by where the parameters do: its derivatives times a step of them."""
+def jacobian_times(template: Template, step: np.ndarray, out: np.ndarray) -> None:
+    """Jacobian times a step of the parameters: predicted change of every pixel."""
     window, contrast, us, vs = template.window, template.contrast, template.u, template.v
     gx, gy, inside = window.gx, window.gy, window.inside
     x, y, xu, xv = (
@@ -105,8 +107,8 @@ def changes(template: Template, step: np.ndarray, out: np.ndarray) -> None:
 
 
 @sum_kernel
-def pulls(template: Template, values: np.ndarray) -> Nine:
-    """Derivatives times values, summed over the window; and last the sum of the values' squares."""
+def jacobian_products(template: Template, values: np.ndarray) -> Nine:
+    """Jacobian transposed times values, and last the sum of the squared values."""
     window, contrast, us, vs = template.window, template.contrast, template.u, template.v
     gx, gy, inside = window.gx, window.gy, window.inside
     zero = np.float32(0.0)
@@ -137,8 +139,8 @@ def pulls(template: Template, values: np.ndarray) -> Nine:
 
 
 @sum_kernel
-def _spreads(template: Template) -> Nine:
-    """Products of the derivatives by M, summed: xu xu, xu xv, xv xv, xu yu, ... yv yv."""
+def _warp_products(template: Template) -> Nine:
+    """Sums of products of the derivatives by M: xu xu, xu xv, xv xv, xu yu, ... yv yv."""
     gx, gy, us, vs = template.window.gx, template.window.gy, template.u, template.v
     zero = np.float32(0.0)
     a, b, c, d, e, f, g, h, k = zero, zero, zero, zero, zero, zero, zero, zero, zero
@@ -160,13 +162,13 @@ def _spreads(template: Template) -> Nine:
 
 @step_kernel
 def normal_matrix(template: Template, normal: np.ndarray) -> None:
-    """Lower triangle of the sums over the window of products of two derivatives."""
+    """Lower triangle of the normal matrix: sums over the window of products of two derivatives."""
     window = template.window
-    _fill(pulls(template, window.gx), 0, 1.0, normal)
-    _fill(pulls(template, window.gy), 1, 1.0, normal)
-    _fill(pulls(template, template.contrast), 6, 1.0, normal)
-    _fill(pulls(template, window.inside), 7, -1.0, normal)
-    xuxu, xuxv, xvxv, xuyu, xuyv, xvyv, yuyu, yuyv, yvyv = _spreads(template)
+    _fill(jacobian_products(template, window.gx), 0, 1.0, normal)
+    _fill(jacobian_products(template, window.gy), 1, 1.0, normal)
+    _fill(jacobian_products(template, template.contrast), 6, 1.0, normal)
+    _fill(jacobian_products(template, window.inside), 7, -1.0, normal)
+    xuxu, xuxv, xvxv, xuyu, xuyv, xvyv, yuyu, yuyv, yvyv = _warp_products(template)
     normal[2, 2], normal[3, 2], normal[3, 3] = xuxu, xuxv, xvxv
     normal[4, 2], normal[4, 3], normal[5, 2], normal[5, 3] = xuyu, xuyv, xuyv, xvyv
     normal[4, 4], normal[5, 4], normal[5, 5] = yuyu, yuyv, yvyv

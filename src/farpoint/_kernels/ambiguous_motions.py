@@ -1,0 +1,174 @@
+"""Ambiguous motions: planar ambiguity and bas-relief ambiguity."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.arrays import clear
+from farpoint._kernels.compile import inner_kernel, step_kernel
+from farpoint._kernels.epipolar import flow_along, sampson
+from farpoint._kernels.linear import add, add_outer, apply_quaternion, kabsch, put
+from farpoint._kernels.normal_equations import solve_three_spd
+from farpoint._kernels.pairs import address, ray0, ray1
+from farpoint._kernels.parallax_prior import kth_largest
+from farpoint._kernels.vectors import (
+    Matrix,
+    Vector,
+    axpby,
+    cross,
+    dot,
+    matrix,
+    norm,
+    rotate,
+    rotate_back,
+    vector,
+)
+
+__all__ = ["bas_relief_motion", "second_planar_motion"]
+
+
+@inner_kernel
+def second_planar_motion(
+    pairs: np.ndarray,
+    count: int,
+    gate: float,
+    R: np.ndarray,
+    t: np.ndarray,
+    other_R: np.ndarray,
+    other_t: np.ndarray,
+) -> bool:
+    """Second motion of a plane through the matches; False if there is none.
+
+    The plane ``n . X = 1`` (camera 0, unit of the translation) is fitted to the inverse depths ``n
+    . a`` of the matches. With ``tau = R^T t`` its homography is ``R (I + tau n^T)``, and so is that
+    of the motion with the rotation R times that of the quaternion ``(2 + n . tau, n x tau)`` and
+    the direction ``R (2 n + n . n tau)``, with the plane normal along ``n + 2 tau``: for small
+    motions translation and normal exchange their places (Longuet-Higgins, Proc. R. Soc. B 223,
+    1984, DOI 10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA RR-6303, 2007). The plane
+    is in front of the camera; where most matches lie behind it, plane and direction change their
+    signs. Matches with a residual beyond ``gate`` are left out.
+    """
+    inverse, accuracy, n = np.empty(count), np.empty(count), np.empty(3)
+    direction = vector(t)
+    tau = rotate_back(matrix(R), direction)
+    _inverse_distances(pairs, gate, matrix(R), direction, inverse, accuracy)
+    if not _fit_plane(pairs, inverse, accuracy, n):
+        return False
+    plane = vector(n)
+    square = dot(plane, plane)
+    if not square > 1e-18:
+        return False
+    # R Exp(a) = Exp(R a) R.
+    w, (x, y, z) = 2.0 + dot(plane, tau), rotate(matrix(R), cross(plane, tau))
+    over = 1.0 / math.sqrt(w * w + x * x + y * y + z * z + 1e-300)
+    apply_quaternion(over * w, over * x, over * y, over * z, R, other_R)
+    ahead = _ahead_of(pairs, accuracy, axpby(1.0, plane, 2.0, tau))
+    way = rotate(matrix(R), axpby(2.0, plane, square, tau))
+    put(math.copysign(1.0, ahead) / (norm(way) + 1e-300), way, other_t)
+    return True
+
+
+@step_kernel
+def _ahead_of(pairs: np.ndarray, accuracy: np.ndarray, normal: Vector) -> int:
+    """Number of weighted matches with rays along a direction minus that of rays against it."""
+    ahead = 0
+    for i in range(accuracy.size):
+        along = dot(normal, ray0(pairs, address(i)))
+        ahead += (1 if along > 0.0 else -1) if accuracy[i] > 0.0 else 0
+    return ahead
+
+
+@step_kernel
+def _inverse_distances(
+    pairs: np.ndarray,
+    gate: float,
+    R: Matrix,
+    t: Vector,
+    inverse: np.ndarray,
+    accuracy: np.ndarray,
+) -> None:
+    """Inverse depth of each match and its information, 0 where the residual is beyond the gate."""
+    tau = rotate_back(R, t)
+    for i in range(inverse.size):
+        at = address(i)
+        a = ray0(pairs, at)
+        inverse[i], square = _inverse_distance(a, rotate_back(R, ray1(pairs, at)), tau)
+        agrees = abs(sampson(pairs, at, R, t)) <= gate and square > 1e-12
+        accuracy[i] = square if agrees else 0.0
+
+
+@step_kernel
+def _inverse_distance(a: Vector, back: Vector, tau: Vector) -> tuple[float, float]:
+    """Inverse depth of a match, and the squared sine of its distance to the epipole."""
+    # back = l0 a + tau up to length: its cross product gives a x back = (back x tau) / l0.
+    across = cross(back, tau)
+    square = dot(across, across)
+    return dot(cross(a, back), across) / square, square
+
+
+@step_kernel
+def _fit_plane(pairs: np.ndarray, inverse: np.ndarray, accuracy: np.ndarray, n: np.ndarray) -> bool:
+    """Robust weighted fit of ``n . a`` to the inverse depths; False without a unique plane.
+
+    Weights fall for inverse depths above the median: a plane can fit an outlier or two with a large
+    inverse depth exactly.
+    """
+    sizes, consistent = np.empty(inverse.size), 0
+    for i in range(inverse.size):
+        sizes[i] = abs(inverse[i]) if accuracy[i] > 0.0 else -1.0
+        consistent += 1 if accuracy[i] > 0.0 else 0
+    typical = kth_largest(sizes, (consistent + 1) // 2)
+    M, v = np.empty((3, 3)), np.empty(3)
+    clear(M)
+    clear(v)
+    for i in range(inverse.size):
+        if accuracy[i] > 0.0:
+            a = ray0(pairs, address(i))
+            weight = accuracy[i] / (typical * typical + inverse[i] * inverse[i] + 1e-300)
+            add_outer(a, a, weight, M)
+            add(weight * inverse[i], a, v)
+    return solve_three_spd(M, v, 1e-9, n)
+
+
+@inner_kernel
+def bas_relief_motion(
+    pairs: np.ndarray,
+    count: int,
+    gate: float,
+    R: np.ndarray,
+    t: np.ndarray,
+    other_R: np.ndarray,
+    other_t: np.ndarray,
+) -> bool:
+    """Bas-relief alternative of a motion; False without near and far points.
+
+    In a narrow field of view a rotation imitates the flow of points at one depth, for the part of
+    the direction across the mean ray. If the rotation takes up the flow of the near points, the far
+    points flow the other way. The part of the direction along the mean ray stays, because no
+    rotation imitates it. Near points are those nearer than the median; matches with a residual
+    beyond ``gate`` are left out.
+    """
+    M, nearness, ahead = np.empty((3, 3)), np.empty(count), np.empty(3)
+    clear(M)
+    clear(ahead)
+    direction, consistent = vector(t), 0
+    for i in range(count):
+        at = address(i)
+        m, b = rotate(matrix(R), ray0(pairs, at)), ray1(pairs, at)
+        flow, reach2 = flow_along(m, b, direction)
+        agrees = abs(sampson(pairs, at, matrix(R), direction)) <= gate
+        # Inverse depth, bounded at the epipole.
+        nearness[i] = max(flow, 0.0) / max(reach2, 1e-6) if agrees else -1.0
+        consistent += 1 if agrees else 0
+        if agrees:
+            add(1.0, b, ahead)
+    typical = kth_largest(nearness, consistent // 2)
+    for i in range(count):
+        if nearness[i] > typical:
+            add_outer(ray1(pairs, address(i)), ray0(pairs, address(i)), 1.0, M)
+    axis = vector(ahead)
+    along = 2.0 * dot(axis, direction) / (dot(axis, axis) + 1e-300)
+    put(1.0, axpby(along, axis, -1.0, direction), other_t)
+    return kabsch(M, other_R)

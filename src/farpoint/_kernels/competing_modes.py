@@ -1,0 +1,97 @@
+"""Modes in other directions of nearly the same likelihood.
+
+With little parallax a rotation imitates the flow of a translation, and the remaining translation
+has another direction: the likelihood has several maxima, each with a small covariance of its own. A
+subsample of the matches finds such a mode; more matches give the log-likelihood ratio.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.arrays import copy
+from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
+from farpoint._kernels.hypothesis_comparison import (
+    MODE_MARGIN,
+    REFINEMENTS,
+    refine,
+    refine_if_competitive,
+)
+from farpoint._kernels.pose import PackedMatches, Pose, copy_pose
+from farpoint._kernels.vectors import dot, vector
+
+__all__ = ["compare_with_mode", "likeliest_other_mode"]
+
+# Number of initial directions, evenly over the sphere.
+STARTS = 12
+GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+# Cosine of the angle between two directions, above which they are the same mode.
+MAX_COSINE = math.cos(math.radians(30.0))
+
+
+@kernel
+def likeliest_other_mode(
+    matches: PackedMatches, pose: Pose, start_R: np.ndarray, mode: Pose
+) -> float:
+    """Log-likelihood ratio of a pose to the likeliest mode in another direction.
+
+    Both likelihoods are averaged over the poses nearby (Laplace). Local searches start at the
+    rotation ``start_R`` (3, 3), from `STARTS` directions, with the noise of ``pose``. ``mode``
+    receives the likeliest; the ratio is infinite if none is within the margin of
+    `hypothesis_comparison.refine_if_competitive`. ``pose`` stays unchanged.
+    """
+    own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
+    other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
+    _refine_from(matches, pose.R, pose.t, pose.mixture, own)
+    mode.cost[0] = math.inf
+    start_t = np.empty(3)
+    for k in range(STARTS):
+        _lattice_direction(k, start_t)
+        _start_from(start_R, start_t, pose.mixture, other)
+        competes, _ = refine_if_competitive(matches, other, own, MODE_MARGIN)
+        if competes and other.cost[0] < mode.cost[0] and _has_other_direction(other, pose):
+            copy_pose(other, mode)
+    return mode.cost[0] - own.cost[0]
+
+
+@kernel
+def compare_with_mode(matches: PackedMatches, pose: Pose, mode: Pose) -> float:
+    """Log-likelihood ratio of a pose to a given mode, which is refined in place.
+
+    Infinite if the mode converges to the direction of ``pose``.
+    """
+    own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
+    _refine_from(matches, pose.R, pose.t, pose.mixture, own)
+    _refine_from(matches, mode.R, mode.t, pose.mixture, mode)
+    return mode.cost[0] - own.cost[0] if _has_other_direction(mode, pose) else math.inf
+
+
+@inner_kernel
+def _refine_from(
+    matches: PackedMatches, R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose
+) -> None:
+    """Local maximum of the likelihood from this start, with its noise parameters."""
+    _start_from(R, t, mixture, pose)
+    refine(matches, REFINEMENTS, pose)
+
+
+@inner_kernel
+def _start_from(R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose) -> None:
+    copy(R, pose.R)
+    copy(t, pose.t)
+    copy(mixture, pose.mixture)
+
+
+@inner_kernel
+def _has_other_direction(mode: Pose, pose: Pose) -> bool:
+    return dot(vector(mode.t), vector(pose.t)) < MAX_COSINE
+
+
+@step_kernel
+def _lattice_direction(k: int, t: np.ndarray) -> None:
+    """Write the k-th of `STARTS` evenly spaced directions (Fibonacci lattice)."""
+    z, angle = (2.0 * k + 1.0) / STARTS - 1.0, k * GOLDEN_ANGLE
+    radius = math.sqrt(1.0 - z * z)
+    t[0], t[1], t[2] = radius * math.cos(angle), radius * math.sin(angle), z

@@ -1,0 +1,110 @@
+"""Design effect of residuals that are correlated within parts of the image."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.arrays import clear
+from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
+from farpoint._kernels.pairs import address, ray0
+from farpoint._kernels.patches import split_image
+from farpoint._kernels.residual_correlation import bounded, patch_correlation
+
+__all__ = ["CORRELATED_Z", "MAX_QUERIED", "PARTS", "correlation_and_design_effect", "design_effect"]
+
+# Maximum number of inliers whose neighbour is searched for; least number of inliers for a result.
+MAX_QUERIED, MIN_MATCHES = 400, 50
+# Limit of the correlation of neighbouring residuals times the square root of their number. For
+# independent noise its standard deviation is 1.1, and 1 % of cases exceed the limit.
+CORRELATED_Z = 2.5
+
+# Number of times that every part of the image is split in two; number of parts.
+SPLITS = np.int64(4)
+PARTS = 2 ** int(SPLITS)
+# Degrees of freedom of the pose.
+POSE_DEGREES = 5.0
+
+
+@kernel
+def correlation_and_design_effect(
+    pairs: np.ndarray, residual: np.ndarray, inlier: np.ndarray, count: int, sigma: float
+) -> tuple[float, float, float]:
+    """Patch correlation of inlier residuals, its z-score, and the `design_effect`.
+
+    The correlation is that of `residual_correlation`; detections of the same point are neighbours,
+    too. 0, 0 and 1 for few inliers; the design effect is 1 if the correlation is not significant.
+    """
+    rows = _right(inlier, count)
+    if rows.size < MIN_MATCHES:
+        return 0.0, 0.0, 1.0
+    correlation = patch_correlation(
+        pairs, residual, rows, _each_by_itself(count), sigma, MAX_QUERIED
+    )
+    correlation_z = math.sqrt(min(rows.size, MAX_QUERIED)) * correlation
+    if correlation_z < CORRELATED_Z:
+        return correlation, correlation_z, 1.0
+    return correlation, correlation_z, design_effect(pairs, residual, rows, sigma)
+
+
+@step_kernel
+def _each_by_itself(count: int) -> np.ndarray:
+    """A patch of its own for each match."""
+    patch = np.empty(count, np.int64)
+    for i in range(count):
+        patch[i] = i
+    return patch
+
+
+@step_kernel
+def _right(inlier: np.ndarray, count: int) -> np.ndarray:
+    """Rows of the inliers."""
+    total = 0
+    for i in range(count):
+        total += 1 if inlier[i] > 0.5 else 0
+    rows, taken = np.empty(total, np.int64), 0
+    for i in range(count):
+        if inlier[i] > 0.5:
+            rows[taken] = i
+            taken += 1
+    return rows
+
+
+@inner_kernel
+def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sigma: float) -> float:
+    """Variance of sums of residuals over that of independent residuals (Kish's deff).
+
+    ``sum S^2 / n`` over 16 parts of the image, with S the sum of n residuals, has an expectation of
+    16 - 5 times the mean square if residuals are independent; 5 is the number of degrees of freedom
+    of the pose (Kish, "Survey Sampling", 1965). Of the matches in these ``rows``.
+    """
+    parts, sums, sizes = _parts(pairs, rows), np.empty(PARTS), np.empty(PARTS)
+    clear(sums)
+    clear(sizes)
+    square = 0.0
+    for k in range(rows.size):
+        own = bounded(residual[int(rows[k])], sigma)
+        sums[parts[k]] += own
+        sizes[parts[k]] += 1.0
+        square += own * own
+    scatter, used = 0.0, 0.0
+    for part in range(PARTS):
+        if sizes[part] > 0.0:
+            scatter += sums[part] * sums[part] / sizes[part]
+            used += 1.0
+    if not (square > 0.0 and used > POSE_DEGREES):
+        return 1.0
+    return scatter * rows.size / (square * (used - POSE_DEGREES))
+
+
+@step_kernel
+def _parts(pairs: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Part of the image of each match, by its ray in camera 0."""
+    rays, parts = np.empty(3 * rows.size), np.empty(rows.size, np.int64)
+    for k in range(rows.size):
+        ray = ray0(pairs, address(rows[k]))
+        for i in range(3):
+            rays[3 * k + i] = ray[i]
+    split_image(rays, SPLITS, parts)
+    return parts

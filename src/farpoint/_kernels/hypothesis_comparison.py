@@ -1,0 +1,311 @@
+"""Comparison of a hypothesis with the best pose: local optimisation, Laplace factor, selection."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.arrays import clear, copy
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel
+from farpoint._kernels.epipolar import sampson
+from farpoint._kernels.normal_equations import determinant_beside_one
+from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
+from farpoint._kernels.pose import PackedMatches, Pose, copy_pose, linearisation_point
+from farpoint._kernels.refinement import (
+    KEPT,
+    PREDICTED_DECREASE,
+    advance,
+    begin,
+    finish,
+    refine_pose,
+)
+from farpoint._kernels.scalars import where
+from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
+
+__all__ = [
+    "COARSE_TOLERANCE",
+    "GATE_SIGMA",
+    "MODE_MARGIN",
+    "REFINEMENTS",
+    "START_OUTLIER_SHARE",
+    "START_TAIL_SHARE",
+    "compare_hypothesis",
+    "default_noise",
+    "initial_noise",
+    "is_close_mode",
+    "is_same_mode",
+    "is_secondary_mode",
+    "laplace_factor",
+    "mark_consistent",
+    "outlier_share_of",
+    "planar_margin",
+    "refine",
+    "refine_if_competitive",
+]
+
+# Residual, in sigma, beyond which a match does not support a hypothesis.
+GATE_SIGMA = 3.0
+# Predicted decrease of the cost, in log likelihood, at which the refinement of a hypothesis ends;
+# and margin in log likelihood within which two modes count as close.
+COARSE_TOLERANCE = 0.1
+MODE_MARGIN = 30.0
+# Margin in log likelihood between the two motions of a plane, which differ by chance: it is 100 for
+# 160 matches and grows with the square root of their number.
+PLANAR_MARGIN, PLANAR_MATCHES = 100.0, 160.0
+# Cosine of the angle (20 deg) beyond which two directions are different modes.
+MAX_COSINE = 0.94
+# Upper bound of the remaining gain: 4 x predicted decrease + last decrease.
+GAIN_FACTOR = 4.0
+# Maximum number of steps. A NumPy integer: numba would compile the kernel again for a literal.
+REFINEMENTS = np.int64(10)
+# Difference in log likelihood within which two hypotheses are the same mode.
+SAME_MODE = 2.0
+# Number of matches that fit a pose by chance: the five of the sample, and one more.
+CHANCE_LIMIT = 6.5
+# Share of inliers below which a pose counts as having none.
+MIN_INLIER_SHARE = 0.1
+# Initial shares of EM: outliers, tail, repeated structure.
+START_OUTLIER_SHARE = 0.2
+START_TAIL_SHARE = 0.1
+START_REPEATED_SHARE = 0.05
+
+
+@step_kernel
+def laplace_factor(normal: np.ndarray) -> float:
+    """Laplace (Occam) factor, ``1/2 log det(I + G)``: log likelihood at the maximum over its mean.
+
+    G (5, 5) is the Gauss-Newton matrix; the prior sigma of the pose is one radian. Five matches fit
+    some pose without any noise, and a sixth by chance: a small noise variance raises the
+    likelihood, the Laplace factor of so narrow a maximum lowers it. Infinite where G is not
+    positive definite.
+    """
+    determinant, positive = determinant_beside_one(normal)
+    return 0.5 * math.log(determinant) if positive else math.inf
+
+
+@step_kernel
+def refine(matches: PackedMatches, steps: int, pose: Pose) -> None:
+    """Refine a pose; its cost includes the Laplace factor."""
+    refine_pose(matches, COARSE_TOLERANCE, steps, pose)
+    _add_laplace_factor(matches, pose)
+
+
+@step_kernel
+def _add_laplace_factor(matches: PackedMatches, pose: Pose) -> None:
+    """Add the `laplace_factor` to the cost of a pose.
+
+    A pose with hardly any inliers is no likelier than uniform outliers alone, even if repeated
+    structure lies about its lines.
+    """
+    pose.cost[0] += laplace_factor(pose.normal)
+    if not _has_inliers(pose):
+        none = matches.total * math.log(2.0 * matches.outlier_half_width / math.sqrt(2.0 * math.pi))
+        pose.cost[0] = max(pose.cost[0], none)
+
+
+@step_kernel
+def _has_inliers(pose: Pose) -> bool:
+    """Whether the share of inliers exceeds `MIN_INLIER_SHARE`."""
+    return 1.0 - pose.mixture[1] > MIN_INLIER_SHARE
+
+
+@step_kernel
+def default_noise(tolerance: float, mixture: np.ndarray) -> None:
+    """Initial noise parameters of EM without any estimate: the tolerance is `GATE_SIGMA` sigma."""
+    mixture[0] = tolerance * tolerance / (GATE_SIGMA * GATE_SIGMA)
+    mixture[1] = START_OUTLIER_SHARE
+    mixture[2] = START_TAIL_SHARE
+    mixture[3] = START_REPEATED_SHARE
+
+
+@step_kernel
+def initial_noise(
+    matches: PackedMatches, best: Pose, tolerance: float, mixture: np.ndarray
+) -> None:
+    """Initial noise parameters of EM: those of the best pose, if it has more inliers than a sample.
+
+    The variance is at most that of `default_noise`: a wrong local minimum has all matches as
+    inliers with a large variance, from which EM does not converge to another minimum.
+    """
+    default_noise(tolerance, mixture)
+    has_sample = (1.0 - best.mixture[1]) * matches.total > CHANCE_LIMIT
+    if has_sample and best.mixture[0] < mixture[0]:
+        copy(best.mixture, mixture)
+
+
+@inner_kernel
+def outlier_share_of(matches: PackedMatches, best: Pose, tolerance: float) -> float:
+    """Share of outliers at the best pose: by its mixture or by the tolerance, the larger one.
+
+    A wrong local minimum has all matches as inliers with a large variance; the tolerance bounds
+    that.
+    """
+    consistent = np.empty(matches.prior.size)
+    clear(consistent)
+    mark_consistent(matches.pairs, best.R, best.t, tolerance, consistent)
+    within = 0.0
+    for i in range(matches.total):
+        within += consistent[i]
+    return max(best.mixture[1], 1.0 - within / matches.total)
+
+
+@inner_kernel
+def mark_consistent(
+    pairs: np.ndarray, R: np.ndarray, t: np.ndarray, tolerance: float, consistent: np.ndarray
+) -> None:
+    """Write 1 for each match whose residual is within the tolerance; others keep their value.
+
+    ``consistent`` has the length of the panels, filler included.
+    """
+    rotation, direction = matrix(R), vector(t)
+    for panel in range(consistent.size // LANES):
+        for lane in range(LANES):
+            i = panel * LANES + lane
+            residual = sampson(pairs, panel * PANEL + lane, rotation, direction)
+            consistent[i] = where(abs(residual) < tolerance, 1.0, consistent[i])
+
+
+@inner_kernel
+def is_same_mode(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
+    """Whether a pose is within the uncertainty of the best: ``1/2 x^T G x < 2`` between the two."""
+    if not _has_inliers(best) or dot(vector(t), vector(best.t)) < 0.5:
+        return False
+    trace, distance2 = _apart(R, t, best.R, best.t, best.normal)
+    return trace > 2.0 and distance2 < 2.0 * SAME_MODE
+
+
+@inlined_kernel
+def _apart(
+    R: np.ndarray, t: np.ndarray, other_R: np.ndarray, other_t: np.ndarray, normal: np.ndarray
+) -> tuple[float, float]:
+    """Trace of the rotation between two poses, and their squared Mahalanobis distance."""
+    A, B = matrix(R), matrix(other_R)
+    trace = dot(A[0], B[0]) + dot(A[1], B[1]) + dot(A[2], B[2])
+    # To first order, the rotation vector is half the difference of the off-diagonal elements.
+    first, second = tangent_columns(vector(other_t))
+    x = (
+        0.5 * (dot(A[2], B[1]) - dot(A[1], B[2])),
+        0.5 * (dot(A[0], B[2]) - dot(A[2], B[0])),
+        0.5 * (dot(A[1], B[0]) - dot(A[0], B[1])),
+        dot(first, vector(t)),
+        dot(second, vector(t)),
+    )
+    distance2 = 0.0
+    for k in range(5):
+        for j in range(5):
+            distance2 = distance2 + x[k] * normal[k, j] * x[j]
+    return trace, distance2
+
+
+@step_kernel
+def _is_twisted(matches: PackedMatches, pose: Pose) -> bool:
+    """Whether most matches have the epipole between their rays: the twisted pair of the pose.
+
+    The epipolar constraint is the same for both poses of a twisted pair (half a turn about the
+    baseline).
+    """
+    rotation, direction = matrix(pose.R), vector(pose.t)
+    twisted = 0
+    for i in range(matches.total):
+        at = address(i)
+        m, b = rotate(rotation, ray0(matches.pairs, at)), ray1(matches.pairs, at)
+        twisted += 1 if dot(m, b) < dot(m, direction) * dot(b, direction) else 0
+    return 2 * twisted > matches.total
+
+
+@step_kernel
+def refine_if_competitive(
+    matches: PackedMatches, pose: Pose, best: Pose, within: float
+) -> tuple[bool, bool]:
+    """Refine a hypothesis while it may come within a margin of the best.
+
+    The margin ``within`` is in log likelihood. The refinement stops as soon as the upper bound of
+    the remaining gain, 4 x predicted decrease + last decrease, leaves the cost above the margin, or
+    the pose is the same mode as the best. The factor 4 covers what the quadratic model leaves out:
+    matches that become inliers, and a decrease of the noise variance.
+
+    Returns whether the refined hypothesis is within the margin and another mode, and whether its
+    initial pose was within the margin.
+    """
+    limit, normal, reached, shares = best.cost[0] + within, pose.normal, pose.cost, np.empty(4)
+    point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
+    state, kept = np.empty(5), np.empty(KEPT)
+    begin(matches, point.mixture, state)
+    cost, was_close = math.inf, False
+    for step in range(REFINEMENTS):
+        before = cost
+        goes_on = advance(matches, point, COARSE_TOLERANCE, normal, reached, shares, state, kept)
+        cost = reached[0] + laplace_factor(normal)
+        if step == 0:
+            before, was_close = cost, cost < limit
+        gain_bound = GAIN_FACTOR * state[PREDICTED_DECREASE] + before - cost
+        if not cost - gain_bound < limit or is_same_mode(point.R, point.t, best):
+            return False, was_close
+        if not goes_on:
+            break
+    finish(point.R, point.t, point.mixture, normal, reached, shares, kept)
+    _add_laplace_factor(matches, pose)
+    return pose.cost[0] < limit and not is_same_mode(pose.R, pose.t, best), was_close
+
+
+@inner_kernel
+def compare_hypothesis(
+    matches: PackedMatches,
+    hypothesis: Pose,
+    best: Pose,
+    close: Pose,
+    secondary: Pose,
+    within: float,
+) -> tuple[bool, bool]:
+    """Refine a hypothesis while it may compete, and keep the better of two poses as ``best``.
+
+    Returns whether it is within the margin ``within`` of the best, and whether its initial pose
+    was. ``close`` receives the less likely of the two, if it is likelier than ``close`` was; so
+    does ``secondary``, if the two are within `MODE_MARGIN` and their directions differ.
+    """
+    competes, was_close = refine_if_competitive(matches, hypothesis, best, within)
+    if not competes:
+        return False, was_close
+    if _is_twisted(matches, hypothesis):
+        return True, was_close
+    is_close = best.cost[0] < hypothesis.cost[0] + MODE_MARGIN and _has_other_direction(
+        hypothesis, best
+    )
+    is_better = hypothesis.cost[0] < best.cost[0]
+    less_likely = best if is_better else hypothesis
+    _keep_better(less_likely, close)
+    if is_close:
+        _keep_better(less_likely, secondary)
+    if is_better:
+        copy_pose(hypothesis, best)
+    return True, was_close
+
+
+@step_kernel
+def planar_margin(count: int) -> float:
+    """Margin in log likelihood between the two motions of a plane, of ``count`` matches."""
+    return max(MODE_MARGIN, PLANAR_MARGIN * math.sqrt(count / PLANAR_MATCHES))
+
+
+@step_kernel
+def is_close_mode(close: Pose, best: Pose) -> bool:
+    """Whether a pose that an earlier best replaced is within `MODE_MARGIN`, and another mode."""
+    return close.cost[0] < best.cost[0] + MODE_MARGIN and not is_same_mode(close.R, close.t, best)
+
+
+@inner_kernel
+def is_secondary_mode(secondary: Pose, best: Pose) -> bool:
+    """Whether a pose is within `MODE_MARGIN` of the best, and its direction differs."""
+    return secondary.cost[0] < best.cost[0] + MODE_MARGIN and _has_other_direction(secondary, best)
+
+
+@step_kernel
+def _has_other_direction(pose: Pose, best: Pose) -> bool:
+    return dot(vector(pose.t), vector(best.t)) < MAX_COSINE
+
+
+@step_kernel
+def _keep_better(pose: Pose, kept: Pose) -> None:
+    if pose.cost[0] < kept.cost[0]:
+        copy_pose(pose, kept)

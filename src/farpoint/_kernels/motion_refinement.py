@@ -1,0 +1,370 @@
+"""Maximum-likelihood refinement of a general motion by all matches, with labels and covariance."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint._kernels.compile import kernel, step_kernel
+from farpoint._kernels.covariance import (
+    MEASURED_FLOW,
+    MIN_SIGNAL,
+    SHRUNK_FLOW,
+    covariance_here,
+    step_with_shrunk_flow,
+)
+from farpoint._kernels.design_effect import correlation_and_design_effect
+from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, label_matches
+from farpoint._kernels.hypothesis_comparison import COARSE_TOLERANCE, laplace_factor
+from farpoint._kernels.likelihood import evaluate_residuals
+from farpoint._kernels.mixture import SHORT_TAIL, mean_variance
+from farpoint._kernels.pairs import LANES, PANEL, take_pairs
+from farpoint._kernels.parallax_noise import scale_noise_with_parallax
+from farpoint._kernels.parallax_prior import fit_parallax_prior
+from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
+from farpoint._kernels.refinement import refine_pose
+
+__all__ = [
+    "MAX_REFINEMENTS",
+    "MAX_SEARCHED",
+    "MotionBuffers",
+    "MotionSummary",
+    "SummaryValues",
+    "evenly_drawn",
+    "refine_and_evaluate",
+    "refine_motion",
+    "searched_matches",
+]
+
+# Maximum number of matches in the search: more take longer without improving the result.
+MAX_SEARCHED = 160
+# Predicted decrease, in log likelihood, at which the refinement ends: 1/30 sigma. Maximum number of
+# steps.
+FINE_TOLERANCE = 1e-3
+MAX_REFINEMENTS = np.int64(20)
+# Maximum number of alternations between the prior of the parallax and the refinement.
+MAX_ROUNDS = 4
+
+
+class MotionSummary(NamedTuple):
+    """Numbers that summarise a refined motion.
+
+    Kernels return a plain tuple: a named tuple would be made by the Python interpreter within
+    compiled code, which must not be interrupted.
+    """
+
+    cost: float
+    """Negative log likelihood."""
+    laplace_factor: float
+    """As of `hypothesis_comparison.laplace_factor`."""
+    agreeing: int
+    """Number of matches that are no outliers."""
+    sign_log_odds: float
+    """Log odds of the direction to its opposite."""
+    log_odds: float
+    """Log odds of the motion to all matches being outliers."""
+    beyond_rotation: int
+    """Of the inliers searched, the number that no rotation explains."""
+    supporting: int
+    """Number of inliers searched."""
+    has_shrunk_flow: bool
+    """Whether the covariance is by the shrunk flow (BLUP)."""
+    shows_direction: bool
+    """Whether enough of the shrunk flow is signal."""
+    scales_with_parallax: bool
+    """Whether noise that scales with parallax was found significant."""
+    residual_correlation: float
+    """Correlation of the residuals of inliers with those of their neighbours."""
+    correlation_z: float
+    """Its z-score under independent noise."""
+    design_effect: float
+    """As of `design_effect.correlation_and_design_effect`."""
+
+
+# Field types of `MotionSummary`.
+SummaryValues = tuple[
+    float, float, int, float, float, int, int, bool, bool, bool, float, float, float
+]
+
+
+class MotionBuffers(NamedTuple):
+    """Output buffers of a general motion of N matches."""
+
+    R_far: np.ndarray
+    """(3, 3) rotation of the far matches, cam1_from_cam0."""
+    R: np.ndarray
+    """(3, 3) rotation cam1_from_cam0."""
+    t: np.ndarray
+    """(3,) direction cam1_from_cam0."""
+    mixture: np.ndarray
+    """(4,) as of `pose.Pose`."""
+    per_match: np.ndarray
+    """(4, at least N) per-match table: prior by the parallax density, and residual, parallax and
+    inlier probability, as of `likelihood.evaluate_residuals`."""
+    labels: np.ndarray
+    """(N,) as of `evidence.label_matches`."""
+    covariance: np.ndarray
+    """(5, 5) of rotation and direction, rad^2, as of `covariance.covariance_here`."""
+    R_close: np.ndarray
+    """(3, 3) rotation of the second likeliest mode, if it is within the margin."""
+    t_close: np.ndarray
+    """(3,) direction of the second likeliest mode."""
+    R_secondary: np.ndarray
+    """(3, 3) rotation of the secondary mode, whose direction differs, if the search found one."""
+    t_secondary: np.ndarray
+    """(3,) direction of the secondary mode."""
+    scaled_pairs: np.ndarray
+    """Panels of the matches with noise that scales with parallax, if that is significant."""
+
+
+@kernel
+def evenly_drawn(pairs: np.ndarray, count: int) -> np.ndarray:
+    """An even subsample of `MAX_SEARCHED` of the ``count`` matches, in panels."""
+    rows, taken = np.empty(MAX_SEARCHED, np.int64), np.empty(MAX_SEARCHED // LANES * PANEL)
+    for j in range(MAX_SEARCHED):
+        rows[j] = j * count // MAX_SEARCHED
+    take_pairs(pairs, rows, taken)
+    return taken
+
+
+@step_kernel
+def searched_matches(some: np.ndarray, matches: PackedMatches) -> PackedMatches:
+    """Matches of the search: no prior of the parallax, and the short tail."""
+    total = matches.total if matches.total < MAX_SEARCHED else MAX_SEARCHED
+    prior = np.empty(some.size // PANEL * LANES)
+    _leave_out_none(prior, total)
+    half_width, min_variance, max_variance = (
+        matches.outlier_half_width,
+        matches.min_variance,
+        matches.max_variance,
+    )
+    return PackedMatches(
+        some,
+        prior,
+        total,
+        half_width,
+        SHORT_TAIL,
+        min_variance,
+        max_variance,
+        matches.soft_cheirality,
+    )
+
+
+@step_kernel
+def _leave_out_none(prior: np.ndarray, count: int) -> None:
+    """Prior 1 for each match, 0 for filler."""
+    for i in range(prior.size):
+        prior[i] = 1.0 if i < count else 0.0
+
+
+def refine_motion(
+    matches: PackedMatches, least_signal: float, buffers: MotionBuffers
+) -> SummaryValues:
+    """Refine a motion by all matches, with the prior of their parallax, and evaluate it.
+
+    The first row of ``per_match`` is the prior of ``matches``. The motion shows a direction if a
+    share of at least ``least_signal`` of the flow is signal, along every axis.
+    """
+    return refine_and_evaluate(searched_pairs(matches), matches, least_signal, buffers)
+
+
+def searched_pairs(matches: PackedMatches) -> np.ndarray:
+    """Panels of the matches that the search uses."""
+    few = matches.total <= MAX_SEARCHED
+    return matches.pairs if few else evenly_drawn(matches.pairs, matches.total)
+
+
+def refine_and_evaluate(
+    some: np.ndarray, matches: PackedMatches, least_signal: float, buffers: MotionBuffers
+) -> SummaryValues:
+    """As `refine_motion`, with the panels of `searched_pairs`."""
+    cost, laplace, inliers, scales_with_parallax = _refine_with_noise_model(matches, buffers)
+    if scales_with_parallax:
+        matches = matches._replace(pairs=buffers.scaled_pairs)
+    point = LinearisationPoint(
+        matches.pairs,
+        matches.prior,
+        buffers.R,
+        buffers.t,
+        buffers.mixture,
+        matches.outlier_half_width,
+        matches.long_tail,
+    )
+    shrunk_flow, shows = _estimate_covariance(point, inliers, least_signal, buffers)
+    per_match, count = buffers.per_match, matches.total
+    agreeing, sign_log_odds, log_odds, beyond, supporting = _label_and_count(
+        some, count, buffers.R, buffers.R_far, buffers.mixture, per_match, buffers.labels
+    )
+    correlation, correlation_z, effect = correlation_and_design_effect(
+        matches.pairs, per_match[1], per_match[3], count, math.sqrt(buffers.mixture[0])
+    )
+    return (
+        cost,
+        laplace,
+        agreeing,
+        sign_log_odds,
+        log_odds,
+        beyond,
+        supporting,
+        shrunk_flow,
+        shows,
+        scales_with_parallax,
+        correlation,
+        correlation_z,
+        effect,
+    )
+
+
+@kernel
+def _refine_with_noise_model(
+    matches: PackedMatches, buffers: MotionBuffers
+) -> tuple[float, float, float, bool]:
+    """Refine the pose twice, the second time with noise that scales with parallax, if significant.
+
+    Returns its cost, its `hypothesis_comparison.laplace_factor`, the expected number of inliers,
+    and whether the noise scales with parallax.
+    """
+    normal, cost, scales_with_parallax = np.empty((6, 6)), 0.0, False
+    for precision in (COARSE_TOLERANCE, FINE_TOLERANCE):
+        with_noise = _with_noise(
+            matches, buffers.scaled_pairs if scales_with_parallax else matches.pairs
+        )
+        cost = _refine(with_noise, precision, buffers, normal)
+        if precision == COARSE_TOLERANCE:
+            residual, parallax, inlier = (
+                buffers.per_match[1],
+                buffers.per_match[2],
+                buffers.per_match[3],
+            )
+            variance, scaled_pairs = buffers.mixture[0], buffers.scaled_pairs
+            scales_with_parallax = scale_noise_with_parallax(
+                matches.pairs, residual, parallax, inlier, matches.total, variance, scaled_pairs
+            )
+    total = 0.0
+    for i in range(matches.total):
+        total += buffers.per_match[3, i]
+    return cost, laplace_factor(normal), total, scales_with_parallax
+
+
+@kernel
+def _label_and_count(
+    some: np.ndarray,
+    count: int,
+    R: np.ndarray,
+    R_far: np.ndarray,
+    mixture: np.ndarray,
+    per_match: np.ndarray,
+    labels: np.ndarray,
+) -> tuple[int, float, float, int, int]:
+    """Label all matches (`evidence.label_matches`); count those searched beyond a rotation.
+
+    Returns what `evidence.label_matches` and `evidence.count_beyond_rotation` return.
+    """
+    inlier = per_match[3]
+    agreeing, sign_log_odds, log_odds = label_matches(
+        per_match[2], inlier, math.sqrt(mixture[0]), mixture[1], labels
+    )
+    prior = np.empty(some.size // PANEL * LANES)
+    total = min(count, MAX_SEARCHED)
+    for j in range(prior.size):
+        prior[j] = 1.0 if j < total and inlier[j * count // total] > 0.5 else 0.0
+    # The motion explains a part of the flow by translation: the limit is twice `NEAR_SIGMA`.
+    distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
+    beyond, supporting = count_beyond_rotation(some, prior, R, R_far, distance)
+    return agreeing, sign_log_odds, log_odds, beyond, supporting
+
+
+@step_kernel
+def _with_noise(matches: PackedMatches, pairs: np.ndarray) -> PackedMatches:
+    """The matches with the noise of other panels."""
+    total, half_width, long_tail, prior = (
+        matches.total,
+        matches.outlier_half_width,
+        matches.long_tail,
+        matches.prior,
+    )
+    min_variance, max_variance, soft_cheirality = (
+        matches.min_variance,
+        matches.max_variance,
+        matches.soft_cheirality,
+    )
+    return PackedMatches(
+        pairs, prior, total, half_width, long_tail, min_variance, max_variance, soft_cheirality
+    )
+
+
+@step_kernel
+def _evaluate_residuals(matches: PackedMatches, buffers: MotionBuffers) -> None:
+    """As `likelihood.evaluate_residuals`, into the per-match table."""
+    per_match = buffers.per_match
+    evaluate_residuals(
+        _linearisation_point(matches, buffers), per_match[1], per_match[2], per_match[3]
+    )
+
+
+@step_kernel
+def _linearisation_point(matches: PackedMatches, buffers: MotionBuffers) -> LinearisationPoint:
+    """Linearisation point of the matches at the current pose."""
+    half_width, long_tail = matches.outlier_half_width, matches.long_tail
+    return LinearisationPoint(
+        matches.pairs, matches.prior, buffers.R, buffers.t, buffers.mixture, half_width, long_tail
+    )
+
+
+@step_kernel
+def _refine(
+    matches: PackedMatches, precision: float, buffers: MotionBuffers, normal: np.ndarray
+) -> float:
+    """As `refinement.refine_pose`, alternating with the prior of the parallax at the current pose.
+
+    Repeated while inliers lie beyond the end of the prior, from which the prior is 0.
+    """
+    pose = Pose(buffers.R, buffers.t, buffers.mixture, normal, np.empty(1))
+    for _ in range(MAX_ROUNDS):
+        end = _update_prior(matches, buffers)
+        refine_pose(matches, precision, MAX_REFINEMENTS, pose)
+        _evaluate_residuals(matches, buffers)
+        if not _beyond(end, buffers.per_match[2], buffers.per_match[3]):
+            break
+    return pose.cost[0]
+
+
+@step_kernel
+def _update_prior(matches: PackedMatches, buffers: MotionBuffers) -> float:
+    """As `parallax_prior.fit_parallax_prior`, from a uniform prior."""
+    _leave_out_none(matches.prior, matches.total)
+    _evaluate_residuals(matches, buffers)
+    parallax, inlier, sigma = (
+        buffers.per_match[2],
+        buffers.per_match[3],
+        math.sqrt(buffers.mixture[0]),
+    )
+    return fit_parallax_prior(
+        parallax, inlier, matches.total, sigma, matches.outlier_half_width, matches.prior
+    )
+
+
+@step_kernel
+def _beyond(end: float, parallax: np.ndarray, inlier: np.ndarray) -> int:
+    """Number of inliers with a parallax beyond the end of the prior."""
+    count = 0
+    for i in range(inlier.size):
+        count += 1 if inlier[i] > 0.5 and parallax[i] > end else 0
+    return count
+
+
+def _estimate_covariance(
+    point: LinearisationPoint, inliers: float, least_signal: float, buffers: MotionBuffers
+) -> tuple[bool, bool]:
+    """Covariance of the pose; by the shrunk flow where much of the flow is noise.
+
+    With the shrunk flow the pose takes one step of its normal equations. Returns whether the flow
+    was shrunk, and whether at least ``least_signal`` of it is signal.
+    """
+    if covariance_here(point, inliers, MEASURED_FLOW, MIN_SIGNAL, buffers.covariance):
+        return False, True
+    step_with_shrunk_flow(point)
+    evaluate_residuals(point, buffers.per_match[1], buffers.per_match[2], buffers.per_match[3])
+    return True, covariance_here(point, inliers, SHRUNK_FLOW, least_signal, buffers.covariance)

@@ -1,0 +1,186 @@
+"""Noise that scales with parallax.
+
+Near points change size, shape and background between the images, and are tracked less accurately:
+on a drive the residuals of the nearest matches are 4 times those of the farthest. If the residuals
+show it, the variance of a match is multiplied by ``sqrt(1 + (p / length)^2)``, with its parallax
+``p`` and one length for all matches: constant up to that parallax, and proportional to it beyond,
+as for a random walk along the flow.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint._kernels.arrays import copy
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel, sum_kernel
+from farpoint._kernels.exponential import lane_log
+from farpoint._kernels.pairs import COVARIANCE0, FLOW, LANES, address, flow_variance
+
+__all__ = ["scale_noise_with_parallax"]
+
+# Longest length over the mean parallax; each further one is half of the previous. Number of
+# lengths.
+LONGEST_LENGTH = 4.0
+LENGTHS = 9
+# Least share of inliers with a parallax below the length, from which the noise below is estimated.
+MIN_SHARE_WITHIN = 0.1
+# Limit of twice the log-likelihood ratio, which chance exceeds in 1 of 2000 cases; least number of
+# inliers.
+CHANCE_LIMIT = 11.0
+MIN_INLIERS = 30.0
+# Lower bound of the absolute residual over sigma, for its logarithm.
+MIN_RESIDUAL = 0.1
+
+
+class NoiseSamples(NamedTuple):
+    """Squared parallaxes and residuals of the matches."""
+
+    flows: np.ndarray
+    """Squared parallax, rad^2."""
+    logs: np.ndarray
+    """Logarithm of the squared residual over the variance."""
+    used: np.ndarray
+    """1 for an inlier, 0 otherwise."""
+
+
+@inner_kernel
+def scale_noise_with_parallax(
+    pairs: np.ndarray,
+    residual: np.ndarray,
+    parallax: np.ndarray,
+    inlier: np.ndarray,
+    count: int,
+    variance: float,
+    scaled_pairs: np.ndarray,
+) -> bool:
+    """Copy the matches with noise that scales with parallax, if the residuals show it.
+
+    The length minimises the sum of squares of the logarithms of the squared residuals, on which
+    heavy tails have little influence. The geometric mean of the factors over the inliers is 1, so
+    that likelihoods with and without the factors can be compared. ``residual``, ``parallax`` and
+    ``inlier`` are those of `likelihood.evaluate_residuals`. Returns whether ``scaled_pairs`` was
+    written.
+    """
+    # Buffers returned by a kernel would not be freed; the caller allocates them.
+    samples = NoiseSamples(
+        np.empty(residual.size), np.empty(residual.size), np.empty(residual.size)
+    )
+    total = _collect_samples(pairs, residual, parallax, inlier, count, variance, samples)
+    steepness = _fit_steepness(samples, total)
+    if steepness > 0.0:
+        _scale_noise(pairs, samples, total, steepness, scaled_pairs)
+    return steepness > 0.0
+
+
+@step_kernel
+def _collect_samples(
+    pairs: np.ndarray,
+    residual: np.ndarray,
+    parallax: np.ndarray,
+    inlier: np.ndarray,
+    count: int,
+    variance: float,
+    samples: NoiseSamples,
+) -> float:
+    """Fill ``samples``; returns the number of inliers."""
+    flows, logs, used = samples.flows, samples.logs, samples.used
+    total = 0.0
+    for i in range(flows.size):
+        is_used = i < count and inlier[i] > 0.5
+        used[i] = 1.0 if is_used else 0.0
+        total += used[i]
+        flows[i] = logs[i] = 0.0
+        if i < count:
+            flows[i] = parallax[i] * parallax[i] * flow_variance(pairs, address(i))
+            square = residual[i] * residual[i] / variance
+            logs[i] = math.log(max(square, MIN_RESIDUAL * MIN_RESIDUAL))
+    return total
+
+
+@step_kernel
+def _fit_steepness(samples: NoiseSamples, total: float) -> float:
+    """Inverse squared length, rad^-2, of the best fit to the residuals; 0 for constant noise."""
+    mean = _parallax(samples) / max(total, 1.0)
+    if total < MIN_INLIERS or not mean > 0.0:
+        return 0.0
+    even = _residual_sum(samples, total, 0.0)
+    if not even > 0.0:
+        return 0.0
+    least, steepness = even, 0.0
+    for k in range(LENGTHS):
+        length = LONGEST_LENGTH * mean * 0.5**k
+        left = _residual_sum(samples, total, 1.0 / (length * length))
+        if not left < least or _within(samples, length) < MIN_SHARE_WITHIN * total:
+            break
+        least, steepness = left, 1.0 / (length * length)
+    log_ratio = total * math.log(even / max(least, 1e-300))
+    return steepness if log_ratio > CHANCE_LIMIT else 0.0
+
+
+@step_kernel
+def _parallax(samples: NoiseSamples) -> float:
+    """Sum of the parallax of inliers, rad."""
+    flows, used = samples.flows, samples.used
+    whole = 0.0
+    for i in range(flows.size):
+        whole += used[i] * math.sqrt(flows[i])
+    return whole
+
+
+@inner_kernel
+def _within(samples: NoiseSamples, length: float) -> float:
+    """Number of inliers with a smaller parallax."""
+    flows, used = samples.flows, samples.used
+    count = 0.0
+    for i in range(flows.size):
+        count += used[i] if flows[i] < length * length else 0.0
+    return count
+
+
+@inlined_kernel
+def _log_factor(flow2: float, steepness: float) -> float:
+    """Logarithm of the factor on the variance at this squared parallax."""
+    return 0.5 * lane_log(1.0 + steepness * flow2)
+
+
+@inner_kernel
+def _residual_sum(samples: NoiseSamples, total: float, steepness: float) -> float:
+    """Sum of squares of the logarithms around their mean, after the factors of this steepness."""
+    first, second = _moments(samples.flows, samples.logs, samples.used, steepness)
+    return second - first * first / total
+
+
+@sum_kernel
+def _moments(
+    flows: np.ndarray, logs: np.ndarray, used: np.ndarray, steepness: float
+) -> tuple[float, float]:
+    first = second = 0.0
+    for i in range(flows.size):
+        left = logs[i] - _log_factor(flows[i], steepness)
+        first += used[i] * left
+        second += used[i] * left * left
+    return first, second
+
+
+@step_kernel
+def _scale_noise(
+    pairs: np.ndarray,
+    samples: NoiseSamples,
+    total: float,
+    steepness: float,
+    scaled_pairs: np.ndarray,
+) -> None:
+    flows, used = samples.flows, samples.used
+    middle = 0.0
+    for i in range(flows.size):
+        middle += used[i] * _log_factor(flows[i], steepness)
+    usual = math.exp(-middle / total)
+    copy(pairs, scaled_pairs)
+    for i in range(flows.size):
+        factor = usual * math.sqrt(1.0 + steepness * flows[i])
+        at = address(i)
+        for row in range(COVARIANCE0, FLOW + 1):
+            scaled_pairs[at + row * LANES] *= factor

@@ -1,0 +1,222 @@
+"""Maximum-likelihood rotation without translation, and log-likelihood ratio of a translation."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
+from farpoint._kernels.rotation import evaluate_rotation, refine_rotation
+from farpoint._kernels.vectors import matrix
+
+__all__ = ["MatchProbabilities", "fit_rotation", "flow_beside_rotation", "translation_log_ratio"]
+
+# Lower bound of the share of information that remains although outliers are unknown.
+MIN_KNOWN = 0.1
+# Prior share of far points under the motion model: 0.5 or 0.9, the better one counts.
+FAR_SHARES = (0.5, 0.9)
+# Lower bound of inlier and outlier probabilities.
+MIN_COMPLEMENT = 1e-15
+# Lower bound of the prior of the parallax.
+MIN_PRIOR = 1e-12
+
+
+@kernel
+def fit_rotation(
+    pairs: np.ndarray,
+    count: int,
+    half_width: float,
+    min_variance: float,
+    max_iterations: int,
+    R: np.ndarray,
+    mixture: np.ndarray,
+    information: np.ndarray,
+    distance2: np.ndarray,
+    inlier: np.ndarray,
+) -> tuple[float, float]:
+    """Maximum-likelihood rotation, and distance and inlier probability of each match.
+
+    As `rotation.refine_rotation` and `rotation.evaluate_rotation`, with the same prior for all
+    ``count`` matches. Returns the cost and the Laplace factor, as of
+    `hypothesis_comparison.laplace_factor`. ``information`` (3, 3) receives that of the rotation,
+    reduced for unknown outliers and the estimated noise.
+    """
+    prior = np.empty(inlier.size)
+    for i in range(inlier.size):
+        prior[i] = 1.0 if i < count else 0.0
+    cost = refine_rotation(
+        pairs, prior, count, half_width, min_variance, max_iterations, R, mixture, information
+    )
+    known = evaluate_rotation(pairs, prior, half_width, R, mixture, distance2, inlier)
+    supporting = 0.0
+    for i in range(inlier.size):
+        supporting += inlier[i]
+    laplace_factor = 0.5 * math.log(_determinant_beside_one(information))
+    _keep_known(known, supporting, information)
+    return cost, laplace_factor
+
+
+@step_kernel
+def _determinant_beside_one(H: np.ndarray) -> float:
+    """Determinant of ``H + 1``, H symmetric (3, 3) and positive."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = matrix(H)
+    xx, yy, zz = xx + 1.0, yy + 1.0, zz + 1.0
+    first = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz)
+    return max(first + xz * (xy * yz - yy * xz), 1.0)
+
+
+@step_kernel
+def _keep_known(known: float, supporting: float, information: np.ndarray) -> None:
+    freedom = max(2.0 * supporting - 3.0, 4.0)
+    share = max(known, MIN_KNOWN) * (freedom - 2.0) / freedom
+    for i in range(3):
+        for j in range(3):
+            information[i, j] *= share
+
+
+@kernel
+def flow_beside_rotation(
+    residual: np.ndarray,
+    parallax: np.ndarray,
+    distance2: np.ndarray,
+    inlier: np.ndarray,
+    band: float,
+) -> tuple[int, int, float, int, float, float]:
+    """Statistics of the matches about their epipolar lines, for the two tests of a translation.
+
+    A match is consistent with its line if its ``residual`` (N,) is within ``band``. ``distance2``
+    (N,) is its squared distance from the prediction of the rotation, ``inlier`` (N,) its inlier
+    probability by the rotation; all for unit noise.
+
+    Returns
+    -------
+    unexplained, near : int
+        Outliers of the rotation; of these, those consistent with their line that flow towards the
+        direction.
+    chance : float
+        Expected number of the latter by chance. An outlier lies anywhere on the circle around the
+        prediction of the rotation, at its own distance: the share of that circle, on the side of
+        the direction, within the band.
+    consistent : int
+        Inliers of the rotation that are consistent with their line.
+    across, flow : float
+        Sums over these of the squared residuals and of the squared distances.
+    """
+    outlier_share_of = near = consistent = 0
+    chance = across = flow = 0.0
+    for i in range(residual.size):
+        agrees = abs(residual[i]) <= band
+        if inlier[i] < 0.5:
+            outlier_share_of += 1
+            near += 1 if agrees and parallax[i] > 0.0 else 0
+            chance += math.asin(min(band / (math.sqrt(distance2[i]) + 1e-300), 1.0)) / math.pi
+        elif agrees and inlier[i] > 0.5:
+            consistent += 1
+            across += residual[i] * residual[i]
+            flow += distance2[i]
+    return outlier_share_of, near, chance, consistent, across, flow
+
+
+class MatchProbabilities(NamedTuple):
+    """Evaluation of each match (N,) by a general motion and by a pure rotation."""
+
+    prior: np.ndarray
+    """Prior of the parallax by the motion."""
+    parallax: np.ndarray
+    """Parallax along the epipolar line for unit noise."""
+    inlier: np.ndarray
+    """Inlier probability by the motion."""
+    rotation_inlier: np.ndarray
+    """Inlier probability by the rotation."""
+
+
+@kernel
+def translation_log_ratio(
+    matches: MatchProbabilities, sigma: float, lift: float, outlier_log_ratio: float
+) -> float:
+    """Log-likelihood ratio of a general motion to a pure rotation, over all matches.
+
+    Matches that both models explain count only against the motion: a rotation takes up the flow
+    they have in common, and another test compares their residuals.
+
+    The prior of the parallax is the density of the other inliers. Here a share of the inliers, 0.5
+    or 0.9, is far and has parallax by noise alone: at infinity, or with a common mean parallax,
+    which the rotation takes up. Mean and variance of the latter are estimated from the matches that
+    both models explain; the estimate costs the logarithm of the number of distinct places up to the
+    largest parallax (Laplace's method without the ``2 pi``, left for the variance).
+
+    Parameters
+    ----------
+    matches : MatchProbabilities
+    sigma : float
+        Noise of the motion.
+    lift : float
+        Density of a far match at its place, over that of a uniform one on the line.
+    outlier_log_ratio : float
+        Logarithm of the outlier share of the motion over that of the rotation.
+    """
+    count, middle, variance = _common_parallax(matches, sigma)
+    places = max(_largest_parallax(matches, sigma) * math.sqrt(count / variance), 1.0)
+    most = -math.inf
+    for share in FAR_SHARES:
+        most = max(most, _log_ratio(matches, sigma, lift, outlier_log_ratio, share, 0.0, 1.0))
+        if count >= 2.0:
+            together = _log_ratio(matches, sigma, lift, outlier_log_ratio, share, middle, variance)
+            most = max(most, together - math.log(places))
+    return most - math.log(len(FAR_SHARES))
+
+
+@inner_kernel
+def _log_ratio(
+    matches: MatchProbabilities,
+    sigma: float,
+    lift: float,
+    outlier_log_ratio: float,
+    share: float,
+    middle: float,
+    variance: float,
+) -> float:
+    """`translation_log_ratio` for one share of far points with this mean and variance, in sigma."""
+    both = only = 0.0
+    for i in range(matches.parallax.size):
+        p = matches.parallax[i] / sigma - middle
+        far = share * lift * math.exp(-0.5 * p * p / variance) / math.sqrt(variance)
+        far /= max(matches.prior[i], MIN_PRIOR)
+        inlier, rotation_inlier = matches.inlier[i], matches.rotation_inlier[i]
+        odds = inlier / max(1.0 - inlier, MIN_COMPLEMENT) * (1.0 - share + far)
+        gain = (
+            outlier_log_ratio
+            + math.log1p(odds)
+            + math.log(max(1.0 - rotation_inlier, MIN_COMPLEMENT))
+        )
+        if odds > 1.0 and rotation_inlier > 0.5:
+            both += gain
+        else:
+            only += gain
+    return only + min(both, 0.0)
+
+
+@step_kernel
+def _largest_parallax(matches: MatchProbabilities, sigma: float) -> float:
+    """Largest parallax of the inliers, in sigma."""
+    kth_largest = 0.0
+    for i in range(matches.parallax.size):
+        if matches.inlier[i] > 0.5:
+            kth_largest = max(kth_largest, matches.parallax[i] / sigma)
+    return kth_largest
+
+
+@step_kernel
+def _common_parallax(matches: MatchProbabilities, sigma: float) -> tuple[float, float, float]:
+    """Number of matches that both models explain; mean and variance of their parallax, in sigma."""
+    count = middle = square = 0.0
+    for i in range(matches.parallax.size):
+        if matches.inlier[i] > 0.5 and matches.rotation_inlier[i] > 0.5:
+            p = matches.parallax[i] / sigma
+            count += 1.0
+            middle += p
+            square += p * p
+    middle /= max(count, 1.0)
+    return count, middle, 1.0 + max(square / max(count, 1.0) - middle * middle, 0.0)
