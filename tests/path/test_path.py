@@ -309,8 +309,8 @@ def test_a_wrong_first_motion_is_replaced_by_one_of_longer_flow():
 
 
 def test_a_restart_corrects_the_poses_before_it_and_keeps_the_error_of_the_scale():
-    poses = poses_of(forward(12, length=0.1), np.zeros((12, 3)))
-    pairs = list(cloud(poses, count=3000, noise_px=0.1).tracks())
+    poses = poses_of(forward(24, length=0.1), np.zeros((24, 3)))
+    pairs = list(cloud(poses, count=3000, noise_px=0.3).tracks())
     first = motion_of(pairs[0])
     basis = first.direction_basis
     wrong = dataclasses.replace(
@@ -330,8 +330,8 @@ def test_a_restart_corrects_the_poses_before_it_and_keeps_the_error_of_the_scale
     found = np.array([pose.world_from_cam[:3, 3] for pose in drive.settled])
     scale = np.sum(found * true) / np.sum(true**2)
     off, corrected = (np.linalg.norm(p - scale * true, axis=1)[:6] / scale for p in (told, found))
-    assert off[1] > 0.05  # of a way of 0.1
-    assert corrected.max() < 0.02
+    assert off[1] > 0.03  # of a way of 0.1
+    assert corrected.max() < 0.015
 
 
 def test_before_a_length_is_known_nobody_knows_where_the_camera_is():

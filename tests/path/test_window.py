@@ -69,7 +69,7 @@ def test_the_gradient_is_the_derivative_of_the_cost(camera):
             window._restore(before)
         slope = (costs[0] - costs[1]) / (2.0 * size)
         scale = np.sqrt(normal.H[index, index])
-        assert slope == pytest.approx(normal.g[index], rel=5e-3, abs=1e-2 * scale)
+        assert slope == pytest.approx(normal.g[index], rel=5e-3, abs=2e-2 * scale)
 
 
 def test_the_gradient_of_distances_is_the_derivative_of_the_cost():
@@ -129,14 +129,13 @@ def test_the_relative_pose_of_two_keyframes_is_surer_than_either():
     np.testing.assert_allclose(motion[:3, :3], second.R.T @ first.R, atol=1e-12)
     np.testing.assert_allclose(second.R @ motion[:3, 3] + second.p, first.p, atol=1e-9)
     assert np.linalg.eigvalsh(covariance).min() > 0.0
-    # Keyframes have left since the last solution: the rows are those of the ones that stayed.
     assert window.has_marginalised
     assert len(window.covariance) == 6 * len(window) + 1
     error = np.linalg.inv(poses[frames[-1]]) @ poses[frames[-2]]
     scale = np.linalg.norm(motion[:3, 3]) / np.linalg.norm(error[:3, 3])
     off = motion[:3, 3] / scale - error[:3, 3]
     assert np.linalg.norm(off) * scale < 5.0 * np.sqrt(np.trace(covariance[3:, 3:]))
-    alone = window.pose_covariance()
+    alone = window.covariance_of(window.newest_by_state(), window.frames[-1].p)
     assert np.trace(covariance[:3, :3]) < np.trace(alone[:3, :3])
     assert drive.builder.relative_pose(frames[0] - 1000, frames[-1]) is None
 

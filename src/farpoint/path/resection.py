@@ -216,8 +216,8 @@ class _Points:
         _add_poses(columns, marks.slot[self.since], -before)
         common = columns[:, :, 6 * len(window.frames) :]
         common -= marks.by_common[self.since]
-        turned, moved = window.anchor_derivatives(self.rows)
-        common[:, :, :-1] += expected.by_lens + by_point @ turned
+        lens_derivative, moved = window.anchor_derivatives(self.rows)
+        common[:, :, :-1] += expected.by_lens + by_point @ lens_derivative
         lag = cross(np.broadcast_to(twist[:3], away.shape), away) + s * twist[3:]
         by_readout = moved - self.row_phase[:, None] * lag
         common[:, :, -1] += np.einsum("nqi,ni->nq", by_point, by_readout)

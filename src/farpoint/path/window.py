@@ -29,9 +29,9 @@ _POSE_SIGMA = 1e-6  # of the first pose, the pose gauge
 _MAX_STEP_RATIO = 10.0  # of an inverse distance in one step
 _FACTOR_RANGE = (0.1, 100.0)  # of the variance factor
 _EFFECT_RANGE = (1.0, 50.0)  # of the design effect
-_FIRST_EFFECT = 2.0  # initial value: handheld and driving recordings have 3 to 6
-# Spurious information from linearising at noisy estimates: ratio of squared errors of lens and
-# shutter to their variances, for tracks with independent errors.
+_FIRST_EFFECT = 1.5  # initial value: recordings have 1 to 4
+# Spurious information from linearising at noisy estimates: ratio of squared errors to variances of
+# lens, shutter and path, for tracks with independent errors (`farpoint bench --tables lens`).
 _LINEARISATION_EFFECT = 2.0
 _MEMORY = 0.8  # exponential smoothing from keyframe to keyframe
 _FEWEST_RESIDUALS = 50  # for an update of the variance factor
