@@ -25,8 +25,9 @@ class Column:
     Attributes
     ----------
     name : str
-        With the unit; the same in text, CSV and JSON. Names that end in ``_ms``, ``_s`` or ``_fps`` or
-        begin with ``time_`` hold times of this machine, which alone differ from run to run.
+        With the unit; the same in text, CSV and JSON. Names that end in ``_ms``, ``_s`` or
+        ``_fps`` or begin with ``time_`` hold times of this machine, which alone differ from run to
+        run.
     decimals : int
         Digits behind the point in the text; CSV and JSON carry six significant digits.
     """
