@@ -166,10 +166,14 @@ def _table_node(headings: list[str], table: MeasuredTable) -> nodes.table:
     words = [
         all(isinstance(row[k], str | None) for row in table.rows) for k in range(len(headings))
     ]
+    texts = table.texts()
     group = nodes.tgroup("", cols=len(headings))
-    group += [nodes.colspec("", colwidth=1) for _ in headings]
+    group += [
+        nodes.colspec("", colwidth=max(map(len, column)))
+        for column in zip(headings, *texts, strict=True)
+    ]
     group += nodes.thead("", _row_node(headings, words))
-    group += nodes.tbody("", *(_row_node(texts, words) for texts in table.texts()))
+    group += nodes.tbody("", *(_row_node(row, words) for row in texts))
     return nodes.table("", group, classes=["measured", "colwidths-auto"])
 
 
