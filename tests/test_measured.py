@@ -102,7 +102,7 @@ def rows_of(text: str) -> list[list[str]]:
     return [
         [cell.strip() for cell in line.strip("|").split("|")]
         for line in text.splitlines()
-        if line.startswith("|")
+        if line.startswith("|") and not line.startswith("|=")
     ]
 
 
