@@ -90,3 +90,65 @@ def turned(outliers: int, matches: int) -> Row:
     return only(
         "coverage_summary", scenes="rotation only", outliers_percent=outliers, matches=matches
     )
+
+
+SCENES: dict[str, Callable[[], Row]] = {
+    "simulated, 90 matches, 20 of 100 wrong": lambda: near(20, 90),
+    "simulated, 500 matches, 50 of 100 wrong": lambda: near(50, 500),
+    "simulated pure rotation, 90 matches, 20 of 100 wrong": lambda: turned(20, 90),
+    "rendered drives, 10 frames a second": lambda: only(
+        "motions", motion="drive, 10 fps", lens="pinhole, 65 deg"
+    ),
+    "rendered streets, 195-degree fisheye": lambda: only("wide", lens="fisheye, 195 deg"),
+    "KITTI 00, halves of the tracks": lambda: only("halves", sequence="kitti_00"),
+    "camera in the hand (HoloLens), halves of the tracks": lambda: only(
+        "halves", sequence="hololens"
+    ),
+    "traffic through a windscreen, halves of the tracks": lambda: only(
+        "halves", sequence="dashcam_gyro"
+    ),
+}
+
+
+def test_ratios_to_peers_are_those_measured():
+    steps, _ = tables_of(README.read_text(), "Accuracy")
+    assert len(steps) >= 4
+
+    def find(row: Row) -> Row:
+        return only("steps_summary", sequence="all together", peer=row["peer"])
+
+    assert differences(steps, find, ACCURACY) == []
+
+
+def test_errors_in_the_simulation_are_those_measured():
+    _, paper = tables_of(README.read_text(), "Accuracy")
+    assert {row["method"] for row in paper} == set(PAPER_METHODS)
+
+    def find(row: Row) -> Row:
+        return only("paper", method=PAPER_METHODS[row["method"]])
+
+    assert differences(paper, find, PAPER) == []
+
+
+def test_shares_in_95_percent_are_those_measured():
+    [scenes] = tables_of(README.read_text(), "Honesty")
+    assert {row["scenes"] for row in scenes} == set(SCENES)
+
+    def find(row: Row) -> Row:
+        return {"rotation_95": None, **SCENES[row["scenes"]]()}
+
+    assert differences(scenes, find, HONESTY) == []
+
+
+def test_false_alarms_of_pure_rotations_are_those_measured():
+    rows = [row for row in measured("coverage_summary") if row["scenes"] == "rotation only"]
+    ok, pairs = (sum(row[name] for row in rows) for name in ("OK", "pairs"))
+    text = f"reported as `OK` in {ok} of {pairs}"
+    assert text in " ".join(README.read_text().split())
+
+
+@pytest.mark.parametrize(("written", "expected"), [("0.94", []), ("0.95", [0.944]), ("", [])])
+def test_a_figure_that_is_not_the_one_measured_is_found(written: str, expected: list[float]):
+    rows = [{"scenes": "a", "pose": written}]
+    found = differences(rows, lambda _: {"pose_95": 0.944}, {"pose": "pose_95"})
+    assert [value for _, _, value in found] == expected
