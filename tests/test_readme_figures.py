@@ -96,15 +96,10 @@ SCENES: dict[str, Callable[[], Row]] = {
     "simulated, 90 matches, 20 of 100 wrong": lambda: near(20, 90),
     "simulated, 500 matches, 50 of 100 wrong": lambda: near(50, 500),
     "simulated pure rotation, 90 matches, 20 of 100 wrong": lambda: turned(20, 90),
-    "rendered drives, 10 frames a second": lambda: only(
-        "motions", motion="drive, 10 fps", lens="pinhole, 65 deg"
-    ),
     "rendered streets, 195-degree fisheye": lambda: only("wide", lens="fisheye, 195 deg"),
-    "KITTI 00, halves of the tracks": lambda: only("halves", sequence="kitti_00"),
-    "camera in the hand (HoloLens), halves of the tracks": lambda: only(
-        "halves", sequence="hololens"
-    ),
-    "traffic through a windscreen, halves of the tracks": lambda: only(
+    "KITTI 00, disjoint tracks": lambda: only("halves", sequence="kitti_00"),
+    "camera in the hand (HoloLens), disjoint tracks": lambda: only("halves", sequence="hololens"),
+    "traffic through a windscreen, disjoint tracks": lambda: only(
         "halves", sequence="dashcam_gyro"
     ),
 }
