@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import farpoint
+
+sys.path.insert(0, str(Path(__file__).parent))  # measured_table
 
 project = "farpoint"
 author = "The farpoint authors"
@@ -10,6 +15,7 @@ copyright = author
 version = release = farpoint.__version__
 
 extensions = [
+    "measured_table",
     "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",

@@ -49,7 +49,8 @@ def test_the_changelog_has_what_is_not_released_and_short_releases():
 
 
 def test_the_readme_gives_figures_and_no_fractions_in_words():
-    assert FRACTION.findall(README.read_text()) == []
+    without_code = re.sub(r"`[^`\n]+`", "", README.read_text())  # a table is named halves
+    assert FRACTION.findall(without_code) == []
     for words in ("a fifth less", "Half of them", "two thirds", "nine-tenths of it"):
         assert FRACTION.search(words), words
 

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
+from datetime import UTC, datetime
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -53,13 +55,24 @@ def test_the_report_names_commands_versions_and_peers(seeded: tuple[BenchReport,
 
 def test_every_table_is_a_readable_csv(seeded: tuple[BenchReport, Path]):
     report, out = seeded
-    assert [table.name for table in report.tables] == ["paper", "accuracy", "coverage"]
+    names = ["paper", "accuracy", "coverage", "coverage_summary"]
+    assert [table.name for table in report.tables] == names
     for table in report.tables:
         with (out / f"{table.name}.csv").open() as file:
             rows = list(csv.reader(file))
         assert rows[0] == [c.name for c in table.columns]
         assert len(rows) == 1 + len(table.rows)
         assert {len(row) for row in rows} == {len(table.columns)}
+
+
+def test_every_table_is_a_json_with_the_day_and_the_machine(seeded: tuple[BenchReport, Path]):
+    report, out = seeded
+    assert abs((datetime.now(UTC) - datetime.fromisoformat(f"{report.date}T12Z")).days) <= 1
+    for table in report.tables:
+        found = json.loads((out / f"{table.name}.json").read_text())
+        assert (found["date"], found["environment"]) == (report.date, report.environment)
+        assert found["command"] == table.command
+        assert len(found["rows"]) == len(table.rows)
 
 
 def test_the_same_seed_gives_the_same_files(seeded: tuple[BenchReport, Path], tmp_path: Path):
@@ -168,7 +181,9 @@ def test_an_interruption_leaves_what_was_found(tmp_path: Path):
             interrupt,
             show=shown.append,
         )
-    assert sorted(f.name for f in tmp_path.iterdir()) == ["bench.txt", "coverage.csv", "paper.csv"]
+    tables = ("coverage", "coverage_summary", "paper")
+    files = {f"{name}.{kind}" for name in tables for kind in ("csv", "json")}
+    assert {f.name for f in tmp_path.iterdir()} == {"bench.txt", *files}
     cells = (tmp_path / "coverage.csv").read_text().splitlines()
     assert [cell.split(",")[0] for cell in cells] == ["baseline_cm", "0"]
     found = (tmp_path / "bench.txt").read_text()

@@ -2,6 +2,9 @@ from __future__ import annotations
 
 import csv
 import io
+import json
+
+import numpy as np
 
 from farpoint.bench.table import Column, Table
 
@@ -39,3 +42,33 @@ def test_csv_reads_back_with_six_digits_and_empty_fields():
         {"name": "pear, green", "count": "3", "weight_kg": ""},
         {"name": "plum", "count": "", "weight_kg": "0.5"},
     ]
+
+
+def test_json_reads_back_with_six_digits_and_null_for_what_does_not_exist():
+    found = json.loads(TABLE.to_json(date="2026-11-28", environment="a machine"))
+    assert found == {
+        "date": "2026-11-28",
+        "environment": "a machine",
+        "name": "fruit",
+        "title": "Fruit",
+        "command": "farpoint bench --tables fruit",
+        "columns": [
+            {"name": "name", "decimals": 0},
+            {"name": "count", "decimals": 0},
+            {"name": "weight_kg", "decimals": 2},
+        ],
+        "rows": [["apple", 12, 1.23457], ["pear, green", 3, None], ["plum", None, 0.5]],
+        "notes": list(TABLE.notes),
+    }
+
+
+def test_json_has_numbers_of_numpy_and_the_word_for_infinite_ones():
+    columns = (Column("count"), Column("ratio", 2))
+    rows = ((np.int64(3), float("inf")), (0, np.float64(0.25)))
+    table = Table(name="t", title="", command="", columns=columns, rows=rows)  # type: ignore
+    assert json.loads(table.to_json())["rows"] == [[3, "inf"], [0, 0.25]]
+
+
+def test_json_has_a_row_on_each_line():
+    lines = TABLE.to_json().splitlines()
+    assert '  ["apple", 12, 1.23457],' in lines

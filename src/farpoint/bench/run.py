@@ -6,6 +6,7 @@ import os
 import platform
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
@@ -69,6 +70,8 @@ class BenchReport:
 
     Attributes
     ----------
+    date : str
+        Day of the run in UTC, as in 2026-11-28.
     environment : str
         Machine, versions, and which peers are absent.
     tables : tuple of Table
@@ -77,13 +80,19 @@ class BenchReport:
         Tables that could not be made, with the reason.
     """
 
+    date: str
     environment: str
     tables: tuple[Table, ...]
     skipped: tuple[str, ...]
 
+    @property
+    def heading(self) -> str:
+        """Where and when the tables were made."""
+        return f"{self.environment}\n{self.date} (UTC)"
+
     def to_text(self) -> str:
         """Everything, as in ``bench.txt``."""
-        parts = [self.environment, *(table.to_text() for table in self.tables), *self.skipped]
+        parts = [self.heading, *(table.to_text() for table in self.tables), *self.skipped]
         return "\n\n\n".join(parts) + "\n"
 
 
@@ -96,7 +105,8 @@ def run_bench(
 ) -> BenchReport:
     """Make the tables and write them to a folder.
 
-    ``bench.txt`` holds them all, ``<table>.csv`` each, ``<table>.svg`` its chart if it has one.
+    ``bench.txt`` holds them all, ``<table>.csv`` and ``<table>.json`` each, ``<table>.svg`` its
+    chart if it has one.
     Each is written as soon as it is made, and those that take hours with every row: an interruption
     leaves what was found.
 
@@ -117,15 +127,16 @@ def run_bench(
         Where the folder cannot be written or the data cannot be read.
     """
     _check_data(options.data)
-    report = BenchReport(environment=_environment(), tables=(), skipped=())
-    show(report.environment)
+    today = datetime.now(UTC).date().isoformat()
+    report = BenchReport(date=today, environment=_environment(), tables=(), skipped=())
+    show(report.heading)
     _write(out, "bench.txt", report.to_text())
     for name in options.tables:
         for make in _MAKERS[name]:
             before = report
             for report in _scaling(before, name, lambda make=make: make(options, progress)):
                 for table in report.tables[len(before.tables) :]:
-                    _write_table(out, table)
+                    _write_table(out, table, report)
                 _write(out, "bench.txt", report.to_text())
             for table in report.tables[len(before.tables) :]:
                 show("\n\n" + table.to_text())
@@ -150,8 +161,10 @@ def _scaling(
         yield replace(report, skipped=(*report.skipped, f"{name}: skipped, {reason}"))
 
 
-def _write_table(out: Path, table: Table) -> None:
+def _write_table(out: Path, table: Table, report: BenchReport) -> None:
     _write(out, f"{table.name}.csv", table.to_csv())
+    about_run = {"date": report.date, "environment": report.environment}
+    _write(out, f"{table.name}.json", table.to_json(**about_run))
     if table.chart is not None:
         _write(out, f"{table.name}.svg", table.chart)
 

@@ -1,9 +1,11 @@
-"""A table as text for people and as CSV for programs."""
+"""A table as text for people, as CSV and JSON for programs."""
 
 from __future__ import annotations
 
 import csv
 import io
+import json
+import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,10 +25,11 @@ class Column:
     Attributes
     ----------
     name : str
-        With the unit; the same in text and CSV. Names that end in ``_ms``, ``_s`` or ``_fps`` or
-        begin with ``time_`` hold times of this machine, which alone differ from run to run.
+        With the unit; the same in text, CSV and JSON. Names that end in ``_ms``, ``_s`` or
+        ``_fps`` or begin with ``time_`` hold times of this machine, which alone differ from run to
+        run.
     decimals : int
-        Digits behind the point in the text; the CSV carries six significant digits.
+        Digits behind the point in the text; CSV and JSON carry six significant digits.
     """
 
     name: str
@@ -40,7 +43,7 @@ class Table:
     Attributes
     ----------
     name : str
-        Stem of its CSV file.
+        Stem of its files.
     title : str
         What it shows, in one line.
     command : str
@@ -90,6 +93,42 @@ class Table:
         for row in self.rows:
             writer.writerow([_written(cell) for cell in row])
         return text.getvalue()
+
+    def to_json(self, **run: str) -> str:
+        """An object with the attributes of the table but its chart, one row a line.
+
+        Figures that do not exist are null, infinite ones the word ``inf``.
+
+        Parameters
+        ----------
+        **run : str
+            What else to write: when and where the table was made.
+        """
+        fields = {
+            **{name: json.dumps(value) for name, value in run.items()},
+            "name": json.dumps(self.name),
+            "title": json.dumps(self.title),
+            "command": json.dumps(self.command),
+            "columns": _lines([{"name": c.name, "decimals": c.decimals} for c in self.columns]),
+            "rows": _lines([[_plain(cell) for cell in row] for row in self.rows]),
+            "notes": _lines(self.notes),
+        }
+        return "{\n" + ",\n".join(f'"{name}": {text}' for name, text in fields.items()) + "\n}\n"
+
+
+def _lines(values: Sequence[object]) -> str:
+    """A list in JSON, each of its values on a line."""
+    return "[" + ",".join(f"\n  {json.dumps(value)}" for value in values) + "\n]"
+
+
+def _plain(cell: Cell) -> Cell:
+    """The cell as JSON has it."""
+    if cell is None or isinstance(cell, str):
+        return cell
+    if isinstance(cell, float):
+        rounded = float(f"{cell:.6g}")
+        return rounded if math.isfinite(rounded) else None if math.isnan(rounded) else str(rounded)
+    return int(cell)  # NumPy's integers, too
 
 
 def _written(cell: Cell) -> str:

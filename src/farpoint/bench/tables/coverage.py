@@ -13,6 +13,7 @@ from farpoint.bench.consistency import CONSISTENCY_COLUMNS, consistency_cells, p
 from farpoint.bench.options import BenchOptions, CoverageGrid, Progress
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.tables.coverage_summary import coverage_summary
 from farpoint.pose import PoseStatus, estimate_relative_pose
 from farpoint.synthetic import PointScene, cramer_rao_bound
 
@@ -34,7 +35,7 @@ _OBSERVABLE = math.radians(5.0)
 
 
 def coverage_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each cell of the grid, as they are filled."""
+    """A row for each cell of the grid, as they are filled, and their summary."""
     grid = CoverageGrid.whole() if options.full else options.grid
     cells = list(
         product(
@@ -62,7 +63,9 @@ def coverage_table(options: BenchOptions, progress: Progress) -> Iterator[Table]
             matches,
         )
         rows.append((*cell, *_figures(scenes, options.seed)))
-        yield _table(rows, grid, options)
+        table = _table(rows, grid, options)
+        yield table
+        yield coverage_summary(table)
     progress("coverage", len(cells), len(cells))
 
 

@@ -14,6 +14,7 @@ from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.plain_script import PlainScript
 from farpoint.bench.sequences import PosedSequence, find_sequences, posed_sequence
 from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.tables.steps_summary import steps_summary
 from farpoint.bench.views import TwoViews, evenly_spaced
 from farpoint.camera import Camera
 
@@ -31,7 +32,7 @@ _MATCHERS: dict[str, Callable[[Camera], Matcher]] = {
 
 
 def steps_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Rows for every sequence with its truth, kind of match and step, as they are filled."""
+    """Rows for every sequence with its truth, kind of match and step, as filled; their summary."""
     rows: list[tuple[Cell, ...]] = []
     for sequence in find_sequences(options.data):
         recording = posed_sequence(sequence)
@@ -43,7 +44,9 @@ def steps_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
                 if views:
                     named = sequence.name, kind, step
                     rows += _rows(named, views, options.seed, progress)
-                    yield _table(rows, options)
+                    table = _table(rows, options)
+                    yield table
+                    yield steps_summary(table)
 
 
 def _views(recording: PosedSequence, matcher: Matcher, step: int, most: int) -> list[TwoViews]:
