@@ -35,7 +35,7 @@ from page_files import write_page_files
 NOT_RUN = 10
 """Blocks of all pages that are marked as not run."""
 
-RUN = {"run", "live", "evaluate", "camera", "--version"}
+RUN = {"run", "live", "evaluate", "camera", "compile", "--version"}
 """Commands that are run as they are typed; `fleet` is, in a process of its own."""
 
 PARSED = {"demo", "bench"}
