@@ -14,6 +14,7 @@ from farpoint.frames.deinterlace import Deinterlacer
 from farpoint.metrics import SplitHalf, image_cells, split_half
 from farpoint.odometry.angular_velocity import AngularVelocity
 from farpoint.odometry.at_rest import at_rest
+from farpoint.odometry.capture_times import CaptureTimes
 from farpoint.odometry.half_ratios import HalfRatios
 from farpoint.odometry.lens_in_use import LensInUse
 from farpoint.odometry.mask import checked_mask, tracked_region
@@ -48,6 +49,7 @@ class _Reference:
 
     index: int
     timestamp: float
+    captured: float
     motion: RelativePose | None
     tracks: Tracks
     direction: np.ndarray | None = None
@@ -115,7 +117,9 @@ class Odometry:
         self._path = PathBuilder(self._estimate, self.options.path, self.options.lens)
         self._lens = LensInUse(camera, self.options.lens)
         self._angular_velocity = AngularVelocity()
-        self._time, self._fields = RisingTime(), Deinterlacer()
+        self._time, self._capture, self._fields = RisingTime(), CaptureTimes(), Deinterlacer()
+        self._captured = 0.0  # when the current frame was, s
+        self._timestamps: dict[int, float] = {}  # of frames whose poses are not final
         self._next_index = 0
         self._has_size = False  # fixed by the first image
 
@@ -142,11 +146,15 @@ class Odometry:
 
         They change no more; `OdometryResult.world_from_cam` is the estimate at its frame.
         """
-        return self._path.final_poses()
+        return self._stamped(self._path.final_poses())
 
     def remaining(self) -> list[FinalPose]:
         """Poses that `final_poses` has not returned yet, at the end of a run."""
-        return self._path.remaining()
+        return self._stamped(self._path.remaining())
+
+    def _stamped(self, poses: list[FinalPose]) -> list[FinalPose]:
+        """Poses with the time stamps of their frames in place of the capture times."""
+        return [replace(pose, timestamp=self._timestamps.pop(pose.frame1)) for pose in poses]
 
     def relative_pose(self, frame0: int, frame1: int) -> tuple[np.ndarray, np.ndarray] | None:
         """Motion between two keyframes that are in the window, for a pose graph.
@@ -195,8 +203,11 @@ class Odometry:
         index, self._next_index = self._next_index, self._next_index + 1
         timestamp, fell = self._time.update(timestamp)
         if fell:  # another recording, joined to the one before
+            self._capture.restart()
             self._reference = None
             self._path.break_off()
+        self._captured = self._capture.update(timestamp)
+        self._timestamps[index] = timestamp
         if image is None:
             return self._pass_over(index, timestamp, f"The frame cannot be decoded: {fault}.")
         width, height = grey_size(image)
@@ -266,7 +277,7 @@ class Odometry:
         start = time.perf_counter()
         tracks = self._tracker.match(image, self._prediction(reference))
         matched = time.perf_counter()
-        seconds = timestamp - reference.timestamp
+        seconds = self._captured - reference.captured
         tracks, searched = self._without_perspective(tracks, seconds, reference)
         views = self._views(self._lens.camera, tracks, seconds)
         pose = estimate_views(views, self._pose_options(), self.options.seed, searched)
@@ -274,7 +285,10 @@ class Odometry:
         estimated = time.perf_counter()
         if pose.status is not PoseStatus.FAILED:
             pair = Pair(
-                frame0=reference.index, frame1=index, time0=reference.timestamp, time1=timestamp
+                frame0=reference.index,
+                frame1=index,
+                time0=reference.captured,
+                time1=self._captured,
             )
             point = self._path.add(self.camera, tracks, pose, pair)
             self._lens.update(self._path.lens)
@@ -284,6 +298,7 @@ class Odometry:
             self._reference = _Reference(
                 index=index,
                 timestamp=timestamp,
+                captured=self._captured,
                 motion=pose,
                 tracks=tracks.select(is_good),
                 direction=reference.direction if direction is None else direction,
@@ -297,7 +312,7 @@ class Odometry:
             solved = time.perf_counter()
             self._restart(image, index, timestamp)
             point = self._path.break_off()
-            self._path.pass_over(index, timestamp)
+            self._path.pass_over(index, self._captured)
         else:
             return self._pass_over(index, timestamp, "The frame shows nothing to track.")
         advanced = time.perf_counter()
@@ -374,7 +389,11 @@ class Odometry:
         self._tracker.restart(image)
         self._angular_velocity.break_off()
         self._reference = _Reference(
-            index=index, timestamp=timestamp, motion=None, tracks=Tracks.empty()
+            index=index,
+            timestamp=timestamp,
+            captured=self._captured,
+            motion=None,
+            tracks=Tracks.empty(),
         )
 
     def _pass_over(self, index: int, timestamp: float, reason: str) -> OdometryResult:
@@ -384,7 +403,7 @@ class Odometry:
         self, index: int, timestamp: float, pose: RelativePose | None
     ) -> OdometryResult:
         tracks, point = Tracks.empty(), self._path.now
-        self._path.pass_over(index, timestamp)
+        self._path.pass_over(index, self._captured)
         return self._result(self._reference, index, timestamp, pose, tracks, point)
 
     @staticmethod

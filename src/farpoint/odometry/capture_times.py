@@ -1,0 +1,67 @@
+"""Capture times of frames whose time stamps jitter."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+__all__ = ["CaptureTimes"]
+
+_FRAMES, _FEWEST = 60, 15  # that a line is fitted to, at most; and that tell its period varies
+_SAME = 1e-6  # jitter over the period: none
+_LARGEST = 0.35  # departure of an interval from a multiple of the period, over it
+# Between constant and varying periods: root mean square of the departures from the line, over that
+# of intervals (0.71, and above 1), and correlation of successive intervals (-0.5, and 0).
+_MOST_RATIO, _MOST_CORRELATION = 0.85, -0.25
+
+
+class CaptureTimes:
+    """Times of capture of a camera with a constant period, from stamps of arrival.
+
+    A stamp may be that of a frame's arrival: drivers and buses delay frames by some milliseconds,
+    which changes velocities by a tenth and more. With a constant period the errors of stamps are
+    independent: intervals are differences of two of them, with twice the variance, and successive
+    ones correlated by -1/2. Where the period itself varies, as on phones in changing light,
+    intervals are independent, and stamps depart further and further from a line: they are kept.
+    """
+
+    def __init__(self) -> None:
+        self._stamps: deque[float] = deque(maxlen=_FRAMES)
+        self._last_s: float | None = None
+
+    def restart(self) -> None:
+        """Forget all frames: the next one is of another recording."""
+        self._stamps.clear()
+        self._last_s = None
+
+    def update(self, timestamp: float) -> float:
+        """Time of capture, s, of the next frame; later than those before, if its stamp is."""
+        self._stamps.append(timestamp)
+        seconds = self._on_line(np.array(self._stamps))
+        if self._last_s is not None and seconds <= self._last_s:
+            seconds = max(timestamp, self._last_s)
+        self._last_s = seconds
+        return seconds
+
+    @staticmethod
+    def _on_line(stamps: np.ndarray) -> float:
+        """The last stamp on the line through all, where their period is constant."""
+        last, intervals = float(stamps[-1]), np.diff(stamps)
+        period = float(np.median(intervals)) if len(intervals) > 1 else 0.0
+        if not period > 0.0:
+            return last
+        counts = np.maximum(np.rint(intervals / period), 1.0)  # more than one where some are lost
+        x = np.concatenate([[0.0], np.cumsum(counts)])
+        x -= x.mean()
+        period = float(x @ stamps / (x @ x))
+        residuals, off = stamps - stamps.mean() - period * x, intervals - period * counts
+        square = float(off @ off) / len(off)
+        if not (_SAME * period) ** 2 < square or np.abs(off).max() > _LARGEST * period:
+            return last
+        ratio = np.sqrt(residuals @ residuals / (len(x) - 2) / square)
+        correlation = float(np.mean(off[1:] * off[:-1])) / square
+        is_constant = ratio < _MOST_RATIO and correlation < _MOST_CORRELATION
+        if len(stamps) >= _FEWEST and not is_constant:
+            return last
+        return last - float(residuals[-1])
