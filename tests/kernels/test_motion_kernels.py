@@ -14,7 +14,11 @@ from numba.core.runtime.nrt import rtsys
 from farpoint._kernels import motion_refinement
 from farpoint._kernels.compile import kernel
 from farpoint._kernels.covariance import MIN_SIGNAL, covariance_here, step_with_shrunk_flow
-from farpoint._kernels.design_effect import CORRELATED_Z, design_effect
+from farpoint._kernels.design_effect import (
+    CORRELATED_Z,
+    correlation_and_design_effect,
+    design_effect,
+)
 from farpoint._kernels.five_rays import SearchBudget
 from farpoint._kernels.hypothesis_comparison import MODE_MARGIN, is_secondary_mode
 from farpoint._kernels.likelihood import evaluate_residuals
@@ -72,7 +76,7 @@ def find(
     matches = matches_of(view, HALF_WIDTH, found.per_match[0], soft_cheirality=True)
     iterations, *_, numbers = fit_motion(matches, BUDGET, least_signal, state, found)
     assert np.isfinite(numbers).all()
-    return found, iterations, MotionSummary(*numbers)
+    return found, iterations, numbers
 
 
 def test_the_motion_of_two_views_is_found_and_refined():
@@ -127,7 +131,7 @@ def test_a_refinement_from_nearby_ends_at_the_same_motion():
     )
     assert so3.angle_between(found.R, off_R) < 1e-4
     np.testing.assert_allclose(off_t, found.t, atol=1e-3)
-    assert MotionSummary(*numbers).cost == pytest.approx(before.cost, abs=0.1)
+    assert numbers.cost == pytest.approx(before.cost, abs=0.1)
     assert (again.labels == found.labels).mean() > 0.98
 
 
@@ -213,25 +217,19 @@ def test_the_design_effect_is_that_of_the_inliers(share):
     view.rays1[:40] = np.roll(view.rays1[:40], 1, axis=0)
     view.rays1[:, 1] += 3e-3 * share * np.sin(20.0 * view.rays0[:, 0])
     view.rays1[:, 1] += 1e-3 * rng.normal(size=300)
-    found, _, summary = find(view)
+    found, _, _ = find(view)
     rows = np.flatnonzero(found.per_match[3, :300] > 0.5)
-    sigma = np.sqrt(found.mixture[0])
-    correlation = patch_correlation(
-        view.pairs, found.per_match[1], rows, np.arange(300), sigma, 400
+    residual, sigma = found.per_match[1], np.sqrt(found.mixture[0])
+    correlation = patch_correlation(view.pairs, residual, rows, np.arange(300), sigma, 400)
+    told, z_score, effect = correlation_and_design_effect(
+        view.pairs, residual, found.per_match[3], 300, sigma
     )
-    assert (summary.residual_correlation, summary.correlation_z) == (
-        correlation,
-        np.sqrt(len(rows)) * correlation,
-    )
+    assert (told, z_score) == (correlation, np.sqrt(len(rows)) * correlation)
     if share:
-        assert summary.correlation_z > 2.0 * CORRELATED_Z
-        assert (
-            summary.design_effect
-            == design_effect(view.pairs, found.per_match[1], rows, sigma)
-            > 2.0
-        )
+        assert z_score > 2.0 * CORRELATED_Z
+        assert effect == design_effect(view.pairs, residual, rows, sigma) > 2.0
     else:
-        assert (summary.correlation_z < CORRELATED_Z, summary.design_effect) == (True, 1.0)
+        assert (z_score < CORRELATED_Z, effect) == (True, 1.0)
 
 
 @pytest.mark.parametrize("matches", [60, 2 * MAX_SEARCHED])
@@ -242,7 +240,7 @@ def test_no_array_is_kept(matches):
     arrays = given.pairs, given.prior, state, *found
     held = [sys.getrefcount(array) for array in arrays]
     *_, numbers = fit_motion(given, BUDGET, LEAST_SIGNAL, state, found)
-    assert MotionSummary(*numbers).has_shrunk_flow  # the longest way
+    assert numbers.has_shrunk_flow  # the longest way
     refine_motion(given, LEAST_SIGNAL, found)
     assert [sys.getrefcount(array) for array in arrays] == held
 

@@ -55,6 +55,13 @@ def traffic(seed: int, share: float, shift_px: float, matches: int = 300) -> Tra
     return Traffic(scene.points0, points1, scene.rotation_cam1_from_cam0, moves)
 
 
+def correlated(fit: GeneralMotionFit, correlation: float) -> GeneralMotionFit:
+    """The fit as if its neighbouring residuals were correlated so much."""
+    made = replace(fit)
+    made.__dict__["neighbours"] = fit.neighbours._replace(correlation=correlation)
+    return made
+
+
 def off_deg(pose: RelativePose, scene: Traffic) -> float:
     return float(np.degrees(np.linalg.norm(rotation_error(pose, scene.R))))
 
@@ -133,7 +140,7 @@ def test_smooth_errors_lead_to_no_other_motion():
         scene = traffic(seed, 0.0, 0.0)
         points1 = scene.points1 + smooth_field(seed, scene.points1, 1.0, 60.0)
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += fit.residual_correlation > two_motions.CORRELATED
+        were_smooth += fit.neighbours.correlation > two_motions.CORRELATED
         assert dominant_of(matches, fit) is fit
     assert were_smooth >= 20
 
@@ -148,7 +155,7 @@ def test_wrong_matches_do_not_make_smooth_errors_look_apart(share):
         wrong = rng.uniform(size=len(points1)) < share
         points1[wrong] = rng.uniform((0.0, 0.0), CAMERA.size, (np.count_nonzero(wrong), 2))
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += fit.residual_correlation > two_motions.CORRELATED
+        were_smooth += fit.neighbours.correlation > two_motions.CORRELATED
         assert dominant_of(matches, fit) is fit
     assert were_smooth >= 10
 
@@ -178,7 +185,7 @@ def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
         matches = matches_from_points(scene.points0, points1, camera, camera)
         state = np.array([1], np.uint64)
         fit = general_motion.fit_general_motion(matches, 1.5, DEFAULTS, state)
-        were_alike += fit.residual_correlation > two_motions.CORRELATED
+        were_alike += fit.neighbours.correlation > two_motions.CORRELATED
         assert dominant_of(matches, fit) is fit
     assert were_alike >= least
 
@@ -186,7 +193,7 @@ def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
 def test_what_neighbours_share_of_a_small_noise_is_not_looked_at_again(monkeypatch):
     monkeypatch.setattr(two_motions, "fit_with_bounded_noise", searched_again)
     matches, fit = fit_of(*traffic(1, 0.0, 0.0)[:2])
-    small = replace(fit, noise=fit.noise._replace(variance=0.14**2), residual_correlation=0.9)
+    small = correlated(replace(fit, noise=fit.noise._replace(variance=0.14**2)), 0.9)
     assert dominant_of(matches, small) is small
     # A tolerance of less says that less is wrong.
     with pytest.raises(AssertionError, match="searched again"):
@@ -210,10 +217,10 @@ def test_the_motion_of_most_is_doubted_as_far_as_the_likelier_one_is_off_alike()
     found = dominant_of(matches, fit)
     assert (fit.merged_mode_correlation, found.merged_mode_correlation) == (
         0.0,
-        fit.residual_correlation,
+        fit.neighbours.correlation,
     )
-    assert fit.residual_correlation > two_motions.CORRELATED > found.residual_correlation
-    assert inflation_between_patches(found) == 1.0 + 4.0 * (fit.residual_correlation - 0.25)
+    assert fit.neighbours.correlation > two_motions.CORRELATED > found.neighbours.correlation
+    assert inflation_between_patches(found) == 1.0 + 4.0 * (fit.neighbours.correlation - 0.25)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
     assert "moving objects" in pose.reason
 
@@ -221,7 +228,7 @@ def test_the_motion_of_most_is_doubted_as_far_as_the_likelier_one_is_off_alike()
 def test_neighbours_may_be_off_by_more_than_each_match():
     """The correlation is no more than one on average only."""
     matches, fit = fit_of(*traffic(2, 0.4, 6.0)[:2])
-    found = dominant_of(matches, replace(fit, residual_correlation=1.1))
+    found = dominant_of(matches, correlated(fit, 1.1))
     assert np.isfinite(found.covariance).all()
 
 
@@ -242,13 +249,13 @@ def test_a_likelier_motion_that_the_first_search_missed_is_taken():
             R_cam1_from_cam0=so3.exp(np.array([0.02, 0.0, 0.0])) @ fit.R_cam1_from_cam0,
             noise=fit.noise._replace(variance=16.0 * fit.noise.variance),
             cost=fit.cost + 1.0,
-            residual_correlation=0.7,
         )
+        missed = correlated(missed, 0.7)
         found = dominant_of(matches, missed)
         assert found is not missed
         assert so3.angle_between(found.R_cam1_from_cam0, fit.R_cam1_from_cam0) < 1e-4
         # One that is as likely stays.
-        alike = replace(fit, residual_correlation=0.7)
+        alike = correlated(fit, 0.7)
         assert dominant_of(matches, alike) is alike
 
 
@@ -270,7 +277,7 @@ def test_two_of_each_point_are_not_two_motions():
     scene = traffic(1, 0.0, 0.0, 150)
     points0, points1 = np.repeat(scene.points0, 2, axis=0), np.repeat(scene.points1, 2, axis=0)
     matches, fit = fit_of(points0, points1)
-    assert fit.residual_correlation > 0.99
+    assert fit.neighbours.correlation > 0.99
     assert dominant_of(matches, fit) is fit
 
 
@@ -278,5 +285,5 @@ def test_where_neighbours_are_off_alike_it_is_said(monkeypatch):
     monkeypatch.setattr(two_views, "dominant_motion", lambda _matches, fit, *_: fit)
     scene = traffic(2, 0.4, 6.0)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
-    assert fit_of(scene.points0, scene.points1)[1].residual_correlation > two_motions.CORRELATED
+    assert fit_of(scene.points0, scene.points1)[1].neighbours.correlation > two_motions.CORRELATED
     assert "Residuals of neighbouring matches are correlated" in pose.reason

@@ -10,7 +10,7 @@ from farpoint._kernels.five_rays import SearchBudget
 from farpoint._kernels.motion_refinement import (
     MAX_SEARCHED,
     MotionBuffers,
-    SummaryValues,
+    MotionSummary,
     refine_and_evaluate,
     searched_matches,
     searched_pairs,
@@ -38,7 +38,7 @@ def fit_motion(
     least_signal: float,
     state: np.ndarray,
     buffers: MotionBuffers,
-) -> tuple[int, bool, bool, bool, SummaryValues]:
+) -> tuple[int, bool, bool, bool, MotionSummary]:
     """Search for a pose by a subsample of the matches, and refine it by all.
 
     Returns the number of hypotheses, whether the second motion of a plane competes, whether a

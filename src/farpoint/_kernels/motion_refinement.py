@@ -15,7 +15,6 @@ from farpoint._kernels.covariance import (
     covariance_here,
     step_with_shrunk_flow,
 )
-from farpoint._kernels.design_effect import correlation_and_design_effect
 from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, label_matches
 from farpoint._kernels.hypothesis_comparison import COARSE_TOLERANCE, laplace_factor
 from farpoint._kernels.likelihood import evaluate_residuals
@@ -31,7 +30,6 @@ __all__ = [
     "MAX_SEARCHED",
     "MotionBuffers",
     "MotionSummary",
-    "SummaryValues",
     "evenly_drawn",
     "refine_and_evaluate",
     "refine_motion",
@@ -49,11 +47,7 @@ MAX_ROUNDS = 4
 
 
 class MotionSummary(NamedTuple):
-    """Numbers that summarise a refined motion.
-
-    Kernels return a plain tuple: a named tuple would be made by the Python interpreter within
-    compiled code, which must not be interrupted.
-    """
+    """Numbers that summarise a refined motion."""
 
     cost: float
     """Negative log likelihood."""
@@ -75,18 +69,6 @@ class MotionSummary(NamedTuple):
     """Whether enough of the shrunk flow is signal."""
     scales_with_parallax: bool
     """Whether noise that scales with parallax was found significant."""
-    residual_correlation: float
-    """Correlation of the residuals of inliers with those of their neighbours."""
-    correlation_z: float
-    """Its z-score under independent noise."""
-    design_effect: float
-    """As of `design_effect.correlation_and_design_effect`."""
-
-
-# Field types of `MotionSummary`.
-SummaryValues = tuple[
-    float, float, int, float, float, int, int, bool, bool, bool, float, float, float
-]
 
 
 class MotionBuffers(NamedTuple):
@@ -161,7 +143,7 @@ def _leave_out_none(prior: np.ndarray, count: int) -> None:
 
 def refine_motion(
     matches: PackedMatches, least_signal: float, buffers: MotionBuffers
-) -> SummaryValues:
+) -> MotionSummary:
     """Refine a motion by all matches, with the prior of their parallax, and evaluate it.
 
     The first row of ``per_match`` is the prior of ``matches``. The motion shows a direction if a
@@ -178,7 +160,7 @@ def searched_pairs(matches: PackedMatches) -> np.ndarray:
 
 def refine_and_evaluate(
     some: np.ndarray, matches: PackedMatches, least_signal: float, buffers: MotionBuffers
-) -> SummaryValues:
+) -> MotionSummary:
     """As `refine_motion`, with the panels of `searched_pairs`."""
     cost, laplace, inliers, scales_with_parallax = _refine_with_noise_model(matches, buffers)
     if scales_with_parallax:
@@ -197,23 +179,17 @@ def refine_and_evaluate(
     agreeing, sign_log_odds, log_odds, beyond, supporting = _label_and_count(
         some, count, buffers.R, buffers.R_far, buffers.mixture, per_match, buffers.labels
     )
-    correlation, correlation_z, effect = correlation_and_design_effect(
-        matches.pairs, per_match[1], per_match[3], count, math.sqrt(buffers.mixture[0])
-    )
-    return (
-        cost,
-        laplace,
-        agreeing,
-        sign_log_odds,
-        log_odds,
-        beyond,
-        supporting,
-        shrunk_flow,
-        shows,
-        scales_with_parallax,
-        correlation,
-        correlation_z,
-        effect,
+    return MotionSummary(
+        cost=cost,
+        laplace_factor=laplace,
+        agreeing=agreeing,
+        sign_log_odds=sign_log_odds,
+        log_odds=log_odds,
+        beyond_rotation=beyond,
+        supporting=supporting,
+        has_shrunk_flow=shrunk_flow,
+        shows_direction=shows,
+        scales_with_parallax=scales_with_parallax,
     )
 
 

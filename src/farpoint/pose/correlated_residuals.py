@@ -30,10 +30,11 @@ def count_residual_correlation(
     independent ones: without the design effect the covariance, the evidence for translation and the
     odds of two motions are overconfident. Above `SIGNIFICANT` the noise counts as misspecified.
     """
-    if matches.misspecification > 1.0 or fit.correlation_z < CORRELATED_Z:
+    if matches.misspecification > 1.0 or fit.neighbours.z_score < CORRELATED_Z:
         return matches, fit
-    effect = max(finite_sample_inflation(FREEDOM) * BEYOND_PARTS * fit.design_effect, 1.0)
-    is_misspecified = fit.correlation_z > SIGNIFICANT
+    _, z_score, by_parts = fit.neighbours
+    effect = max(finite_sample_inflation(FREEDOM) * BEYOND_PARTS * by_parts, 1.0)
+    is_misspecified = z_score > SIGNIFICANT
     fitted = fit.matches.with_design_effect(effect, is_misspecified=is_misspecified)
     counted = matches.with_design_effect(effect, is_misspecified=is_misspecified)
     return counted, replace(fit, matches=fitted)

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from farpoint._kernels.design_effect import correlation_and_design_effect
 from farpoint._kernels.five_rays import SearchBudget
 from farpoint._kernels.hypothesis_comparison import (
     MODE_MARGIN,
@@ -56,6 +58,25 @@ HALF_DRAWN = math.log(2.0)
 # Largest share of noise in the shrunk flow, along any axis, with which a direction is observable:
 # where all points are far the share is larger, and half of the directions are wrong.
 MOST_NOISE = 0.55
+
+
+class ResidualCorrelation(NamedTuple):
+    """Correlation of the residuals of inliers with those of their neighbours.
+
+    Attributes
+    ----------
+    correlation : float
+        0 for few inliers.
+    z_score : float
+        Of the correlation, under independent noise.
+    design_effect : float
+        Variance of sums of residuals over parts of the image, over that of independent residuals;
+        1 where independence is plausible.
+    """
+
+    correlation: float
+    z_score: float
+    design_effect: float
 
 
 class Start(NamedTuple):
@@ -113,13 +134,6 @@ class GeneralMotionFit:
         Log odds of the motion to all matches being outliers.
     beyond_rotation, supporting : int
         Of the inliers searched, those that contradict every rotation that may fit; and all.
-    residual_correlation : float
-        Correlation of the residuals of inliers with those of their neighbours; 0 for few.
-    correlation_z : float
-        Its z-score under independent noise.
-    design_effect : float
-        Variance of sums of residuals over parts of the image, over that of independent residuals;
-        1 where independence is plausible.
     merged_mode_correlation : float
         Residual correlation of a likelier motion that was judged a merged mode, between this motion
         and another; else 0.
@@ -148,9 +162,6 @@ class GeneralMotionFit:
     log_odds: float
     beyond_rotation: int
     supporting: int
-    residual_correlation: float
-    correlation_z: float
-    design_effect: float
     merged_mode_correlation: float
     candidate_mode: tuple[np.ndarray, np.ndarray, float] | None = None
 
@@ -173,6 +184,16 @@ class GeneralMotionFit:
     def sign_probability(self) -> float:
         """Probability of the direction against its opposite."""
         return 1.0 / (1.0 + math.exp(-min(max(self.sign_log_odds, -700.0), 700.0)))
+
+    @cached_property
+    def neighbours(self) -> ResidualCorrelation:
+        """How the residuals of neighbouring inliers are correlated."""
+        count, sigma = len(self.matches), self.noise.sigma
+        return ResidualCorrelation(
+            *correlation_and_design_effect(
+                self.matches.pairs, self.per_match[1], self.per_match[3], count, sigma
+            )
+        )
 
     @property
     def residual(self) -> np.ndarray:
@@ -213,11 +234,10 @@ def fit_general_motion(
         min_iterations=options.min_iterations,
         max_iterations=min(samples, options.max_iterations),
     )
-    iterations, is_planar, has_mode, has_close_mode, numbers = fit_motion(
+    iterations, is_planar, has_mode, has_close_mode, summary = fit_motion(
         _packed(matches, found), budget, _least_signal(matches), state, found
     )
     mode = (found.R_secondary, found.t_secondary) if has_mode else None
-    summary = MotionSummary(*numbers)
     fit = _general_motion_fit(matches, iterations, bool(is_planar), mode, found, summary)
     if not has_close_mode:
         return fit
@@ -274,7 +294,7 @@ def refit_general_motion(matches: Matches, fit: GeneralMotionFit | Start) -> Gen
         t=fit.direction_cam1_from_cam0.copy(),
         mixture=fit.noise.array,
     )
-    summary = MotionSummary(*refine_motion(_packed(matches, found), _least_signal(matches), found))
+    summary = refine_motion(_packed(matches, found), _least_signal(matches), found)
     return _general_motion_fit(
         matches, fit.iterations, fit.is_planar, fit.secondary_mode, found, summary
     )
@@ -388,8 +408,5 @@ def _general_motion_fit(
         log_odds=summary.log_odds,
         beyond_rotation=summary.beyond_rotation,
         supporting=summary.supporting,
-        residual_correlation=summary.residual_correlation,
-        correlation_z=summary.correlation_z,
-        design_effect=summary.design_effect,
         merged_mode_correlation=0.0,
     )

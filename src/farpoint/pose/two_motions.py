@@ -100,7 +100,7 @@ def is_correlated(fit: GeneralMotionFit, tolerance: float) -> bool:
     """Whether residuals are so correlated between neighbours that the fit may be a merged mode."""
     many_repeated = fit.noise.outlier_share * fit.noise.repeated_share > MANY_REPEATED
     limit = BESIDE_REPEATED if many_repeated else CORRELATED
-    return fit.residual_correlation >= limit and fit.noise.sigma >= LEAST_NOISE * tolerance
+    return fit.neighbours.correlation >= limit and fit.noise.sigma >= LEAST_NOISE * tolerance
 
 
 def dominant_motion(
@@ -117,7 +117,7 @@ def dominant_motion(
     motions and are independent; else the fit stays, unless the search with bounded noise found a
     motion that is clearly likelier.
     """
-    if fit.residual_correlation < SUSPECT or fit.noise.sigma < LEAST_NOISE * tolerance:
+    if fit.neighbours.correlation < SUSPECT or fit.noise.sigma < LEAST_NOISE * tolerance:
         return fit
     splits = [_split(matches, fit, part) for part in _of_two_parts(matches, fit)]
     found = max(filter(None, splits), key=attrgetter("agreeing"), default=None)
@@ -139,7 +139,7 @@ def _independent_variance(fit: GeneralMotionFit) -> float:
     Of core and heavy tail: matches of a second motion may be in the tail.
     """
     sigma = MAD_TO_SIGMA * float(np.median(np.abs(fit.residual[fit.probability > 0.5])))
-    return max(1.0 - fit.residual_correlation, LEAST_INDEPENDENT) * sigma**2
+    return max(1.0 - fit.neighbours.correlation, LEAST_INDEPENDENT) * sigma**2
 
 
 def _split(
@@ -152,10 +152,10 @@ def _split(
         if _has_gap(residual, BAND_SIGMA * math.sqrt(bound * variance)):
             found = refit_general_motion(matches.with_noise_up_to(bound * variance), start)
             is_dominant = found.agreeing > DOMINANT_SHARE * fit.agreeing
-            if is_dominant and found.residual_correlation < EXPLAINED * min(
-                fit.residual_correlation, CORRELATED
+            if is_dominant and found.neighbours.correlation < EXPLAINED * min(
+                fit.neighbours.correlation, CORRELATED
             ):
-                return replace(found, merged_mode_correlation=fit.residual_correlation)
+                return replace(found, merged_mode_correlation=fit.neighbours.correlation)
             return None
     return None
 

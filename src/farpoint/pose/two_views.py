@@ -119,7 +119,7 @@ def _find(
             "with the camera, as dirt on its lens does."
         )
     general = dominant_motion(matches, general, tolerance, options, state)
-    if max(general.residual_correlation, general.merged_mode_correlation) > CORRELATED:
+    if max(general.neighbours.correlation, general.merged_mode_correlation) > CORRELATED:
         diagnostics.note(
             "Residuals of neighbouring matches are correlated: lens model, rolling shutter, moving "
             "objects or repeated structure."
