@@ -53,6 +53,7 @@ _COLUMNS = (
     Column("runs"),
     Column("parameters_95", 2),
     Column("lens_nees", 2),
+    Column("readout_95", 2),
     Column("readout_z_rms", 2),
     Column("segments"),
     Column("orientation_nees", 2),
@@ -96,6 +97,7 @@ def _cells(trials: Sequence[LensTrial]) -> tuple[Cell, ...]:
         len(trials),
         float(np.mean(z <= 1.96)),
         float(np.mean([trial.nees for trial in trials])),
+        float(np.mean([abs(trial.readout) <= 1.96 for trial in trials])),
         float(np.sqrt(np.mean([trial.readout**2 for trial in trials]))),
         path.pose.segments,
         path.orientation.mean_nees,
@@ -126,7 +128,8 @@ def _table(rows: Sequence[tuple[Cell, ...]], options: BenchOptions) -> Table:
             "of the calibration is one of its prior; two sigmas: of the focal length, 6 %",
             "parameters_95: share of the model's parameters within 1.96 of their sigmas, 0.95 if "
             "honest; lens_nees: mean NEES of the lens over its number of parameters, 1 if honest",
-            "readout_z_rms: root mean square error of the read-out time in its sigma, 1 if honest",
+            "readout_95: share of read-out times within 1.96 of their sigmas; readout_z_rms: root "
+            "mean square error in its sigma, 1 if honest",
             "nees: of the path's poses that move no more, mean over its segments of the mean over "
             "their poses; 3, 3, 6 and 1 if honest; low, high: where 95 % of such means lie, of one "
             "sample a segment; end_95: share of recordings whose last pose lies within its 95 %",
