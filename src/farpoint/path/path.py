@@ -11,9 +11,8 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.geometry import so3
-from farpoint.geometry.sphere import tangent_basis
+from farpoint.path.first_motion import WindowView, contradicting_motion
 from farpoint.path.history import TrackHistory, TrackObservations
-from farpoint.path.information import inverse
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.lens import LensEstimate, LensReport
 from farpoint.path.options import LensRefinementOptions, PathOptions
@@ -35,10 +34,8 @@ _ITERATIONS = 1  # of later solutions: a new keyframe changes the others little
 _UNKNOWN_LENGTH = (
     2.0  # 1-sigma of a displacement before initialisation, in units of the first length
 )
-_RELIABLE_FLOW = 0.5  # of the keyframe flow: the window is reinitialised at this flow
+_RELIABLE_FLOW = 0.5  # of the keyframe flow: the first motion is tested at this flow
 _FIT_CHI2 = 13.8  # 0.999 quantile, 2 degrees of freedom
-_EVIDENCE = 2.0  # log-likelihood ratio that decides between two motions
-_AGREE_CHI2 = 20.5  # 0.999 quantile, 5 degrees of freedom
 _REST_CHI2 = 11.3  # 0.99 quantile, 3 degrees of freedom
 
 
@@ -273,82 +270,41 @@ class PathBuilder:
         covariances = np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2)
         return self._estimate(before.pixels[rows[rows >= 0]], both.pixels, covariances, seconds)
 
-    def _reinitialise(self, window: Window, step: _Step) -> np.ndarray:
-        """Restart the window from two views with larger flow, if these contradict the path.
+    def _restart(self, window: Window, step: _Step) -> np.ndarray:
+        """Restart the window where two views with larger flow contradict its first motion.
 
-        Short flow may have two modes of the motion, and the path may have started from the wrong
-        one. Both are optimised on two views with larger flow, lens and shutter free. The new motion
-        replaces the path's if its log likelihood is at least that of the path's less 2, and it
-        differs from the path's. The difference is spread evenly over the time between the two
-        views, the length kept, and all keyframes optimised again. Returns the shift (3,) of the
-        last frame's position.
+        The difference is spread evenly over the time between the two views, the length kept, and
+        all keyframes optimised again. Returns the shift (3,) of the last frame's position.
         """
-        nothing = np.zeros(3)
         assert self._first is not None
-        (first, before), self._first = self._first, None
-        since = self._since(before, step.inliers, step.pair.time1 - first.timestamp)
-        length, seconds = (
-            float(np.linalg.norm(self._p - first.p)),
-            step.pair.time1 - first.timestamp,
+        (first, tracks), self._first, pair = self._first, None, step.pair
+        seconds = pair.time1 - first.timestamp
+        if window.has_marginalised or not seconds > 0.0:
+            return np.zeros(3)
+
+        def lens() -> LensEstimate:
+            return LensEstimate(window.lens.given, self._lens_options, pair.seconds)
+
+        other = contradicting_motion(
+            WindowView(first.frame, first.timestamp, first.R, first.p, first.twist, tracks),
+            WindowView(pair.frame1, pair.time1, self._R, self._p, self._twist, step.inliers),
+            self._since(tracks, step.inliers, seconds),
+            lambda: Window(lens(), window.size),
+            self._options.max_tracks,
         )
-        can_restart = length > 0.0 and seconds > 0.0 and not window.has_marginalised
-        if not can_restart or since.status is not PoseStatus.OK:
-            return nothing
-        assert since.rotation_cam1_from_cam0 is not None
-        R = first.R @ since.rotation_cam1_from_cam0.T
-        p = first.p + length * (first.R @ since.heading_cam0)
-        current, alternative = (
-            self._two_views(window, first, before, step, pose)
-            for pose in ((self._R, self._p), (R, p))
-        )
-        if alternative.cost > current.cost + _EVIDENCE or self._is_consistent(alternative):
-            return nothing
-        last = alternative.frames[-1]
+        if other is None:
+            return np.zeros(3)
+        last = other.frames[-1]
         rate = np.concatenate([so3.log(last.R @ self._R.T), last.p - self._p]) / seconds
         if not self._is_key:
-            self._add_keyframe(window, step.inliers, step.pair)
-        correction = Correction(window.frames)
-        self._lens = LensEstimate(window.lens.given, self._lens_options, step.pair.seconds)
-        window.restart(self._lens, alternative.lens.common, rate, first.timestamp)
+            self._add_keyframe(window, step.inliers, pair)
+        correction, self._lens = Correction(window.frames), lens()
+        window.restart(self._lens, other.lens.common, rate, first.timestamp)
         self._twist, self._twist_before = self._twist + rate, self._twist_before + rate
         self._pending_twist = None
         self._solve(window, step.motion)
         self._pending.correct(correction)
-        return correction.at(step.pair.time0)[3:]
-
-    def _is_consistent(self, views: Window) -> bool:
-        """Whether the two-view motion, its length fixed, is consistent with the path (chi^2)."""
-        motion, covariance = views.relative_pose(0, 1)
-        first, length = views.frames[0], float(np.linalg.norm(motion[:3, 3]))
-        turn = so3.log(self._R.T @ first.R @ motion[:3, :3].T)
-        away = self._R.T @ (first.p - self._p) - motion[:3, 3]
-        across = np.zeros((5, 6))
-        across[:3, :3], across[3:, 3:] = np.eye(3), tangent_basis(motion[:3, 3] / length).T
-        off = across @ np.concatenate([turn, away])
-        return bool(off @ inverse(across @ covariance @ across.T) @ off < _AGREE_CHI2)
-
-    def _two_views(
-        self,
-        window: Window,
-        first: Keyframe,
-        before: TrackObservations,
-        step: _Step,
-        pose: tuple[np.ndarray, np.ndarray],
-    ) -> Window:
-        """Optimised window of the first keyframe and this frame, from a pose of this frame."""
-        pair, most = step.pair, self._options.max_tracks
-        lens = LensEstimate(window.lens.given, self._lens_options, pair.seconds)
-        views = Window(lens, window.size)
-        for frame, time, at, twist, observed in (
-            (first.frame, first.timestamp, (first.R, first.p), first.twist, before),
-            (pair.frame1, pair.time1, pose, self._twist, step.inliers),
-        ):
-            views.add(frame, time, *at, twist)
-            views.observe(select_tracks(observed, views.landmarks, most))
-        views.set_unit()
-        views.triangulate()
-        views.solve(_FIRST_ITERATIONS)
-        return views
+        return correction.at(pair.time0)[3:]
 
     # Tracking
 
@@ -388,7 +344,7 @@ class PathBuilder:
             self._own = self._dead_reckoned(motion, pair.seconds)
         last_p = last[1]
         if self._first is not None and self._has_moved(self._first[1], now, _RELIABLE_FLOW):
-            last_p = last_p + self._reinitialise(window, step)
+            last_p = last_p + self._restart(window, step)
         point = self._point(pair, motion, located, last_p)
         return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
 

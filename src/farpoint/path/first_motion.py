@@ -1,0 +1,94 @@
+"""Whether a path began from the right mode of its first motion, by two views with larger flow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from farpoint.geometry import so3
+from farpoint.geometry.sphere import tangent_basis
+from farpoint.path.history import TrackObservations
+from farpoint.path.information import inverse
+from farpoint.path.selection import select_tracks
+from farpoint.path.window import Window
+from farpoint.pose import PoseStatus, RelativePose
+
+__all__ = ["WindowView", "contradicting_motion"]
+
+_ITERATIONS = 6
+_EVIDENCE = 2.0  # log-likelihood ratio that decides between two motions
+_AGREE_CHI2 = 20.5  # 0.999 quantile, 5 degrees of freedom
+
+
+class WindowView(NamedTuple):
+    """A frame with its tracks, pose ``world_from_cam`` and velocity, as of `Keyframe`."""
+
+    frame: int
+    timestamp: float
+    R: np.ndarray
+    p: np.ndarray
+    twist: np.ndarray
+    tracks: TrackObservations
+
+
+def contradicting_motion(
+    first: WindowView,
+    now: WindowView,
+    motion: RelativePose,
+    new_window: Callable[[], Window],
+    most: int,
+) -> Window | None:
+    """Window of both views from a motion that contradicts the path; None where none does.
+
+    Short flow may have two modes of the motion, and the path may have started from the wrong one.
+    Two motions between the views are optimised, lens and shutter free: that of the path, and
+    another, with the path's length. The other contradicts the path if its log likelihood is at
+    least that of the path's less 2, and it differs from the path's.
+
+    Parameters
+    ----------
+    first, now : WindowView
+        The first keyframe, and a frame that the tracks have moved to.
+    motion : RelativePose
+        The motion between them, by two views alone.
+    new_window : callable
+        Makes a window with the prior of lens and shutter.
+    most : int
+        Tracks that are used.
+    """
+    length = float(np.linalg.norm(now.p - first.p))
+    if length == 0.0 or motion.status is not PoseStatus.OK:
+        return None
+    assert motion.rotation_cam1_from_cam0 is not None
+    other = now._replace(
+        R=first.R @ motion.rotation_cam1_from_cam0.T,
+        p=first.p + length * (first.R @ motion.heading_cam0),
+    )
+    current, alternative = (_optimised(first, view, new_window(), most) for view in (now, other))
+    if alternative.cost > current.cost + _EVIDENCE or _is_consistent(alternative, now):
+        return None
+    return alternative
+
+
+def _optimised(first: WindowView, now: WindowView, window: Window, most: int) -> Window:
+    for frame, timestamp, R, p, twist, tracks in (first, now):
+        window.add(frame, timestamp, R, p, twist)
+        window.observe(select_tracks(tracks, window.landmarks, most))
+    window.set_unit()
+    window.triangulate()
+    window.solve(_ITERATIONS)
+    return window
+
+
+def _is_consistent(views: Window, now: WindowView) -> bool:
+    """Whether a motion, its length fixed, is consistent with the path's pose (chi^2)."""
+    motion, covariance = views.relative_pose(0, 1)
+    first, length = views.frames[0], float(np.linalg.norm(motion[:3, 3]))
+    turn = so3.log(now.R.T @ first.R @ motion[:3, :3].T)
+    away = now.R.T @ (first.p - now.p) - motion[:3, 3]
+    across = np.zeros((5, 6))
+    across[:3, :3], across[3:, 3:] = np.eye(3), tangent_basis(motion[:3, 3] / length).T
+    off = across @ np.concatenate([turn, away])
+    return bool(off @ inverse(across @ covariance @ across.T) @ off < _AGREE_CHI2)
