@@ -35,6 +35,7 @@ _UNKNOWN_LENGTH = (
     2.0  # 1-sigma of a displacement before initialisation, in units of the first length
 )
 _RELIABLE_FLOW = 0.5  # of the keyframe flow: the first motion is tested at this flow
+_MORE_FLOW = 1.25  # over one from which no direction was observable: the next attempt (convention)
 _FIT_CHI2 = 13.8  # 0.999 quantile, 2 degrees of freedom
 _REST_CHI2 = 11.3  # 0.99 quantile, 3 degrees of freedom
 
@@ -121,6 +122,7 @@ class PathBuilder:
         self._key_tracks: TrackObservations | None = None
         # The keyframe that the unit begins at, and its tracks, until its mode is tested.
         self._first: tuple[Keyframe, TrackObservations] | None = None
+        self._unobservable_flow = 0.0  # since the keyframe, at which no direction was observable
         self._new_keyframe: Keyframe | None = None
         self._is_key, self._has_scale = False, False
         self._twist = self._twist_before = np.zeros(6)
@@ -228,11 +230,10 @@ class PathBuilder:
         seconds = pair.time1 - key.timestamp
         since_key = motion
         if key.frame != pair.frame0:
-            assert self._key_tracks is not None
-            since_key = self._since(self._key_tracks, inliers, seconds)
+            since_key = self._since_keyframe(step, seconds)
         R, p = self._R @ motion.rotation_cam1_from_cam0.T, self._p
         last_p = p
-        if since_key.status is PoseStatus.OK:
+        if since_key is not None and since_key.status is PoseStatus.OK:
             assert since_key.rotation_cam1_from_cam0 is not None
             R = key.R @ since_key.rotation_cam1_from_cam0.T
             p = key.p + self._unit(seconds) * (key.R @ since_key.heading_cam0)
@@ -255,6 +256,16 @@ class PathBuilder:
             self._add_keyframe(window, inliers, pair)
             window.add_rest_prior(_UNKNOWN_LENGTH)
         return self._point(pair, motion, None, last_p)
+
+    def _since_keyframe(self, step: _Step, seconds: float) -> RelativePose | None:
+        """Two-view motion since the last keyframe; None where one from about this flow had none."""
+        before, now = self._key_tracks, step.inliers
+        assert before is not None
+        flow = self._flow(before, now)
+        if step.motion.status is not PoseStatus.OK and flow < _MORE_FLOW * self._unobservable_flow:
+            return None
+        self._unobservable_flow = flow
+        return self._since(before, now, seconds)
 
     def _unit(self, seconds: float) -> float:
         """Length of a segment's first displacement: the unit, or last speed x time."""
@@ -411,12 +422,16 @@ class PathBuilder:
     ) -> bool:
         """Whether the median flow exceeds ``share`` keyframe flows, or too many tracks are lost."""
         assert before is not None
+        return self._flow(before, now) > share * self._options.keyframe_flow_px
+
+    def _flow(self, before: TrackObservations, now: TrackObservations) -> float:
+        """Median flow, px; infinite where too many tracks are lost."""
         rows = before.rows_of(now.ids)
         both = rows >= 0
         if not both.any() or both.sum() < self._options.keyframe_share * len(before.ids):
-            return True
+            return math.inf
         flow = np.linalg.norm(now.pixels[both] - before.pixels[rows[both]], axis=1)
-        return bool(np.median(flow) > share * self._options.keyframe_flow_px)
+        return float(np.median(flow))
 
     def _add_keyframe(self, window: Window, observed: TrackObservations, pair: Pair) -> None:
         while len(window) >= self._options.keyframes:
@@ -425,6 +440,7 @@ class PathBuilder:
         keyframe = window.add(pair.frame1, pair.time1, self._R, self._p, self._twist)
         window.observe(select_tracks(observed, window.landmarks, self._options.max_tracks))
         self._key_tracks, self._new_keyframe, self._is_key = observed, keyframe, True
+        self._unobservable_flow = 0.0
 
     def _complete_keyframe(self, window: Window, before: TrackObservations) -> None:
         """Add tracks that begin in the last keyframe, known from its next match."""
