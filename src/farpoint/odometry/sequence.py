@@ -154,7 +154,10 @@ class Odometry:
 
     def _stamped(self, poses: list[FinalPose]) -> list[FinalPose]:
         """Poses with the time stamps of their frames in place of the capture times."""
-        return [replace(pose, timestamp=self._timestamps.pop(pose.frame1)) for pose in poses]
+        return [
+            replace(pose, timestamp=self._timestamps.pop(pose.frame1, pose.timestamp))
+            for pose in poses
+        ]
 
     def relative_pose(self, frame0: int, frame1: int) -> tuple[np.ndarray, np.ndarray] | None:
         """Motion between two keyframes that are in the window, for a pose graph.
