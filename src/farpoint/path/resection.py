@@ -72,12 +72,12 @@ def locate_frame(
     Parameters
     ----------
     window : Window
-    seen : Sighting
+    observed : TrackObservations
         The frame's tracks.
+    last : (ndarray, ndarray)
+        Rotation ``world_from_cam`` (3, 3) and position (3,) of the previous frame.
     R : ndarray, shape (3, 3)
         Initial rotation ``world_from_cam``.
-    last : (ndarray, ndarray)
-        Rotation and position of the previous frame.
     start : ndarray, shape (3,)
         Initial position.
     seconds : float
