@@ -9,8 +9,8 @@ import numpy as np
 from farpoint._kernels.window import by_sigmas
 from farpoint.camera import Camera
 from farpoint.errors import InputError
+from farpoint.geometry.vectors import products
 from farpoint.path.options import LensRefinementOptions
-from farpoint.path.vectors import products
 
 __all__ = ["LensEstimate", "LensReport", "given_lens", "with_prior"]
 

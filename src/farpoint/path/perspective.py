@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint.camera import Camera
+from farpoint.geometry.vectors import products, solutions
 from farpoint.path.prediction import inverse_depths
-from farpoint.path.vectors import products, solutions
 from farpoint.tracks import Tracks
 
 __all__ = ["without_perspective"]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from farpoint.camera import Camera
-from farpoint.path.vectors import cross
+from farpoint.geometry.vectors import cross
 from farpoint.pose import RelativePose
 from farpoint.tracks import Tracks
 

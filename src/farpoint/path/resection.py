@@ -9,9 +9,9 @@ import numpy as np
 
 from farpoint._kernels.window import DOF, locate
 from farpoint.geometry import so3
+from farpoint.geometry.vectors import cross
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import inverse
-from farpoint.path.vectors import cross
 from farpoint.path.window import Window
 
 __all__ = ["Located", "locate_frame"]
@@ -206,7 +206,7 @@ class _Points:
         away = self.homogeneous_points - s * p
         by_point = expected.by_ray @ R.T
         by_point /= np.maximum(np.linalg.norm(away, axis=1), 1e-300)[:, None, None]
-        by_turn = np.cross(by_point, away[:, None])
+        by_turn = cross(by_point, away[:, None])
         by_pose = np.concatenate([by_turn, -s[:, :, None] * by_point], axis=2)
         # As in the window, where a turn moves the position, too.
         by_observer = by_pose.copy()
@@ -228,11 +228,19 @@ class _Points:
 
     def _precision(self, by_s: np.ndarray, squares: np.ndarray) -> np.ndarray:
         """Inverse covariances (N, 2, 2) of the residuals, with their robust weights."""
+        uu, uv, vv = self.covariances.T
+        u, v = by_s.T
+        # Of C + s_variance b b^T, without the cancellation of its own entries.
+        determinant = uu * vv - uv * uv
+        determinant += self.s_variance * (uu * v * v - 2.0 * uv * u * v + vv * u * u)
+        used = np.isfinite(squares)
+        weight = np.zeros(len(squares))
+        weight[used] = (DOF + 2.0) / ((DOF + squares[used]) * determinant[used])
         uu, uv, vv = (
-            self.covariances + self.s_variance[:, None] * by_s[:, [0, 0, 1]] * by_s[:, [0, 1, 1]]
-        ).T
-        weight = (DOF + 2.0) / ((DOF + squares) * (uu * vv - uv * uv))
-        weight[~np.isfinite(squares)] = 0.0
+            uu + self.s_variance * u * u,
+            uv + self.s_variance * u * v,
+            vv + self.s_variance * v * v,
+        )
         entries = [weight * vv, -weight * uv, -weight * uv, weight * uu]
         return np.stack(entries, axis=1).reshape(-1, 2, 2)
 

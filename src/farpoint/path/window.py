@@ -10,6 +10,7 @@ import numpy as np
 from farpoint._kernels.cholesky import point_variances
 from farpoint._kernels.window import UNSEEN_PX, point_steps
 from farpoint.geometry import so3
+from farpoint.geometry.vectors import cross, products
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import System, inverse, solution
 from farpoint.path.keyframe import Keyframe
@@ -17,7 +18,6 @@ from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate
 from farpoint.path.prior import Prior, by_position_change
 from farpoint.path.residuals import NOISE, Linear, Normal, Poses, Residuals, row_phase
-from farpoint.path.vectors import cross, products
 
 __all__ = ["Window"]
 

@@ -19,7 +19,8 @@ import scipy
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
-from farpoint.geometry.sphere import normalize, tangent_basis
+from farpoint.geometry.sphere import tangent_basis
+from farpoint.geometry.vectors import cross, products
 from farpoint.pose.conclusion import with_covariance
 from farpoint.pose.result import PoseStatus, RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter
@@ -41,15 +42,39 @@ _OF_SHUTTER = 4
 _LINEAR = 0.5
 """Change of an error of the lens, in its sigmas, up to which rays are linear in it."""
 
+_SMALL_ROTATION = 0.01
+"""Rotation, rad, up to which a ray is linear in it: the second order is 5e-5 rad."""
+
+_SKEW = ((0, 1, 2, 1), (0, 2, 1, -1), (1, 0, 2, -1), (1, 2, 0, 1), (2, 0, 1, 1), (2, 1, 0, -1))
+"""Row, column, coordinate and sign of the elements of ``e_k x a``."""
+
+_DAMPING = 1e-12
+"""Of the trace of the information: inliers at one point do not fix the rotation."""
+
 _DOF = 5.0
 """Degrees of freedom of the t distribution of what a rotation leaves: heavy tails (convention)."""
 
 
 class View(NamedTuple):
-    """Pixels of the matches in one image, shape (N, 2), and the camera that took it."""
+    """One image: its camera, and of the matches pixels and rays, before correction of the rows.
 
-    points: np.ndarray
+    Shapes are (N, 2) of the pixels, (N, 3) of the rays, and (N, 3, 2) of their derivatives by the
+    pixel.
+    """
+
     camera: Camera
+    points: np.ndarray
+    rays: np.ndarray
+    by_pixel: np.ndarray
+
+    def select(self, rows: np.ndarray) -> View:
+        """Of these matches."""
+        return View(self.camera, self.points[rows], self.rays[rows], self.by_pixel[rows])
+
+    def through(self, camera: Camera) -> View:
+        """The same pixels through another camera."""
+        rays = camera.unproject(self.points)
+        return View(camera, self.points, rays, camera.unproject_jacobian(rays))
 
 
 def with_lens_uncertainty(
@@ -91,13 +116,12 @@ def with_lens_uncertainty(
         return pose
     assert pose.rotation_cam1_from_cam0 is not None
     theta = so3.log(pose.rotation_cam1_from_cam0)
-    lenses = _Lenses.of(view0.camera, view1.camera, shutter, theta)
     inliers = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
     inliers = inliers[:: max(-(-len(inliers) // _MOST), 1)]
-    views = view0, view1
-    rays = lenses.rays(*views, inliers)
+    lenses = _Lenses.of(view0.select(inliers), view1.select(inliers), shutter, inliers, theta)
+    rays = lenses.rays()
     if pose.status is PoseStatus.OK:
-        errors = _explained_by_a_rotation(lenses, views, inliers, rays, pose, false_alarm_rate)
+        errors = _explained_by_a_rotation(lenses, rays, pose, false_alarm_rate)
         if errors is not None and not is_observable(*lenses.at(errors)):
             pose = _without_direction(pose)
     by_lens = _sensitivity(pose, *rays)
@@ -115,53 +139,50 @@ class _Rays(NamedTuple):
     by_pixel: np.ndarray
     by_lens: np.ndarray
 
-    def by_error(self, z: np.ndarray) -> _Rays:
-        """Those of lenses with errors (r,), to first order."""
-        return self._replace(rays=normalize(self.rays + self.by_lens @ z))
-
 
 class _Lenses(NamedTuple):
-    """Both cameras as functions of ``z`` (r,), errors of their lenses in units of one sigma.
+    """Both views as functions of ``z`` (r,), errors of their lenses in units of one sigma.
 
     ``factors`` are of the parameters (P, r) of ``camera.refinable``. The last four errors are those
     of the read-out and of the derivative of the angular velocity, behind a shutter that undoes the
-    share of the rotation vector ``theta`` in each row.
+    share of the rotation vector ``theta`` in each row; ``rows`` are those of the shutter's matches.
     """
 
-    cameras: tuple[Camera, Camera]
+    views: tuple[View, View]
     factors: tuple[np.ndarray, np.ndarray]
     shutter: Shutter | None
+    rows: np.ndarray
     theta: np.ndarray
 
     @classmethod
     def of(
-        cls, camera0: Camera, camera1: Camera, shutter: Shutter | None, theta: np.ndarray
+        cls, view0: View, view1: View, shutter: Shutter | None, rows: np.ndarray, theta: np.ndarray
     ) -> _Lenses:
         """One camera twice shares its errors; those of two are independent."""
-        first = second = camera0.parameter_factor
-        if camera0 is not camera1 and camera0 != camera1:
-            second = camera1.parameter_factor
+        first = second = view0.camera.parameter_factor
+        if view0.camera is not view1.camera and view0.camera != view1.camera:
+            second = view1.camera.parameter_factor
             r0, r1 = first.shape[1], second.shape[1]
             first, second = np.pad(first, ((0, 0), (0, r1))), np.pad(second, ((0, 0), (r0, 0)))
-        last = ((0, 0), (0, _OF_SHUTTER))
-        factors = np.pad(first, last), np.pad(second, last)
-        return cls((camera0, camera1), factors, shutter, theta)
+        return cls((view0, view1), (first, second), shutter, rows, theta)
 
-    def rays(
-        self, view0: View, view1: View, rows: np.ndarray, z: np.ndarray | None = None
-    ) -> tuple[_Rays, _Rays]:
-        """Rays of both images at these matches, by the given lenses or by those with errors z."""
-        cameras, shutter = self.cameras, self.shutter
-        if z is not None and z.any():
+    @property
+    def size(self) -> int:
+        """Number of errors."""
+        return self.factors[0].shape[1] + _OF_SHUTTER
+
+    def rays(self, z: np.ndarray | None = None) -> tuple[_Rays, _Rays]:
+        """Rays of both images, by the given lenses or by those with the errors z."""
+        views, shutter = self.views, self.shutter
+        if z is not None:
             *cameras, shutter = self.at(z)
-        views = (view0, view1)
+            views = tuple(v.through(c) for v, c in zip(views, cameras, strict=True))
         first, second = (
-            _rays_of(camera, factor, view.points[rows])
-            for camera, factor, view in zip(cameras, self.factors, views, strict=True)
+            _rays_of(view, factor) for view, factor in zip(views, self.factors, strict=True)
         )
         if shutter is None:
             return first, second
-        shutter = shutter.select(rows)
+        shutter = shutter.select(self.rows)
         return _unrolled(first, 0, shutter, self.theta), _unrolled(second, 1, shutter, self.theta)
 
     def at(self, z: np.ndarray) -> tuple[Camera, Camera, Shutter | None]:
@@ -173,35 +194,43 @@ class _Lenses(NamedTuple):
                 share=shutter.share + readout * shutter.sigma,
                 derivative=shutter.derivative + derivative * shutter.angular_prior_sigma,
             )
-        first = _with_error(self.cameras[0], self.factors[0] @ z)
-        if self.cameras[0] is self.cameras[1]:
+        (camera0, camera1), (factor0, factor1) = (v.camera for v in self.views), self.factors
+        of_lens = z[:-_OF_SHUTTER]
+        first = _with_error(camera0, factor0 @ of_lens)
+        if camera0 is camera1:
             return first, first, shutter
-        return first, _with_error(self.cameras[1], self.factors[1] @ z), shutter
+        return first, _with_error(camera1, factor1 @ of_lens), shutter
+
+
+def _rays_of(view: View, factor: np.ndarray) -> _Rays:
+    """By the implicit function theorem, as `CameraModel.unproject_parameter_jacobian`."""
+    pixel_by_lens = view.camera.refinable.project_parameter_jacobian(view.rays) @ factor
+    by_lens = np.zeros((len(view.rays), 3, factor.shape[1] + _OF_SHUTTER))
+    by_lens[:, :, :-_OF_SHUTTER] = -products(view.by_pixel, pixel_by_lens)
+    return _Rays(view.rays, view.by_pixel, by_lens)
 
 
 def _unrolled(rays: _Rays, image: int, shutter: Shutter, theta: np.ndarray) -> _Rays:
     """Rays with the rotation undone up to the read-out of their rows."""
     unrolled, by_pixel = shutter.unrolled(theta, image, rays.rays, rays.by_pixel)
-    by_lens = shutter.row_corrections(theta, image) @ rays.by_lens
+    by_lens = shutter.columns_unrolled(theta, image, rays.by_lens)
     phases = shutter.phases(image)[:, None]
-    by_readout = np.cross((-shutter.sigma * phases) * shutter.rate(theta, image), unrolled)
-    by_lens[:, :, -_OF_SHUTTER] = by_readout
+    by_lens[:, :, -_OF_SHUTTER] = cross(
+        (-shutter.sigma * phases) * shutter.rate(theta, image), unrolled
+    )
     if shutter.angular_prior is not None:
         rate = shutter.angular_prior.by_derivative[image] * shutter.angular_prior.sigma
-        for axis in range(3):
-            turn = -shutter.share * rate * phases * np.eye(3)[axis]
-            by_lens[:, :, 1 - _OF_SHUTTER + axis] = np.cross(turn, unrolled)
+        rotated = -shutter.share * rate * phases[:, :, None] * _crossed_by_axes(unrolled)
+        by_lens[:, :, 1 - _OF_SHUTTER :] = rotated
     return _Rays(unrolled, by_pixel, by_lens)
 
 
-def _rays_of(camera: Camera, factor: np.ndarray, points: np.ndarray) -> _Rays:
-    lens = camera.refinable
-    rays = camera.unproject(np.asarray(points, np.float64))
-    return _Rays(
-        rays,
-        camera.unproject_jacobian(rays),
-        lens.unproject_parameter_jacobian(rays) @ factor,
-    )
+def _crossed_by_axes(a: np.ndarray) -> np.ndarray:
+    """Columns (N, 3, 3) ``e_k x a`` for the three axes: the derivative of ``Exp(dtheta) a``."""
+    columns = np.zeros((len(a), 3, 3))
+    for row, column, source, sign in _SKEW:
+        columns[:, row, column] = sign * a[:, source]
+    return columns
 
 
 def _with_error(camera: Camera, error: np.ndarray) -> Camera:
@@ -221,25 +250,23 @@ def _sensitivity(pose: RelativePose, rays0: _Rays, rays1: _Rays) -> np.ndarray:
     assert R is not None
     if t is None:
         flow = _Flow.of(R, rays0, rays1)
-        by_x = np.concatenate([flow.by_rotation, flow.by_lens], axis=2).reshape(-1, 3 + flow.size)
+        by_x = flow.by_x.reshape(-1, flow.by_x.shape[2])
         weight = np.repeat(1.0 / flow.variance, 2)
         return _solved(by_x[:, :3], by_x[:, 3:], weight)
     assert pose.direction_basis is not None
     a, b = rays0.rays @ R.T, rays1.rays
     # e = b . (t x R a), the residual across the epipolar plane, and its derivatives.
-    across0, across1 = np.cross(b, t), np.cross(t, a)
+    across0, across1 = cross(b, t), cross(t, a)
     rotated0 = across0 @ R
-    by_x = np.hstack([np.cross(a, across0), np.cross(a, b) @ pose.direction_basis])
-    by_lens = np.einsum("ni,nir->nr", rotated0, rays0.by_lens) + np.einsum(
-        "ni,nir->nr", across1, rays1.by_lens
-    )
+    by_x = np.hstack([cross(a, across0), cross(a, b) @ pose.direction_basis])
+    by_lens = (rotated0[:, None] @ rays0.by_lens + across1[:, None] @ rays1.by_lens)[:, 0]
     variance = _variance(rotated0, rays0) + _variance(across1, rays1)
     return _solved(by_x, by_lens, 1.0 / variance)
 
 
 def _variance(direction: np.ndarray, rays: _Rays) -> np.ndarray:
     """Variance (N,) of ``direction . ray`` for one px^2 of each coordinate of the pixel."""
-    by_pixel = np.einsum("ni,nij->nj", direction, rays.by_pixel)
+    by_pixel = (direction[:, None] @ rays.by_pixel)[:, 0]
     return np.maximum(np.sum(by_pixel**2, axis=1), np.finfo(float).tiny)
 
 
@@ -253,81 +280,75 @@ def _solved(by_x: np.ndarray, by_lens: np.ndarray, weight: np.ndarray) -> np.nda
 class _Flow(NamedTuple):
     """The derotated flow, ``b - R a`` in the plane across ``b``.
 
-    ``left`` (N, 2), with its derivatives by ``dtheta`` (N, 2, 3) and ``z`` (N, 2, r), and its
-    variance (N,) along one direction for one px^2.
+    ``left`` (N, 2), with its derivatives by ``x = [dtheta, dz]`` (N, 2, 3 + r), and its variance
+    (N,) along one direction for one px^2.
     """
 
     left: np.ndarray
-    by_rotation: np.ndarray
-    by_lens: np.ndarray
+    by_x: np.ndarray
     variance: np.ndarray
-
-    @property
-    def size(self) -> int:
-        """Number of errors of the lenses."""
-        return self.by_lens.shape[2]
 
     @classmethod
     def of(cls, R: np.ndarray, rays0: _Rays, rays1: _Rays) -> _Flow:
         """Without the rotation ``R`` (3, 3), camera 1 from camera 0."""
         a, b = rays0.rays @ R.T, rays1.rays
         basis = tangent_basis(b).transpose(0, 2, 1)
-        crossed = np.cross(a[:, None], np.eye(3)).transpose(0, 2, 1)
+        by_lens = rays1.by_lens - R @ rays0.by_lens
         noise = np.sum(rays1.by_pixel**2, axis=(1, 2)) + np.sum(rays0.by_pixel**2, axis=(1, 2))
         return cls(
-            left=np.einsum("nki,ni->nk", basis, b - a),
-            by_rotation=basis @ crossed,
-            by_lens=basis @ (rays1.by_lens - R @ rays0.by_lens),
+            left=(basis @ (b - a)[:, :, None])[:, :, 0],
+            by_x=products(basis, np.concatenate([-_crossed_by_axes(a), by_lens], axis=2)),
             variance=np.maximum(0.5 * noise, np.finfo(float).tiny),
         )
 
+    def per_sigma(self, noise_px: float) -> tuple[np.ndarray, np.ndarray]:
+        """Flow (M, 2) and derivatives (M, 2, 3 + r) in units of the noise, of rays that exist.
+
+        With a lens in error some do not.
+        """
+        scale = 1.0 / (noise_px * np.sqrt(self.variance))
+        left, by_x = self.left * scale[:, None], self.by_x * scale[:, None, None]
+        exists = np.isfinite(left).all(axis=1) & np.isfinite(by_x).all(axis=(1, 2))
+        return (left, by_x) if exists.all() else (left[exists], by_x[exists])
+
 
 def _explained_by_a_rotation(
-    lenses: _Lenses,
-    views: tuple[View, View],
-    rows: np.ndarray,
-    rays: tuple[_Rays, _Rays],
-    pose: RelativePose,
-    rate: float,
+    lenses: _Lenses, rays: tuple[_Rays, _Rays], pose: RelativePose, rate: float
 ) -> np.ndarray | None:
     """Errors of the lenses (r,) with which a rotation explains most of the flow.
 
     None where most of the matches contradict a rotation through every lens. The maximum over
     ``dtheta`` and ``z`` of a likelihood with heavy tails (the points that carry translation) and
-    of the prior of ``z``, by Gauss-Newton; near where they were taken, rays are linear in ``z``.
+    of the prior of ``z``, by Gauss-Newton; the flow is linearised anew where it is not linear.
     """
     R, noise_px = pose.rotation_cam1_from_cam0, pose.noise_px
     assert R is not None
     assert noise_px is not None
-    z = np.zeros(lenses.factors[0].shape[1])
-    prior = np.diag([0.0] * 3 + [1.0] * len(z))
-    farthest2 = float(scipy.special.chdtri(float(len(z)), rate))
+    size = 3 + lenses.size
+    prior = np.array([0.0] * 3 + [1.0] * lenses.size)
+    farthest2 = float(scipy.special.chdtri(float(lenses.size), rate))
     contradicts2 = float(scipy.special.chdtri(2.0, rate))
-    taken = z
+    x = x0 = np.zeros(size)  # [dtheta, z], and where the flow is linearised
+    flow0, by_x = _Flow.of(R, *rays).per_sigma(noise_px)
     for _ in range(_STEPS):
-        if float(np.abs(z - taken).max(initial=0.0)) > _LINEAR:
-            taken, rays = z, lenses.rays(*views, rows, z)
-        flow = _Flow.of(R, *(each.by_error(z - taken) for each in rays))
-        by_x = np.concatenate([flow.by_rotation, flow.by_lens], axis=2)
-        scale = 1.0 / (noise_px * np.sqrt(flow.variance))
-        left, by_x = flow.left * scale[:, None], by_x * scale[:, None, None]
-        # Rays that do not exist with a lens in error are left out.
-        exists = np.isfinite(left).all(axis=1) & np.isfinite(by_x).all(axis=(1, 2))
-        left, by_x = left[exists], by_x[exists]
-        distance2 = np.sum(left**2, axis=1)
-        weight = (_DOF + 2.0) / (_DOF + distance2)
-        rows_by_x = by_x.reshape(-1, len(prior))
-        weighted = rows_by_x * np.repeat(weight, 2)[:, None]
-        H = weighted.T @ rows_by_x + prior
-        g = weighted.T @ left.reshape(-1) + prior @ np.concatenate([np.zeros(3), z])
-        step = -np.linalg.pinv(H, hermitian=True) @ g
-        if np.median(np.sum((left + by_x @ step) ** 2, axis=1)) > contradicts2:
+        rows, flow = by_x.reshape(-1, size), flow0 + by_x @ (x - x0)
+        weight = (_DOF + 2.0) / (_DOF + np.sum(flow**2, axis=1))
+        weighted = rows * np.repeat(weight, 2)[:, None]
+        H = weighted.T @ rows + np.diag(prior)
+        H += _DAMPING * np.trace(H) * np.eye(size)
+        step = -np.linalg.solve(H, weighted.T @ flow.reshape(-1) + prior * x)
+        if np.median(np.sum((flow + by_x @ step) ** 2, axis=1)) > contradicts2:
             return None
-        R, z = so3.exp(step[:3]) @ R, z + step[3:]
-        z = z * min(1.0, np.sqrt(farthest2 / max(float(z @ z), 1e-300)))
-        if float(np.abs(step[3:]).max(initial=0.0)) < _NEGLIGIBLE:
+        x = x + step
+        x[3:] *= min(1.0, np.sqrt(farthest2 / max(float(x[3:] @ x[3:]), 1e-300)))
+        if float(np.abs(step[3:]).max()) < _NEGLIGIBLE:
             break
-    return z
+        moved = np.abs(x - x0)
+        if moved[:3].max() > _SMALL_ROTATION or moved[3:].max() > _LINEAR:
+            R = so3.exp(x[:3]) @ R
+            x = x0 = np.concatenate([np.zeros(3), x[3:]])
+            flow0, by_x = _Flow.of(R, *lenses.rays(x[3:])).per_sigma(noise_px)
+    return x[3:]
 
 
 def _without_direction(pose: RelativePose) -> RelativePose:

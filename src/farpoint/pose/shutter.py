@@ -16,14 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from farpoint._kernels.row_rotation import rotate_rows, unroll_rays
 from farpoint.camera import Camera
 from farpoint.errors import InputError
-from farpoint.geometry import so3
 from farpoint.pose.matches import check_camera, checked_rows
 
 __all__ = ["AngularVelocityPrior", "Shutter", "shutter_of"]
-
-_LEAST_ANGLE = 1e-300
 
 
 class AngularVelocityPrior(NamedTuple):
@@ -96,14 +94,6 @@ class Shutter(NamedTuple):
             return rate
         return rate + (image - 0.5) * (theta - self.angular_prior.before)
 
-    def row_corrections(self, theta: np.ndarray, image: int) -> np.ndarray:
-        """Rotations (N, 3, 3) that undo a rotation vector's share in each row of image 0 or 1."""
-        rate = self.rate(theta, image)
-        angle = float(np.linalg.norm(rate))
-        K = so3.skew(rate / max(angle, _LEAST_ANGLE))
-        angles = (-self.share * angle * self.phases(image))[:, None, None]
-        return np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * (K @ K)
-
     def phases(self, image: int) -> np.ndarray:
         """Phases (N,) of the rows in image 0 or 1."""
         return (self.phase0, self.phase1)[image]
@@ -116,12 +106,18 @@ class Shutter(NamedTuple):
         And their derivatives by the pixel (N, 3, 2): a pixel one row lower is also read one row
         later.
         """
-        corrections = self.row_corrections(theta, image)
-        rays, by_pixel = (corrections @ rays[:, :, None])[:, :, 0], corrections @ by_pixel
-        by_pixel[:, :, 1] -= (
-            self.share * self.phase_per_px * np.cross(self.rate(theta, image), rays)
+        rate, unrolled = (
+            self.share * self.rate(theta, image),
+            (np.empty((len(rays), 3)), np.empty((len(rays), 3, 2))),
         )
-        return rays, by_pixel
+        unroll_rays(rays, by_pixel, self.phases(image), rate, self.phase_per_px, *unrolled)
+        return unrolled
+
+    def columns_unrolled(self, theta: np.ndarray, image: int, columns: np.ndarray) -> np.ndarray:
+        """Columns (N, 3, K) of image 0 or 1 in the axes of its middle row."""
+        rotated = np.empty(columns.shape)
+        rotate_rows(columns, self.phases(image), self.share * self.rate(theta, image), rotated)
+        return rotated
 
     def select(self, rows: np.ndarray) -> Shutter:
         """The shutter of these matches."""

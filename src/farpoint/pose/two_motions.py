@@ -18,6 +18,7 @@ import numpy as np
 from farpoint._kernels.evidence import find_stationary
 from farpoint._kernels.parallax_prior import BAND_SIGMA
 from farpoint.geometry.sphere import tangent_basis
+from farpoint.geometry.vectors import cross
 from farpoint.pose.general_motion import (
     GeneralMotionFit,
     evaluate_matches,
@@ -178,17 +179,16 @@ def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMo
         return
     r, J = _linearised(matches, fit)
     rows = np.concatenate([r[:, None], J], axis=1) * np.sqrt(fit.probability)[:, None]
-    squares = rows[:, :, None] * rows[:, None, :]  # (N, 6, 6)
-    total, patch = np.sum(squares, axis=0), patches_of(matches.rays0)
-    moved = _best_disc(matches.rays0, squares, total)
+    total, patch = rows.T @ rows, patches_of(matches.rays0)
+    moved = _best_disc(matches.rays0, rows, total)
     for _ in range(EXCHANGES):
-        within = np.sum(squares[moved], axis=0)
+        within = rows[moved].T @ rows[moved]
         apart = (r + _own_steps(np.stack([total - within, within])) @ J.T) ** 2
         gain = np.bincount(patch, fit.probability * (apart[0] - apart[1]))
         before, moved = moved, gain[patch] > 0.0
         if (moved == before).all():
             break
-    within = np.sum(squares[moved], axis=0)
+    within = rows[moved].T @ rows[moved]
     left = float(np.sum(_left_over(np.stack([total - within, within]))))
     if left > MOST_LEFT * total[0, 0]:
         return
@@ -197,14 +197,15 @@ def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMo
             yield refit_general_motion(matches.select(part), fit)
 
 
-def _best_disc(rays: np.ndarray, squares: np.ndarray, total: np.ndarray) -> np.ndarray:
+def _best_disc(rays: np.ndarray, rows: np.ndarray, total: np.ndarray) -> np.ndarray:
     """Mask (N,) of a disc, around one of the rays, that leaves the least with two motions."""
     some = np.arange(0, len(rays), max(len(rays) // SCREENED, 1))
     n, scale = len(some), len(rays) / len(some)
     cosines = rays[some[np.arange(CENTERS) * n // CENTERS]] @ rays[some].T
     nearest = np.argsort(-cosines, axis=1)
     counts = np.array([round(share * n) for share in SHARES])
-    within = scale * np.cumsum(squares[some][nearest], axis=1)[:, counts - 1].reshape(-1, 6, 6)
+    products = rows[some, :, None] * rows[some, None, :]  # (n, 6, 6)
+    within = scale * np.cumsum(products[nearest], axis=1)[:, counts - 1].reshape(-1, 6, 6)
     left = _left_over(within) + _left_over(total - within)
     disc, count = divmod(int(np.argmin(left)), len(counts))
     center, last = nearest[disc, 0], nearest[disc, counts[count] - 1]
@@ -227,7 +228,7 @@ def _left_over(squares: np.ndarray) -> np.ndarray:
 def _linearised(matches: Matches, fit: GeneralMotionFit) -> tuple[np.ndarray, np.ndarray]:
     """Residuals (N,) in units of the noise, and their derivatives (N, 5) by ``[dtheta, dbeta]``."""
     t, a, b = fit.direction_cam1_from_cam0, matches.rays0 @ fit.R_cam1_from_cam0.T, matches.rays1
-    normal = np.cross(t, a)
+    normal = cross(t, a)
     scale = np.sqrt(matches.precision) / np.maximum(np.linalg.norm(normal, axis=1), NEAR_EPIPOLE)
-    by_pose = np.hstack([np.cross(a, np.cross(b, t)), np.cross(a, b) @ tangent_basis(t)])
+    by_pose = np.hstack([cross(a, cross(b, t)), cross(a, b) @ tangent_basis(t)])
     return scale * np.sum(normal * b, axis=1), scale[:, None] * by_pose

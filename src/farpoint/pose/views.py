@@ -79,7 +79,10 @@ def estimate_views(
             undone = partial(shutter.unrolled, so3.log(R))
         return shows_direction(pixels.matches(undone), pose, options)
 
-    both = View(views.points0, views.camera0), View(views.points1, views.camera1)
+    both = (
+        View(views.camera0, np.asarray(views.points0), pixels.rays[0], pixels.by_pixel[0]),
+        View(views.camera1, np.asarray(views.points1), pixels.rays[1], pixels.by_pixel[1]),
+    )
     return with_lens_uncertainty(pose, *both, shutter, is_observable, options.false_alarm_rate)
 
 

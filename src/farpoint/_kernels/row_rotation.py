@@ -1,0 +1,77 @@
+"""Rolling shutter: rays rotated from the time of their row to that of the middle row."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from farpoint._kernels.compile import inlined_kernel, kernel
+from farpoint._kernels.vectors import Matrix, Vector, cross, dot, rotate, vector
+
+__all__ = ["rotate_rows", "unroll_rays"]
+
+
+@kernel
+def unroll_rays(
+    rays: np.ndarray,
+    by_pixel: np.ndarray,
+    phases: np.ndarray,
+    rate: np.ndarray,
+    per_px: float,
+    unrolled: np.ndarray,
+    unrolled_by_pixel: np.ndarray,
+) -> None:
+    """Rays (N, 3) as ``Exp(-phase rate) ray``, and their derivatives (N, 3, 2) by the pixel.
+
+    ``rate`` is the rotation vector from the first row to the last, ``per_px`` the phase from one
+    row to the next: a pixel one row lower is also read one row later.
+    """
+    velocity = vector(rate)
+    axis, angle = _axis_and_angle(velocity)
+    for i in range(len(rays)):
+        C = _rotation_about(axis, -angle * phases[i])
+        ray = rotate(C, vector(rays[i]))
+        unrolled[i, 0], unrolled[i, 1], unrolled[i, 2] = ray
+        later = cross(velocity, ray)
+        for k in range(3):
+            unrolled_by_pixel[i, k, 0] = dot(C[k], _column(by_pixel, i, 0))
+            unrolled_by_pixel[i, k, 1] = dot(C[k], _column(by_pixel, i, 1)) - per_px * later[k]
+
+
+@kernel
+def rotate_rows(
+    columns: np.ndarray, phases: np.ndarray, rate: np.ndarray, rotated: np.ndarray
+) -> None:
+    """Columns (N, 3, K) as ``Exp(-phase rate) column``."""
+    axis, angle = _axis_and_angle(vector(rate))
+    for i in range(len(columns)):
+        C = _rotation_about(axis, -angle * phases[i])
+        for j in range(columns.shape[2]):
+            column = rotate(C, _column(columns, i, j))
+            rotated[i, 0, j], rotated[i, 1, j], rotated[i, 2, j] = column
+
+
+@inlined_kernel
+def _column(columns: np.ndarray, i: int, j: int) -> Vector:
+    return columns[i, 0, j], columns[i, 1, j], columns[i, 2, j]
+
+
+@inlined_kernel
+def _axis_and_angle(v: Vector) -> tuple[Vector, float]:
+    """Unit vector along a rotation vector, or 0, and its length, rad."""
+    angle = math.sqrt(dot(v, v))
+    over = 1.0 / angle if angle > 0.0 else 0.0
+    return (v[0] * over, v[1] * over, v[2] * over), angle
+
+
+@inlined_kernel
+def _rotation_about(axis: Vector, angle: float) -> Matrix:
+    """Rodrigues's formula."""
+    x, y, z = axis
+    s, c = math.sin(angle), 1.0 - math.cos(angle)
+    return (
+        (1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y),
+        (c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x),
+        (c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)),
+    )
