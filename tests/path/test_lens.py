@@ -7,25 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drive_kit import Drive
-from hand_kit import FPS, tracks_of
+from hand_kit import CAMERAS, FPS, tracks_of
 
-from farpoint.camera import Camera, DoubleSphere, KannalaBrandt
+from farpoint.camera import Camera
 from farpoint.path.lens import LensEstimate, LensReport
 from farpoint.path.options import LensRefinementOptions, PathOptions
 
-CAMERAS = {
-    "pinhole": Camera.pinhole(
-        640, 480, 420.0, 420.0, 319.5, 239.5, distortion=(0.05, -0.08, 1e-3, -1e-3)
-    ),
-    "fisheye": Camera(
-        model=KannalaBrandt(fx=300.0, fy=300.0, cx=319.5, cy=239.5, k1=0.01, k2=-0.005),
-        size=(640, 480),
-    ),
-    "double sphere": Camera(
-        model=DoubleSphere(fx=250.0, fy=250.0, cx=319.5, cy=239.5, xi=-0.2, alpha=0.6),
-        size=(640, 480),
-    ),
-}
 RUNS = 8
 
 

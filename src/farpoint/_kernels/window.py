@@ -160,7 +160,8 @@ def pixel_residuals(
         Whether the point is used.
     residuals, by_pose, by_common, by_s : (N, 2), (N, 2, 6), (N, 2, r + 1), (N, 2)
         Results, `UNSEEN_PX` where the point is not in front of the camera; derivatives by the
-        observer's pose, by lens and read-out time, and by the inverse depth.
+        observer's pose, by lens and read-out time, and by the inverse depth, which are left as they
+        are for anchors and where the point is not in front of the camera.
     """
     r = len(lens)
     for o in range(len(frame)):

@@ -30,10 +30,14 @@ def solution(system: System, damping: float) -> np.ndarray:
 
 
 def inverse(H: np.ndarray) -> np.ndarray:
-    """Covariance: inverse of an information matrix, diagonally scaled."""
+    """Covariance: inverse of an information matrix, diagonally scaled.
+
+    What has no information, or less than none by rounding, has a large variance.
+    """
     unit, factor, found = np.empty(len(H)), np.empty_like(H), np.empty_like(H)
     if factorise(H, _RIDGE, unit, factor):
         invert(factor, unit, np.empty_like(H), found)
         return found
-    scaled = np.nan_to_num(H * np.outer(unit, unit))
-    return np.linalg.pinv(scaled, hermitian=True) * np.outer(unit, unit)
+    eigenvalues, axes = np.linalg.eigh(np.nan_to_num(H * np.outer(unit, unit)))
+    least = _RIDGE * max(float(eigenvalues[-1]), 1.0)
+    return (axes / np.maximum(eigenvalues, least)) @ axes.T * np.outer(unit, unit)

@@ -172,8 +172,17 @@ class LensEstimate:
         return rays, -products(self._model.unproject_jacobian(rays), by_lens)
 
     def pixels_of(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pixels (N, 2) of rays, derivatives by the rays (N, 2, 3) and by the lens (N, 2, r)."""
+        """Pixels (N, 2) of rays, derivatives by the rays (N, 2, 3) and by the lens (N, 2, r).
+
+        NaN more than an image's size outside the image: far from where it was calibrated a lens is
+        not linear, and at 90 degrees from the axis the derivatives of a pinhole are infinite.
+        """
+        assert self.given.size is not None
         pixels, by_ray = self._model.project(rays), self._model.project_jacobian(rays)
+        center = 0.5 * (np.array(self.given.size) - 1.0)
+        with np.errstate(invalid="ignore"):
+            far = ~(np.abs(pixels - center) < 1.5 * np.array(self.given.size)).all(axis=1)
+        pixels[far] = np.nan
         if not self.size:
             return pixels, by_ray, np.zeros((len(rays), 2, 0))
         return pixels, by_ray, self._by_lens(rays)

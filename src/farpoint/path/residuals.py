@@ -72,7 +72,7 @@ class Poses(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """Residuals of all observations and their derivatives."""
+    """Residuals of all observations and their derivatives; 0 of those that are anchors or unseen."""
 
     residuals: np.ndarray
     by_pose: np.ndarray
@@ -163,7 +163,7 @@ class Residuals:
         """Residuals and derivatives at poses, with the current lens and points."""
         marks, lens, count = self._marks, self._lens, len(self._marks.point)
         linear = Linear(
-            np.empty((count, 2)), np.empty((count, 2, 6)), np.empty((count, 2, lens.size + 1)),
+            np.empty((count, 2)), np.zeros((count, 2, 6)), np.zeros((count, 2, lens.size + 1)),
             np.zeros((count, 2)),
         )  # fmt: skip
         pixel_residuals(
