@@ -295,8 +295,7 @@ def _motion_errors(
 def _evaluated_trajectory(
     file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
 ) -> tuple[TrajectoryEvaluation | None, str | None]:
-    """Figures of the trajectory, or the reason why there are none: a camera at rest is no input
-    error."""
+    """Figures of the trajectory, or why there are none: a camera at rest is no input error."""
     rows = list(iter_tum(file, whole_lines=True))
     if not rows:  # of a run that was killed early
         return None, f"{file.name} holds no pose"
