@@ -106,9 +106,9 @@ class TrajectoryEvaluation:
     Attributes
     ----------
     poses : int
-        Poses that were compared.
+        Number of compared poses.
     path_length : float
-        Length of the true path through them.
+        Length of the true path through the compared poses.
     scale : float
         Factor from the estimate's unit to that of the truth, from the Sim(3) alignment.
     scale_drift : float
