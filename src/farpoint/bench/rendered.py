@@ -1,4 +1,4 @@
-"""Odometry over rendered images: its errors, its covariances, and the best its tracks allow."""
+"""Odometry over rendered images: errors, covariances, and the Cramer-Rao bound of its tracks."""
 
 from __future__ import annotations
 

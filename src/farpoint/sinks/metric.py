@@ -14,7 +14,9 @@ from farpoint.sinks.metric_files import put_in_metres
 
 __all__ = ["MetricSink"]
 
-NO_READING = "no hint met a motion of known length: lengths are in the unit of the trajectory"
+NO_READING = (
+    "no aiding measurement gave a reading of the scale: lengths are in the unit of the trajectory"
+)
 
 
 class MetricSink:
