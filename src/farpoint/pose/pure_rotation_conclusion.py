@@ -94,7 +94,7 @@ def _inflated_covariance(
 
 
 def _covariance_if_general(fit: PureRotationFit, general: GeneralMotionFit) -> np.ndarray:
-    """Covariance (3, 3), rad^2, of a rotation that may be that of the general motion.
+    """Covariance (3, 3), rad^2, of the pure rotation if the general motion is the true one.
 
     Isotropic, because the axis of the difference depends on the unknown direction.
     """
