@@ -141,7 +141,7 @@ def _write_euroc(folder: Path, drive: Drive) -> None:
         rows.append(",".join(map(str, (stamp, *pose[:3, 3], w, x, y, z))))
     (folder / "truth.csv").write_text("\n".join(rows) + "\n")
     (folder / "imu0").mkdir()
-    gyro, accel = _felt(drive)
+    gyro, accel = _measured_by_imu(drive)
     rows = ["#timestamp [ns],w_RS_S_x [rad s^-1],y,z,a_RS_S_x [m s^-2],y,z"]
     for number, values in enumerate(np.hstack([gyro, accel])):
         stamp = START_NS + 10**9 // _IMU_HZ * (number - _AT_REST)
@@ -149,7 +149,7 @@ def _write_euroc(folder: Path, drive: Drive) -> None:
     (folder / "imu0" / "data.csv").write_text("\n".join(rows) + "\n")
 
 
-def _felt(drive: Drive) -> tuple[np.ndarray, np.ndarray]:
+def _measured_by_imu(drive: Drive) -> tuple[np.ndarray, np.ndarray]:
     """Angular rates and specific forces: a second at rest, then those of the drive."""
     poses = drive.sequence.world_from_cam.copy()
     poses[:, :3] = _UP_FROM_STREET @ poses[:, :3]
@@ -184,7 +184,7 @@ def _write_bag(folder: Path, drive: Drive) -> None:
     half = 10**9 // FPS // 2
     for stamp, speed in zip(drive.stamps_ns, _speeds(drive), strict=False):
         sent.append(_odometry(stamp + half, speed))
-    for number, (gyro, accel) in enumerate(zip(*_felt(drive), strict=True)):
+    for number, (gyro, accel) in enumerate(zip(*_measured_by_imu(drive), strict=True)):
         sent.append(_imu(START_NS + 10**9 // _IMU_HZ * (number - _AT_REST), gyro, accel))
     sent = [replace(message, recorded_ns=_stamp_of(message)) for message in sent]
     write_bag(folder, "ros1", sorted(sent, key=lambda message: message.recorded_ns))

@@ -55,7 +55,7 @@ def test_a_velocity_between_frames_is_exact_for_the_third_degree():
     np.testing.assert_allclose(_between(*around), coefficients[0])
 
 
-def turned(rates: np.ndarray) -> AngularVelocity:
+def history_of(rates: np.ndarray) -> AngularVelocity:
     """After motions with these angular velocities (N, 3), rad/s."""
     history, nothing = AngularVelocity(), failed_pose("none")
     for rate in rates:
@@ -67,19 +67,19 @@ def turned(rates: np.ndarray) -> AngularVelocity:
 def test_smooth_velocities_are_continued_and_rough_ones_are_not():
     times = np.arange(30.0)
     smooth = np.outer(0.3 * np.sin(0.3 * times), [1.0, 0.0, 0.0])
-    turning = turned(smooth).prior(INTERVAL_S)
+    turning = history_of(smooth).prior(INTERVAL_S)
     np.testing.assert_allclose(turning.before, smooth[-1] * INTERVAL_S, atol=1e-12)
     second = np.diff(smooth[:, 0], 2)
     expected = np.sqrt(np.mean(second**2) / 3.0) * INTERVAL_S
     assert turning.sigma == pytest.approx(expected, rel=1e-6)
     rough = np.random.default_rng(1).normal(0.0, 0.1, (30, 3))
-    turning = turned(rough).prior(INTERVAL_S)
+    turning = history_of(rough).prior(INTERVAL_S)
     assert turning.before is None
     assert turning.sigma == pytest.approx(np.sqrt(2.0) * 0.1 * INTERVAL_S, rel=0.2)
 
 
 def test_nothing_is_known_after_a_cut():
-    history = turned(np.full((5, 3), 0.1))
+    history = history_of(np.full((5, 3), 0.1))
     history.break_off()
     assert history.prior(INTERVAL_S) is None
     assert AngularVelocity().prior(INTERVAL_S) is None

@@ -192,7 +192,7 @@ def test_a_command_that_does_not_work_is_noticed(line: str, type_in: Callable[[B
         type_in(block)
 
 
-def test_an_error_of_a_program_is_told_with_its_line():
+def test_an_error_of_a_program_is_reported_with_its_line():
     [block] = blocks_of("# Page\n\n```python\nx = 1\nassert x == 2\n```\n", "page.md")
     assert (block.place, block.reason) == ("page.md:4", None)
     with pytest.raises(AssertionError) as raised:

@@ -97,7 +97,7 @@ def test_the_mean_half_ratio_takes_a_pair_in_by_the_number_of_those_before():
         (1.62, 1.02, 2, 1.0 + 6.5 * 0.14),
     ],
 )
-def test_the_variance_grows_by_what_the_mean_exceeds_that_of_uncompressed_video(
+def test_the_variance_increases_with_the_excess_of_the_mean_over_uncompressed_video(
     ratio: float, expected: float, pairs: int, growth: float
 ):
     options = replace(WIDENING, expected_half_ratio=expected, expected_half_ratio_pairs=pairs)

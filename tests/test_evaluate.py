@@ -289,7 +289,7 @@ def write_path(folder: Path, path: PathSamples) -> None:
             positions.write(result, None)
 
 
-def test_the_covariance_of_the_path_is_judged_from_its_files(run: Path, tmp_path: Path):
+def test_the_covariance_of_the_path_is_evaluated_from_its_files(run: Path, tmp_path: Path):
     path = drawn_path(segments=6)
     write_path(tmp_path / "path", path)
     write_kitti(tmp_path / "truth", Trajectory(timestamps=None, world_from_body=path.truth))

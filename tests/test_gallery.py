@@ -10,7 +10,7 @@ from types import ModuleType
 
 import cv2
 import pytest
-from likeness import at_phone_width, likeness
+from picture_similarity import at_phone_width, picture_similarity
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -49,7 +49,7 @@ def test_the_command_draws_them(
     monkeypatch.setattr(sys, "argv", ["gallery.py", "standing"])
     gallery.main()
     drawn = cv2.imread(str(tmp_path / "images" / "standing.webp"))
-    found = likeness(at_phone_width(drawn), at_phone_width(kept))
+    found = picture_similarity(at_phone_width(drawn), at_phone_width(kept))
     # Digits, and tracks at the edge of what can be tracked, may change with the estimator.
     assert found.mean < 1.5
     assert found.share < 0.02

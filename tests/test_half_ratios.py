@@ -42,7 +42,7 @@ def odometry(**options) -> Odometry:
     return Odometry(CAMERA, OdometryOptions(tracker=TrackerOptions(max_tracks=250), pose=pose))
 
 
-def test_a_pair_is_held_to_what_the_pairs_before_have_shown():
+def test_a_pair_uses_the_mean_ratio_of_the_earlier_pairs():
     images = drive(4)
     learning, computed = odometry(half_splits=8), odometry()
     expected = 2.0
@@ -59,7 +59,7 @@ def test_a_pair_is_held_to_what_the_pairs_before_have_shown():
         expected += shown
 
 
-def test_halves_of_a_pair_are_held_to_it_too():
+def test_halves_of_a_pair_use_the_mean_ratio_too():
     images = drive(5)
     plain, doubting = odometry(), odometry(half_splits=8, expected_half_ratio=50.0)
     computed, doubted = (
@@ -71,7 +71,7 @@ def test_halves_of_a_pair_are_held_to_it_too():
     assert 0.5 * 17.0 < ratio < 0.5 * 25.0
 
 
-def test_every_pair_of_every_run_is_dealt_in_its_own_way(monkeypatch: pytest.MonkeyPatch):
+def test_every_pair_of_every_run_is_split_differently(monkeypatch: pytest.MonkeyPatch):
     dealt: list[int] = []
     monkeypatch.setattr(sequence, "split_half", lambda *_, seed, **__: dealt.append(seed))
     images = drive(3)

@@ -67,7 +67,7 @@ def test_black_frames_fail_and_say_why(trial: LiveTrial, out: Path):
     assert "shows nothing to track" in " ".join(told["reason"] for told in reasons)
 
 
-def test_silence_is_told(trial: LiveTrial):
+def test_silence_is_reported(trial: LiveTrial):
     assert trial.state.account.longest_silence_s >= 0.2
 
 
@@ -91,7 +91,7 @@ def test_frames_are_counted_as_the_source_delivered_them(tmp_path: Path):
         np.testing.assert_array_equal(times, np.array(stamps)[frames])
 
 
-def test_the_film_shows_every_frame_used(trial: LiveTrial, out: Path):
+def test_the_video_shows_every_frame_used(trial: LiveTrial, out: Path):
     with av.open(str(out / "overlay.mp4")) as film:
         pictures = sum(1 for _ in film.decode(video=0))
     assert pictures == trial.state.account.taken
@@ -109,7 +109,7 @@ def test_memory_does_not_grow_with_the_length(tmp_path: Path):
     assert any(peak(500) - short < 0.05 * 450 * 160 * 96 for _ in range(3))
 
 
-def test_the_end_of_a_film_ends_the_session(tmp_path: Path):
+def test_the_end_of_a_recording_ends_the_session(tmp_path: Path):
     playback = noise(12, 0.01)
     with LiveSession(playback, "noise", CAMERA, tmp_path / "out", output=BARE) as session:
         session.run()
@@ -117,7 +117,7 @@ def test_the_end_of_a_film_ends_the_session(tmp_path: Path):
     assert json.loads((tmp_path / "out" / "run.json").read_text())["state"] == "done"
 
 
-def test_a_lost_source_is_told_while_it_is_lost(tmp_path: Path):
+def test_a_lost_source_is_reported_while_it_is_lost(tmp_path: Path):
     playback = noise(400, 0.01)
     playback.endless, playback.faults = True, (Disconnect(at_s=0.4, for_s=0.3),)
     links: list[str] = []

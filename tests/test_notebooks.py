@@ -45,7 +45,7 @@ def test_a_notebook_is_stored_without_outputs(path: Path):
             assert cell.execution_count is None
 
 
-def test_own_matches_are_solved_and_a_turn_is_told(tmp_path: Path):
+def test_own_matches_are_solved_and_a_rotation_is_recognised(tmp_path: Path):
     text = executed(named("own_matches"), tmp_path)
     assert re.search(r"^OK - ", text, re.M)
     assert re.search(r"^ROTATION_ONLY - ", text, re.M)

@@ -359,7 +359,7 @@ def test_a_cut_begins_a_segment_and_its_scale_begins_anew():
 
 
 @pytest.mark.parametrize("interval_s", [1e-9, 1e12])
-def test_times_nearer_or_farther_than_any_shutter(interval_s: float):
+def test_times_shorter_or_longer_than_any_shutter(interval_s: float):
     odometry = Odometry(CAMERA, OPTIONS)
     results = [odometry.process(image, k * interval_s) for k, image in enumerate(IMAGES)]
     assert statuses(results)[1:] == ["OK"] * (len(IMAGES) - 1)

@@ -86,7 +86,7 @@ def near(outliers: int, matches: int) -> Row:
     )
 
 
-def turned(outliers: int, matches: int) -> Row:
+def pure_rotation_row(outliers: int, matches: int) -> Row:
     return only(
         "coverage_summary", scenes="rotation only", outliers_percent=outliers, matches=matches
     )
@@ -95,7 +95,7 @@ def turned(outliers: int, matches: int) -> Row:
 SCENES: dict[str, Callable[[], Row]] = {
     "simulated, 90 matches, 20 of 100 wrong": lambda: near(20, 90),
     "simulated, 500 matches, 50 of 100 wrong": lambda: near(50, 500),
-    "simulated pure rotation, 90 matches, 20 of 100 wrong": lambda: turned(20, 90),
+    "simulated pure rotation, 90 matches, 20 of 100 wrong": lambda: pure_rotation_row(20, 90),
     "rendered streets, 195-degree fisheye": lambda: only("wide", lens="fisheye, 195 deg"),
     "KITTI 00, disjoint tracks": lambda: only("halves", sequence="kitti_00"),
     "camera in the hand (HoloLens), disjoint tracks": lambda: only("halves", sequence="hololens"),

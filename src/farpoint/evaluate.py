@@ -1,4 +1,4 @@
-"""A folder that ``farpoint run`` wrote: against itself, and against a file of true poses."""
+"""Evaluation of a folder of ``farpoint run``: by split halves, and by a file of true poses."""
 
 from __future__ import annotations
 
@@ -52,19 +52,20 @@ MIN_POSES = 3
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationOptions:
-    """What counts when a run is compared with the truth.
+    """Options of the comparison of a run with the truth.
 
     Attributes
     ----------
     min_translation : float
-        Pairs that truly moved less than this have no error of direction, in the unit of the truth.
+        Least true translation for which the error of the direction is computed, in the unit of the
+        truth.
     delta_frames : int
-        Poses between the two of each relative pose error.
+        Number of frames over which relative pose errors are computed.
     truth_quaternion : {"xyzw", "wxyz"} or None
-        Order of the quaternions in the file of true poses; by default that of its columns'
-        names, if it has any, else w first in EuRoC's files and last in TUM's.
+        Order of the quaternions in the file of true poses. Default: from the names of the columns,
+        if the file has any; otherwise w first in EuRoC files and last in TUM files.
     association : AssociationOptions
-        How true poses are found for the times of the estimates.
+        Interpolation of true poses at the times of the estimates.
     """
 
     truth_quaternion: QuaternionOrder | None = None
@@ -79,18 +80,18 @@ class EvaluationOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FolderEvaluation:
-    """What `evaluate_folder` found.
+    """Result of `evaluate_folder`.
 
     Attributes
     ----------
     evaluation : Evaluation
         The figures; `farpoint.metrics.to_text` and `to_json` write them.
     errors : PairErrors
-        Errors pair by pair, a row of ``motions.csv`` each; without truth they are undefined.
+        Errors of each row of ``motions.csv``; NaN without truth.
     motions : Motions
-        Those rows.
+        The rows of ``motions.csv``.
     notes : tuple of str
-        How the true poses were read, and what they rather seem to be.
+        How the true poses were read, and warnings if other axes or orders fit better.
     """
 
     evaluation: Evaluation
@@ -108,22 +109,22 @@ def evaluate_folder(
 ) -> FolderEvaluation:
     """Test the covariances of a folder by its ``halves.csv``, and by true poses if there are any.
 
-    ``motions.csv``, ``trajectory.tum`` and ``positions.csv`` are compared with the truth; a folder
-    without the last has no figures of its path's covariance. Truth with time stamps (TUM,
-    EuRoC) is interpolated at the times of the run; truth without (KITTI) has one pose a frame of
-    the source.
+    ``motions.csv``, ``trajectory.tum`` and ``positions.csv`` are compared with the truth; without
+    ``positions.csv`` there are no figures of the path covariance. Truth with time stamps (TUM,
+    EuRoC) is interpolated at the times of the run. Truth without time stamps (KITTI) has one pose
+    per frame of the source.
 
     Parameters
     ----------
     folder : str or Path
-        What ``farpoint run`` wrote.
+        Output folder of ``farpoint run``.
     truth : str or Path, optional
-        TUM, KITTI or EuRoC trajectory; without it, the halves alone speak.
+        TUM, KITTI or EuRoC trajectory; without it, only the split-half test is evaluated.
     options : EvaluationOptions, optional
-        What counts.
+        Options of the comparison.
     body_from_cam : ndarray, shape (4, 4), optional
-        Pose of the camera on the body that the truth follows (EuRoC: ``T_BS``); by default the
-        truth follows the camera.
+        Pose of the camera on the body of the truth (EuRoC: ``T_BS``); by default the body is the
+        camera.
 
     Raises
     ------
@@ -190,7 +191,7 @@ def _notes(
     body_from_cam: np.ndarray | None,
     options: EvaluationOptions,
 ) -> tuple[str, ...]:
-    """How the truth was taken, and hints at what it rather is."""
+    """How the truth was read, and warnings if other axes or orders fit better."""
     order = options.truth_quaternion or named_order(file)
     source = "as given" if options.truth_quaternion else "by the names of its columns"
     of = "the camera" if body_from_cam is None else "a body that carries the camera"
@@ -294,7 +295,7 @@ def _motion_errors(
 def _evaluated_trajectory(
     file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
 ) -> tuple[TrajectoryEvaluation | None, str | None]:
-    """Figures of the trajectory, or why there are none: standing still is no fault of the input."""
+    """Figures of the trajectory, or why there are none: a camera at rest is no input error."""
     rows = list(iter_tum(file, whole_lines=True))
     if not rows:  # of a run that was killed early
         return None, f"{file.name} holds no pose"

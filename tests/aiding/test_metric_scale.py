@@ -41,7 +41,7 @@ def test_a_speed_brings_metres(seed):
 
 
 @pytest.mark.parametrize("begin", [0, 150, 359])
-def test_a_speed_that_is_wrong_for_a_tenth_is_named_and_bends_nothing(begin):
+def test_a_speed_wrong_for_ten_percent_of_a_drive_is_reported_and_changes_no_length(begin):
     drive = winding()
     scale, _ = tell(drive, speeds_of(drive, wrong_for_a_tenth(drive, begin), seed=1))
     assert np.abs(errors_of(drive, scale)).max() < 0.03
@@ -56,7 +56,7 @@ def test_a_speed_that_is_wrong_for_a_tenth_is_named_and_bends_nothing(begin):
 
 
 @pytest.mark.parametrize("factor", [1.3, 0.7])
-def test_at_the_end_of_a_long_drive_a_wrong_speed_bends_nothing_either(factor):
+def test_a_wrong_speed_at_the_end_of_a_long_drive_changes_no_length(factor):
     # There the scale may have drifted most, and nothing after the wrong speeds holds it.
     drive = winding(count=1000, drift=0.03)
     drive.drift_sigma = 0.07
@@ -117,7 +117,7 @@ def test_positions_bring_metres():
     assert fit.sigma.max() < 0.04
 
 
-def test_hints_that_contradict_one_another_are_named():
+def test_contradicting_measurements_are_reported():
     drive = winding(drift=0.0)
     way = 1.4 * float(np.linalg.norm(drive.metres[120] - drive.metres[60]))
     excluded = KnownDistance(frame0=60, frame1=120, distance_m=way, sigma=0.02)

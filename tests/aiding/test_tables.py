@@ -95,6 +95,6 @@ TIMES = np.array([0.0, 1.0])
         (lambda: MetricOptions(gnss_sigma=-1.0), "gnss_sigma"),
     ],
 )
-def test_hints_out_of_their_range_are_refused(make, name):
+def test_measurements_out_of_range_are_refused(make, name):
     with pytest.raises(InputError, match=name):
         make()

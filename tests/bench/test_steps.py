@@ -34,7 +34,7 @@ def drive(tmp_path: Path):
     return rendered, folder
 
 
-def test_a_film_has_the_images_whose_poses_are_known(drive):
+def test_a_sequence_has_the_images_with_known_poses(drive):
     rendered, folder = drive
     (sequence,) = find_sequences((folder,))
     recording = posed_sequence(sequence)

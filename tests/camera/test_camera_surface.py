@@ -128,7 +128,7 @@ def test_radial_curve_ends_with_the_field_or_right_behind() -> None:
         radial_curve(Camera(model=Pinhole(fx=1, fy=1, cx=0, cy=0)))
 
 
-def test_drawn_curve_bends_away_from_its_pinhole() -> None:
+def test_drawn_curve_departs_from_its_pinhole() -> None:
     """The equidistant fisheye is a straight line from 0 to the corner; its pinhole lies below."""
     camera = Camera(model=KannalaBrandt(fx=250, fy=250, cx=320, cy=240), size=(640, 480))
     lines = draw_radial_curve(camera).splitlines()

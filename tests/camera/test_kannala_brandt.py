@@ -84,7 +84,7 @@ def test_jacobians_match_central_differences_everywhere() -> None:
     assert_jacobians_hold(CAMERA, steps + np.array([TUMVI.cx, TUMVI.cy]))
 
 
-def test_field_ends_where_the_height_stops_growing() -> None:
+def test_field_ends_at_the_largest_height() -> None:
     """With k1 alone the height theta + k1 theta^3 grows until 3 k1 theta^2 = -1."""
     end = 1.9
     lens = KannalaBrandt(fx=100, fy=100, cx=0, cy=0, k1=-1 / (3 * end**2))

@@ -89,7 +89,7 @@ def test_ray_and_pixel_derivatives_are_inverse(camera: Camera) -> None:
     )
 
 
-def test_height_grows_up_to_the_end_of_the_field(symmetric: CameraModel) -> None:
+def test_height_increases_up_to_the_end_of_the_field(symmetric: CameraModel) -> None:
     """Seen is one cone about the axis; within it the height grows, at its end growth is over."""
     theta = np.linspace(0, 3.1415, 20001)
     for azimuth in (0.0, 2.1):

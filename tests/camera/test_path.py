@@ -70,7 +70,7 @@ def test_line_is_the_great_circle_where_it_is_seen(camera: Camera, corners: int)
             assert distance_to_line(inside, line).max() < 0.4
 
 
-def test_line_of_a_large_picture_bends_with_the_circle() -> None:
+def test_line_of_a_large_picture_follows_the_circle() -> None:
     camera = Camera(model=Equirectangular(width=7680, height=3840), size=(7680, 3840))
     for normal in normals()[:3]:
         fine = camera.project(great_circle(normal, 5001))

@@ -121,7 +121,7 @@ def test_jacobians_match_central_differences(camera: Camera) -> None:
     assert_jacobians_hold(camera, np.vstack([away_from_rim, [[254.96, 256.89]]]))
 
 
-def test_height_grows_out_to_the_end_of_the_field(camera: Camera) -> None:
+def test_height_increases_out_to_the_end_of_the_field(camera: Camera) -> None:
     """Seen is one cone around the axis; within it the height grows, at its end it stops."""
     theta = np.linspace(0, np.pi, 40001)
     rays = np.column_stack([np.sin(theta), np.zeros(len(theta)), np.cos(theta)])

@@ -76,7 +76,7 @@ def test_labels_that_are_given_twice(write) -> None:
     assert load_camera(path, "cam1").model == SAMPLES["svo atan"][3]
 
 
-def test_streams_of_one_size_are_told_apart(write) -> None:
+def test_streams_of_one_size_are_distinguished(write) -> None:
     color = REALSENSE_LISTING[REALSENSE_LISTING.index(' Intrinsic of "Color"') :]
     other = color.replace("YUYV/RGB8/BGR8/RGBA8/BGRA8/Y8", "Y16").replace("500.5", "700")
     path = write(f"{REALSENSE_LISTING}\n{other}\n{other.replace('700', '800')}")

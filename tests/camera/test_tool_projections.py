@@ -35,7 +35,7 @@ Projection = Callable[[float, float, float], tuple[float, float]]
 POINTS = np.random.default_rng(3).uniform([-0.45, -0.4, 1.0], [0.45, 0.4, 1.5], (40, 3))
 
 
-def assert_sees_alike(camera, project: Projection, points: np.ndarray = POINTS) -> None:
+def assert_equal_projections(camera, project: Projection, points: np.ndarray = POINTS) -> None:
     expected = np.array([project(*point) for point in points])
     np.testing.assert_allclose(camera.project(points), expected, rtol=0, atol=1e-8)
 
@@ -88,7 +88,7 @@ def realsense(model: str, c: list[float]) -> Projection:
 def test_realsense(write, number: int, name: str, model: str, coefficients: list[float]) -> None:
     for kind in (number, name):
         camera = load_camera(write(changed(REALSENSE, model=kind, coeffs=coefficients)))
-        assert_sees_alike(camera, realsense(model, coefficients))
+        assert_equal_projections(camera, realsense(model, coefficients))
 
 
 def metashape(*, fisheye: bool, k4: float = 0.0, k3: float, p: tuple[float, float]) -> Projection:
@@ -112,9 +112,9 @@ def metashape(*, fisheye: bool, k4: float = 0.0, k3: float, p: tuple[float, floa
 
 def test_metashape(write) -> None:
     frame = metashape(fisheye=False, k3=0.02, p=(-0.002, 0.001))
-    assert_sees_alike(load_camera(write(METASHAPE)), frame)
+    assert_equal_projections(load_camera(write(METASHAPE)), frame)
     fisheye = metashape(fisheye=True, k3=0.001, k4=-0.002, p=(0.0, 0.0))
-    assert_sees_alike(load_camera(write(METASHAPE_FISHEYE)), fisheye)
+    assert_equal_projections(load_camera(write(METASHAPE_FISHEYE)), fisheye)
 
 
 def opensfm(kind: str, v: dict[str, float]) -> Projection:
@@ -155,20 +155,22 @@ def opensfm(kind: str, v: dict[str, float]) -> Projection:
 def test_opensfm(write, name: str) -> None:
     values = OPENSFM[name]
     camera = load_camera(write(json.dumps(OPENSFM)), name)
-    assert_sees_alike(camera, opensfm(values["projection_type"], values))
+    assert_equal_projections(camera, opensfm(values["projection_type"], values))
 
 
 @pytest.mark.parametrize(("transition", "kind"), [(1.0, "perspective"), (0.0, "fisheye")])
 def test_opensfms_dual_at_its_two_ends(write, transition: float, kind: str) -> None:
     values = {"width": 640, "height": 480, "focal": 0.75, "k1": -0.1, "k2": 0.02}
     dual = {"a": values | {"projection_type": "dual", "transition": transition}}
-    assert_sees_alike(load_camera(write(json.dumps(dual))), opensfm(kind, values))
+    assert_equal_projections(load_camera(write(json.dumps(dual))), opensfm(kind, values))
 
 
 def test_fisheye62_without_the_rest_of_its_coefficients(write) -> None:
     values = {key: value for key, value in BROWN.items() if key[0] not in "pk"} | K4
     model = {"a": values | {"projection_type": "fisheye62", "k5": 0, "k6": 0, "p1": 0, "p2": 0}}
-    assert_sees_alike(load_camera(write(json.dumps(model))), opensfm("fisheye_opencv", values))
+    assert_equal_projections(
+        load_camera(write(json.dumps(model))), opensfm("fisheye_opencv", values)
+    )
 
 
 def test_vikits_arctangent(write) -> None:
@@ -184,7 +186,7 @@ def test_vikits_arctangent(write) -> None:
             (0.75 * height - 0.5) + height * 0.625 * factor * y,
         )
 
-    assert_sees_alike(load_camera(write(VIKIT_ATAN)), project)
+    assert_equal_projections(load_camera(write(VIKIT_ATAN)), project)
 
 
 def test_stellas_radial_division(write) -> None:
@@ -247,8 +249,8 @@ def test_mrcals_stereographic(write) -> None:
         height = 2 * np.tan(np.arctan2(r, Z) / 2)
         return X / r * height * 1512.0 + 500.0, Y / r * height * 1112.0 + 333.0
 
-    assert_sees_alike(camera, project)
-    assert_sees_alike(camera, project, np.array([[1.0, 0.5, -0.2], [-0.3, 0.8, -0.1]]))
+    assert_equal_projections(camera, project)
+    assert_equal_projections(camera, project, np.array([[1.0, 0.5, -0.2], [-0.3, 0.8, -0.1]]))
 
 
 def test_mrcals_longitude_and_latitude(write) -> None:
@@ -260,7 +262,7 @@ def test_mrcals_longitude_and_latitude(write) -> None:
         latitude = np.arcsin(Y / np.sqrt(X * X + Y * Y + Z * Z))
         return np.arctan2(X, Z) * f[0] + 1999.5, latitude * f[1] + 1099.5
 
-    assert_sees_alike(load_camera(write(text)), project)
+    assert_equal_projections(load_camera(write(text)), project)
 
 
 def with_opencv(matrix: list[list[float]], coefficients: list[float], *, fisheye: bool):

@@ -71,7 +71,7 @@ def test_distortion_moves_the_corners_by_what_is_given(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", DISTORTING)
-def test_distortion_grows_from_the_centre(name: str) -> None:
+def test_distortion_increases_from_the_centre(name: str) -> None:
     """No displacement and no change of scale on the axis, and less the nearer to it."""
     camera = Camera(model=DISTORTING[name], size=SIZE).with_uncertainty(distortion_px=0.8)
     axis_px = camera.project(np.array([[0.0, 0.0, 1.0]]))

@@ -33,15 +33,15 @@ Pictures = tuple[np.ndarray, ...]
 
 
 @pytest.fixture
-def film(tmp_path: Path, images: Pictures) -> Path:
+def video(tmp_path: Path, images: Pictures) -> Path:
     return write_video(tmp_path / "drive.avi", there_and_back(images), fps=30)
 
 
-def test_a_film_is_watched_to_its_end(
-    farpoint: CommandLine, tmp_path: Path, film: Path, calibration: Path
+def test_a_video_is_processed_to_its_end(
+    farpoint: CommandLine, tmp_path: Path, video: Path, calibration: Path
 ):
     out = tmp_path / "out"
-    outcome = farpoint("live", film, "--camera", calibration, "--no-show", "--out", out)
+    outcome = farpoint("live", video, "--camera", calibration, "--no-show", "--out", out)
     assert outcome.code == 0
     record = record_of(out)
     live = record["live"]
@@ -57,11 +57,11 @@ def test_a_film_is_watched_to_its_end(
     assert "source receiving" in outcome.err
 
 
-def test_a_film_can_be_looped_for_a_while(
-    farpoint: CommandLine, tmp_path: Path, film: Path, calibration: Path
+def test_a_video_can_be_looped(
+    farpoint: CommandLine, tmp_path: Path, video: Path, calibration: Path
 ):
     arguments = ("--camera", calibration, "--no-show", "--no-report", "--out", tmp_path / "out")
-    outcome = farpoint("live", film, *arguments, "--loop", "--duration-s", "2")
+    outcome = farpoint("live", video, *arguments, "--loop", "--duration-s", "2")
     assert outcome.code == 0
     assert record_of(tmp_path / "out")["live"]["captured"] > 30
 
@@ -101,9 +101,9 @@ def test_a_wrong_calibration_costs_no_earlier_result(
     assert not out.exists()
 
 
-def test_a_guessed_camera_is_said_aloud(farpoint: CommandLine, tmp_path: Path, film: Path):
+def test_a_guessed_camera_is_reported(farpoint: CommandLine, tmp_path: Path, video: Path):
     out = tmp_path / "out"
-    outcome = farpoint("live", film, "--fov", "67.4", "--no-show", "--out", out)
+    outcome = farpoint("live", video, "--fov", "67.4", "--no-show", "--out", out)
     assert outcome.code == 0
     (note,) = record_of(out)["notes"]
     assert note.startswith("Not calibrated: the camera is a guess: a field of view of 67.4 deg")
@@ -126,9 +126,12 @@ def test_a_known_height_puts_the_files_in_metres(
     calibration: Path,
     drive: RenderedSequence,
 ):
-    film, out = write_video(tmp_path / "slow.avi", there_and_back(images), fps=10), tmp_path / "out"
+    video, out = (
+        write_video(tmp_path / "slow.avi", there_and_back(images), fps=10),
+        tmp_path / "out",
+    )
     quick = ("--camera", calibration, "--no-show", "--no-report", "--out", out)
-    assert farpoint("live", film, *quick, "--metric.height", HEIGHT_M).code == 0
+    assert farpoint("live", video, *quick, "--metric.height", HEIGHT_M).code == 0
     metric = record_of(out)["metric"]
     assert (metric["unit"], metric["contradictions"]) == ("m", [])
     places = there_and_back(drive.world_from_cam[:, :3, 3])
@@ -139,7 +142,7 @@ def test_a_known_height_puts_the_files_in_metres(
 
 
 def test_what_is_black_in_the_mask_is_not_tracked(
-    farpoint: CommandLine, tmp_path: Path, film: Path, calibration: Path, images: Pictures
+    farpoint: CommandLine, tmp_path: Path, video: Path, calibration: Path, images: Pictures
 ):
     white = np.full_like(images[0], 255)
     upper = white.copy()
@@ -148,7 +151,7 @@ def test_what_is_black_in_the_mask_is_not_tracked(
     for mask, name in ((white, "white"), (upper, "upper")):
         (tmp_path / f"{name}.png").write_bytes(encoded(mask))
         quick = ("--camera", calibration, "--no-show", "--no-report", "--out", tmp_path / name)
-        assert farpoint("live", film, *quick, "--mask", tmp_path / f"{name}.png").code == 0
+        assert farpoint("live", video, *quick, "--mask", tmp_path / f"{name}.png").code == 0
         assert record_of(tmp_path / name)["options"]["mask"] == str(tmp_path / f"{name}.png")
         counts.append(np.median([int(row["tracks"]) for row in rows_of(tmp_path / name)]))
     assert counts[1] < 0.7 * counts[0]
@@ -180,10 +183,10 @@ def test_what_does_not_fit_is_refused_before_the_folder_is_made(
 
 
 def test_playlists_are_followed_if_asked_for(
-    farpoint: CommandLine, tmp_path: Path, film: Path, calibration: Path
+    farpoint: CommandLine, tmp_path: Path, video: Path, calibration: Path
 ):
     playlist, out = tmp_path / "list.ffconcat", tmp_path / "out"
-    playlist.write_text(f"ffconcat version 1.0\nfile {film.name}\n")
+    playlist.write_text(f"ffconcat version 1.0\nfile {video.name}\n")
     quick = ("--camera", calibration, "--no-show", "--no-report", "--out", out)
     assert_refused(farpoint("live", playlist, *quick), "is a playlist", "--follow-playlists")
     assert farpoint("live", playlist, *quick, "--follow-playlists").code == 0

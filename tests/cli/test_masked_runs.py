@@ -31,7 +31,7 @@ MASK = np.full((HEIGHT, WIDTH), 255, np.uint8)
 MASK[96:] = 0
 
 
-def test_the_black_part_is_named_in_the_record_and_hatched_in_the_film(
+def test_the_black_part_is_recorded_and_hatched_in_the_overlay(
     farpoint: CommandLine, tmp_path: Path, calibration: Path, images: Pictures
 ) -> None:
     source, mask = write_folder(tmp_path / "shots", images[:3]), tmp_path / "mask.png"

@@ -54,7 +54,7 @@ def test_a_speed_puts_every_file_in_metres(
     assert metric["metres_per_unit"]["first"] == pytest.approx(truth[0], rel=0.03)
 
 
-def test_what_contradicts_the_rest_is_said(
+def test_contradictions_are_reported(
     farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path, drive: RenderedSequence
 ):
     places = drive.world_from_cam[:, :3, 3]
@@ -72,14 +72,14 @@ def test_what_contradicts_the_rest_is_said(
     assert len(record_of(out)["metric"]["contradictions"]) == 1
 
 
-def test_a_hint_that_never_speaks_leaves_the_unit(
+def test_a_measurement_without_a_reading_leaves_the_unit(
     farpoint: CommandLine, tmp_path: Path, shots: Path, calibration: Path
 ):
     out = tmp_path / "out"
     quick = ("--camera", calibration, "--out", out, "--no-overlay", "--no-report")
     outcome = farpoint("run", shots, *quick, "--metric.distance", "3", "99", "5.0")
     assert outcome.code == 0
-    assert "no hint met a motion of known length" in outcome.err
+    assert "no aiding measurement gave a reading of the scale" in outcome.err
     assert read_motions(out / "motions.csv").scale[0] == pytest.approx(1.0, rel=1e-3)
 
 
@@ -92,7 +92,7 @@ def test_a_hint_that_never_speaks_leaves_the_unit(
         (["--metric.distance", "5", "3", "1.0"], ["frame0", "5 and 3"]),
     ],
 )
-def test_a_hint_that_is_none_is_refused(
+def test_an_invalid_measurement_is_refused(
     farpoint: CommandLine, shots: Path, calibration: Path, arguments: list[str], words: list[str]
 ):
     assert_refused(farpoint("run", shots, "--camera", calibration, *arguments), *words)

@@ -54,7 +54,7 @@ def test_ctrl_c_leaves_valid_files(tmp_path: Path, images: Pictures, calibration
     assert "interrupted" in report
 
 
-def test_a_killed_run_leaves_a_finished_film_and_no_process(
+def test_a_killed_run_leaves_a_finished_video_and_no_process(
     tmp_path: Path, images: Pictures, calibration: Path
 ):
     shots, out = write_folder(tmp_path / "shots", 40 * there_and_back(images)), tmp_path / "out"
@@ -76,7 +76,7 @@ def test_a_killed_run_leaves_a_finished_film_and_no_process(
     assert record_of(out)["state"] == "running"
 
 
-def told_printing_to(stdout: int, *arguments: str | Path) -> tuple[int, str]:
+def run_printing_to(stdout: int, *arguments: str | Path) -> tuple[int, str]:
     """Exit code and stderr of a command that prints to an open file."""
     command = [*FARPOINT, *map(str, arguments)]
     done = subprocess.run(
@@ -90,7 +90,7 @@ def test_a_reader_that_has_seen_enough_is_no_fault(calibration: Path, arguments:
     reader, writer = os.pipe()
     os.close(reader)
     arguments = [str(calibration) if word == "CALIB" else word for word in arguments]
-    assert told_printing_to(writer, *arguments) == (0, "")
+    assert run_printing_to(writer, *arguments) == (0, "")
     os.close(writer)
 
 
@@ -99,7 +99,7 @@ def test_results_that_cannot_be_printed_are_one_line(calibration: Path):
     if not full.exists():
         pytest.skip("no /dev/full on this system")
     with full.open("w") as nowhere:
-        told = told_printing_to(nowhere.fileno(), "camera", calibration)
+        told = run_printing_to(nowhere.fileno(), "camera", calibration)
     assert told == (2, "farpoint: No space left on device\n")
 
 

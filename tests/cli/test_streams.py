@@ -169,7 +169,7 @@ def test_a_hang_up_that_the_caller_ignores_stays_ignored(
     assert len(rows_of(out)) == 4 * len(images) - 1
 
 
-def test_the_version_is_told(farpoint: CommandLine):
+def test_the_version_is_printed(farpoint: CommandLine):
     said = farpoint("--version")
     assert (said.code, said.out, said.err) == (0, f"farpoint {__version__}\n", "")
 
@@ -220,7 +220,7 @@ def test_the_contents_of_a_file_cannot_break_a_message(tmp_path: Path, farpoint:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /dev/full")
-def test_a_full_disk_behind_standard_output_is_told():
+def test_a_full_disk_behind_standard_output_is_reported():
     with Path("/dev/full").open("w") as full:
         done = subprocess.run([*FARPOINT, "--version"], stdout=full, stderr=subprocess.PIPE)
     assert done.returncode == 2

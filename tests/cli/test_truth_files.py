@@ -41,7 +41,7 @@ def write(path: Path, world_from_body: np.ndarray, order: str = "xyzw") -> Path:
     return path
 
 
-def test_what_was_assumed_is_said_and_right_truth_gets_no_hint(
+def test_assumptions_are_printed_and_correct_truth_gets_no_warning(
     run: Path, tmp_path: Path, long_drive: RenderedSequence, farpoint: CommandLine
 ):
     said = farpoint(
@@ -53,7 +53,7 @@ def test_what_was_assumed_is_said_and_right_truth_gets_no_hint(
     assert "hint" not in said.out
 
 
-def test_truth_of_a_body_is_hinted_at_and_can_be_told(
+def test_truth_of_a_body_gives_a_warning_and_can_be_specified(
     run: Path, tmp_path: Path, long_drive: RenderedSequence, farpoint: CommandLine
 ):
     body = long_drive.world_from_cam @ np.linalg.inv(BODY_FROM_CAM)

@@ -192,7 +192,7 @@ def test_unknown_encodings_and_sizes_beyond_the_limit_are_faults(tmp_path: Path)
     assert "--max-megapixels" in (next(iter(small)).fault or "")
 
 
-def test_frames_of_deep_images_are_shown_alike_whatever_the_source(tmp_path: Path):
+def test_frames_of_deep_images_are_equal_for_every_source(tmp_path: Path):
     rng = np.random.default_rng(0)
     deep = [rng.integers(7000, 7300 + 40 * k, (32, 48)).astype(np.uint16) for k in range(20)]
     folder = tmp_path / "folder"
@@ -248,7 +248,7 @@ def test_compressed_video_gives_a_picture_for_each_message(tmp_path: Path, codec
         assert np.abs(frame.image.astype(int) - picture(number)).mean() < 4
 
 
-def test_a_damaged_picture_of_a_video_costs_no_more_than_those_told_by_it(tmp_path: Path):
+def test_a_damaged_picture_costs_only_the_pictures_decoded_from_it(tmp_path: Path):
     packets = encode("libx264", 15)
     packets[6] = b"\xff" * 40
     packets[12] = b"\0\0\0\1\x09\xf0"  # a delimiter, and no picture behind it

@@ -170,7 +170,7 @@ def test_a_recording_that_was_never_closed_has_no_index_and_is_read(tmp_path: Pa
     assert len(good(list(opened))) == 40
 
 
-def test_a_missing_part_of_a_bag_is_said(tmp_path: Path):
+def test_a_missing_part_of_a_bag_is_reported(tmp_path: Path):
     path = write_bag(tmp_path, "sqlite3", images(4))
     metadata = path / "metadata.yaml"
     text = metadata.read_text()

@@ -40,7 +40,7 @@ def test_the_upper_8_of_the_bits_in_use(tmp_path: Path, bits: int):
     assert all(f"{bits} bits in 16" in note for note in notes)
 
 
-def test_a_narrow_span_is_stretched_alike_in_all_images(tmp_path: Path):
+def test_a_narrow_span_is_stretched_equally_in_all_images(tmp_path: Path):
     counts = 7800 + 2 * GREY.astype(np.uint16)
     frames, (note,) = frames_of(write(tmp_path / "a", [counts, counts + 60]))
     first, second = (frame.image.astype(float) for frame in frames)

@@ -25,7 +25,7 @@ def woven(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return picture
 
 
-def test_woven_pictures_are_told_from_progressive_ones(fields: list[np.ndarray]):
+def test_interlaced_pictures_are_distinguished_from_progressive_ones(fields: list[np.ndarray]):
     pairs = list(zip(fields[::2], fields[1::2], strict=True))
     assert max(map(comb_share, fields)) < 0.1
     assert min(comb_share(woven(*pair)) for pair in pairs) > 0.3

@@ -30,7 +30,7 @@ def shoot(folder: Path, lengths: list[int | None], suffix: str = ".jpg") -> Path
     return folder
 
 
-def film(path: Path, metadata: dict[str, str]) -> Path:
+def video_with(path: Path, metadata: dict[str, str]) -> Path:
     options = {"movflags": "use_metadata_tags"}
     with av.open(str(path), "w", options=options) as container:
         container.metadata.update(metadata)
@@ -72,13 +72,13 @@ def test_images_that_carry_none(write_images: Callable[..., Path]):
 
 
 def test_a_video_of_a_phone_carries_it(tmp_path: Path):
-    guess = found(film(tmp_path / "phone.mov", {QUICKTIME: "27"}))
+    guess = found(video_with(tmp_path / "phone.mov", {QUICKTIME: "27"}))
     assert guess == EquivalentFocalLength(millimetres=27.0, source="the video's metadata")
 
 
 @pytest.mark.parametrize("said", [None, "wide", "0", "-3", "nan", "inf"])
 def test_a_video_that_carries_none(tmp_path: Path, said: str | None):
-    path = film(tmp_path / "drive.mov", {} if said is None else {QUICKTIME: said})
+    path = video_with(tmp_path / "drive.mov", {} if said is None else {QUICKTIME: said})
     with pytest.raises(InputError, match=r"drive\.mov: --camera: carries no focal length.*--fov"):
         found(path)
 

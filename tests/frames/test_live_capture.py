@@ -163,7 +163,7 @@ def test_a_source_that_stays_away_leaves_the_session_alone():
         assert live.take(0.05) is None
 
 
-def test_a_film_has_an_end():
+def test_a_recording_has_an_end():
     connection = Connection([picture(0)])
     connection.go_on.set()
     with Capture(Scripted([connection], endless=False)) as live:

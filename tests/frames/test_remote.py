@@ -55,7 +55,7 @@ def remote(request: pytest.FixtureRequest, drive: Path) -> Iterator[str]:
     system.rm("/drive", recursive=True)
 
 
-def assert_alike(source: str, local: Path) -> None:
+def assert_equal_frames(source: str, local: Path) -> None:
     found, expected = open_frames(source), open_frames(local)
     assert found.name == expected.name
     for _ in range(2):  # it can be iterated again
@@ -67,11 +67,11 @@ def assert_alike(source: str, local: Path) -> None:
 
 
 def test_a_folder_elsewhere_is_read_like_one_here(remote: str, drive: Path):
-    assert_alike(f"{remote}/shots", drive / "shots")
+    assert_equal_frames(f"{remote}/shots", drive / "shots")
 
 
 def test_a_video_elsewhere_is_read_like_one_here(remote: str, drive: Path):
-    assert_alike(f"{remote}/film.mp4", drive / "film.mp4")
+    assert_equal_frames(f"{remote}/film.mp4", drive / "film.mp4")
 
 
 def test_the_copy_of_a_folder_goes_when_nobody_reads_it_any_more(
@@ -131,7 +131,7 @@ def test_images_of_a_web_server_are_read_by_fsspec(drive: Path, monkeypatch: pyt
     monkeypatch.setattr(SimpleHTTPRequestHandler, "log_message", lambda *_: None)
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         Thread(target=server.serve_forever, daemon=True).start()
-        assert_alike(f"http://127.0.0.1:{server.server_port}/shots/", drive / "shots")
+        assert_equal_frames(f"http://127.0.0.1:{server.server_port}/shots/", drive / "shots")
         server.shutdown()
 
 
@@ -142,10 +142,10 @@ def test_a_bag_elsewhere_is_read_like_one_here(
     stamps = range(10**9, 5 * 10**9, 10**9)
     sent = [image_message(p, "mono8", t) for p, t in zip(pictures, stamps, strict=True)]
     bag = write_bag(tmp_path, kind, sent)
-    assert_alike(f"file://{bag}", bag)
+    assert_equal_frames(f"file://{bag}", bag)
     system = fsspec.filesystem("memory")
     system.put(str(bag), f"/bags/{bag.name}", recursive=True)
-    assert_alike(f"memory://bags/{bag.name}", bag)
+    assert_equal_frames(f"memory://bags/{bag.name}", bag)
     system.rm("/bags", recursive=True)
 
 
@@ -158,7 +158,7 @@ def test_a_bag_of_a_web_server_is_read_by_fsspec(
     handler = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         Thread(target=server.serve_forever, daemon=True).start()
-        assert_alike(f"http://127.0.0.1:{server.server_port}/{bag.name}", bag)
+        assert_equal_frames(f"http://127.0.0.1:{server.server_port}/{bag.name}", bag)
         server.shutdown()
 
 

@@ -22,7 +22,7 @@ MIXTURE = np.array([VARIANCE, 0.1, TAIL_RATIO, 0.0])
 
 
 @kernel
-def told_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
+def jacobian_of(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) -> tuple:
     """Residual and its derivatives; variances of the constraint and of the flow."""
     at, rotation, direction = address(i), matrix(R), vector(t)
     return (
@@ -62,7 +62,7 @@ def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
     The variance of each component of the tail is 8 times that of the one before.
     """
-    r = np.array([told_of(view.pairs, i, view.R, view.t)[0][5] for i in range(view.size)])
+    r = np.array([jacobian_of(view.pairs, i, view.R, view.t)[0][5] for i in range(view.size)])
     z = r / np.sqrt(VARIANCE)
     variance = 8.0 ** np.arange(4.0)[:, None]
     shares = shares_of(TAIL_RATIO)
@@ -73,7 +73,7 @@ def parts(view: View, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
 def jacobians(view: View) -> np.ndarray:
     """Jacobian (N, 5) of all residuals, with the residuals in the last column."""
-    return np.array([told_of(view.pairs, i, view.R, view.t)[0] for i in range(view.size)])
+    return np.array([jacobian_of(view.pairs, i, view.R, view.t)[0] for i in range(view.size)])
 
 
 def leverages(J: np.ndarray, weight: np.ndarray) -> np.ndarray:
@@ -165,7 +165,7 @@ def test_a_single_match_scatters_as_it_is_off():
     # It fixes no pose, and has no leverage.
     view = two_views(6, 1, error_rad=2e-3)
     z, weight, _ = parts(view, np.ones(1))
-    *J, _ = told_of(view.pairs, 0, view.R, view.t)[0]
+    *J, _ = jacobian_of(view.pairs, 0, view.R, view.t)[0]
     score = weight * z / np.sqrt(VARIANCE)
     expected = score**2 * np.outer(J, J)
     np.testing.assert_allclose(informed(view, np.ones(1)).scatter, expected, rtol=1e-6)
@@ -176,7 +176,7 @@ def test_no_match_at_all_lacks_nothing():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
+def test_noise_along_the_line_changes_the_jacobian_as_computed(seed):
     view = two_views(seed, 1, baseline_m=1e-3)
     m = view.R @ view.rays0[0]
     axis = sphere.normalize(np.cross(m, view.t))
@@ -184,12 +184,12 @@ def test_noise_along_the_line_changes_the_jacobian_as_is_said(seed):
     def jacobian(angle_rad: float) -> np.ndarray:
         """Derivative of the constraint by a shift of the later ray along its epipolar line."""
         at = view._replace(rays1=view.rays1 @ so3.exp(angle_rad * axis).T)
-        (*J, _), (g, _) = told_of(at.pairs, 0, at.R, at.t)
+        (*J, _), (g, _) = jacobian_of(at.pairs, 0, at.R, at.t)
         return np.sqrt(g) * np.array(J)
 
     change = (jacobian(1e-5) - jacobian(-1e-5)) / 2e-5
     _, weight, _ = parts(view, np.ones(1))
-    _, (g, flow) = told_of(view.pairs, 0, view.R, view.t)
+    _, (g, flow) = jacobian_of(view.pairs, 0, view.R, view.t)
     variance = flow / np.sum(np.cross(m, view.t) ** 2)  # of the angle, for unit noise
     expected = weight * variance / g * np.outer(change, change)
     noise = informed(view, np.ones(1)).noise
@@ -208,7 +208,7 @@ class Rows(NamedTuple):
 def rows(view: View) -> Rows:
     depth, depth_variance, jacobian, changes = [], [], [], []
     for i in range(view.size):
-        (*J, _), (g, flow_variance) = told_of(view.pairs, i, view.R, view.t)
+        (*J, _), (g, flow_variance) = jacobian_of(view.pairs, i, view.R, view.t)
         m, b = view.R @ view.rays0[i], view.rays1[i]
         along = view.t - (m @ view.t) * m
         square = along @ along

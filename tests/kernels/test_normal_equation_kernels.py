@@ -104,7 +104,7 @@ def test_three_unknowns_are_solved_for(seed, damping):
     ],
     ids=["zero", "negative", "indefinite", "singular", "nan", "inf"],
 )
-def test_what_is_not_positive_definite_is_said(H):
+def test_matrices_that_are_not_positive_definite_are_reported(H):
     assert not solve_three(H, np.ones(3), 0.0, np.empty(3))
 
 

@@ -66,7 +66,7 @@ def precision(view: View) -> np.ndarray:
     return 2.0 / np.sum(view.noise0**2 + view.noise1**2, axis=(1, 2))
 
 
-def turning(seed: int, matches: int, *, noise: float, outliers: int = 0) -> View:
+def rotating_view(seed: int, matches: int, *, noise: float, outliers: int = 0) -> View:
     """Rays after a rotation, isotropic noise of 1 mrad times ``noise``; the last are outliers."""
     rng = np.random.default_rng(seed)
     R = so3.exp(rng.normal(size=3) * 0.3)
@@ -111,7 +111,7 @@ def test_distances_are_mahalanobis_distances(seed):
 
 
 def test_distances_of_noise_are_chi_squared_with_two_degrees_of_freedom():
-    view = turning(0, 3000, noise=1.0)
+    view = rotating_view(0, 3000, noise=1.0)
     d2 = distance2(view, view.R)
     # Three standard errors: the variance of chi^2 with 2 degrees of freedom is 4.
     assert d2.mean() == pytest.approx(2.0, abs=3 * 2 / math.sqrt(3000))
@@ -120,7 +120,7 @@ def test_distances_of_noise_are_chi_squared_with_two_degrees_of_freedom():
 @quick
 @given(seed=seeds)
 def test_the_gradient_of_the_robust_cost_with_fixed_noise(seed):
-    view = turning(seed, 8, noise=1.0)
+    view = rotating_view(seed, 8, noise=1.0)
     prior = np.random.default_rng(seed).uniform(0.5, 2.0, 8)
     a, b, A, B = view[:4]
     E = sphere.tangent_basis(b)
@@ -143,7 +143,7 @@ def test_the_gradient_of_the_robust_cost_with_fixed_noise(seed):
 @given(seed=seeds)
 def test_the_gradient_is_that_of_the_whole_cost_where_noise_is_isotropic(seed):
     # The noise is rotated, too; for isotropic noise that is of second order.
-    view = turning(seed, 8, noise=1.0)
+    view = rotating_view(seed, 8, noise=1.0)
 
     def cost(dtheta: np.ndarray) -> float:
         return Linearized(view, np.ones(8), so3.exp(dtheta) @ view.R).cost
@@ -157,7 +157,7 @@ def test_the_gradient_is_that_of_the_whole_cost_where_noise_is_isotropic(seed):
 @given(seed=seeds)
 def test_the_normal_matrix_is_the_information_of_the_matches(seed):
     # Far below the noise every match is an inlier, and the cost is a paraboloid of this curvature.
-    view = turning(seed, 12, noise=1e-4)
+    view = rotating_view(seed, 12, noise=1e-4)
     at = Linearized(view, np.ones(12), view.R)
 
     def gradient_at(step: np.ndarray) -> np.ndarray:
@@ -175,7 +175,7 @@ def test_the_normal_matrix_is_the_information_of_the_matches(seed):
 
 
 def test_what_a_rotation_makes_of_each_match():
-    view = turning(6, 40, noise=1.0, outliers=8)
+    view = rotating_view(6, 40, noise=1.0, outliers=8)
     distance, inlier = np.full((2, packed_length(40)), np.nan)
     given = (view.pairs, packed(np.ones(40)), HALF_WIDTH, view.R, MIXTURE)
     rotation.evaluate_rotation(*given, distance, inlier)
@@ -192,7 +192,7 @@ def test_what_a_rotation_makes_of_each_match():
 
 
 def test_a_match_with_no_prior_counts_for_nothing():
-    view = turning(3, 8, noise=1.0, outliers=1)
+    view = rotating_view(3, 8, noise=1.0, outliers=1)
     prior = np.ones(8)
     prior[-1] = 0.0
     without = View(*(array[:-1] for array in view[:4]), view.R, view.t)
@@ -205,7 +205,7 @@ def test_a_match_with_no_prior_counts_for_nothing():
 
 @pytest.mark.parametrize("outliers", [0, 10, 24])
 def test_the_search_finds_the_rotation_of_the_consistent_rays(outliers):
-    view = turning(7, 40, noise=0.3, outliers=outliers)
+    view = rotating_view(7, 40, noise=0.3, outliers=outliers)
     R = search(view, 3.0)
     assert so3.angle_between(R, view.R) < 3e-3
     assert so3.angle_between(R, search(view, 3.0)) == 0.0
@@ -215,7 +215,7 @@ def test_the_search_finds_the_rotation_of_the_consistent_rays(outliers):
 
 
 def test_enlarging_the_set_from_an_inaccurate_start_ends_at_its_own_fit():
-    view = turning(2, 40, noise=0.3)
+    view = rotating_view(2, 40, noise=0.3)
     off = so3.exp(np.array([1.5e-3, -1e-3, 1e-3])) @ view.R
     inside = np.sqrt(plain_distance2(view, off)) < 1.5
     assert 2 < inside.sum() < 30
@@ -227,7 +227,7 @@ def test_enlarging_the_set_from_an_inaccurate_start_ends_at_its_own_fit():
 
 
 def test_the_maximum_of_the_likelihood_is_stationary_with_its_noise():
-    view = turning(4, 300, noise=0.7, outliers=30)
+    view = rotating_view(4, 300, noise=0.7, outliers=30)
     R, (variance, outliers, _) = refine(view, search(view, 3.0))
     assert outliers == pytest.approx(0.1, abs=0.02)
     # The standard error of a variance of 540 coordinates is 6 %.

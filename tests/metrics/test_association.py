@@ -55,7 +55,7 @@ def test_exact_times_need_no_neighbours():
     np.testing.assert_allclose(one[1], screw(times)[1])
 
 
-def test_times_that_never_meet_are_told_with_both_spans():
+def test_disjoint_times_are_reported_with_both_spans():
     with pytest.raises(InputError, match=r"do not overlap: estimates 0\.0.* truth 100\.0"):
         poses_at_times(TRUTH_TIMES, screw(TRUTH_TIMES), np.arange(5.0))
     with pytest.raises(InputError, match=r"only in gaps over 0\.2 s"):

@@ -150,7 +150,7 @@ def test_a_true_standstill_has_no_direction_to_be_wrong_about():
     assert errors.direction_angle_rad[1] < 0.1
 
 
-def test_flipped_directions_are_told():
+def test_flipped_directions_are_counted():
     given = simulated(5)
     given["true_translations"][2] *= -1.0
     errors = pair_errors(**given)

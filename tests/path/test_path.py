@@ -89,7 +89,7 @@ def test_the_path_is_as_sure_as_stated(many_drives):
     assert 0.5 < np.mean(nees) < 12.0
 
 
-def test_things_that_move_by_themselves_do_not_bend_the_scale():
+def test_moving_objects_do_not_change_the_scale():
     poses = poses_of(forward(40), np.zeros((40, 3)))
     scene = cloud(poses, noise_px=0.1)
     velocity = np.zeros_like(scene.points)
@@ -154,7 +154,7 @@ def test_turning_until_nothing_known_is_in_view_the_last_speed_carries_the_scale
 
 
 @pytest.mark.parametrize("faster", [0.6, 1.6])
-def test_a_speed_that_was_guessed_wrong_is_within_what_was_said(faster):
+def test_a_wrongly_guessed_speed_is_within_its_sigma(faster):
     points, poses = turned_out_of_view(faster, seed=3)
     unit = lengths(poses)[0]
     error = poses[-1, :3, 3] / unit - points[-1].world_from_cam[:3, 3]

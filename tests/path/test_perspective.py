@@ -68,7 +68,7 @@ def test_what_is_taken_back_is_what_was_wrong(camera, normal):
     assert slope == pytest.approx(1.0, abs=0.25)
 
 
-def test_a_road_no_longer_moves_all_windows_alike():
+def test_matches_on_a_road_have_no_common_bias():
     normal, translation = np.array([0.1, 0.8, 0.5]), np.array([0.01, 0.02, -0.2])
     before, after = np.zeros(2), np.zeros(2)
     for seed in range(5):

@@ -101,7 +101,7 @@ def test_moving_the_world_costs_nothing():
     assert np.abs(normal.H @ whole).max() < 1e-9 * size**2
 
 
-def test_a_keyframe_that_leaves_leaves_what_it_told():
+def test_a_removed_keyframe_leaves_its_information():
     """The covariance of those that stay is the one of before, where all its points have ended."""
     window = window_of()
     marks = window.landmarks

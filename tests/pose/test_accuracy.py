@@ -245,7 +245,7 @@ def test_the_rotation_of_a_camera_that_only_turns_is_at_its_own_bound(outliers):
 
 
 @pytest.mark.parametrize(("matches", "outliers"), [(20, 0), (20, 4), (60, 30)])
-def test_few_and_noisy_matches_leave_a_rotation_that_keeps_its_promise(matches, outliers):
+def test_few_and_noisy_matches_give_a_rotation_within_its_covariance(matches, outliers):
     # Among few, chance makes some look poor, and the others better than they are.
     nees = []
     for seed in range(300):

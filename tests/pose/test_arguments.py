@@ -61,7 +61,7 @@ def test_points(field, bad):
     assert_named(error, field)
 
 
-def test_the_expected_shape_is_said_with_what_was_given():
+def test_the_error_names_the_expected_and_the_given_shape():
     with pytest.raises(InputError, match=r"points0: expected shape \(N, 2\), got \(12, 3\)"):
         estimate_relative_pose(RAYS, GOOD, paper_camera())
     with pytest.raises(InputError, match=r"points1: expected shape \(12, 2\), got \(11, 2\)"):

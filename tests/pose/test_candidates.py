@@ -72,20 +72,20 @@ def lost(seeds: range) -> Lost:
 
 
 @pytest.fixture(scope="module")
-def held() -> Lost:
+def lost_with_candidates() -> Lost:
     return lost(range(300))
 
 
-def test_fewer_motions_are_lost(held, monkeypatch):
+def test_fewer_motions_are_lost(lost_with_candidates, monkeypatch):
     monkeypatch.setattr(two_views, "likeliest_motion", lambda _matches, fit, *_: fit)
     alone = lost(range(300))
     assert alone.rotations > 70
-    assert held.rotations < 0.7 * alone.rotations
-    assert held.of_them_sure < 0.7 * alone.of_them_sure
+    assert lost_with_candidates.rotations < 0.7 * alone.rotations
+    assert lost_with_candidates.of_them_sure < 0.7 * alone.of_them_sure
 
 
-def test_hardly_any_is_lost_and_sure(held):
-    assert held.of_them_sure <= 9
+def test_hardly_any_is_lost_and_sure(lost_with_candidates):
+    assert lost_with_candidates.of_them_sure <= 9
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +152,7 @@ def test_the_less_is_known_of_noise_the_clearer_it_must_be(matches, fit, other):
     assert found.candidate_mode is not None
 
 
-def test_a_motion_that_was_met_is_asked_too(matches, fit, monkeypatch):
+def test_a_secondary_mode_is_compared(matches, fit, monkeypatch):
     start = replace(fit, secondary_mode=(np.eye(3), UP))
     monkeypatch.setattr(candidates, "fit_with_bounded_noise", lambda *_: fit)
 
@@ -171,29 +171,32 @@ def test_where_there_is_little_noise_none_is_looked_for(matches, fit, monkeypatc
 
 
 @pytest.mark.parametrize(("against", "is_rival"), [(0.0, True), (6.5, True), (7.5, False)])
-def test_one_that_has_not_clearly_lost_is_a_rival(fit, against, is_rival):
+def test_a_candidate_that_is_not_clearly_less_likely_competes(fit, against, is_rival):
     candidate_mode = replace(fit, candidate_mode=(fit.R_cam1_from_cam0, UP, against))
-    held = compare_modes(candidate_mode, None, lambda: turned(fit), 1e-3)
+    held = compare_modes(candidate_mode, None, lambda: pure_rotation_of(fit), 1e-3)
     assert held.fit is candidate_mode
     assert (held.secondary_mode is not None) == is_rival
 
 
-def test_correlated_residuals_leave_another_mode_in_doubt(fit):
+def test_correlated_residuals_keep_another_mode(fit):
     """A log-likelihood ratio of 20 is one of 5, if the variance of a sum is four times as large."""
     mode = replace(fit, candidate_mode=(fit.R_cam1_from_cam0, UP, 20.0))
-    assert compare_modes(mode, None, lambda: turned(fit), 1e-3).secondary_mode is None
+    assert compare_modes(mode, None, lambda: pure_rotation_of(fit), 1e-3).secondary_mode is None
     correlated = mode.matches.with_design_effect(4.0, is_misspecified=False)
     mode = replace(mode, matches=correlated)
-    assert compare_modes(mode, None, lambda: turned(fit), 1e-3).secondary_mode is not None
+    assert compare_modes(mode, None, lambda: pure_rotation_of(fit), 1e-3).secondary_mode is not None
 
 
-def test_the_same_way_with_less_noise_is_no_rival(fit):
+def test_the_same_motion_with_less_noise_does_not_compete(fit):
     same = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0, 0.0
     candidate_mode = replace(fit, candidate_mode=same)
-    assert compare_modes(candidate_mode, None, lambda: turned(fit), 1e-3).secondary_mode is None
+    assert (
+        compare_modes(candidate_mode, None, lambda: pure_rotation_of(fit), 1e-3).secondary_mode
+        is None
+    )
 
 
-def turned(fit: GeneralMotionFit):
+def pure_rotation_of(fit: GeneralMotionFit):
     return fit_pure_rotation(fit.matches, fit.far_rotation_cam1_from_cam0, TOLERANCE)
 
 
@@ -236,7 +239,7 @@ def test_the_search_alone_overlooks_it(monkeypatch, seed):
     assert nees_of(pose, scene) > 100.0
 
 
-def test_of_many_matches_none_is_overlooked_for_others_that_were_not_searched():
+def test_with_many_matches_no_candidate_is_lost_by_subsampling():
     for seed in (25, 82, 172):
         scene = mostly_far(seed, matches=5000)
         assert nees_of(estimate(scene), scene) < 16.0

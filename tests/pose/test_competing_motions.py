@@ -31,7 +31,7 @@ def fit():
     return fit_general_motion(matches, 1.5, RelativePoseOptions(), np.zeros(1, np.uint64))
 
 
-def turned(fit: GeneralMotionFit) -> PureRotationFit:
+def pure_rotation_of(fit: GeneralMotionFit) -> PureRotationFit:
     return fit_pure_rotation(fit.matches, fit.far_rotation_cam1_from_cam0, 1.5)
 
 
@@ -53,21 +53,21 @@ def elsewhere(fit, monkeypatch):
             return waiting.pop(0)
 
         monkeypatch.setattr(competing_motions, "likeliest_other_mode", nearest)
-        found = competing_motions.likelier_in_other_direction(fit, lambda: turned(fit))
+        found = competing_motions.likelier_in_other_direction(fit, lambda: pure_rotation_of(fit))
         assert not waiting
         return found
 
     return run
 
 
-def test_a_motion_that_is_less_likely_is_the_rival(fit, elsewhere):
+def test_the_less_likely_motion_is_the_competing_one(fit, elsewhere):
     best, other = elsewhere(5.0)
     assert best is fit
     assert other.log_ratio == 5.0
     np.testing.assert_array_equal(other.direction_cam1_from_cam0, UP)
 
 
-def test_without_any_there_is_no_rival(fit, elsewhere):
+def test_without_another_mode_nothing_competes(fit, elsewhere):
     assert elsewhere(np.inf) == (fit, None)
 
 
@@ -94,15 +94,15 @@ def test_where_each_is_likelier_than_the_last_there_is_no_telling(monkeypatch, u
     assert other.log_ratio == 0.0
 
 
-def test_a_plain_motion_has_no_rival_that_comes_near(fit):
-    best, other = competing_motions.likelier_in_other_direction(fit, lambda: turned(fit))
+def test_a_plain_motion_has_no_competing_mode(fit):
+    best, other = competing_motions.likelier_in_other_direction(fit, lambda: pure_rotation_of(fit))
     assert best is fit
     assert other is None or other.log_ratio > 20.0
 
 
 @pytest.fixture
-def met(monkeypatch):
-    """`likelier_of_search` where the motion that was met is so much less likely than this one."""
+def likelier_of_given(monkeypatch):
+    """`likelier_of_search` with a given log-likelihood ratio of ``than`` to its secondary mode."""
 
     def run(against: float, than: GeneralMotionFit):
         monkeypatch.setattr(competing_motions, "compare_with_mode", lambda *_: against)
@@ -115,25 +115,25 @@ def is_same_way(one: GeneralMotionFit | CompetingMotion, other: GeneralMotionFit
     return np.array_equal(one.direction_cam1_from_cam0, other.direction_cam1_from_cam0)
 
 
-def test_a_motion_that_the_search_has_met_is_judged(fit, unlikely, met):
-    best, other = met(5.0, than=fit)
+def test_a_secondary_mode_of_the_search_is_compared(fit, unlikely, likelier_of_given):
+    best, other = likelier_of_given(5.0, than=fit)
     assert is_same_way(best, fit)
     assert other.log_ratio == 5.0
     np.testing.assert_array_equal(other.direction_cam1_from_cam0, UP)
-    best, other = met(-5.0, than=unlikely)
+    best, other = likelier_of_given(-5.0, than=unlikely)
     assert not is_same_way(best, unlikely)
     assert other.log_ratio == 5.0
     assert is_same_way(other, unlikely)
-    assert met(np.inf, than=unlikely)[1] is None
+    assert likelier_of_given(np.inf, than=unlikely)[1] is None
     assert competing_motions.likelier_of_search(replace(fit, secondary_mode=None))[1] is None
 
 
 def test_one_that_all_matches_make_far_likelier_is_taken_against_residuals(
-    unlikely, met, monkeypatch
+    unlikely, likelier_of_given, monkeypatch
 ):
     far_likelier = replace(unlikely, direction_cam1_from_cam0=UP, cost=unlikely.cost - 1e3)
     monkeypatch.setattr(competing_motions, "refit_general_motion", lambda *_: far_likelier)
-    best, other = met(5.0, than=unlikely)
+    best, other = likelier_of_given(5.0, than=unlikely)
     assert not is_same_way(best, unlikely)
     # The two contradict each other.
     assert is_same_way(other, unlikely)
@@ -145,7 +145,7 @@ def test_one_that_all_matches_make_far_likelier_is_taken_against_residuals(
     [(110, 27.0, True), (110, 28.0, False), (400, 59.0, True), (400, 61.0, False)],
 )
 def test_what_residuals_rule_out_is_not_asked_again(
-    unlikely, met, monkeypatch, matches, against, is_asked
+    unlikely, likelier_of_given, monkeypatch, matches, against, is_asked
 ):
     rows = np.resize(np.arange(110), matches)
     many = replace(
@@ -155,7 +155,7 @@ def test_what_residuals_rule_out_is_not_asked_again(
     monkeypatch.setattr(
         competing_motions, "refit_general_motion", lambda _, start: asked.append(1) or start
     )
-    _, other = met(against, than=many)
+    _, other = likelier_of_given(against, than=many)
     assert len(asked) == is_asked
     if not is_asked:
         assert other.log_ratio == against
@@ -244,7 +244,7 @@ def test_matches_of_one_surface_do_not_each_tell_where_they_lie(fit):
         assert likelier_of(fit, other, gain, per_match=said)[0] == is_taken
 
 
-def test_a_rotation_with_a_rival_is_doubted_most_about_the_axis_between_them(fit):
+def test_the_covariance_by_a_competing_rotation_is_largest_about_the_axis_between_them(fit):
     turn = np.radians([0.3, -0.2, 0.1])
     R = so3.exp(turn) @ fit.R_cam1_from_cam0
     doubt = CompetingMotion(R, UP, 0.0, "").rotation_covariance_beside(fit)
@@ -256,7 +256,7 @@ def test_a_rotation_with_a_rival_is_doubted_most_about_the_axis_between_them(fit
     assert abs(axes[:, 2] @ turn) == pytest.approx(np.sqrt(square))
 
 
-def test_a_rotation_is_doubted_by_the_odds_of_its_rival(fit):
+def test_the_covariance_grows_with_the_odds_of_a_competing_rotation(fit):
     R = so3.exp(np.radians([0.3, -0.2, 0.1])) @ fit.R_cam1_from_cam0
 
     def doubt(against):
@@ -283,7 +283,7 @@ def ambiguous() -> list[tuple[PointScene, RelativePose]]:
     ]
 
 
-def test_rotations_with_a_rival_are_as_doubtful_as_said(ambiguous):
+def test_rotations_with_a_competing_mode_lie_within_their_covariances(ambiguous):
     nees = []
     for scene, pose in ambiguous:
         error = rotation_error(pose, scene.rotation_cam1_from_cam0)
@@ -295,9 +295,9 @@ def test_rotations_with_a_rival_are_as_doubtful_as_said(ambiguous):
 
 
 @pytest.mark.parametrize("looks_elsewhere", [True, False])
-def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_elsewhere):
+def test_two_modes_stay_possible_with_misspecified_noise(monkeypatch, looks_elsewhere):
     """The same noise told of all matches is no more than what is assumed, but may be wrong."""
-    if not looks_elsewhere:  # those that were met are still known
+    if not looks_elsewhere:  # those that were likelier_of_given are still known
         monkeypatch.setattr(
             competing_motions, "likelier_in_other_direction", lambda fit, _: (fit, None)
         )
@@ -314,14 +314,14 @@ def test_which_of_two_it_was_is_in_doubt_where_the_noise_is(monkeypatch, looks_e
         firm += poses[0].status is PoseStatus.OK
         doubted += poses[1].status is PoseStatus.OK
         because += "Secondary mode" in poses[1].reason
-    # 60 are firm; 13 are doubted, and 6 of those that were met alone.
+    # 60 are firm; 13 are doubted, and 6 of those that were likelier_of_given alone.
     assert firm >= 57
     assert because >= (9 if looks_elsewhere else 4)
     assert doubted <= firm - because
 
 
 @pytest.mark.parametrize("seed", [0, 2])
-def test_a_likelier_motion_that_the_search_has_met_is_taken(monkeypatch, seed):
+def test_a_likelier_secondary_mode_replaces_the_motion(monkeypatch, seed):
     """Also where no noise is told, and the one that was found is sure of itself."""
     search = two_views.fit_general_motion
 

@@ -45,13 +45,13 @@ def estimate(found: PointScene, seed: int, share: float = 1.0) -> RelativePose:
 
 
 @pytest.fixture
-def in_doubt() -> list[bool]:
-    """Whether the noise of each since is ``shared`` so plainly that it is in doubt."""
+def misspecified_noise() -> list[bool]:
+    """Whether the noise counts as misspecified, for each estimate since."""
     return []
 
 
 @pytest.fixture
-def shared(monkeypatch, in_doubt) -> list[float]:
+def shared(monkeypatch, misspecified_noise) -> list[float]:
     """How many times larger each covariance since is made; 1 for noise of each match's own."""
     found: list[float] = []
 
@@ -62,7 +62,7 @@ def shared(monkeypatch, in_doubt) -> list[float]:
             matches.misspecification,
         )
         found.append(matches.design_effect)
-        in_doubt.append(matches.misspecification > 1.0)
+        misspecified_noise.append(matches.misspecification > 1.0)
         return matches, fit
 
     monkeypatch.setattr(two_views, "count_residual_correlation", doubted)
@@ -70,20 +70,20 @@ def shared(monkeypatch, in_doubt) -> list[float]:
 
 
 @pytest.mark.parametrize("matches", [60, 300])
-def test_noise_of_each_match_is_hardly_ever_shared_or_doubted(shared, in_doubt, matches):
+def test_noise_of_each_match_is_hardly_ever_shared_or_doubted(shared, misspecified_noise, matches):
     for seed in range(150):
         estimate(scene(seed, 0.1, matches), seed, share=0.0)
     assert np.count_nonzero(np.array(shared) > 1.0) <= 4
-    assert np.count_nonzero(in_doubt) <= 2
+    assert np.count_nonzero(misspecified_noise) <= 2
 
 
-def test_a_turn_with_errors_that_neighbours_share_is_no_motion(shared, in_doubt):
+def test_a_turn_with_errors_that_neighbours_share_is_no_motion(shared, misspecified_noise):
     poses = [estimate(scene(seed, 0.0), seed) for seed in range(60)]
     moving = sum(pose.status is PoseStatus.OK for pose in poses)
     # Counted as independent, twenty of them claim a direction.
     assert moving <= 4
     assert np.mean(np.array(shared) > 1.5) > 0.9
-    assert np.mean(in_doubt) > 0.9
+    assert np.mean(misspecified_noise) > 0.9
 
 
 def test_rotations_of_turns_hold_the_truth_more_often():
@@ -121,7 +121,7 @@ def test_errors_may_be_taken_for_independent():
 
 @pytest.mark.usefixtures("shared")
 @pytest.mark.parametrize("apart_px", [0.0, 0.5])
-def test_a_point_that_is_found_twice_tells_what_it_tells_once(in_doubt, apart_px):
+def test_a_point_that_is_found_twice_tells_what_it_tells_once(misspecified_noise, apart_px):
     squares = []
     for seed in range(60):
         found, rng = scene(seed, 0.1, 150), np.random.default_rng(seed)
@@ -135,7 +135,7 @@ def test_a_point_that_is_found_twice_tells_what_it_tells_once(in_doubt, apart_px
         pose = estimate_relative_pose(points0, points1, CAMERA)
         turn = rotation_error(pose, found.rotation_cam1_from_cam0)
         squares.append(float(turn @ np.linalg.solve(pose.rotation_covariance, turn)))
-    assert np.mean(in_doubt) > 0.9
+    assert np.mean(misspecified_noise) > 0.9
     # Counted as independent, 0.75 and 0.77.
     assert np.mean(np.array(squares) <= chi2_quantile(0.95, 3)) > 0.9
 

@@ -47,7 +47,7 @@ def test_the_cap_is_closed_and_around_the_heading():
     )
 
 
-def test_the_cap_grows_as_the_normal_distribution_of_two_dimensions_says():
+def test_the_cap_follows_the_normal_distribution_of_two_dimensions():
     pose = made_pose(sigma_rad=1e-4)
     reach = [
         np.linalg.norm(pose.heading_region(confidence) - pose.heading_cam0, axis=1).max()

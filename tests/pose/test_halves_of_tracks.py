@@ -70,7 +70,7 @@ def on_surfaces(width_px: float, *, is_told: bool = True) -> np.ndarray:
     return np.array(found)
 
 
-def test_surfaces_that_err_alike_are_doubted_beyond_what_halves_show():
+def test_surfaces_with_common_errors_inflate_beyond_the_split_half_ratio():
     # 2.4, 1.8 and 1 of squares with some fifty tracks, ten and one; a patch has three to six.
     # Halves that are searched for by themselves, of the largest, differ by 1.55 of what they say
     # without, and by 0.95 of it with this (by a script, 60 scenes).
@@ -143,7 +143,7 @@ def test_halves_that_fix_no_turn_are_left_out():
 
 
 @pytest.mark.parametrize("drawn", [scene, turn])
-def test_neighbours_that_err_alike_go_to_the_same_half(drawn):
+def test_neighbours_with_common_errors_stay_in_one_half(drawn):
     shown = []
     for seed in range(12):
         view = drawn(seed, 60)

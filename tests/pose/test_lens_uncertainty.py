@@ -86,7 +86,7 @@ def test_covariances_allow_for_the_guess():
 
 
 @pytest.mark.parametrize("baseline_m", [0.2, 0.0])
-def test_the_covariance_grows_by_what_another_lens_does_to_the_estimate(baseline_m: float):
+def test_the_covariance_increases_by_the_effect_of_another_lens(baseline_m: float):
     """``J S J.T`` against estimates by lenses that are off by a tenth of a sigma each way."""
     camera = paper_camera().with_uncertainty(focal=0.01, center_px=2.0, distortion_px=1.0)
     lens, factor = camera.model.refinable(), covariance_factor(camera.parameter_covariance())

@@ -17,7 +17,7 @@ from farpoint.synthetic import PointScene
 MATCHES = 300
 
 
-def told_and_more(seed: int, floor: float) -> tuple[PointScene, np.ndarray, tuple]:
+def given_and_floor(seed: int, floor: float) -> tuple[PointScene, np.ndarray, tuple]:
     """A scene, noise told with a median of 0.1 px, and points with a floor, over it, beside."""
     scene = point_scene(
         seed, matches=MATCHES, outliers=0, noise_px=0.0, translation_m=(0.2, 0.1, -0.2)
@@ -38,7 +38,7 @@ def estimated(scene: PointScene, told: np.ndarray, points: tuple) -> RelativePos
 def test_the_floor_is_found(floor):
     found = []
     for seed in range(20):
-        scene, told, points = told_and_more(seed, floor)
+        scene, told, points = given_and_floor(seed, floor)
         matches = matches_from_points(*points, scene.camera, scene.camera, told, told)
         state = np.array([seed], np.uint64)
         found.append(noise_floor(matches, fit_general_motion(matches, 1.5, DEFAULTS, state)))
@@ -52,7 +52,7 @@ def test_a_floor_makes_the_estimate_better_and_keeps_it_honest(monkeypatch):
         if name == "without":
             monkeypatch.setattr(two_views, "noise_floor", lambda *_: 0.0)
         for seed in range(60):
-            scene, told, points = told_and_more(seed, 10.0)
+            scene, told, points = given_and_floor(seed, 10.0)
             pose = estimated(scene, told, points)
             assert pose.status is PoseStatus.OK
             error = pose_error(pose, scene)
@@ -65,13 +65,13 @@ def test_a_floor_makes_the_estimate_better_and_keeps_it_honest(monkeypatch):
 
 
 def test_noise_in_px_is_that_of_a_typical_match():
-    scene, told, points = told_and_more(3, 3.0)
+    scene, told, points = given_and_floor(3, 3.0)
     pose = estimated(scene, told, points)
     assert pose.noise_px == pytest.approx(0.1 * np.sqrt(1.0 + 3.0), rel=0.2)
 
 
-def test_without_told_noise_nothing_changes(monkeypatch):
-    scene, _, points = told_and_more(4, 10.0)
+def test_without_given_noise_nothing_changes(monkeypatch):
+    scene, _, points = given_and_floor(4, 10.0)
     before = estimate_relative_pose(*points, scene.camera)
     monkeypatch.setattr(two_views, "noise_floor", lambda *_: 1.0)
     assert_identical(before, estimate_relative_pose(*points, scene.camera))

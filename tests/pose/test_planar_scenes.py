@@ -77,7 +77,7 @@ def bare_walls() -> list[tuple[RelativePose, np.ndarray, np.ndarray]]:
     return found
 
 
-def test_a_bare_wall_is_said_to_allow_two_motions(bare_walls):
+def test_a_bare_wall_allows_two_motions(bare_walls):
     said = ["allows two motions" in pose.reason for pose, _, _ in bare_walls]
     assert np.mean(said) > 0.8
     assert all(
@@ -219,7 +219,7 @@ def wall_ahead(
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="takes minutes")
 @pytest.mark.parametrize(("count", "relief"), [(90, 0.0), (300, 0.0), (300, 0.02)])
-def test_poses_straight_to_a_wall_with_little_relief_keep_their_promise(count, relief):
+def test_poses_towards_a_wall_with_little_relief_lie_within_their_covariances(count, relief):
     """Between the two motions of a plane anything is likely, even if the other one is not."""
     errors, covariances = [], []
     for seed in range(150):

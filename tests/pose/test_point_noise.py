@@ -85,7 +85,7 @@ def test_only_the_shape_of_the_noise_is_believed_not_its_size():
 @pytest.mark.parametrize(
     "told", [None, 3.0 * np.tile(np.eye(2), (80, 1, 1))], ids=["untold", "told"]
 )
-def test_what_all_matches_are_off_by_alike_is_counted_once(translation_m, told):
+def test_an_error_common_to_all_matches_is_added_once(translation_m, told):
     scene = point_scene(2, matches=80, outliers=0, translation_m=translation_m)
     noise = dict.fromkeys(FIELDS, told)
     plain = estimate(scene, **noise)
@@ -101,7 +101,7 @@ def test_what_all_matches_are_off_by_alike_is_counted_once(translation_m, told):
         np.testing.assert_array_equal(extra[3:], 0.0)
 
 
-def test_equal_round_noise_is_the_same_as_none_told():
+def test_equal_isotropic_noise_is_the_same_as_none_given():
     scene = point_scene(3)
     told = estimate(scene, **dict.fromkeys(FIELDS, np.tile(0.25 * np.eye(2), (110, 1, 1))))
     plain = estimate(scene)
@@ -120,7 +120,7 @@ def test_the_other_image_has_noise_of_the_same_mean_size(field):
 
 
 @pytest.mark.parametrize("variance_px2", [100.0, 1e4, 1e6])
-def test_a_match_said_to_be_useless_does_no_harm(variance_px2):
+def test_a_match_with_a_huge_covariance_does_no_harm(variance_px2):
     scene = point_scene(4, matches=100, outliers=0)
     covariance = np.tile(0.05 * np.eye(2), (100, 1, 1))
     covariance[0] = variance_px2 * np.eye(2)

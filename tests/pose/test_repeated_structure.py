@@ -70,7 +70,7 @@ def test_a_window_taken_for_the_next_is_a_wrong_match(matches, repeated):
     assert np.median(off_deg) < 0.12
 
 
-def test_whole_windows_that_agree_on_another_motion_are_seen_to_be_off_alike():
+def test_repeated_windows_with_a_common_motion_have_correlated_residuals():
     # Half of the matches are of another window, and the likeliest motion lies between.
     far_off = 0
     for seed in range(240):

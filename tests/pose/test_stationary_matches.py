@@ -17,7 +17,9 @@ from farpoint.pose.options import DEFAULTS
 from farpoint.synthetic import PointScene
 
 
-def with_stuck(scene: PointScene, share: float, seed: int, noise_px: float = 0.22) -> PointScene:
+def with_stationary(
+    scene: PointScene, share: float, seed: int, noise_px: float = 0.22
+) -> PointScene:
     """This share of the points in image 1 where they are in image 0, but for the noise."""
     rng = np.random.default_rng(seed)
     rows = rng.permutation(len(scene.points0))[: round(share * len(scene.points0))]
@@ -29,7 +31,7 @@ def with_stuck(scene: PointScene, share: float, seed: int, noise_px: float = 0.2
 def drawn(count: int, share: float, noise_px: float = 0.22, **grid) -> list[PointScene]:
     rng = np.random.default_rng([11, round(100 * share)])
     scenes = draw_scenes(count, rng, matches=300, outliers=15, noise_px=noise_px, **grid)
-    return [with_stuck(scene, share, seed, noise_px) for seed, scene in enumerate(scenes)]
+    return [with_stationary(scene, share, seed, noise_px) for seed, scene in enumerate(scenes)]
 
 
 def errors_deg(scenes: list[PointScene]) -> np.ndarray:
@@ -56,7 +58,7 @@ def test_two_fifths_that_go_along_with_the_camera_do_not_hold_it(far_share, nois
     assert "matches stand still in the image" in pose.reason
 
 
-def test_a_camera_that_turns_is_not_held_either():
+def test_a_rotating_camera_is_not_taken_for_stationary():
     for scene in drawn(10, 0.4, baseline_m=0.0, far_share=0.5):
         pose = estimate(scene)
         assert pose.status is PoseStatus.ROTATION_ONLY
@@ -125,7 +127,7 @@ def test_few_matches_and_most_are_not_asked(monkeypatch):
     monkeypatch.setattr(two_motions, "fit_general_motion", searched)
     state = np.array([1], np.uint64)
     scenes = [drawn(1, share, baseline_m=0.1, far_share=0.0)[0] for share in (0.04, 0.55, 0.3)]
-    scenes.insert(0, with_stuck(point_scene(3), 0.06, 1))
+    scenes.insert(0, with_stationary(point_scene(3), 0.06, 1))
     for scene in scenes:
         matches = matches_from_points(scene.points0, scene.points1, scene.camera, scene.camera)
         fit = fit_general_motion(matches, 1.5, DEFAULTS, state)

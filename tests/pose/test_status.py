@@ -222,7 +222,7 @@ def test_flow_shows_a_translation_by_the_digits_of_its_false_alarms(ratio, shown
 
 
 @pytest.mark.parametrize(("noise_px", "least"), [(0.5, 0.93), (1.0, 0.6)])
-def test_a_rotation_covers_the_motion_that_the_flow_hints_at(noise_px, least):
+def test_a_rotation_covers_the_motion_suggested_by_the_flow(noise_px, least):
     held = []
     for seed in range(200):
         options = {"matches": 20, "outliers": 0, "far_share": 0.0, "noise_px": noise_px}
@@ -235,7 +235,7 @@ def test_a_rotation_covers_the_motion_that_the_flow_hints_at(noise_px, least):
     assert np.mean(held) > least
 
 
-def test_a_hint_of_a_motion_that_fixes_no_rotation_leaves_one(monkeypatch):
+def test_weak_evidence_for_a_motion_without_a_rotation_leaves_the_pure_rotation(monkeypatch):
     options = {"matches": 20, "outliers": 0, "far_share": 0.0, "noise_px": 1.0}
     drawn = [point_scene(seed, translation_m=(0.02, 0.0, 0.0), **options) for seed in range(40)]
     turned = [scene for scene in drawn if "Pure rotation or" in estimate(scene).reason]
@@ -246,7 +246,7 @@ def test_a_hint_of_a_motion_that_fixes_no_rotation_leaves_one(monkeypatch):
         assert "Pure rotation or" in estimate(scene).reason
 
 
-def test_a_rotation_with_a_hint_of_translation_covers_both_motions():
+def test_a_rotation_with_weak_evidence_for_translation_covers_both_motions():
     # As long a flow as noise told a little too small might have made.
     squares = []
     for seed in range(30):
@@ -300,7 +300,7 @@ def test_hardly_ever_is_a_motion_likelier_than_wrong_matches_alone(count):
     assert found <= 40
 
 
-def test_a_direction_with_a_rival_elsewhere_is_not_given():
+def test_a_direction_with_a_competing_mode_is_not_given():
     # Noise as long as the flow: a rotation takes the place of the translation, which turns round.
     wrong, given, rivals = 0, 0, 0
     for seed in range(600):
@@ -420,7 +420,7 @@ def test_the_sign_of_the_direction_is_right_wherever_it_is_given():
     assert wrong == 0
 
 
-def test_an_error_in_the_told_noise_is_no_translation():
+def test_an_error_of_the_given_noise_is_no_translation():
     """Tracks are off along their motion by more than across it, and no tracker says so."""
     rng, told = np.random.default_rng(3), np.tile(np.eye(2), (600, 1, 1))
     noise_px = 0.1 * np.array([np.sqrt(2.0), 1.0])

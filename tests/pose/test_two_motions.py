@@ -211,7 +211,7 @@ def test_a_motion_of_few_is_not_that_of_most(monkeypatch):
     assert dominant_of(matches, fit) is fit
 
 
-def test_the_motion_of_most_is_doubted_as_far_as_the_likelier_one_is_off_alike():
+def test_the_dominant_motion_inflates_by_the_correlation_of_the_likelier_one():
     scene = traffic(2, 0.4, 6.0)
     matches, fit = fit_of(*scene[:2])
     found = dominant_of(matches, fit)
@@ -281,7 +281,7 @@ def test_two_of_each_point_are_not_two_motions():
     assert dominant_of(matches, fit) is fit
 
 
-def test_where_neighbours_are_off_alike_it_is_said(monkeypatch):
+def test_correlated_residuals_of_neighbours_are_reported(monkeypatch):
     monkeypatch.setattr(two_views, "dominant_motion", lambda _matches, fit, *_: fit)
     scene = traffic(2, 0.4, 6.0)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)

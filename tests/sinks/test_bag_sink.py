@@ -244,7 +244,7 @@ def test_without_a_length_the_variance_along_the_direction_is_without_use(tmp_pa
     assert (np.linalg.eigvalsh(matrix(message)) > 0.0).all()
 
 
-def test_hints_put_poses_and_speeds_in_metres(tmp_path: Path):
+def test_aiding_measurements_put_poses_and_speeds_in_metres(tmp_path: Path):
     estimates = iter([None, None, *[MetricEstimate(metres_per_unit=2.0, sigma=0.03)] * 3])
     now: list[MetricEstimate | None] = [None]
     sink = BagSink(tmp_path / "out.mcap", lambda: CAMERA, lambda: now[0])

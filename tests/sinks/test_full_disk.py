@@ -100,7 +100,9 @@ def test_a_file_without_room_for_its_head_is_not_made(tmp_path: Path):
 
 
 @pytest.mark.parametrize("size", [1000, 120_000, 199_999])
-def test_a_film_plays_up_to_there(size: int, tmp_path: Path, results: list[OdometryResult]):
+def test_a_video_plays_up_to_the_full_disk(
+    size: int, tmp_path: Path, results: list[OdometryResult]
+):
     video, written = OverlayVideo(tmp_path / "overlay.mp4", CAMERA), 0
 
     def fill() -> None:
@@ -230,7 +232,7 @@ def test_the_record_is_written_though_nothing_new_can_be(tmp_path: Path, run: Ru
         record.finish(RunState.DONE)  # only once
 
 
-def test_a_recording_without_room_is_told_and_holds_nothing_up(
+def test_a_recording_without_room_is_reported_and_blocks_nothing(
     tmp_path: Path, results: list[OdometryResult]
 ):
     pytest.importorskip("rerun")

@@ -163,7 +163,7 @@ def test_no_two_hold_a_folder_however_often_it_is_released(tmp_path: Path):
     assert held > 100
 
 
-def test_a_file_system_without_locks_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_file_system_without_locks_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def none(descriptor: int) -> None:
         raise OSError(errno.ENOLCK, f"No locks available for {descriptor}")
 
@@ -173,7 +173,7 @@ def test_a_file_system_without_locks_is_told(tmp_path: Path, monkeypatch: pytest
     assert record_in(tmp_path / "run.json")["notes"] == list(folder.notes)
 
 
-def test_what_cannot_be_opened_is_told_in_the_record(tmp_path: Path):
+def test_outputs_that_cannot_be_opened_are_recorded(tmp_path: Path):
     (tmp_path / "trajectory.kitti").mkdir()
     with pytest.raises(InputError, match=r"trajectory\.kitti: cannot be written"):
         OutputFolder(tmp_path, RUN, TEXT)
@@ -182,7 +182,7 @@ def test_what_cannot_be_opened_is_told_in_the_record(tmp_path: Path):
     assert not (tmp_path / LOCK_NAME).exists()
 
 
-def test_a_late_film_of_a_killed_run_leaves_that_of_the_next_alone(tmp_path: Path):
+def test_a_late_video_of_a_killed_run_does_not_change_that_of_the_next(tmp_path: Path):
     box = (12).to_bytes(4, "big") + b"mdat" + b"film"
     late = FragmentFile(tmp_path / "overlay.mp4")
     late.write(box[:5])

@@ -88,7 +88,7 @@ def test_each_status_leaves_empty_what_it_cannot_know(
     np.testing.assert_array_equal(np.isfinite(motions.rotation_covariance).all((1, 2)), known)
 
 
-def test_covariance_is_told_in_the_basis_that_a_reader_can_compute(
+def test_covariance_is_in_a_basis_that_a_reader_can_compute(
     tmp_path: Path, make_result: MakeResult
 ) -> None:
     result = make_result(3)

@@ -198,7 +198,7 @@ WIDE = {
 
 
 @pytest.mark.parametrize("lens", list(WIDE))
-def test_flow_bends_along_great_circles_from_the_epipole_to_its_antipode(
+def test_flow_follows_great_circles_from_the_epipole_to_its_antipode(
     make_result: MakeResult, lens: str
 ) -> None:
     camera = WIDE[lens]
@@ -306,7 +306,7 @@ def apart(palette: Palette) -> float:
     )
 
 
-def test_the_alternative_colours_are_told_apart_without_red_and_green() -> None:
+def test_the_alternative_colours_are_distinct_without_red_and_green() -> None:
     assert apart(PALETTES["orange-blue"]) > 120.0
     assert apart(PALETTES["orange-blue"]) > 1.5 * apart(RED_GREEN)
 

@@ -50,7 +50,7 @@ def test_it_is_what_browsers_play_with_the_times_of_the_frames(
     np.testing.assert_allclose(times, np.array(uneven) - uneven[0], atol=1e-5)
 
 
-def test_the_film_shows_the_picture(
+def test_the_video_shows_the_picture(
     tmp_path: Path, camera: Camera, make_result: MakeResult
 ) -> None:
     video(tmp_path / "overlay.mp4", camera, [make_result(k) for k in range(3)])
@@ -120,7 +120,7 @@ def boxes(path: Path) -> list[str]:
     return names
 
 
-def test_a_finished_film_has_one_index_in_front_and_the_same_pictures(
+def test_a_finished_video_has_one_index_in_front_and_the_same_pictures(
     tmp_path: Path, camera: Camera, make_result: MakeResult
 ) -> None:
     video = OverlayVideo(tmp_path / "overlay.mp4", camera)
@@ -143,7 +143,7 @@ def test_a_finished_film_has_one_index_in_front_and_the_same_pictures(
         assert old.time == new.time
 
 
-def test_a_film_that_cannot_be_packed_stays_as_it_was(
+def test_a_video_that_cannot_be_rewritten_stays_unchanged(
     tmp_path: Path, camera: Camera, make_result: MakeResult
 ) -> None:
     (tmp_path / "overlay.mp4.part").mkdir()  # where the packed film would be written

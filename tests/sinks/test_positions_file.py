@@ -108,7 +108,7 @@ def test_parquet_holds_the_same_numbers(
     assert table["cov_35"].null_count == 1
 
 
-def test_parquet_without_its_library_is_said_before_the_run(
+def test_parquet_without_its_library_fails_before_the_run(
     tmp_path: Path, run: RunDescription, monkeypatch
 ):
     monkeypatch.setitem(sys.modules, "pyarrow", None)

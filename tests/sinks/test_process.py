@@ -122,7 +122,7 @@ def test_an_error_over_there_is_raised_here_and_the_sink_is_closed(
     assert lines_of(notes) == ["open", "frame 0 None", "close"]
 
 
-def test_an_error_that_cannot_be_sent_is_told_in_words(notes: Path, make_result: MakeResult):
+def test_an_error_that_cannot_be_pickled_is_sent_as_text(notes: Path, make_result: MakeResult):
     sink = SinkProcess(partial(process_kit.Unpicklable, notes), "notes")
     with pytest.raises(RuntimeError, match=r"^OwnError: of its own kind$"):
         sink.write(make_result(0), None)
@@ -188,7 +188,7 @@ def test_a_process_that_nobody_needed_ends(notes: Path):
     assert not notes.exists()
 
 
-def test_a_film_is_written_where_it_was_wanted(
+def test_a_video_is_written_to_its_path(
     tmp_path: Path, camera: Camera, make_result: MakeResult, monkeypatch: pytest.MonkeyPatch
 ):
     (tmp_path / "elsewhere").mkdir()
@@ -201,7 +201,7 @@ def test_a_film_is_written_where_it_was_wanted(
     assert pictures_in(tmp_path / "elsewhere" / "overlay.mp4") == 1
 
 
-def test_a_film_that_cannot_be_made_is_refused_at_once(
+def test_a_video_that_cannot_be_made_is_refused_at_once(
     tmp_path: Path, camera: Camera, monkeypatch: pytest.MonkeyPatch
 ):
     with pytest.raises(InputError, match=r"gone.overlay\.mp4: cannot be written"):
@@ -251,7 +251,7 @@ def _part(path: Path) -> Path:
 
 
 @pytest.mark.parametrize("end", ["", "video.close()"])
-def test_a_program_that_forgets_to_close_ends_and_the_film_too(
+def test_a_program_that_does_not_close_its_sink_ends_with_a_closed_video(
     tmp_path: Path, camera: Camera, make_result: MakeResult, end: str
 ):
     count = 3 * WAITING
@@ -263,7 +263,7 @@ def test_a_program_that_forgets_to_close_ends_and_the_film_too(
     assert count - WAITING <= pictures_in(video) <= count
 
 
-def test_the_death_of_the_program_closes_the_film(
+def test_the_death_of_the_program_closes_the_video(
     tmp_path: Path, camera: Camera, make_result: MakeResult
 ):
     count = 2 * WAITING

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from likeness import assert_looks_like, at_phone_width, likeness
+from picture_similarity import assert_looks_like, at_phone_width, picture_similarity
 
 from farpoint.camera import Camera, Equirectangular, KannalaBrandt
 from farpoint.odometry import OdometryResult
@@ -68,14 +68,14 @@ def test_every_reference_has_its_scene() -> None:
     assert {path.stem for path in REFERENCES.iterdir()} == set(SCENES)
 
 
-def test_what_a_person_sees_is_told_apart_and_what_nobody_sees_is_not(
+def test_visible_differences_are_detected_and_invisible_ones_are_not(
     make_result: MakeResult,
 ) -> None:
     scene = SCENES["ahead"]
     picture = at_phone_width(picture_of(scene, make_result))
 
     def same(other: np.ndarray) -> bool:
-        return likeness(picture, other).same
+        return picture_similarity(picture, other).same
 
     grain = np.random.default_rng(0).integers(-3, 4, picture.shape)
     assert same(np.clip(picture + grain, 0, 255).astype(np.uint8))

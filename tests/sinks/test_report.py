@@ -245,7 +245,7 @@ def test_the_curves_are_those_of_the_poses(page: str, make_result: MakeResult) -
         assert right["sigma"][index] == pytest.approx(sigma[0], rel=1e-3)
 
 
-def test_the_lens_is_told_as_given_and_as_found() -> None:
+def test_the_report_shows_the_given_and_the_estimated_lens() -> None:
     lens = {
         "refined": True,
         "given": {"fx": 500.0, "k1<": 0.0},
@@ -487,7 +487,7 @@ def test_the_map_keeps_the_shape_of_the_path() -> None:
     assert np.all(points <= [left + width, top + height])
 
 
-def test_without_a_film_there_are_no_pictures(tmp_path: Path) -> None:
+def test_without_a_video_there_are_no_pictures(tmp_path: Path) -> None:
     assert thumbs_of(tmp_path / "overlay.mp4", 4) == []
     assert stills_at(tmp_path / "overlay.mp4", [0.1]) == []
     (tmp_path / "overlay.mp4").write_bytes(b"")
@@ -499,7 +499,7 @@ def test_without_a_film_there_are_no_pictures(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("keys", [2, 9, 40, 5000])
-def test_few_packets_are_held_and_they_are_spread_over_the_film(keys: int) -> None:
+def test_few_packets_are_kept_and_they_are_spread_over_the_video(keys: int) -> None:
     video = (SimpleNamespace(is_keyframe=pts % 15 == 0, pts=pts) for pts in range(15 * keys))
     chosen = np.array([packet.pts / 15 for packet in evenly_spaced_key_packets(video, 8)])
     assert len(chosen) == min(8, keys - 1)

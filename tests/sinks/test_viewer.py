@@ -154,7 +154,7 @@ def test_sparse_points_project_onto_their_tracks(camera: Camera, results: list[O
     assert len(sparse_points(results[4], camera)) == 0
 
 
-def test_status_and_words_are_told(recording: Path):
+def test_status_and_values_are_recorded(recording: Path):
     states = column(recording, "status", "StateChange:state")
     assert {frame: state[0] for frame, state in states.items()} == {
         1: "OK",

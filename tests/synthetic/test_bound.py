@@ -98,7 +98,7 @@ def test_maximum_likelihood_reaches_the_bound():
     assert np.abs(errors.mean(axis=0)).max() < 0.38
 
 
-def test_the_bound_ignores_outliers_and_grows_with_the_noise():
+def test_the_bound_ignores_outliers_and_increases_with_the_noise():
     scene = make_point_scene(replace(paper_example(outliers=20), noise_px=0.1), seed=1)
     bound = cramer_rao_bound(scene)
     np.testing.assert_allclose(cramer_rao_bound(replace(scene, noise_px=0.2)), 4 * bound)

@@ -139,7 +139,7 @@ def values_at(grey: np.ndarray, points: np.ndarray) -> np.ndarray:
     return cv2.remap(grey, points[:, None].astype(np.float32), None, cv2.INTER_LINEAR)
 
 
-def test_transferred_points_look_alike():
+def test_transferred_points_have_similar_windows():
     sequence = RenderedSequence(pinhole(), street_drive(30, seed=4), seed=4, imaging=CLEAN)
     points0 = np.random.default_rng(1).uniform((10, 10), (389, 289), (2000, 2))
     points1 = sequence.transfer(points0, 5, 7)

@@ -35,7 +35,7 @@ class Template(NamedTuple):
     """Window of the first image, with the Jacobian of its residual."""
 
     window: Window
-    """With the gradients of the second image, as predicted by the prior, once linearised."""
+    """Gradients of the second image as predicted by the prior, after `linearise`."""
     contrast: np.ndarray
     """(S,) mean of the window minus its values."""
     u: np.ndarray
@@ -59,7 +59,7 @@ def blank_template(half: int) -> Template:
 def linearise(template: Template, expected: np.ndarray) -> None:
     """Transform Scharr's gradients into those predicted for the second image; set the contrast.
 
-    The predicted gradients are ``inv(I + M).T`` times the first's.
+    The predicted gradients are ``inv(I + M).T`` times those of the first image.
     """
     window, contrast = template.window, template.contrast
     grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
@@ -108,7 +108,7 @@ def jacobian_times(template: Template, step: np.ndarray, out: np.ndarray) -> Non
 
 @sum_kernel
 def jacobian_products(template: Template, values: np.ndarray) -> Nine:
-    """Jacobian transposed times values, and last the sum of the squared values."""
+    """Jacobian transposed times values; the last element is the sum of the squared values."""
     window, contrast, us, vs = template.window, template.contrast, template.u, template.v
     gx, gy, inside = window.gx, window.gy, window.inside
     zero = np.float32(0.0)

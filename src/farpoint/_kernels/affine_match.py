@@ -5,8 +5,9 @@ For every pixel ``w = (u, v)`` of a window, counted from its centre, the model i
     I1(p1 + d + (I + M) w) = (1 + gain) (I0(p0 + w) - mean) + mean + offset
 
 with the eight parameters ``theta = [d (2), M by rows (4), gain, offset]`` and a Gaussian prior on
-all but ``d``. Gauss-Newton with the gradients of the first image, warped as expected, so that the
-normal matrix is built once (Baker and Matthews, "Lucas-Kanade 20 Years On", IJCV 56, 2004).
+all but ``d``. Gauss-Newton uses the gradients of the first image, transformed by the expected warp,
+so that the normal matrix is built once (Baker and Matthews, "Lucas-Kanade 20 Years On", IJCV 56,
+2004).
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ class Workspace(NamedTuple):
     patch: np.ndarray
     """Interpolated values, one pixel farther than the window."""
     patch_line: int
-    """Stride from one line to the next of both."""
+    """Stride from one line to the next of ``pixels`` and ``patch``."""
     template: Template
     around: Around
     """Pixels of the second image around the window."""

@@ -42,13 +42,13 @@ def second_planar_motion(
     """Second motion of a plane through the matches; False if there is none.
 
     The plane ``n . X = 1`` (camera 0, unit of the translation) is fitted to the inverse depths ``n
-    . a`` of the matches. With ``tau = R^T t`` its homography is ``R (I + tau n^T)``, and so is that
-    of the motion with the rotation R times that of the quaternion ``(2 + n . tau, n x tau)`` and
-    the direction ``R (2 n + n . n tau)``, with the plane normal along ``n + 2 tau``: for small
-    motions translation and normal exchange their places (Longuet-Higgins, Proc. R. Soc. B 223,
-    1984, DOI 10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA RR-6303, 2007). The plane
-    is in front of the camera; where most matches lie behind it, plane and direction change their
-    signs. Matches with a residual beyond ``gate`` are left out.
+    . a`` of the matches. With ``tau = R^T t`` the homography of the plane is ``R (I + tau n^T)``. A
+    second motion has the same homography: its rotation is R times that of the quaternion ``(2 + n .
+    tau, n x tau)``, its direction is ``R (2 n + n . n tau)``, and its plane normal is along ``n + 2
+    tau``. For small motions translation and normal exchange their roles (Longuet-Higgins, Proc. R.
+    Soc. B 223, 1984, DOI 10.1098/rspb.1984.0088; relations of Malis and Vargas, INRIA RR-6303,
+    2007). The plane is in front of the camera; if most matches lie behind it, the signs of plane
+    and direction are reversed. Matches with a residual beyond ``gate`` are left out.
     """
     inverse, accuracy, n = np.empty(count), np.empty(count), np.empty(3)
     direction = vector(t)
@@ -145,10 +145,10 @@ def bas_relief_motion(
     """Bas-relief alternative of a motion; False without near and far points.
 
     In a narrow field of view a rotation imitates the flow of points at one depth, for the part of
-    the direction across the mean ray. If the rotation takes up the flow of the near points, the far
-    points flow the other way. The part of the direction along the mean ray stays, because no
-    rotation imitates it. Near points are those nearer than the median; matches with a residual
-    beyond ``gate`` are left out.
+    the direction across the mean ray. If the rotation explains the flow of the near points, the far
+    points flow in the opposite direction. The part of the direction along the mean ray stays,
+    because no rotation imitates it. Near points are those nearer than the median; matches with a
+    residual beyond ``gate`` are left out.
     """
     M, nearness, ahead = np.empty((3, 3)), np.empty(count), np.empty(3)
     clear(M)

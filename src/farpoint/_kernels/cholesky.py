@@ -1,7 +1,7 @@
 """Positive definite matrices of some tens of rows: Cholesky factor, solution, inverse, elimination.
 
-Without BLAS, whose threads wait for each other longer than such a product takes. These loops are
-plain `numba.njit`: arrays in, the caller's arrays out.
+BLAS is not used, because its threads wait for each other longer than such a product takes. These
+loops are plain `numba.njit`: arrays in, the caller's arrays out.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def likeliest_other_mode(
 
     Both likelihoods are averaged over the poses nearby (Laplace). Local searches start at the
     rotation ``start_R`` (3, 3), from `STARTS` directions, with the noise of ``pose``. ``mode``
-    receives the likeliest; the ratio is infinite if none is within the margin of
+    receives the likeliest mode; the ratio is infinite if no mode is within the margin of
     `hypothesis_comparison.refine_if_competitive`. ``pose`` stays unchanged.
     """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))

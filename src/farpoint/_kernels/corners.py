@@ -121,7 +121,7 @@ def strongest_places(
     least : float
         Strength that a maximum must exceed.
     reach, border : int
-        px; the latter is the distance to keep from the border.
+        Half-width of the neighbourhood, and least distance from the border, px.
     taken : ndarray of bool, shape (H, W)
         Pixels that are excluded.
     places : ndarray of int64, shape (C, 2)

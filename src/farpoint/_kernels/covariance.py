@@ -55,12 +55,12 @@ def covariance_here(
 ) -> bool:
     """Covariance ``out`` (5, 5) of the pose, with this expected number of ``inliers``.
 
-    The sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix of `information`, less its noise for
-    the measured flow; V the variance of the gradient: a mean of H's matrix and the scatter over the
-    matches, whose weight grows with the effective number of matches. Returns whether at least a
-    share ``least`` of the matrix is signal, along every axis. If not, ``out`` is infinite for the
-    measured flow; it is infinite as well where the matches fix no pose, or where all labels are
-    uncertain.
+    The sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix of `information`; for the measured
+    flow, its noise is subtracted. V is the variance of the gradient: a weighted mean of the
+    Gauss-Newton matrix and the scatter over the matches. The weight of the scatter grows with the
+    effective number of matches. Returns whether at least a share ``least`` of the matrix is signal,
+    along every axis. If not, ``out`` is infinite for the measured flow. ``out`` is also infinite if
+    the matches fix no pose, or if all labels are uncertain.
     """
     normal, noise, spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
     scatter, variance, whole = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5))
@@ -124,9 +124,9 @@ def _estimated_noise_factor(inliers: float, effective: float) -> float:
 def finite_sample_inflation(freedom: float) -> float:
     """Inflation of a covariance whose variance was estimated with f degrees of freedom.
 
-    Squared errors follow ``5 F(5, f)``: their expectation is ``f / (f - 2)`` times that with a
-    known variance, their 95 % quantile ``1 + 4 / f + 12 / f^2`` times (to 3 %). The factor is the
-    mean of both.
+    Squared errors follow ``5 F(5, f)``: relative to a known variance, their expectation is ``f / (f
+    - 2)`` times as large, and their 95 % quantile ``1 + 4 / f + 12 / f^2`` times (to 3 %). The
+    factor is the mean of both.
     """
     on_average, for_most = freedom / (freedom - 2.0), 1.0 + (4.0 + 12.0 / freedom) / freedom
     return 0.5 * (on_average + for_most)
@@ -292,8 +292,8 @@ def covariance_beside(
 ) -> bool:
     """Covariance ``out`` (5, 5) if the true pose is this one plus a ``step`` (5,).
 
-    As `covariance_here`, in the tangent basis of this pose, without the scatter: the residuals
-    there are not those of a maximum.
+    Like `covariance_here`, in the tangent basis of this pose and without the scatter, because that
+    pose is not a maximum of the likelihood.
     """
     moved_R, moved_t, there = np.empty((3, 3)), np.empty(3), np.empty((5, 5))
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))

@@ -59,7 +59,7 @@ def _each_by_itself(count: int) -> np.ndarray:
 
 @step_kernel
 def _right(inlier: np.ndarray, count: int) -> np.ndarray:
-    """Rows of the inliers."""
+    """Indices of the inliers."""
     total = 0
     for i in range(count):
         total += 1 if inlier[i] > 0.5 else 0
@@ -77,7 +77,7 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
 
     ``sum S^2 / n`` over 16 parts of the image, with S the sum of n residuals, has an expectation of
     16 - 5 times the mean square if residuals are independent; 5 is the number of degrees of freedom
-    of the pose (Kish, "Survey Sampling", 1965). Of the matches in these ``rows``.
+    of the pose (Kish, "Survey Sampling", 1965). Only the matches in ``rows`` count.
     """
     parts, sums, sizes = _parts(pairs, rows), np.empty(PARTS), np.empty(PARTS)
     clear(sums)

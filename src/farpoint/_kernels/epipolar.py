@@ -2,7 +2,7 @@
 
 For unit rays ``a`` (camera 0) and ``b`` (camera 1), ``m = R a`` and unit ``t``, the epipolar
 constraint is ``e = b . (t x m) = 0``. With the covariances ``S_a`` and ``S_b`` of the rays for unit
-noise, ``e`` has to first order the variance ``sigma^2 g`` with
+noise, the variance of ``e`` is to first order ``sigma^2 g`` with
 
     g = q . R S_a R^T q + n . S_b n,     q = b x t,  n = t x m,     r = e / sqrt(g),
 
@@ -133,7 +133,7 @@ def shift_jacobian(
 def variances(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[float, float]:
     """Variances of the constraint, ``g``, and of the flow given the residual; for unit noise.
 
-    The flow is that of `flow_along`. Anisotropic noise has a covariance of flow and constraint.
+    The flow is that of `flow_along`. With anisotropic noise, flow and constraint are correlated.
     """
     m, _, _, w, z, _, g = _constraint(pairs, at, R, t)
     along = axpby(1.0, t, -dot(m, t), m)

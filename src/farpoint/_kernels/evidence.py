@@ -37,9 +37,9 @@ def label_matches(
 ) -> tuple[int, float, float]:
     """Label the matches; number of inliers, log odds of the sign, log odds of the motion.
 
-    The log odds of the motion are those to all matches being outliers, of which the motion has the
-    share ``outlier_share``. ``labels`` (N,) receives 0 for an outlier, 2 for an inlier with a
-    parallax above `NEAR_SIGMA`, else 1.
+    The log odds of the motion are relative to the hypothesis that all matches are outliers;
+    ``outlier_share`` is the share of outliers under the motion. ``labels`` (N,) receives 0 for an
+    outlier, 2 for an inlier with a parallax above `NEAR_SIGMA`, else 1.
 
     A match of inlier probability P and parallax s, in sigma, contributes ``log((P Phi(s) + (1 - P)
     / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
@@ -69,8 +69,8 @@ def count_beyond_rotation(
 
     ``inlier`` (N,) is 1 or 0; ``distance`` is in units of the noise. The rotations are ``R``,
     ``other_R`` and the least-squares rotation, one step from ``R``; the one with most inliers
-    within the distance counts. The least squares undo the part of a rotation that a translation
-    took up, but are not robust to outliers.
+    within the distance is used. The least-squares rotation corrects the part that a translation has
+    absorbed, but is not robust to outliers.
     """
     step, nearest = np.empty(3), np.empty((3, 3))
     H, g, sums, mixture = np.empty((3, 3)), np.empty(3), np.empty(4), np.empty(3)

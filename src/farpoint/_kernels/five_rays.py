@@ -98,8 +98,8 @@ def score_pose(
 
     A match costs the full ``limit`` if it flows away from ``t`` by more than the limit (behind the
     camera), or has the epipole between its rays. Matches of prior 0 cost nothing. Returns early,
-    with a cost of at least ``best``, once both signs exceed it. ``t`` is negated in place if the
-    other sign is better.
+    with a cost of at least ``best``, if both signs exceed ``best``. ``t`` is negated in place if
+    the other sign is better.
     """
     rotation, direction = matrix(R), vector(t)
     forward = backward = 0.0
@@ -191,8 +191,9 @@ def iterations_needed(
 ) -> int:
     """Number of five-ray samples until the right mode is found with this confidence.
 
-    A half of the samples is drawn from the share ``known`` of matches consistent with a mode; their
-    inlier share is that of the best pose over ``known``, if that exceeds chance.
+    50 % of the samples are drawn from the share ``known`` of matches that are consistent with a
+    mode. Their inlier share is the inlier share of the best pose divided by ``known``, if it
+    exceeds chance.
 
     ``log((1 - confidence) / failure) / log(1 - hit)``: ``failure`` is the probability that the
     initial pose leads to a wrong mode, which grows with the ``outlier_share`` and with the square

@@ -77,7 +77,7 @@ def laplace_factor(normal: np.ndarray) -> float:
 
     G (5, 5) is the Gauss-Newton matrix; the prior sigma of the pose is one radian. Five matches fit
     some pose without any noise, and a sixth by chance: a small noise variance raises the
-    likelihood, the Laplace factor of so narrow a maximum lowers it. Infinite where G is not
+    likelihood, and the Laplace factor of the narrow maximum lowers it. Infinite where G is not
     positive definite.
     """
     determinant, positive = determinant_beside_one(normal)
@@ -260,9 +260,10 @@ def compare_hypothesis(
 ) -> tuple[bool, bool]:
     """Refine a hypothesis while it may compete, and keep the better of two poses as ``best``.
 
-    Returns whether it is within the margin ``within`` of the best, and whether its initial pose
-    was. ``close`` receives the less likely of the two, if it is likelier than ``close`` was; so
-    does ``secondary``, if the two are within `MODE_MARGIN` and their directions differ.
+    Returns whether the refined hypothesis and whether its initial pose is within the margin
+    ``within`` of the best. ``close`` receives the less likely pose, if it is likelier than the old
+    ``close``; so does ``secondary``, if both poses are within `MODE_MARGIN` and their directions
+    differ.
     """
     competes, was_close = refine_if_competitive(matches, hypothesis, best, within)
     if not competes:

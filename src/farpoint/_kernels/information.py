@@ -85,9 +85,9 @@ def information(
     variation with the noise, and one step of the normal equations from the maximum of the
     likelihood is an estimate with less variance.
 
-    Leverage h: the weight of a match is multiplied by ``1 - h^3``, because no other match can
-    contradict one that has more information than all others together, and near the epipole its line
-    turns with every step of the pose.
+    Leverage h: the weight of a match is multiplied by ``1 - h^3``. A match with more information
+    than all others together cannot be contradicted by them, and near the epipole its line rotates
+    with every step of the pose.
 
     ``scatter`` (5, 5) is the observed variance of the gradient, with squared residuals over ``1 -
     h`` (HC2: MacKinnon and White, J. Econom. 29, 1985, DOI 10.1016/0304-4076(85)90158-7). Its
@@ -142,9 +142,9 @@ def _depth_moments(
 ) -> tuple[float, float, float, float]:
     """Sums for the method of moments of the inverse depths.
 
-    Of the weights, of the weighted depths, of the weights of squared deviations from the mean, and
-    of these squares less the part of the noise. The weights are by ``mean`` and ``variance``; in
-    the first round (``first`` 1) by the noise of each depth alone.
+    Sums of the weights, of the weighted depths, of the weights of squared deviations from the mean,
+    and of these squares minus the part of the noise. The weights follow from ``mean`` and
+    ``variance``; in the first round (``first`` 1) from the noise of each depth only.
     """
     total = weighted = weight2 = excess = 0.0
     for panel in range(terms.size // TERMS):

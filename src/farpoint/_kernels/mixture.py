@@ -163,8 +163,8 @@ def densities_of(
 ) -> Densities:
     """Densities at ``square`` = squared residual over variance, times the ``prior``.
 
-    Each component of the tail has ``again`` times the height of the one before: ``tail_share`` over
-    `TAIL_RATIO` in one dimension, over its square in two.
+    The height of each component of the tail is ``again`` times that of the previous component.
+    ``again`` is ``tail_share / TAIL_RATIO`` in one dimension, ``tail_share / TAIL_RATIO^2`` in two.
     """
     core, tail1, tail2, tail3 = exp_and_roots(0.5 * square)
     once, twice = prior * (1.0 - tail_share), prior * again * again
@@ -215,7 +215,7 @@ def weight_of(each: Densities) -> float:
 
 @inlined_kernel
 def weight2_of(each: Densities) -> float:
-    """As `weight_of`, with squared variances."""
+    """Like `weight_of`, with squared variances."""
     core, tail1, tail2, tail3 = each
     return weight_of((core, tail1 * 0.125, tail2 * 0.015625, tail3 * 0.001953125))
 

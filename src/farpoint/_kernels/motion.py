@@ -41,11 +41,11 @@ def fit_motion(
 ) -> tuple[int, bool, bool, bool, MotionSummary]:
     """Search for a pose by a subsample of the matches, and refine it by all.
 
-    Returns the number of hypotheses, whether the second motion of a plane competes, whether a
-    secondary mode in another direction is within the margin, whether any mode is while only a
-    subsample was searched, and the values of `refine_motion`.
+    Returns the number of hypotheses; whether the second motion of a plane competes; whether a
+    secondary mode in another direction is within the margin; whether any mode is within the margin
+    and only a subsample was searched; and the values of `refine_motion`.
 
-    The search, as of `search.search_pose`, starts at the rotation of the far matches, initially the
+    The search (`search.search_pose`) starts at the rotation of the far matches, initially the
     identity; without far matches, at the rotation consistent with most matches at a larger
     tolerance. Candidates for translation are the other matches, or all where these are few.
     """

@@ -52,7 +52,7 @@ class MotionSummary(NamedTuple):
     cost: float
     """Negative log likelihood."""
     laplace_factor: float
-    """As of `hypothesis_comparison.laplace_factor`."""
+    """Result of `hypothesis_comparison.laplace_factor`."""
     agreeing: int
     """Number of matches that are no outliers."""
     sign_log_odds: float
@@ -60,9 +60,9 @@ class MotionSummary(NamedTuple):
     log_odds: float
     """Log odds of the motion to all matches being outliers."""
     beyond_rotation: int
-    """Of the inliers searched, the number that no rotation explains."""
+    """Number of inliers in the search that no rotation explains."""
     supporting: int
-    """Number of inliers searched."""
+    """Number of inliers in the search."""
     has_shrunk_flow: bool
     """Whether the covariance is by the shrunk flow (BLUP)."""
     shows_direction: bool

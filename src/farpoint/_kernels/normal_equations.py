@@ -1,8 +1,8 @@
 """Normal equations in registers: sums of ``weight row row^T``, and their solution.
 
-A sum is a tuple, the lower triangle by rows: in an array every term would wait for the previous one
-to be stored. The factors of a matrix are written out for the same reason: 3 times as fast as loops
-over indices.
+A sum is a tuple with the lower triangle by rows, because in an array every term would wait until
+the previous one is stored. The factors of a matrix are written out for the same reason; this is 3
+times as fast as loops over indices.
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ __all__ = ["split_image", "split_patches"]
 
 @kernel
 def split_image(rays: np.ndarray, splits: int, patch: np.ndarray) -> None:
-    """Write the ``patch`` (N,), of ``2^splits``, of each of the ``rays`` (3 N,).
+    """Assign each of the ``rays`` (3 N,) to one of ``2^splits`` patches: ``patch`` (N,).
 
-    Every part of the image is split in two across its longest axis, at the mean of its rays,
-    ``splits`` times.
+    The image is split ``splits`` times: each part is divided in two across its longest axis, at the
+    mean of its rays.
     """
     for k in range(patch.size):
         patch[k] = 0

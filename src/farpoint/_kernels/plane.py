@@ -62,8 +62,8 @@ def other_motion(
     """Whether the second motion of a plane competes, and the log-likelihood ratio to it.
 
     ``other`` receives the second motion with its noise parameters; it has no meaning if there is
-    none. ``pose`` stays unchanged. Of covariances given per match (``is_given``) only the size is
-    used, not the shape: errors of tracks have another shape.
+    none. ``pose`` stays unchanged. If covariances are given per match (``is_given``), their size is
+    used but not their shape, because errors of tracks have another shape.
     """
     count = matches.total
     gate = GATE_SIGMA * math.sqrt(pose.mixture[0])
@@ -76,7 +76,7 @@ def other_motion(
     _set_pose(other, other_R, other_t, pose.mixture)
     refine_pose(matches, FINE_TOLERANCE, MAX_REFINEMENTS, other)
     if is_same_mode(other.R, other.t, own):
-        # By chance there may be no local maximum there, with nearly the same likelihood.
+        # The second motion may by chance be no local maximum, with nearly the same likelihood.
         _set_pose(other, other_R, other_t, own.mixture)
         other.cost[0] = evaluate_pose(matches, other, np.empty(4))
     is_near = other.cost[0] < own.cost[0] + planar_margin(count)
@@ -97,8 +97,8 @@ def _set_pose(pose: Pose, R: np.ndarray, t: np.ndarray, mixture: np.ndarray) -> 
 def _log_ratio(matches: PackedMatches, pose: Pose, other: Pose, is_given: bool) -> float:
     """Log-likelihood ratio of two motions by the relief, with EM of relief and noise.
 
-    The mean over the planes of both motions: a plane fitted with one motion takes up noise in its
-    favour.
+    The ratio is averaged over the planes of both motions, because a plane fitted with one motion
+    absorbs noise in favour of this motion.
     """
     pairs, prior, mixture, evidence = matches.pairs, matches.prior, pose.mixture, 0.0
     half_width, long_tail = matches.outlier_half_width, matches.long_tail
@@ -119,12 +119,13 @@ def _log_ratio(matches: PackedMatches, pose: Pose, other: Pose, is_given: bool) 
 def _log_likelihood(
     pose: Pose, matches: PackedMatches, parts: np.ndarray, mixture: np.ndarray
 ) -> float:
-    """Log likelihood by one motion of the offsets from the plane, as of `_decompose`.
+    """Log likelihood of the offsets from the plane (`_decompose`) under one motion.
 
-    A match lies about the plane, with the noise across its epipolar line and noise plus relief
-    along it; or anywhere on its line; or is an outlier. EM estimates the share off the plane and
-    the variances across and along the lines, the latter at least the former. With equal variances
-    any motion has the same likelihood.
+    A match is in one of three classes. In the plane, its offset has the variance of the noise
+    across its epipolar line, and of noise plus relief along it. Off the plane, it lies anywhere on
+    its line. Or it is an outlier. EM estimates the share of matches off the plane and both
+    variances; the variance along the lines is at least that across them. With equal variances any
+    motion has the same likelihood.
     """
     # Density on a line of a match in the plane, at its place, over that of a uniform one.
     half_width, long_tail = matches.outlier_half_width, matches.long_tail
@@ -222,8 +223,9 @@ def _decompose(
 ) -> None:
     """Squared offsets ``parts`` from the plane: across the epipolar lines, then along them.
 
-    Each over its variance; along a line, given the offset across it. The sum of the two is the same
-    for any direction ``t`` and any shape of the noise.
+    Each square is divided by its variance; the offset along a line is conditioned on the offset
+    across it. The sum of both squares is the same for any direction ``t`` and any shape of the
+    noise.
     """
     rotation, direction = matrix(R), vector(t)
     for i in range(matches.total):
@@ -256,8 +258,8 @@ def _noise_times(pairs: np.ndarray, at: int, R: Matrix, is_given: bool, v: Vecto
 def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> None:
     """Offsets ``off`` (3 N,) of the later rays from their prediction by a robustly fitted plane.
 
-    In rad over the sigma of the noise, turned about the ray by 90 degrees. The plane ``n . X = 1``
-    (camera 0, unit of the translation) moves a ray a to ``R a + t (n . a)``.
+    Offsets are in rad over the sigma of the noise, rotated about the ray by 90 degrees. The plane
+    ``n . X = 1`` (camera 0, unit of the translation) moves a ray a to ``R a + t (n . a)``.
     """
     size = point.prior.size
     inlier, square, spare, sizes = np.empty(size), np.empty(size), np.empty(size), np.empty(count)
@@ -281,7 +283,7 @@ def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> No
 def _apart(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[Vector, Vector, Vector]:
     """Ray a of a match; cross products of the later ray b with ``R a`` and with ``t``.
 
-    Their lengths are exact where differences of rays would not be.
+    The cross products are accurate for short flow, differences of rays are not.
     """
     a, b = ray0(pairs, at), ray1(pairs, at)
     return a, cross(b, rotate(R, a)), cross(b, t)

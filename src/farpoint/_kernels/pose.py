@@ -43,8 +43,9 @@ class PackedMatches(NamedTuple):
     soft_cheirality: bool
     """Whether the cheirality penalty is a residual of the refinement.
 
-    Not where modes are compared: above -`mixture.CHEIRALITY_SIGMA` the penalty is 0, and the
-    reverse of a motion would find a pose at which all matches have a small negative parallax.
+    False for comparisons of modes: above -`mixture.CHEIRALITY_SIGMA` the penalty is 0, and the
+    refinement of a reversed motion would find a pose at which all matches have a small negative
+    parallax.
     """
 
 

@@ -96,13 +96,14 @@ def flow_beside_rotation(
         Outliers of the rotation; of these, those consistent with their line that flow towards the
         direction.
     chance : float
-        Expected number of the latter by chance. An outlier lies anywhere on the circle around the
-        prediction of the rotation, at its own distance: the share of that circle, on the side of
-        the direction, within the band.
+        Expected value of ``near`` by chance. An outlier lies anywhere on a circle around the
+        prediction of the rotation, with its own distance as the radius. The probability is the
+        share of this circle within the band, on the side of the direction.
     consistent : int
         Inliers of the rotation that are consistent with their line.
     across, flow : float
-        Sums over these of the squared residuals and of the squared distances.
+        Sums, over the ``consistent`` matches, of the squared residuals and of the squared
+        distances.
     """
     outlier_share_of = near = consistent = 0
     chance = across = flow = 0.0
@@ -138,12 +139,12 @@ def translation_log_ratio(
 ) -> float:
     """Log-likelihood ratio of a general motion to a pure rotation, over all matches.
 
-    Matches that both models explain count only against the motion: a rotation takes up the flow
-    they have in common, and another test compares their residuals.
+    Matches that both models explain count only against the motion, because a rotation explains
+    their common flow, and another test compares their residuals.
 
     The prior of the parallax is the density of the other inliers. Here a share of the inliers, 0.5
-    or 0.9, is far and has parallax by noise alone: at infinity, or with a common mean parallax,
-    which the rotation takes up. Mean and variance of the latter are estimated from the matches that
+    or 0.9, is far and has parallax by noise only: at infinity, or with a common mean parallax that
+    the rotation absorbs. Mean and variance of this parallax are estimated from the matches that
     both models explain; the estimate costs the logarithm of the number of distinct places up to the
     largest parallax (Laplace's method without the ``2 pi``, left for the variance).
 

@@ -26,7 +26,7 @@ def _distance2(pairs: np.ndarray, at: int, R: Matrix) -> float:
 def _truncated_squares(pairs: np.ndarray, R: np.ndarray, limit: float, best: float) -> float:
     """Sum of the squared distances from a rotation, each at most ``limit``.
 
-    Returns early, with at least ``best``, what is no better.
+    Returns early with a value of at least ``best`` if the sum exceeds ``best``.
     """
     rotation = matrix(R)
     cost = 0.0
@@ -83,7 +83,7 @@ def search_rotation(
 def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) -> float:
     """``M = sum b a^T / variance`` over the matches within ``limit`` of a rotation; their number.
 
-    Filler is within any limit, and has no weight.
+    Filler is within any limit and has weight 0.
     """
     rotation = matrix(R)
     inside = 0.0

@@ -163,13 +163,13 @@ def search_pose(
     """Likeliest pose near the rotation of ``best`` and among five-ray hypotheses.
 
     The search starts at the direction of the flow of the ``candidates``. Samples of five matches
-    are solved in turn from the best pose; from the initial rotation or one at the distance of its
-    flow, or that of the sample itself, with a random direction; and with the intersection of two
-    great circles of the sample. Every second sample is drawn from matches consistent with the best
-    pose or a competing mode, which have few outliers. A hypothesis whose truncated squares are low
-    enough is refined and compared by its likelihood with noise parameters of its own: a wrong mode
-    has low squares only with a large variance. Once a competing mode was found, more samples are
-    drawn. Finally the ambiguous motions of the best pose are compared.
+    are solved in turn from three starts (`_solve_sample`): the best pose; a rotation with a random
+    direction; a rotation with the intersection of two great circles of the sample. Every second
+    sample is drawn from matches consistent with the best pose or a competing mode, which have few
+    outliers. A hypothesis whose truncated squares are low enough is refined and compared by its
+    likelihood with noise parameters of its own: a wrong mode has low squares only with a large
+    variance. Once a competing mode was found, more samples are drawn. Finally the ambiguous motions
+    of the best pose are compared.
 
     ``best`` receives the likeliest pose, ``close`` the second likeliest, and ``secondary`` the
     likeliest in another direction. Returns the number of samples; whether the second motion of a

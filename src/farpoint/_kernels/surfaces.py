@@ -1,7 +1,7 @@
 """Grey values of surfaces over the footprint of a pixel.
 
 Points, directions and steps are tuples (x, y, z). A step is the change of the ray's direction by
-one pixel, to the right or down; what it does to the point hit is the footprint.
+one pixel, to the right or down. The footprint is the resulting shift of the intersection.
 """
 
 from __future__ import annotations

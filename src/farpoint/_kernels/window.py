@@ -3,8 +3,8 @@
 A point has the ray ``b`` in its anchor and the inverse depth ``s``: in the world it is, up to
 scale, ``X = R_a b + s p_a``. Keyframe k observes it along ``R_k^T (X - s p_k)``, which is compared
 with the observed pixel. Poses are perturbed as ``R' = Exp(theta) R``, ``p' = Exp(theta) p + rho``,
-both in the world: then the derivative by the anchor's pose is that by the observer's with the
-opposite sign. Rolling shutter: a camera that rotates by ``w`` and moves by ``v`` per second
+both in the world. Then the derivative by the anchor's pose is minus the derivative by the
+observer's pose. Rolling shutter: a camera that rotates by ``w`` and moves by ``v`` per second
 observes the point at ``X - t (w x (X - s p) + s v)`` in a row that is read t later.
 
 These loops are plain `numba.njit`: arrays in, the caller's arrays out.
@@ -245,10 +245,10 @@ def gather_information(
     before : (M,) of int
         Buffer.
     H, g, coupling, point_h, point_g : (D, D), (D,), (M, D), (M,), (M,)
-        Results, zero before: of poses and common unknowns, of both with the inverse depths, and
-        of the latter.
+        Results, initially zero: information and gradient of poses and common unknowns, their
+        coupling with the inverse depths, information and gradient of the inverse depths.
     patch_sums, point_sums : (P, 2), (M, 2)
-        Results, zero before: sums of residuals, each in units of its sigma times its weight.
+        Results, initially zero: sums of residuals, each in units of its sigma times its weight.
 
     Returns
     -------

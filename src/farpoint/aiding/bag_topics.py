@@ -1,4 +1,4 @@
-"""Speeds and positions out of the bag of the images, with the covariances that they carry."""
+"""Speeds and positions from the bag of the images, with their covariances."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def speeds_of_topic(bag: Bag, topic: str, sigma: float) -> KnownSpeed:
         With ``nav_msgs/Odometry``, ``geometry_msgs/TwistStamped`` or
         ``TwistWithCovarianceStamped``.
     sigma : float
-        Relative 1-sigma that all speeds have in common; and of each second, too, where a message
-        carries no covariance.
+        Relative 1-sigma of the error common to all speeds. It is also the independent 1-sigma of
+        each second if a message has no covariance.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def speeds_of_topic(bag: Bag, topic: str, sigma: float) -> KnownSpeed:
 
 
 def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
-    """The positions of a topic with ``sensor_msgs/NavSatFix``; those without a fix are left out.
+    """The positions of a topic with ``sensor_msgs/NavSatFix``; messages without a fix are left out.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
     topic : str
         Its name.
     sigma_m : float
-        1-sigma of a coordinate, m, where a message carries no covariance.
+        1-sigma of a coordinate, m, for messages without a covariance.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def _speed(message: Any) -> tuple[float, float] | None:
 
 
 def _fix(fix: Any) -> tuple[float, ...] | None:
-    """Latitude and longitude, deg, height, m, and the 1-sigma of the least sure of them, m."""
+    """Latitude and longitude, deg, height, m, and the largest 1-sigma of a coordinate, m."""
     degrees = (fix.latitude, fix.longitude, fix.altitude)
     usable = all(map(math.isfinite, degrees)) and abs(fix.latitude) <= 90.0
     if not usable or fix.status.status <= _NO_FIX:
@@ -112,7 +112,7 @@ def _sigma_along(velocity: np.ndarray, covariance: np.ndarray | None) -> float:
 
 
 def _sigma_of_fix(fix: Any) -> float:
-    """1-sigma of its least sure coordinate, m; NaN where it is not known."""
+    """Largest 1-sigma of a coordinate of a fix, m; NaN if unknown."""
     variance = float(np.max(np.asarray(fix.position_covariance).reshape(3, 3).diagonal()))
     if fix.position_covariance_type == _UNKNOWN or not 0.0 < variance < math.inf:
         return math.nan
@@ -130,5 +130,5 @@ def _table(rows: list[tuple[float, ...]], bag: Bag, topic: str) -> np.ndarray:
 
 
 def _unless_unknown(sigmas: np.ndarray) -> np.ndarray | None:
-    """The sigmas, if every message carries one."""
+    """The sigmas, if every message has one."""
     return None if np.isnan(sigmas).any() else sigmas

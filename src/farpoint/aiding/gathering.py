@@ -64,14 +64,14 @@ class _Window:
 
 
 class _Speeds:
-    """Metres by the speed over units by the path, second by second."""
+    """Ratio of the length by the speed, m, to the length of the path, each second."""
 
     def __init__(self, measurement: KnownSpeed) -> None:
         self._measurement = measurement
         self._window = _Window()
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """A reading whenever a second of one segment has gone by at a known speed."""
+        """Add a result; a reading after each second of one segment with a known speed."""
         del camera
         middle_s = 0.5 * (result.timestamp0 + result.timestamp)
         speed = self._at(middle_s, self._measurement.speeds)
@@ -118,7 +118,7 @@ class _Speeds:
 
 
 class _Heights:
-    """The known height over that of the camera over the ground in view, second by second."""
+    """Ratio of the known height, m, to the estimated height over the ground, each second."""
 
     def __init__(self, measurement: CameraHeight) -> None:
         self._measurement = measurement
@@ -126,7 +126,7 @@ class _Heights:
         self._segment, self._start_s = 0, 0.0
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """A reading whenever the ground was in view over a second of one segment."""
+        """Add a result; a reading after each second of one segment with the ground in view."""
         height = find_ground(camera, result)
         if height is None:
             return []
@@ -151,14 +151,14 @@ class _Heights:
 
 
 class _Distance:
-    """One distance, once its second frame has come."""
+    """One known distance between two frames."""
 
     def __init__(self, measurement: KnownDistance) -> None:
         self._measurement = measurement
         self._begin: OdometryResult | None = None
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """The reading, with the second of the two frames, if no break of the scale lies between."""
+        """Add a result; the reading at the second frame, unless the scale was lost in between."""
         del camera
         if result.frame1 == self._measurement.frame0:
             self._begin = result
@@ -196,7 +196,7 @@ class _Gnss:
         self._begin_m, self._begin_sigma_m = np.zeros(3), 0.0
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """A reading for each position that is far enough from the one before."""
+        """Add a result; a reading for each position that is far enough from the last one."""
         del camera
         last, self._last = self._last, result
         times, readings = self._measurement.timestamps_s, []
@@ -259,7 +259,7 @@ def _drift(result: OdometryResult) -> float:
 
 
 def _own_variance(result: OdometryResult) -> float:
-    """Of the length of one step, without the error that all lengths share."""
+    """Variance of the length of one step, without the error common to all lengths."""
     assert result.scale is not None
     sigma = result.scale_sigma or 0.0
     return max(sigma**2 - result.scale**2 * _drift(result), 0.0)

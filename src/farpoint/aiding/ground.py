@@ -1,4 +1,4 @@
-"""How high the camera is over the ground that it sees."""
+"""Height of the camera over the ground in view."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ _HYPOTHESES = 150
 
 
 def find_ground(camera: Camera, result: OdometryResult) -> float | None:
-    """Height over the ground in the unit of the trajectory; None where none is seen well.
+    """Height over the ground in the unit of the trajectory; None without enough points of the
+    ground.
 
-    The plane, within 10 degrees of level to the camera, that most of the points below the horizon
-    lie on: the near points of the motion, at the distances that its parallax gives them.
+    The ground is the plane that contains most of the points below the horizon and is level to the
+    camera within 10 degrees. The points are the near points of the motion, with distances from
+    their parallax.
     """
     points = _points_below(camera, result)
     if len(points) < _LEAST_POINTS:

@@ -14,7 +14,7 @@ __all__ = ["AidingMeasurement", "CameraHeight", "GnssPositions", "KnownDistance"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownSpeed:
-    """Speeds at times, as of wheels.
+    """Speeds with time stamps, such as wheel speeds.
 
     Attributes
     ----------
@@ -23,10 +23,11 @@ class KnownSpeed:
     speeds : ndarray, shape (N,)
         m/s, without sign.
     sigma : float
-        1-sigma of them, relative: that of each second, and as much again that all have in common
-        (a wheel of another size).
+        Relative 1-sigma of the independent error of each second, and also of the error common to
+        all speeds (a wheel of another size).
     sigmas_mps : ndarray, shape (N,), or None
-        1-sigma of each speed, m/s, independent of the others: in place of that of each second.
+        1-sigma of the independent error of each speed, m/s; replaces the independent error of each
+        second.
     """
 
     timestamps_s: np.ndarray
@@ -45,7 +46,7 @@ class KnownSpeed:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraHeight:
-    """Height of the camera over flat ground in view, the camera about upright.
+    """Height of the camera over flat ground in view; the camera must be approximately upright.
 
     Attributes
     ----------
@@ -71,7 +72,7 @@ class KnownDistance:
     frame0, frame1 : int
         Indices in the source, ascending.
     distance_m : float
-        In a straight line.
+        Length of the straight line between both positions.
     sigma : float
         1-sigma of it, relative.
     """
@@ -92,18 +93,19 @@ class KnownDistance:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GnssPositions:
-    """Positions at times, in any fixed axes. They give the scale and nothing else.
+    """Positions with time stamps, in any fixed axes; used for the scale only.
 
     Attributes
     ----------
     timestamps_s : ndarray, shape (N,)
         Ascending, on the clock of the frames.
     positions_m : ndarray, shape (N, 3)
-        Of the antenna; where it is not near the camera, turns make an error.
+        Positions of the antenna. If it is not near the camera, rotations cause an error.
     sigma_m : float
-        1-sigma of a coordinate, the errors of positions apart by ten times this independent.
+        1-sigma of a coordinate. Errors of positions that are 10 sigma apart are taken as
+        independent.
     sigmas_m : ndarray, shape (N,), or None
-        That of each position, in its place.
+        1-sigma of each position; replaces ``sigma_m``.
     """
 
     timestamps_s: np.ndarray

@@ -1,4 +1,4 @@
-"""The scale in metres while a run goes on, and of all of it at the end."""
+"""The metric scale: online during a run, and smoothed over the run at its end."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from farpoint.odometry import OdometryResult
 
 __all__ = ["MetricEstimate", "MetricScale"]
 
-_RECENT = 120  # readings behind the estimate of now
+_RECENT = 120  # readings of the current estimate
 
 
 @dataclass(frozen=True, kw_only=True)
 class MetricEstimate:
-    """What a unit of the trajectory is.
+    """Metric length of a unit of the trajectory.
 
     Attributes
     ----------
     metres_per_unit : float
         Positive.
     sigma : float
-        1-sigma of its logarithm.
+        1-sigma of the logarithm of ``metres_per_unit``.
     """
 
     metres_per_unit: float
@@ -35,18 +35,18 @@ class MetricEstimate:
 
 
 class MetricScale:
-    """Compares the results of `Odometry` with hints.
+    """Compares the results of `Odometry` with aiding measurements.
 
     Parameters
     ----------
     hints : iterable of Hint
-        `KnownSpeed`, `CameraHeight`, `KnownDistance` or `GnssPositions`; those of one kind share
-        their errors.
+        `KnownSpeed`, `CameraHeight`, `KnownDistance` or `GnssPositions`; measurements of one kind
+        share an error.
 
     Attributes
     ----------
     readings : list of Reading
-        All comparisons so far: one a second for each hint at most.
+        All comparisons so far, at most one per second for each measurement.
 
     Examples
     --------
@@ -64,7 +64,7 @@ class MetricScale:
         self.readings: list[Reading] = []
 
     def add(self, camera: Camera, result: OdometryResult) -> MetricEstimate | None:
-        """Take in the next result; the scale of now, None as long as no hint has spoken."""
+        """Add the next result; returns the current scale, None before the first reading."""
         new = [reading for gatherer in self._gatherers for reading in gatherer.add(camera, result)]
         if new:
             self.readings += new
@@ -75,5 +75,5 @@ class MetricScale:
         return self._now
 
     def fit(self) -> MetricFit | None:
-        """The scale over the whole run, smoothed; None if no hint has spoken."""
+        """The scale over the whole run, smoothed; None without a reading."""
         return fit_readings(self.readings) if self.readings else None

@@ -1,4 +1,4 @@
-"""Hints as a user writes them: files and numbers."""
+"""Options of aiding measurements: files and numbers."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ __all__ = ["HeightOptions", "MetricOptions"]
 
 @dataclass(frozen=True, kw_only=True)
 class HeightOptions:
-    """What is known of lengths before a drive: with it, the outputs are in metres.
+    """Aiding measurement that is known before a drive; with it, the outputs are in metres.
 
     Attributes
     ----------
     height : float or None
-        Height of the camera over flat ground, m; the camera about upright.
+        Height of the camera over flat ground, m; the camera must be approximately upright.
     height_sigma : float
         1-sigma of it, relative.
     """
@@ -55,21 +55,21 @@ class HeightOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class MetricOptions(HeightOptions):
-    """What is known of lengths: with any of it, the outputs are in metres.
+    """Aiding measurements of length; with any of them, the outputs are in metres.
 
     Attributes
     ----------
     speed : Path or None
-        CSV file of speeds, m/s, with the columns ``timestamp`` and that of ``speed_column``.
+        CSV file of speeds, m/s, with a column ``timestamp`` and the column ``speed_column``.
     speed_column : str
-        Its name.
+        Name of the column with the speed.
     speed_sigma : float
         1-sigma of the speeds, relative.
     speed_topic : str or None
-        Topic of the bag that the images come from, with speeds: ``nav_msgs/Odometry``,
+        Topic of the bag of the images, with speeds: ``nav_msgs/Odometry``,
         ``geometry_msgs/TwistStamped`` or ``TwistWithCovarianceStamped``.
     distance : tuple of int, int, float or None
-        Two frames and the distance in m between where the camera was at them.
+        Indices of two frames, and the distance in m between the camera positions at these frames.
     distance_sigma : float
         1-sigma of the distance, relative.
     gnss : Path or None
@@ -77,8 +77,8 @@ class MetricOptions(HeightOptions):
     gnss_sigma : float
         1-sigma of a coordinate, m.
     gnss_topic : str or None
-        Topic of the bag that the images come from, with ``sensor_msgs/NavSatFix``; covariances
-        that they carry come before ``gnss_sigma``.
+        Topic of the bag of the images, with ``sensor_msgs/NavSatFix``; covariances of the messages
+        replace ``gnss_sigma``.
     """
 
     speed: Path | None = None
@@ -92,7 +92,7 @@ class MetricOptions(HeightOptions):
     gnss_topic: str | None = None
 
     def measurements(self, bag: Bag | None = None) -> list[AidingMeasurement]:
-        """The hints, their files read, and the topics of the bag that the images come from.
+        """The aiding measurements, read from files and from topics of the bag of the images.
 
         Raises
         ------

@@ -9,25 +9,24 @@ __all__ = ["Reading"]
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """Metres for a unit of the trajectory, as a hint has them over some seconds.
+    """Metres per unit of the trajectory, from one aiding measurement over some seconds.
 
     Attributes
     ----------
     kind : str
-        The hint it comes from.
+        Kind of aiding measurement.
     start_s, end_s : float
         Times between which the lengths were compared, s.
     segment : int
         Of the trajectory.
     log_ratio : float
-        Logarithm of metres for a unit.
+        Logarithm of metres per unit.
     sigma : float
-        1-sigma of it, this reading's alone.
+        1-sigma of the independent error of ``log_ratio``.
     shared_sigma : float
         1-sigma of an error that all readings of the kind have in common.
     drift : float
-        Variance that the scale of the trajectory has gathered until then, of its logarithm, since
-        the beginning of the segment: what may have changed in between.
+        Variance of the logarithm of the trajectory's scale since the beginning of the segment.
     """
 
     kind: str

@@ -32,7 +32,7 @@ class Contradiction:
     start_s, end_s : float
         Times, s.
     readings : int
-        How many.
+        Number of readings.
     ratio : float
         Median of reading over fit: 1.3 for lengths 30 % too large.
     """
@@ -52,16 +52,16 @@ class Contradiction:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MetricFit:
-    """Metres for a unit of the trajectory, over time.
+    """Metres per unit of the trajectory, over time.
 
     Attributes
     ----------
     times_s : ndarray, shape (N,)
-        Of the readings, ascending.
+        Times of the readings, ascending, s.
     segments : ndarray of int64, shape (N,)
         Of the trajectory.
     log_metres : ndarray, shape (N,)
-        Logarithm of metres for a unit.
+        Logarithm of metres per unit.
     sigma : ndarray, shape (N,)
         1-sigma of it.
     contradictions : tuple of Contradiction
@@ -75,9 +75,9 @@ class MetricFit:
     contradictions: tuple[Contradiction, ...]
 
     def at(self, time_s: float, segment: int) -> tuple[float, float]:
-        """Metres for a unit at a time of a segment, and the 1-sigma of its logarithm.
+        """Metres per unit at a time in a segment, and the 1-sigma of its logarithm.
 
-        A segment without readings has the scale that the one before ended with, which is a guess.
+        A segment without readings has the last scale of the segment before it, which is a guess.
         """
         inside = np.flatnonzero(self.segments == segment)
         if not len(inside):
@@ -92,8 +92,8 @@ class MetricFit:
 def fit_readings(readings: list[Reading]) -> MetricFit:
     """Maximum-likelihood scale over time.
 
-    The logarithm of metres for a unit walks at random from reading to reading, by as much as the
-    scale of the trajectory may have drifted. A reading has an independent error, Student's t with 3
+    The logarithm of metres per unit is a random walk from reading to reading, with the variance of
+    the scale drift of the trajectory. A reading has an independent error, Student's t with 3
     degrees of freedom, and a normal error common to its kind. The iteration starts from the
     weighted median. Readings beyond 3 sigma are then excluded, since outliers of one sign would
     bias the scale.

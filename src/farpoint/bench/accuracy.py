@@ -1,4 +1,4 @@
-"""How far the answers of an estimator are from the truth, and from the best that is possible."""
+"""Errors of an estimator against the truth, and against the Cramer-Rao bound."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ __all__ = [
 
 GROSS_ROTATION_DEG = 1.0
 GROSS_DIRECTION_DEG = 30.0
-# Of real motions: a shorter one has no direction to compare.
+# Least translation of a real motion for which directions are compared.
 MIN_TRANSLATION_M = 0.01
-# What `error_cells` fills.
+# Columns of `error_cells`.
 ERROR_COLUMNS = (
     Column("rotation_median_deg", 4),
     Column("rotation_mean_deg", 4),
@@ -42,7 +42,7 @@ ERROR_COLUMNS = (
     Column("no_direction"),
     Column("gross"),
 )
-# What `real_cells` fills, and what a reader must know of it.
+# Columns of `real_cells`, and a note about them.
 REAL_COLUMNS = (
     *ERROR_COLUMNS,
     Column("rotation_over_farpoint", 2),
@@ -64,7 +64,7 @@ _INTERVAL = (0.025, 0.975)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Errors:
-    """Errors over V pairs of views; NaN where there is no answer or no truth to hold it against.
+    """Errors over V pairs of views; NaN without an answer or without truth.
 
     Attributes
     ----------
@@ -122,10 +122,10 @@ def real_cells(runs: Sequence[EstimatorRun], views: Sequence[TwoViews]) -> list[
 
 
 def ratio_cells(errors: Errors, reference: Errors) -> tuple[float, float, float]:
-    """Mean rotation error over that of a ``reference``, and the interval that holds it with 95 %.
+    """Ratio of the mean rotation error to that of a ``reference``, and its 95 % interval.
 
-    A few pairs that go wrong make up most of a mean, so two means of the same pairs may differ by
-    half with nothing behind it. Pairs are drawn anew, with both errors of each (bootstrap,
+    A few pairs with large errors make up most of a mean, so two means of the same pairs may differ
+    by 50 % by chance. Pairs are resampled with both errors of each pair (bootstrap,
     percentiles: Efron, Ann. Stat. 7, 1979, DOI 10.1214/aos/1176344552).
     """
     both = np.isfinite(errors.rotation_deg) & np.isfinite(reference.rotation_deg)
@@ -139,7 +139,7 @@ def ratio_cells(errors: Errors, reference: Errors) -> tuple[float, float, float]
 
 
 def _over(pairs: np.ndarray) -> np.ndarray:
-    """Mean of the first row over that of the second; 1 where both are nothing."""
+    """Mean of the first row over that of the second; 1 if both are zero."""
     ours, theirs = pairs.mean(axis=-1) + 1e-300
     return ours / theirs
 

@@ -1,4 +1,4 @@
-"""Whether the covariances of many poses keep their promise: errors, and cells of a table."""
+"""Errors of many poses against their covariances, and cells of a table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All estimators on the same matches in turn, so that whatever else the machine does hits all."""
+"""All estimators on the same matches in turn, so that other load affects all of them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _REPEATED_BELOW_S = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EstimatorRun:
-    """What one estimator made of V pairs of views.
+    """Results of one estimator for V pairs of views.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class EstimatorRun:
     directions : ndarray, shape (V, 3)
         ``direction_cam1_from_cam0``, unit; NaN where there is none.
     seconds, first_seconds : ndarray, shape (V,)
-        Best time of a call on each, and that of the first, when others have had the caches.
+        Shortest time of a call on each pair, and time of the first call, with cold caches.
     """
 
     estimator: Estimator
@@ -62,7 +62,7 @@ def run_interleaved(
     repeats : int
         Timed calls of each; the shortest counts. Calls of more than 20 ms are not repeated.
     progress : callable
-        Told after each pair of views how many are done, and how many there are.
+        Called after each pair of views with the number of finished and of all pairs.
     """
     shape = (len(estimators), len(views))
     rotations = np.full((*shape, 3, 3), np.nan)

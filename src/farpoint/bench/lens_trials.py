@@ -1,4 +1,4 @@
-"""Simulated recordings whose lens was calibrated wrong: what is found of it, and of the path."""
+"""Simulated recordings with a wrong calibration: errors of the estimated lens and of the path."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def calibrated_wrong(
 def try_lens(
     true: Camera, error: LensError, *, seed: int, prior: LensRefinementOptions | None = None
 ) -> LensTrial:
-    """A handheld recording, its lens given wrong and its read-out time not at all."""
+    """A handheld recording with a wrong lens and an unknown read-out time."""
     prior = prior or LensRefinementOptions()
     rng = np.random.default_rng((seed, 9))
     given = calibrated_wrong(true, error, rng, prior)

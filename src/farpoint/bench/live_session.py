@@ -1,4 +1,4 @@
-"""A live session with everything that goes wrong with cameras, held against what truly happened."""
+"""A live session with simulated faults of the camera, compared with the known faults."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _RECORDING = "session.rrd"
 
 @dataclass(frozen=True)
 class Claim:
-    """Something that must be as often as it truly was.
+    """A count that must equal the true count.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class LiveMoment:
-    """How a session stood after a while.
+    """State of a session at a time.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a user can choose about the benchmark."""
+"""Options of the benchmark."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _OF_DATA = ("pairs", "pipeline", "drawing", "motions", "path", "steps", "halves"
 _FULLER = ("pairs", "coverage", "live")
 
 Progress = Callable[[str, int, int], None]
-"""Told what is being done, how many steps of it are done, and how many there are."""
+"""Called with the current part, the number of its finished steps, and of all its steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,13 +51,13 @@ class CoverageGrid:
     baselines_m : tuple of float
         Lengths of the translation, m; near points are 1-4 m away.
     far_shares : tuple of float
-        Shares, 0 to 1, of the true matches that lie 25-35 m away.
+        Shares, 0 to 1, of the inliers at 25-35 m.
     noises_px : tuple of float
         1-sigma of the noise of a coordinate, px.
     outlier_shares : tuple of float
-        Shares, 0 to 1, of the matches that are wrong.
+        Shares, 0 to 1, of outliers among the matches.
     matches : tuple of int
-        Numbers of matches, the wrong ones included.
+        Numbers of matches, including outliers.
     trials : int
         Scenes in each cell.
     """
@@ -79,7 +79,7 @@ class CoverageGrid:
 
     @classmethod
     def whole(cls) -> CoverageGrid:
-        """Everything the covariances are promised for; takes hours."""
+        """All scenes for which the covariances are promised; takes hours."""
         return cls(
             baselines_m=(0.0, 0.02, 0.05, 0.2),
             far_shares=(0.0, 0.5, 1.0),
@@ -97,7 +97,7 @@ class BenchOptions:
     Attributes
     ----------
     tables : tuple of str
-        Which tables to make.
+        Names of the tables.
     pairs : int or None
         Pairs of views in each cell of ``paper``, ``accuracy``, ``pairs`` and ``movers``, scenes for
         each time in ``time``, frames of ``pipeline`` and ``drawing``, seconds of ``live``, pairs of
@@ -105,7 +105,7 @@ class BenchOptions:
         each drive or sequence of ``path``, recordings of each row of ``lens``. None takes 2000,
         300, 60, 60, 30, 60, 60, 60, 40, 60, 168, 40, 100 (of a sequence all) and 7.
     seed : int
-        Of scenes and estimators: the same seed gives the same figures, times aside.
+        Seed of scenes and estimators: the same seed gives the same figures, except times.
     data : tuple of Path
         Real data: files of matches (``.npz``), image sequences with their calibration, measured
         motions (TUM's format), or folders of them. ``pairs`` needs the first; ``halves`` the

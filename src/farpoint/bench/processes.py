@@ -1,4 +1,4 @@
-"""What this process takes together with those that it started, such as those that draw."""
+"""Memory and processor time of this process and its child processes."""
 
 from __future__ import annotations
 

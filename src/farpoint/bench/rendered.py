@@ -1,4 +1,4 @@
-"""Odometry over rendered images: its errors, its covariances, and the best its tracks allow."""
+"""Odometry over rendered images: errors, covariances, and the Cramer-Rao bound of its tracks."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _RIGHT_SIGMA = 5.0
 class RenderedErrors:
     """Errors over P pairs of frames; NaN where there is no answer.
 
-    Of a rotation alone its normalised square is known, and nothing else.
+    For a pair with a rotation only, ``rotation_nees`` is the only figure.
 
     Attributes
     ----------
@@ -56,9 +56,9 @@ class RenderedErrors:
     rotation_deg, direction_deg : ndarray, shape (P,)
         Angles between estimate and truth.
     rotation_nees, direction_nees, pose_nees : ndarray, shape (P,)
-        Squared errors in terms of the covariances.
+        Squared errors, normalised by the covariances (NEES).
     rotation_over_bound, direction_over_bound : ndarray, shape (P,)
-        Squared errors in terms of the Cramer-Rao bound of the tracks that are right.
+        Squared errors, normalised by the Cramer-Rao bound of the correct tracks.
     tracks : ndarray of int, shape (P,)
     """
 

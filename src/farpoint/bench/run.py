@@ -1,4 +1,4 @@
-"""The tables one after the other, each on disk as it grows."""
+"""The tables one after the other, each written while it grows."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ _NEEDED: dict[TableName, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class BenchReport:
-    """What `run_bench` found.
+    """Result of `run_bench`.
 
     Attributes
     ----------

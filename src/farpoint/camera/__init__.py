@@ -1,4 +1,4 @@
-"""Cameras: from pixels to rays and back, and the calibration files they come from."""
+"""Cameras: projection and unprojection, and readers of calibration files."""
 
 from farpoint.camera.approximate import (
     CameraGuess,

@@ -1,4 +1,4 @@
-"""A camera without a calibration: a pinhole of about the right focal length, and how far it is off.
+"""A guessed camera without a calibration: a pinhole with the uncertainty of the guess.
 
 What is unknown is stated as the `CameraUncertainty` of the camera, which widens all covariances.
 """

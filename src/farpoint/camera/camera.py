@@ -1,4 +1,4 @@
-"""A calibrated camera: one class in front of every lens model."""
+"""A calibrated camera with any lens model."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ class Camera:
     model : CameraModel
         The lens.
     size : (width, height) or None
-        Pixels; None where the calibration gives none, until the first frame fixes it.
+        Size in pixels; None if the calibration has no size, until the first frame sets it.
     name : str
-        Name within its calibration file, or of the file.
+        Name of the camera in its calibration file, or of the file.
     source : str or None
-        The kind of file it was read from, and its path; None for one made in code.
+        Kind and path of the calibration file; None for a camera made in code.
     uncertainty : CameraUncertainty or None
-        How far the parameters of the lens may be off; None: they are exact.
+        Uncertainty of the parameters of the lens; None: they are exact.
     readout_s : float or None
         Read-out time of a frame, first row to last, s; 0 for a global shutter, None: unknown.
     readout_sigma_s : float or None
-        1 sigma of `readout_s`, s; None: it is exact, or unknown.
+        1 sigma of `readout_s`, s; None: `readout_s` is exact or unknown.
     """
 
     model: CameraModel
@@ -95,7 +95,7 @@ class Camera:
         center_px: float | None = None,
         distortion_px: float | None = None,
     ) -> Camera:
-        """The same camera with errors of its calibration, 1 sigma; without any it is exact.
+        """The same camera with errors of its calibration, 1 sigma; exact without arguments.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class Camera:
         center_px : float, optional
             Error of each coordinate of the principal point, px.
         distortion_px : float, optional
-            Displacement at the corner of the image that the distortion may be off by, px.
+            Error of the distortion as the displacement at the corner of the image, px.
 
         Raises
         ------
@@ -126,14 +126,13 @@ class Camera:
         Parameters
         ----------
         covariance : ndarray, shape (P, P)
-            In the parameters' order and units: those of ``model.parameters``, or of
-            ``model.refinable().parameters``; what it leaves out is exact, as is a parameter
-            without variance.
+            In the order and units of ``model.parameters`` or ``model.refinable().parameters``.
+            Parameters beyond the matrix and parameters with variance 0 are exact.
 
         Raises
         ------
         InputError
-            For a matrix that is no covariance of so many parameters (field ``covariance``).
+            For a matrix that is no covariance of this number of parameters (field ``covariance``).
         """
         given = CameraUncertainty.of_covariance(covariance)
         padded = prior_covariance(self.model, self.size, given)
@@ -145,13 +144,13 @@ class Camera:
         Parameters
         ----------
         sigmas : array_like, shape (P,), or mapping
-            In the order of ``model.parameters`` or ``model.refinable().parameters``, or by name; 0,
-            or not named: exact.
+            In the order of ``model.parameters`` or ``model.refinable().parameters``, or by name.
+            Parameters with sigma 0 or without a name are exact.
 
         Raises
         ------
         InputError
-            For another count, an unknown name, or a negative number, named.
+            For a wrong number of values, an unknown name, or a negative number.
         """
         names = list(self.model.refinable().parameters)
         if not isinstance(sigmas, Mapping) and np.shape(sigmas) == (len(self.model.parameters),):
@@ -176,7 +175,7 @@ class Camera:
 
     @cached_property
     def refinable(self) -> CameraModel:
-        """``model.refinable()``: the lens with every parameter that may be off."""
+        """``model.refinable()``: the lens with all parameters that can have an error."""
         return self.model.refinable()
 
     @cached_property
@@ -190,7 +189,7 @@ class Camera:
         return dict(zip(self.model.refinable().parameters, sigmas, strict=True))
 
     def with_readout(self, readout_s: float, sigma_s: float | None = None) -> Camera:
-        """The same camera with a rolling shutter that reads a frame in so many seconds.
+        """The same camera with a rolling shutter of this read-out time.
 
         Parameters
         ----------
@@ -207,8 +206,8 @@ class Camera:
     def project(self, points: np.ndarray) -> np.ndarray:
         """Pixels (N, 2) of rays or points in camera axes (N, 3), any length.
 
-        NaN rows where the lens sees none (behind a pinhole, beyond the field where the model
-        holds). Pixels outside the image rectangle are returned as they are.
+        NaN rows for points outside the field of the lens (such as behind a pinhole). Pixels outside
+        the image rectangle are returned unchanged.
         """
         return self.model.project(as_rows(points, 3, "points"))
 
@@ -219,8 +218,8 @@ class Camera:
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px, at rays (N, 3).
 
-        Its columns are perpendicular to the ray: noise of a pixel times this is noise of the ray.
-        NaN where the lens does not see the ray.
+        The columns are perpendicular to the ray; the product with the noise of a pixel is the noise
+        of the ray. NaN outside the field of the lens.
         """
         return self.model.unproject_jacobian(as_rows(rays, 3, "rays"))
 

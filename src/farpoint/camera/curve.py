@@ -1,4 +1,4 @@
-"""A radial curve that grows up to some point, and its inverse: the heart of a symmetric lens."""
+"""Radial curve of a symmetric lens, increasing up to the end of the field, and its inverse."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person wants to know of a calibration, in a few lines."""
+"""Summary of a calibration in a few lines."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ __all__ = ["describe"]
 
 
 def describe(camera: Camera) -> str:
-    """What was read, image size, field of view, a line for each parameter, and the radial curve.
+    """Source, image size, field of view, a line for each parameter, and the radial curve.
 
-    Parameters have their 1 sigma where the camera has an uncertainty.
+    Parameters are printed with their 1 sigma if the camera has an uncertainty.
 
     Without an image size there is neither field of view nor curve.
 

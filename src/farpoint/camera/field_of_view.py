@@ -1,4 +1,4 @@
-"""How much of the world a camera sees."""
+"""Field of view of a camera."""
 
 from __future__ import annotations
 

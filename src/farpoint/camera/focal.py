@@ -1,4 +1,4 @@
-"""The part all lenses with a focal length share: from the lens's plane to pixels and back."""
+"""The common part of lenses with a focal length: from the lens's plane to pixels and back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The part all lens models share: rows in, rows out, and the inverse of the derivative."""
+"""The common part of all lens models: validation, and the inverse of the derivative."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class LensModel(ABC):
     @property
     @abstractmethod
     def title(self) -> str:
-        """What people call this lens."""
+        """Common name of this lens."""
 
     @property
     @abstractmethod
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
 
     @property
     @abstractmethod
     def roles(self) -> ParameterRoles:
-        """What the parameters do to the image, for priors of their errors."""
+        """Roles of the parameters, for priors of their errors."""
 
     @abstractmethod
     def _project(self, points: np.ndarray) -> np.ndarray:
@@ -58,12 +58,12 @@ class LensModel(ABC):
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, float]) -> Self:
-        """The lens of these `parameters`, by name in any order: what `with_parameters` starts from.
+        """The lens with these `parameters`, by name in any order.
 
         Raises
         ------
         InputError
-            For a parameter that is missing or unknown, or values that make no lens; it is named.
+            For a missing or unknown parameter (named), or invalid values.
         """
         make: Callable[..., Self] = cls
         known = {field.name: field.default is MISSING for field in fields(cast(Any, cls))}
@@ -80,9 +80,10 @@ class LensModel(ABC):
         return lens
 
     def refinable(self) -> LensModel:
-        """The same lens with every parameter that a refinement may find among its `parameters`.
+        """The same lens with all parameters that a refinement estimates.
 
-        The lens itself, but for a pinhole without distortion, which gets coefficients of zero.
+        This is the lens itself, except for a pinhole without distortion, which gets coefficients of
+        zero.
         """
         return self
 
@@ -92,17 +93,17 @@ class LensModel(ABC):
         Parameters
         ----------
         values : array_like, shape (P,), or mapping
-            Values in the order of `parameters`, or by name; what a mapping does not name stays.
+            Values in the order of `parameters`, or by name; other parameters keep their values.
 
         Raises
         ------
         InputError
-            For another count of values, an unknown name, or values that make no lens.
+            For a wrong number of values, an unknown name, or invalid values.
         """
         return self.from_parameters(parameter_values(self.parameters, values))
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (N, 2) of points in camera axes (N, 3); NaN rows where the lens sees none."""
+        """Pixels (N, 2) of points in camera axes (N, 3); NaN rows outside the field of the lens."""
         return in_blocks(self._project, points, 2)
 
     def unproject(self, pixels: np.ndarray) -> np.ndarray:
@@ -126,8 +127,8 @@ class LensModel(ABC):
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px; NaN where unseen.
 
-        The inverse of `project_jacobian` on the plane perpendicular to each of the rays (N, 3),
-        whose lengths do not matter.
+        The inverse of `project_jacobian` on the plane perpendicular to each of the rays (N, 3). The
+        lengths of the rays are arbitrary.
         """
         rays = np.ascontiguousarray(rays, dtype=np.float64)
         jacobian = np.empty((len(rays), 3, 2))

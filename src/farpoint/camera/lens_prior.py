@@ -1,4 +1,4 @@
-"""From errors in general terms to the covariance of a lens's parameters."""
+"""Covariance of the parameters of a lens from errors in general terms."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from farpoint.errors import InputError
 __all__ = ["prior_covariance"]
 
 ASPECT_SHARE = 0.1
-"""Error of the pixels' aspect ratio and shear in that of the focal length (convention: pixels are
-square by construction, the focal length depends on the lens)."""
+"""Error of the aspect ratio and the shear of pixels, over the error of the focal length
+(convention: pixels are square by construction, the focal length depends on the lens)."""
 
 DECENTERING_SHARE = 0.25
-"""Displacement at the corner by tangential, prism and tilt errors, in that by all (convention)."""
+"""Displacement at the corner by tangential, prism and tilt errors, over that by all errors
+(convention)."""
 
 ORDER_SHARE = 0.5
 """Displacement at the corner by each radial coefficient, in that by the one before (convention:
@@ -39,7 +40,7 @@ def prior_covariance(
 
     The sum of independent errors, each along one direction of the parameters: common scale,
     aspect ratio and shear, both coordinates of the centre, and each coefficient of the distortion,
-    compensated by the scale so that the centre of the image keeps its own.
+    compensated so that the scale at the centre of the image does not change.
 
     Parameters
     ----------
@@ -53,8 +54,8 @@ def prior_covariance(
     Raises
     ------
     InputError
-        If the size is needed and not known (field ``camera.size``), or the covariance is not one of
-        so many parameters (field ``covariance``).
+        If the size is needed and unknown (field ``camera.size``), or the covariance has a wrong
+        size (field ``covariance``).
     """
     refinable = model.refinable()
     names = list(refinable.parameters)

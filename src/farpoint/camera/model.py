@@ -1,4 +1,4 @@
-"""What every lens model knows: the protocol the rest of farpoint works with."""
+"""Protocol of lens models."""
 
 from __future__ import annotations
 

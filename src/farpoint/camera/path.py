@@ -1,4 +1,4 @@
-"""Paths on the sphere as a lens shows them: bent, cut at the rim of the field, split at a seam."""
+"""Paths on the sphere in the image of a lens: curved, cut at the end of the field or a seam."""
 
 from __future__ import annotations
 

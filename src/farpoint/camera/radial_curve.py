@@ -1,4 +1,4 @@
-"""How a lens spreads angles over the image, as numbers and as a small plot of characters."""
+"""Radial curve of a lens (angle by image radius), as numbers and as a plot of characters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far the parameters of a lens may be off: as a person states it, or as a covariance."""
+"""Uncertainty of the parameters of a lens: in general terms, or as a covariance."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ class CameraUncertainty:
     Attributes
     ----------
     focal : float or None
-        Relative error of the focal length, that of x and y in common; None: exact.
+        Relative error of the focal length, common to x and y; None: exact.
     center_px : float or None
         Error of each coordinate of the principal point, px; None: exact.
     distortion_px : float or None
         Error of the distortion as the displacement at the corner of the image, px; None: exact.
     covariance : tuple of tuple of float, or None
-        Covariance (P, P) of the parameters of the lens's ``refinable()``, in their own units and
-        order, in place of all others. A parameter without variance is exact.
+        Covariance (P, P) of the parameters of the lens's ``refinable()``, in their units and order;
+        replaces all other terms. A parameter with variance 0 is exact.
 
     Raises
     ------
     InputError
-        For a number that is not positive, or a matrix that is no covariance; it names the field.
+        For a number that is not positive, or a matrix that is no covariance. The message names the
+        field.
     """
 
     focal: float | None = None
@@ -58,7 +59,7 @@ class CameraUncertainty:
 
     @classmethod
     def of_covariance(cls, covariance: np.ndarray) -> CameraUncertainty:
-        """The record of a covariance (P, P) of the parameters."""
+        """Uncertainty with this covariance (P, P) of the parameters."""
         return cls(covariance=_checked(covariance))
 
 

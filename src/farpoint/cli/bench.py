@@ -1,4 +1,4 @@
-"""``farpoint bench``: accuracy, coverage and time, beside the peers that are installed."""
+"""``farpoint bench``: accuracy, coverage and time of farpoint and the installed peers."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = ["Bench"]
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """Make the tables of the README: accuracy, coverage and time, beside the installed peers.
+    """Compute tables of accuracy, coverage and time for farpoint and the installed peers.
 
     Attributes
     ----------
     out : Path
         Folder for the tables.
     options : BenchOptions
-        Which tables, and how large.
+        Tables and their size.
     """
 
     out: Path = Path("farpoint-out/bench")
@@ -38,7 +38,7 @@ class Bench:
 
 
 class _StepsOnStderr:
-    """A line for each part of the work, renewed as it goes on where that can be seen."""
+    """A progress line for each part of the work, updated on a terminal."""
 
     def __init__(self) -> None:
         self._terminal = sys.stderr.isatty()

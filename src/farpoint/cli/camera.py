@@ -23,7 +23,7 @@ class ShowCamera:
     calibration : Path
         Calibration file.
     name : str or None
-        Camera to take from a file of several.
+        Name of the camera in a file of several.
     """
 
     calibration: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CALIB")]

@@ -19,22 +19,23 @@ __all__ = ["ImageOptions", "RecordedOptions"]
 
 @dataclass(frozen=True, kw_only=True)
 class ImageOptions:
-    """Of whatever estimates the motion of a camera.
+    """Options of all commands that estimate the motion of a camera.
 
     Attributes
     ----------
     lens : LensOptions
-        Which camera it is.
+        Options of the camera.
     max_megapixels : float
-        Larger images are refused before they are decoded.
+        Size limit of an image; a larger image is not decoded and is a frame with a fault.
     follow_playlists : bool
-        Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
+        Open the files that a playlist (M3U8, ffconcat, MPD, SDP) names.
     mask : Path or None
-        8-bit image of the frames' size: white is used, black (a bonnet, a mount, a logo) is not.
+        8-bit image of the size of the frames: white pixels are used, black ones (a bonnet, a mount,
+        a logo) are not.
     odometry : OdometryOptions
         Options of tracking and estimation.
     output : OutputOptions
-        Which outputs are made.
+        Options of the outputs.
     """
 
     lens: Annotated[LensOptions, tyro.conf.arg(name="")] = field(default_factory=LensOptions)
@@ -49,16 +50,16 @@ class ImageOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedOptions(ImageOptions):
-    """Of what works on recordings.
+    """Options of commands that process recordings.
 
     Attributes
     ----------
     fps : float or None
-        Frames a second of images without time stamps; 10 by default.
+        Frames per second of images without time stamps; 10 by default.
     topic : str or None
-        Of the images in a bag that has several such topics.
+        Topic of the images, for a bag with several image topics.
     metric : MetricOptions
-        What is known of lengths.
+        Aiding measurements of length.
     """
 
     fps: float | None = None

@@ -11,9 +11,9 @@ __all__ = ["Compile"]
 
 @dataclass(frozen=True, kw_only=True)
 class Compile:
-    """Compile the kernels into numba's cache, as a container image or a fleet's machine wants it.
+    """Compile the kernels into numba's cache, for container images and machines of a fleet.
 
-    What is compiled lies beside the package, or in the folder of ``NUMBA_CACHE_DIR``.
+    The cache is beside the package, or in the folder ``NUMBA_CACHE_DIR``.
     """
 
     def __call__(self) -> None:

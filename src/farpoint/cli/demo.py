@@ -1,4 +1,4 @@
-"""``farpoint demo``: a drive, or a walk with a phone, with exact truth, through everything."""
+"""``farpoint demo``: a rendered drive, or a walk with a phone, with exact truth."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ _FRAMES, _HANDHELD_FRAMES = 100, 60  # that take about as long: a blurred one is
 
 @dataclass(frozen=True, kw_only=True)
 class Demo:
-    """Render a drive or a walk with exact truth, run everything on it, and print the errors.
+    """Render a drive or a walk with exact truth, estimate its motions, and print the errors.
 
     Attributes
     ----------
     out : Path
         Folder for the outputs.
     handheld : bool
-        A phone in the hand, its shutter unknown and its focal length given 5 % wrong.
+        A handheld phone, with an unknown shutter and an error of 5 % of the given focal length.
     frames : int or None
-        Length of the sequence; 100, or 60 in the hand, by default.
+        Length of the sequence; 100, or 60 with handheld, by default.
     seed : int
-        Of the street, the drive and the estimator.
+        Seed of the street, the drive and the estimator.
     output : OutputOptions
-        Which outputs are made.
+        Options of the outputs.
     """
 
     out: Path = Path("farpoint-out/demo")
@@ -114,7 +114,7 @@ class Demo:
 
 
 _INSIDE = "in 95 of 100 frames the true place is inside the ellipse around it"
-# Two views take the lens for exact until the path has found another.
+# Two-view estimates use the given lens as exact until the path's estimate differs.
 _INSIDE_BY_HAND = """in how many frames the true place is inside the ellipse around it,
 the row "direction" above: until lens and shutter are found, fewer than 95 of 100"""
 _IN_THE_CURVE = """In the bend the 1-sigma of the direction rises: its direction is less

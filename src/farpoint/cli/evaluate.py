@@ -1,4 +1,4 @@
-"""``farpoint evaluate``: whether a run's covariances hold, with truth or without."""
+"""``farpoint evaluate``: test of the covariances of a run, with or without truth."""
 
 from __future__ import annotations
 
@@ -29,17 +29,16 @@ class Evaluate:
     truth : Path or None
         TUM or KITTI trajectory, or EuRoC ground truth.
     body_from_camera : Path or None
-        Where the camera sits on the body that the truth follows: EuRoC's sensor.yaml (T_BS), a
-        Kalibr camera chain (T_cam_imu), or 16 numbers; by default the truth is the camera's.
+        Pose of the camera on the body of the truth: EuRoC's sensor.yaml (T_BS), a Kalibr camera
+        chain (T_cam_imu), or 16 numbers; by default the body is the camera.
     json : bool
         Print JSON instead of a table.
     pairs : Path or None
-        File for the errors pair by pair, CSV; needs the truth.
+        CSV file for the errors of each pair; needs the truth.
     report : bool
-        Write ``report.html`` of the folder anew, with the true path beside the estimated one; needs
-        the truth.
+        Write ``report.html`` of the folder again, with the true path; needs the truth.
     options : EvaluationOptions
-        What counts.
+        Options of the comparison.
     """
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]

@@ -1,4 +1,4 @@
-"""``farpoint fleet``: many drives, each once, and one table of them all."""
+"""``farpoint fleet``: many drives and one table."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ _FAILED = 1
 
 @dataclass(frozen=True, kw_only=True)
 class Fleet(RecordedOptions):
-    """Run many drives on Dask, each of them once, and write one table of them all.
+    """Run many drives on Dask, each drive once, and write one table.
 
     Attributes
     ----------
     sources : tuple of str
-        Sources of farpoint run, patterns of them, or lists: a CSV file with the column source and
-        options as further columns, or a text file with a source and a calibration a line.
+        Sources of farpoint run, patterns, or lists: a CSV file with the column source and options
+        as further columns, or a text file with a source and a calibration per line.
     cluster : ClusterOptions
-        Who does the work.
+        Options of the workers.
     out : Path
-        Folder for the tables, and for the outputs of every drive.
+        Folder for the tables and the outputs of every drive.
     """
 
     sources: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SOURCES")]

@@ -1,4 +1,4 @@
-"""What a run found of lens and shutter, beside the truth."""
+"""Estimated and true values of lens and shutter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which camera it is, on the command line: calibrated, or about."""
+"""Options of the camera: a calibration file, or a guess."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class LensOptions:
     name: str | None = None
 
     def known(self) -> Camera | HorizontalField | None:
-        """The camera by the options alone; None where it is that of the source."""
+        """The camera from the options; None if it comes from the source."""
         if self.fov is not None and self.camera is not None:
             raise InputError("expected --fov or --camera, not both", field="--fov")
         if self.fov is not None:
@@ -47,14 +47,14 @@ class LensOptions:
         return load_camera(self.camera, self.name)
 
     def from_source(self, frames: object, source: str) -> Camera | CameraGuess:
-        """The camera by the source's own files: of a bag always, of others on request.
+        """The camera from the files of the source: always for a bag, otherwise on request.
 
         Parameters
         ----------
         frames : object
-            The opened source; a file or images may have one, others do not.
+            The opened source; only files and images can have a camera.
         source : str
-            What the user called it.
+            Source as given by the user.
         """
         if isinstance(frames, BagImages):
             return frames.camera()

@@ -1,4 +1,4 @@
-"""``farpoint live``: a camera or a stream, as it happens."""
+"""``farpoint live``: live motion of a camera or a stream."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ def _viewer_shown() -> ViewerOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Live(ImageOptions):
-    """Watch a camera or a stream and estimate its motion as it happens, until Ctrl-C.
+    """Estimate the motion of a camera or a stream live, until Ctrl-C.
 
     Attributes
     ----------
     source : str
-        Camera index or stream URL; a video or images are played at their own pace.
+        Camera index or stream URL; a video or images are played at their frame rate.
     out : Path or None
         Folder for the outputs; farpoint-out/<source name> by default.
     duration_s : float or None
-        End after so many seconds.
+        Duration of the session, s.
     loop : bool
-        Play a video or images over and over.
+        Repeat a video or images endlessly.
     viewer : ViewerOptions
-        Where the working display goes.
+        Options of the display.
     metric : HeightOptions
-        What is known of lengths.
+        Aiding measurements of length.
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[INDEX|URL]")] = "0"

@@ -1,4 +1,4 @@
-"""``farpoint run``: a source of images in, a folder of results out."""
+"""``farpoint run``: from a source of images to a folder of results."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Run(RecordedOptions):
     bag : Path or None
         MCAP file for the motions as messages of ROS 2.
     viewer : ViewerOptions
-        Where the working display goes.
+        Options of the display.
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
@@ -102,14 +102,14 @@ def process_frames(
 ) -> None:
     """Run odometry over ``frames`` into the folder ``out``; prints what was found.
 
-    A guess becomes a camera with the size of the first image. A caller that writes more into
-    ``out`` holds its lock and gives it.
+    A guessed camera gets the size of the first image. A caller that writes more files into ``out``
+    locks the folder and passes the lock.
 
     Raises
     ------
     InputError
-        Where images are not of the camera's size (field ``camera``), none can be decoded, the
-        mask does not fit them, ``out`` or a recording cannot be written, or another run is writing
+        If images do not have the size of the camera (field ``camera``) or of the mask, if no image
+        can be decoded, if ``out`` or a recording cannot be written, or if another run is writing
         into ``out``.
     """
     timed = _Timed(frames, source)
@@ -166,7 +166,7 @@ def process_frames(
 
 
 def _refuse_source(bag_file: Path, source: str) -> None:
-    """Keep a recording from being replaced by what is found in it."""
+    """Refuse outputs that would replace the source."""
     images = Path(source)
     if bag_file.exists() and images.exists() and bag_file.samefile(images):
         raise InputError("is the source itself", file=bag_file, field="--bag")
@@ -180,7 +180,7 @@ def _run_into(
     odometry: Odometry,
     frame_count: int | None,
 ) -> Counter[PoseStatus]:
-    """Every frame through the odometry into the folder; how many pairs have which status."""
+    """Process every frame and write the results; returns the number of pairs of each status."""
     counts: Counter[PoseStatus] = Counter()
     with Progress("frames", frame_count) as progress:
         try:
@@ -246,5 +246,5 @@ class _Timed:
 
 
 def in_words(counts: Counter[PoseStatus]) -> str:
-    """How many pairs have which status, as a list of words."""
+    """Number of pairs of each status, as text."""
     return ", ".join(f"{counts[status]} {status.value}" for status in PoseStatus)

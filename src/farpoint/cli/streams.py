@@ -1,4 +1,4 @@
-"""Standard streams that never end a command: closed ones, and pipes whose reader has gone."""
+"""Standard streams whose closing does not end a command."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ __all__ = ["lasting_streams"]
 
 @contextlib.contextmanager
 def lasting_streams() -> Iterator[None]:
-    """Print to streams that cannot fail because nobody reads them.
+    """Ignore writes to standard streams that nobody reads.
 
-    What a reader does (``| head``), a service leaves closed (``>&-``) or a terminal does that hangs
-    up then changes neither the outcome nor the exit code of a command. Nor does anything that keeps
-    standard error from being written, such as a full disk behind a log: no results go there. Other
-    errors of standard output, which has them, are raised as ever.
+    A pipe whose reader has ended (``| head``), a closed stream (``>&-``) and a closed terminal then
+    change neither the result nor the exit code of a command. All errors of standard error are
+    ignored, such as a full disk behind a log, because no results are written there. Other errors of
+    standard output are raised.
     """
     _open_closed_descriptors()
     with (
@@ -33,7 +33,8 @@ def lasting_streams() -> Iterator[None]:
 def _open_closed_descriptors() -> None:
     """Put the null device on descriptors 0 to 2 that are closed.
 
-    A file opened later would get such a number, and whatever is printed would go into it.
+    Otherwise a file that is opened later would get such a number, and printed text would go into
+    it.
     """
     for descriptor in range(3):
         try:
@@ -43,9 +44,9 @@ def _open_closed_descriptors() -> None:
 
 
 class _Lasting(io.TextIOBase):
-    """A text stream whose writes go nowhere once its reader has gone; None is such a stream.
+    """A text stream that discards its text when its reader has ended; None is such a stream.
 
-    Without results in it, they do after any error.
+    A stream without results discards its text after any error.
     """
 
     def __init__(self, stream: TextIO | None, *, has_results: bool = True) -> None:

@@ -1,4 +1,4 @@
-"""Many drives on Dask: each of them once and whole, and one table of them all."""
+"""Many drives on Dask, and one table of the drives."""
 
 from farpoint.fleet.cluster import ClusterOptions
 from farpoint.fleet.drive import Drive

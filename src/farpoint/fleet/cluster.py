@@ -1,4 +1,4 @@
-"""Workers: of this machine, or those of a scheduler."""
+"""Workers: processes of this machine, or workers of a scheduler."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from farpoint.fleet.kernels import compile_kernels
 __all__ = ["Cluster", "ClusterOptions", "open_cluster"]
 
 _WORKERS_DIED = 10
-"""So many workers may die at a drive before it counts as the cause (convention)."""
+"""Number of workers that may die while running a drive before the drive has failed (convention)."""
 
 _STARTS_IN_VAIN = 20
-"""So often workers may end in their start while none works, before it is given up."""
+"""Number of failed starts of workers, without a running one, before the fleet gives up."""
 
 _ENDED = ("closing", "closed", "failed")
 
@@ -69,13 +69,13 @@ class Cluster:
     Parameters
     ----------
     client : distributed.Client
-        Takes tasks.
+        Client for the tasks.
     local : distributed.LocalCluster, optional
-        Where the workers are this process's own.
+        Cluster of local workers, if any.
     count : int
-        How many these are.
+        Number of local workers.
     memory : str
-        Most that each of them may take.
+        Memory limit of each worker.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Cluster:
         self.look_after()
 
     def look_after(self) -> None:
-        """Start workers in place of those that ended; to be called now and then.
+        """Replace workers that have ended; to be called regularly.
 
         Dask starts a worker again that is killed, but none that is killed while it starts.
 

@@ -1,4 +1,4 @@
-"""A drive of a fleet: what is run, and by what it is recognised when it was run before."""
+"""A drive of a fleet, with the key by which a finished drive is recognised."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class Drive:
     Attributes
     ----------
     source : str
-        What the user called it.
+        Source as given by the user.
     camera : str
-        Its calibration, as the user called it; may be empty.
+        Calibration as given by the user; may be empty.
     options : dataclass
-        Everything that the outputs depend on beside the source's contents and the version.
+        All options that determine the outputs, in addition to the source and the version.
     run : callable
-        Runs the drive into the folder that it is given; goes to a worker by pickle.
+        Runs the drive into a folder; pickled for the worker.
     own_options : str
-        Those that are not the whole fleet's; they distinguish two drives of one source.
+        Options of this drive only; they distinguish two drives of one source.
     """
 
     source: str
@@ -43,7 +43,7 @@ class Drive:
 
     @property
     def name(self) -> str:
-        """Name of its folder: the same whatever other drives there are."""
+        """Name of the folder of the drive, independent of the other drives."""
         whole = self.source if "://" in self.source else str(Path(self.source).absolute())
         identity = json.dumps([whole, self.own_options])
         stem = PurePosixPath(urlsplit(whole).path.rstrip("/")).stem if "://" in whole else ""
@@ -52,7 +52,7 @@ class Drive:
         return f"{plain}-{_digest(identity)[:8]}"
 
     def key(self) -> str:
-        """Digest of inputs, options and version: a folder that has it need not be made again."""
+        """Digest of inputs, options and version; a folder with the same key is finished."""
         inputs = [state_of_input(name) for name in (self.source, *_files_in(self.options))]
         return _digest(json.dumps([inputs, repr(self.options), farpoint.__version__]))
 

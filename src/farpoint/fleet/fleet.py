@@ -1,4 +1,4 @@
-"""A fleet: drives that are not finished go to workers, and a table is made of all."""
+"""A fleet: runs unfinished drives on workers and writes one table."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _LOOK_S = 0.2
 
 
 class Reporter(Protocol):
-    """What shows how far it is."""
+    """Progress display."""
 
     def reach(self, done: int, note: str = "") -> None:
-        """So many are done."""
+        """Show the number of finished drives."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class FleetOutcome:
     done, failed : int
         Drives with results, and drives that cannot be run.
     before : int
-        Those of `done` that were finished before.
+        Number of `done` drives that were finished before.
     """
 
     done: int
@@ -58,11 +58,11 @@ def run_fleet(
     Parameters
     ----------
     drives : sequence of Drive
-        Of different names.
+        Drives with different names.
     out : Path
         Folder of the fleet; workers must see it under the same path.
     cluster : ClusterOptions
-        Who does the work.
+        Options of the workers.
     telling : callable
         Given the number of drives to run, a context manager that gives a `Teller`.
     parquet : bool

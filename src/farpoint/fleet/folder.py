@@ -1,4 +1,4 @@
-"""The folder of a drive: complete, or not there."""
+"""The folder of a drive, which is complete or absent."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from farpoint.sinks.files import unwritable
 __all__ = ["DRIVES", "clear_unfinished", "facts_of", "finish_folder", "is_finished"]
 
 DRIVES = "drives"
-"""Where the folders of the drives are, within that of the fleet."""
+"""Name of the folder with the drives, in the folder of the fleet."""
 
 _RECORD = "fleet.json"
 _UNFINISHED = ".unfinished-"
@@ -27,24 +27,24 @@ def is_finished(folder: Path, key: str) -> bool:
 
 
 def facts_of(folder: Path) -> dict[str, Any]:
-    """What was noted of the results when the folder was finished."""
+    """Facts about the results, stored when the folder was finished."""
     return _record_of(folder).get("facts") or {}
 
 
 def finish_folder(folder: Path, key: str, fill: Callable[[Path], dict[str, Any]]) -> None:
-    """Fill a folder under another name, and give it its name when all is in it.
+    """Fill a folder under a temporary name and rename it when it is complete.
 
-    An earlier folder of that name is replaced, but for one with the same key: then another worker
-    was faster, and its results stay.
+    An earlier folder of this name is replaced, unless it has the same key: then another worker was
+    faster, and its results stay.
 
     Parameters
     ----------
     folder : Path
-        Its name in the end.
+        Final name of the folder.
     key : str
-        Of the drive.
+        Key of the drive.
     fill : callable
-        Fills the folder that it is given, and returns what is to be noted of the results.
+        Fills a folder, and returns the facts to store about the results.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     part = folder.with_name(f"{_UNFINISHED}{uuid.uuid4().hex[:8]}-{folder.name}")

@@ -64,7 +64,7 @@ document.querySelectorAll("th").forEach((head, column) => head.addEventListener(
 
 
 def outliers_first(rows: Sequence[Row]) -> list[Row]:
-    """Drives that failed, then those whose covariances or motions are least to be trusted."""
+    """Failed drives first, then drives by their split-half ratio and failed pairs."""
     return sorted(rows, key=lambda row: (row.state != "failed", row.state == "waiting", -_odd(row)))
 
 
@@ -96,7 +96,7 @@ def _is_suspicious(row: Row) -> bool:
 
 
 def _odd(row: Row) -> float:
-    """How far a drive is from what one expects: its split-half ratio and its failed pairs."""
+    """Deviation of a drive from normal ones: its split-half ratio and its failed pairs."""
     over = 0.0 if not row.halves or not row.halves_high else row.halves / row.halves_high
     return over + 2.0 * _failed_share(row)
 

@@ -26,12 +26,12 @@ _MOMENTS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """What a person wants to see of a drive.
+    """Row of a drive in the table.
 
     Attributes
     ----------
     drive, source, camera : str
-        Name of its folder, and what was given.
+        Name of its folder; source and calibration as given.
     state : str
         ``done``, ``failed``, or ``waiting`` where the fleet was interrupted before it.
     frames : int or None
@@ -41,21 +41,21 @@ class Row:
     length : float or None
         Of the path, in ``unit``.
     unit : str
-        ``m`` with hints, else that of the trajectory.
+        ``m`` with aiding measurements, otherwise the unit of the trajectory.
     ok, rotation_only, static, failed : int or None
         Pairs of each status.
     halves, halves_low, halves_high : float or None
-        Split-half ratio, 1 where covariances are honest, and where it may lie by chance in 95 %.
+        Split-half ratio, 1 for honest covariances, and its 95 % interval for honest covariances.
     noise_px : float or None
         Median noise of a match, px.
     lens, lens_sigma : str
-        Parameters of the lens as found, and their 1-sigma.
+        Estimated parameters of the lens, and their 1-sigma.
     scale, scale_sigma : float or None
-        Metres per unit of the trajectory by the hints, and its 1-sigma, relative.
+        Metres per unit of the trajectory from the aiding measurements, and its relative 1-sigma.
     worst : str
-        Worst moments: time in s and what happened.
+        Worst moments: time in s and event.
     error : str
-        Why it failed, in one line.
+        Reason of the failure, in one line.
     """
 
     drive: str

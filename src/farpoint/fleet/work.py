@@ -1,4 +1,4 @@
-"""What a worker does: one drive, from the look whether it is done to its folder."""
+"""Work of a worker: runs one drive, unless it is finished, into its folder."""
 
 from __future__ import annotations
 

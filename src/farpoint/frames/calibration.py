@@ -1,4 +1,4 @@
-"""Which file near the images is their calibration? A hint for a person, read by nobody here."""
+"""Search for a calibration file near the images, for messages only: the file is not used."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def find_calibration(*folders: Path, stem: str | None = None) -> Path | None:
     Parameters
     ----------
     *folders : Path
-        Where to look, nearest first.
+        Folders to search, nearest first.
     stem : str, optional
         Name without suffix of a video: a YAML or JSON file of the same name comes first.
     """

@@ -13,9 +13,9 @@ _STAMP_NAME = re.compile(r"[1-9][0-9]{12}|[1-9][0-9]{15}|[1-9][0-9]{18}|[0-9]{9,
 
 
 def parse_seconds(text: str) -> float:
-    """Seconds from a number in seconds, or in ms, us or ns where it is too large for seconds.
+    """Seconds from a number in seconds, or in ms, us or ns if it is too large for seconds.
 
-    Raises ValueError where the text is no finite number.
+    Raises ValueError if the text is no finite number.
     """
     # Whole numbers stay whole until they are divided: nanoseconds of today exceed 2^53.
     value = int(text) if text.isascii() and text.isdigit() else float(text)
@@ -29,7 +29,7 @@ def parse_seconds(text: str) -> float:
 
 
 def seconds_in_name(path: Path) -> float | None:
-    """The time stamp a file name clearly is, s: Unix time in seconds with decimals, ms, us or ns.
+    """Time, s, of a file name that is a Unix time in seconds with decimals, ms, us or ns.
 
     EuRoC names its images by nanoseconds, TUM by seconds; None for counters and everything else.
     """

@@ -1,4 +1,4 @@
-"""From an image file to grey values."""
+"""Decoding of image files to grey values."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def read_grey(
     path : Path
         The file.
     deep : GreyTable, optional
-        What 16 bits become; their upper 8 by default.
+        Mapping of 16-bit samples; their upper 8 bits by default.
     max_megapixels : float
         Larger images are not decoded.
 
@@ -74,7 +74,7 @@ def read_grey(
 
 
 def read_samples(path: Path, max_megapixels: float = MAX_MEGAPIXELS) -> np.ndarray:
-    """As `read_grey`, with 16 bits as they are, uint16."""
+    """Like `read_grey`, but 16-bit samples stay uint16."""
     try:
         # Read by Python: OpenCV opens no path outside the code page on Windows.
         data = read_regular_file(path, limit_bytes=_LARGEST_BYTES, what="an image")
@@ -84,7 +84,7 @@ def read_samples(path: Path, max_megapixels: float = MAX_MEGAPIXELS) -> np.ndarr
 
 
 def decode_samples(data: bytes, max_megapixels: float = MAX_MEGAPIXELS) -> np.ndarray:
-    """The same of the bytes of an image file."""
+    """Like `read_samples`, from the bytes of an image file."""
     cv2 = optional_import("cv2", extra="video", purpose="reading images")
     if damage := find_damage(data):
         raise UnreadableImageError(damage)
@@ -116,7 +116,7 @@ def check_megapixels(width: int, height: int, limit: float) -> None:
 
 @contextmanager
 def silent_opencv() -> Iterator[None]:
-    """Keep OpenCV's warnings off stderr: a fault or an InputError replaces them."""
+    """Suppress OpenCV's warnings on stderr: a fault or an InputError replaces them."""
     cv2 = optional_import("cv2", extra="video", purpose="reading images")
     logging = getattr(cv2.utils, "logging", cv2)  # where OpenCV before 4.13 has its functions
     level = logging.setLogLevel(_SILENT)
@@ -127,10 +127,10 @@ def silent_opencv() -> Iterator[None]:
 
 
 class _SilentCodecs:
-    """A file in place of standard error, for libraries that know no other silence, nor other words.
+    """Redirects standard error to a file, for libraries that report errors only there.
 
-    Python's own messages of these milliseconds are lost, too. One thread at a time: the messages
-    are about the image in hand.
+    Python's own messages are redirected, too. One thread at a time, because the messages belong to
+    the current image.
     """
 
     def __init__(self) -> None:

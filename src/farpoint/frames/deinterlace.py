@@ -1,7 +1,7 @@
-"""Interlaced pictures: recognised by their combs, and made of one field.
+"""Deinterlacing: recognises interlaced pictures by their combs, and uses one field.
 
-The even and the odd lines of an interlaced picture are half a frame time apart. Where something
-has moved in between, each line resembles the second next more than the next: a comb.
+The even and the odd lines of an interlaced picture are half a frame time apart. At moving edges
+each line is more similar to the second next line than to the next one: a comb.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ rendered streets at 20 fields a second, at most 0.14 in 1,048 progressive pictur
 recordings and five renderings, 0.21 in pure noise (`tests/frames/test_deinterlace.py`)."""
 
 _FRAMES = 50
-"""Pictures looked at: a camera that weaves does so from the start, but may stand at first."""
+"""Number of pictures tested: all pictures of a source are interlaced or none, but the camera may
+stand at first."""
 
 
 class Deinterlacer:
-    """Takes the even lines of every picture once one was seen to be woven of two fields.
+    """Uses the even lines of every picture after the first interlaced one.
 
     Attributes
     ----------
     is_interlaced : bool
-        Whether one was.
+        Whether a picture was interlaced.
     """
 
     def __init__(self) -> None:
@@ -45,7 +46,7 @@ class Deinterlacer:
         self._seen = 0
 
     def __call__(self, image: np.ndarray) -> np.ndarray:
-        """The picture (H, W), uint8, as it is or of one field."""
+        """The picture (H, W), uint8, unchanged or from one field."""
         if not self.is_interlaced and self._seen < _FRAMES:
             self._seen += 1
             self.is_interlaced = comb_share(image) > _LEAST_SHARE

@@ -1,4 +1,4 @@
-"""From deep samples to the 8 bits that tracking needs, the same way for all images of a source."""
+"""Mapping of samples with more than 8 bits to 8 bits, the same for all images of a source."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import numpy as np
 __all__ = ["EXAMPLES", "GreyTable"]
 
 EXAMPLES = 8
-"""Images, spread over all of a source, by which the table is made."""
+"""Number of images, spread over a source, from which the table is computed."""
 
 _DEPTHS = (8, 10, 12, 14, 16)
-"""Bits that sensors give."""
+"""Bits of common sensors."""
 
 _LEAST_CONTRAST = 64
-"""Grey levels, of 256, that an image must span so that its upper 8 bits are taken as they are: half
-of what a stretched one spans."""
+"""Least range of an image, of 256 grey levels, with which its upper 8 bits are used; 50 % of the
+range of a stretched image."""
 
 _TAIL = 0.001
 """Share of the darkest, and of the brightest, samples that may saturate (convention)."""
 
 _HEADROOM = 0.5
-"""Of the span on either side, for images that are darker or brighter than those looked at."""
+"""Headroom on either side, over the range of the samples, for darker or brighter images."""
 
 _EVERY = 7
-"""Samples looked at: one of so many along both axes."""
+"""Subsampling of the pixels along both axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class GreyTable:
     values : ndarray of uint8, shape (65536,)
         The grey value of each sample.
     words : str
-        What is done, for a person; empty where the upper 8 of 16 bits are taken.
+        Description of the mapping; empty if the upper 8 of 16 bits are used.
     """
 
     values: np.ndarray
@@ -46,10 +46,10 @@ class GreyTable:
 
     @classmethod
     def for_images(cls, images: Sequence[np.ndarray]) -> GreyTable:
-        """The table for a source of which these images (H, W), uint16, are examples.
+        """Table for a source, from example images (H, W), uint16.
 
-        The upper 8 of the bits that are in use, or, where these would span less than 1/4 of
-        the grey values (a thermal camera's raw counts), the span of the samples with headroom.
+        The upper 8 of the bits in use. If these would span less than 1/4 of the grey values (raw
+        counts of a thermal camera), the range of the samples with headroom.
         """
         some = np.concatenate([image[::_EVERY, ::_EVERY].ravel() for image in images])
         low, high = (int(value) for value in np.quantile(some, (_TAIL, 1.0 - _TAIL)))
@@ -68,7 +68,7 @@ class GreyTable:
 
     @classmethod
     def for_source(cls, examples: Iterable[np.ndarray]) -> GreyTable:
-        """The table by examples from all over a source, as far as the first that is not deep."""
+        """Table from examples of a source, up to the first with 8 bits."""
         deep = []
         for image in examples:
             if image.dtype != np.uint16:

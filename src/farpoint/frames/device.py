@@ -18,7 +18,7 @@ __all__ = ["CameraDevice", "open_device"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraDevice:
-    """A camera, open from the start; read once, until it is unplugged or the reader stops.
+    """An open camera; can be iterated once, until it is unplugged or the iteration stops.
 
     Time stamps are the wall clock when the picture was fetched, s.
     """
@@ -31,7 +31,7 @@ class CameraDevice:
     notes: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[Frame]:
-        """Frames as the camera delivers them; a frame with a fault where it stops to."""
+        """Frames of the camera; at the end a frame with a fault."""
         cv2 = optional_import("cv2", extra="video", purpose="reading a camera")
         try:
             for index in count():
@@ -54,7 +54,7 @@ def open_device(index: int) -> CameraDevice:
     Raises
     ------
     InputError
-        Where there is none, or another program holds it.
+        If there is no such camera, or another program uses it.
     """
     cv2 = optional_import("cv2", extra="video", purpose="reading a camera")
     with silent_opencv():

@@ -1,4 +1,4 @@
-"""Finding images on disk, in the order a person would put them."""
+"""Search for images on disk, in natural order."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def natural_key(name: str) -> tuple[list[str | int], str]:
 
 
 def in_order(images: Iterable[Path]) -> list[Path]:
-    """Images by time where every name is a time stamp, else in natural order of their paths."""
+    """Images in the order of time if every name is a time stamp, otherwise in natural order."""
     stamped = [(seconds_in_name(image), image) for image in images]
     by_time = [(seconds, image) for seconds, image in stamped if seconds is not None]
     if len(by_time) == len(stamped):
@@ -52,7 +52,7 @@ def is_image(path: str | Path) -> bool:
 
 
 def list_images(folder: Path) -> list[Path]:
-    """Images directly in `folder`, in order; empty where there is no such folder.
+    """Images directly in `folder`, in order; empty if there is no such folder.
 
     Links to nowhere are listed: they are images that cannot be read, not images that never were.
     """

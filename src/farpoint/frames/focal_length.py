@@ -1,4 +1,4 @@
-"""Focal lengths that cameras and phones leave in their files."""
+"""Focal lengths in the metadata of images and videos."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ HELP = "give --fov DEG, or a calibration by --camera"
 
 
 def find_focal_length(source: object, name: str) -> EquivalentFocalLength:
-    """The focal length in 35 mm equivalents that images or a video carry.
+    """The focal length, in 35 mm equivalents, in the metadata of images or a video.
 
     Parameters
     ----------
     source : object
-        What was opened: a video file or image files may carry one, anything else does not.
+        Opened source: a video file or image files; other sources have no focal length.
     name : str
-        What to call the source in an error.
+        Name of the source in errors.
 
     Raises
     ------
     InputError
-        Where the source carries none, or images of several focal lengths.
+        If the source has no focal length, or images with several focal lengths.
     """
     if isinstance(source, VideoFile):
         return _of_video(source)

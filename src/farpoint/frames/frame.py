@@ -1,4 +1,4 @@
-"""What every reader yields, and what every reader is."""
+"""Frames, and the interface of sources of frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Frame", "FrameSource"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
-    """One image of a source, or the account of why it is missing.
+    """One image of a source, or a missing image with its fault.
 
     Attributes
     ----------
@@ -25,11 +25,11 @@ class Frame:
     image : ndarray of uint8, shape (height, width), or None
         Grey values; None where the frame could not be decoded.
     fault : str or None
-        Why `image` is None.
+        Reason why `image` is None.
     name : str
-        File name, or the frame's number in a video: what to call it to a person.
+        Name in messages: file name, or number of the frame in a video.
     time_ns : int or None
-        Where the source counts in ns: what `timestamp` is the nearest float to.
+        Exact time if the source has times in ns; `timestamp` is the nearest float, s.
     """
 
     index: int
@@ -43,33 +43,33 @@ class Frame:
 class FrameSource(Protocol):
     """A sequence of frames, decoded one at a time while it is iterated.
 
-    Files and folders open nothing until they are iterated, close when the iteration ends or is
-    abandoned, and can be iterated again. Cameras and streams are live: they are read once.
+    Files and folders are opened at the start of an iteration, closed at its end, and can be
+    iterated again. Cameras and streams are live and can be iterated once.
     """
 
     @property
     def name(self) -> str:
-        """Short name of the source: names the output folder."""
+        """Short name of the source and of the output folder."""
         ...
 
     @property
     def count(self) -> int | None:
-        """Number of frames where it is known in advance; for some videos an estimate."""
+        """Number of frames if it is known in advance; for some videos an estimate."""
         ...
 
     @property
     def timestamp_source(self) -> str:
-        """Where the time stamps come from, for a person: a file, the names, an assumed rate."""
+        """Origin of the time stamps, as text: a file, the names, an assumed rate."""
         ...
 
     @property
     def calibration_path(self) -> Path | None:
-        """A file next to the images that looks like their calibration; a hint, never used."""
+        """A file near the images that may be their calibration; for messages only."""
         ...
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was done to the images that whoever uses the results must know."""
+        """Notes about changes of the images, for the user of the results."""
         ...
 
     def __iter__(self) -> Iterator[Frame]:

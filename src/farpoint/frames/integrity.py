@@ -1,4 +1,4 @@
-"""Is an image file whole? Asked before decoding, because decoders guess at what is missing.
+"""Integrity check of image files before decoding, because decoders conceal missing data.
 
 OpenCV does not verify the checksums of a PNG, and its JPEG library fills what a truncated file
 lacks with grey and writes to the process's stderr. The bytes of both show whether they are
@@ -17,7 +17,7 @@ JPEG_START, _JPEG_SCAN, _JPEG_END = b"\xff\xd8\xff", b"\xff\xda", b"\xff\xd9"
 
 
 def find_damage(data: bytes) -> str | None:
-    """What is wrong with the bytes of an image file, or None where nothing is found.
+    """Damage of the bytes of an image file, or None.
 
     Only PNG and JPEG carry evidence; other formats are left to their decoder.
     """

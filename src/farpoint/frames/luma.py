@@ -18,16 +18,15 @@ _DEEP_LUMA = re.compile(r"(?:yuv|yuva|gray)[0-9]*p?(?:9|10|12|14|16)le")
 class Grey:
     """Grey values of the pictures of one video.
 
-    Where a picture carries luma as a plane of its own that plane is taken as it is: no colour
-    is converted, and limited range (16 to 235) is not stretched, since corners and optical flow
-    do not depend on it. Deeper luma keeps its upper 8 bits; of 16, whose upper ones need not be
-    in use, a table maps them. Other formats (RGB, packed or palette colours) are
-    converted by FFmpeg.
+    If a picture has a plane of luma, this plane is used unchanged: no colour is converted, and
+    limited range (16 to 235) is not stretched, since corners and optical flow do not depend on it.
+    Luma with more bits keeps its upper 8 bits; luma of 16 bits, whose upper bits may be unused, is
+    mapped by a table. Other formats (RGB, packed or palette colours) are converted by FFmpeg.
 
     Attributes
     ----------
     deep : GreyTable or None
-        For samples of 16 bits; if it is not given, by the first picture that has them.
+        Table for samples of 16 bits; by default from the first such picture.
     """
 
     def __init__(self, deep: GreyTable | None = None) -> None:
@@ -68,11 +67,12 @@ def _plane(picture: Any, dtype: np.dtype[Any]) -> np.ndarray:
 
 
 def _upright(image: np.ndarray, picture: Any) -> np.ndarray:
-    """Turn and mirror the image by its display matrix, in steps of 90 degrees.
+    """Rotate and mirror the image by its display matrix, in steps of 90 degrees.
 
     The matrix (fixed point, 3 x 3 by rows: ``a b u, c d v, x y w``) maps a pixel of the stored
     picture to the screen: ``x' = a x + c y``, ``y' = b x + d y`` (libavutil/display.h). Phones
-    store all they record in the sensor's own orientation and write the turn into it.
+    store videos in the orientation of the sensor; the matrix contains the rotation to the upright
+    orientation.
     """
     matrix = picture.side_data.get("DISPLAYMATRIX")
     if matrix is None:

@@ -28,16 +28,16 @@ _LARGEST_COPY_BYTES = 1 << 32
 """Of a recording from a server without ranges (convention)."""
 
 _TIMEOUT_S = 10.0
-"""How long a server may keep silent, at the start or later, before it counts as gone."""
+"""Longest silence of a server, s, after which it counts as lost."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetworkVideo:
-    """A video behind a URL, open from the start; read once.
+    """An open video at a URL; can be iterated once.
 
-    A live stream has time stamps of the wall clock: the first picture has the time of its
-    arrival, the others follow by the sender's clock, which the network does not disturb. A
-    recording of known duration has its own, like a file.
+    A live stream has wall-clock time stamps: the first picture has the time of its arrival, later
+    times follow the clock of the sender, which network delays do not affect. A recording of known
+    duration has its own time stamps, like a file.
     """
 
     name: str
@@ -50,7 +50,7 @@ class NetworkVideo:
     notes: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[Frame]:
-        """Frames until the stream ends or falls silent; then the connection is closed."""
+        """Frames until the stream ends or stays silent; then the connection is closed."""
         with self.container, self.copy or nullcontext():
             moments = decode(self.container, self.stream)
             if self.container.duration is None:

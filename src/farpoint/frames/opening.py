@@ -1,4 +1,4 @@
-"""One door to every kind of source."""
+"""Opening of all kinds of sources."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def open_frames(
     follow_playlists: bool = False,
     topic: str | None = None,
 ) -> FrameSource:
-    """Open whatever holds images: the kind is recognised by what is there.
+    """Open a source of images; its kind is recognised by its files.
 
     Parameters
     ----------
@@ -55,26 +55,26 @@ def open_frames(
         - the URL of a stream, such as ``"rtsp://..."``;
         - the URL of a video or folder elsewhere, such as ``"s3://bucket/drive.mp4"``.
     fps : float, optional
-        Frames a second, used only where the source carries no time stamps: a video's own, a
-        list, a file ``times.txt`` or names made of times come first, and
-        ``timestamp_source`` of the result names it. None assumes 10 for images.
+        Frames per second, used only if the source has no time stamps (of a video, a list, a file
+        ``times.txt``, or names that are times). ``timestamp_source`` of the result states the
+        origin of the times. None assumes 10 for images.
     max_megapixels : float
-        Larger image files are frames with a fault, before they are decoded.
+        Size limit of image files; a larger file is not decoded and is a frame with a fault.
     follow_playlists : bool
-        Play the files that a playlist (M3U8, ffconcat, MPD, SDP) names, wherever they lie.
+        Open the files that a playlist (M3U8, ffconcat, MPD, SDP) names, in any folder.
     topic : str, optional
-        Of the images in a bag; needed where it has several such topics.
+        Topic of the images in a bag; needed if the bag has several image topics.
 
     Returns
     -------
     FrameSource
-        Iterate it for `Frame` after `Frame`. A frame that cannot be read has no image but a
-        fault with the cause; later frames follow.
+        An iterable of `Frame`. An unreadable frame has a fault with the cause instead of an image;
+        later frames follow.
 
     Raises
     ------
     InputError
-        Where the source is missing, unreadable, empty, or not of any kind above.
+        If the source is missing, unreadable, empty, or of no kind above.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def _open_path(
 
 
 def _open_name(name: str, fps: float | None) -> FrameSource:
-    """What is no path: the index of a camera, a pattern, or a mistake."""
+    """Open a source that is no path: the index of a camera or a pattern."""
     if name.isascii() and name.isdecimal():
         return open_device(int(name))
     if glob.has_magic(name):

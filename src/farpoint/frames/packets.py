@@ -1,4 +1,4 @@
-"""Decoding one video stream packet by packet, surviving the packets that cannot be decoded."""
+"""Decoding of a video stream packet by packet; continues after damaged packets."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _REORDER_DEPTH = 16
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moment:
-    """A picture of a video, or what happened instead of one.
+    """A picture of a video, or a fault.
 
     Attributes
     ----------
     seconds : float or None
-        Time by the clock of the container; None where the container carries none.
+        Time stamp of the container; None if there is none.
     image : ndarray of uint8, shape (height, width), or None
         Grey values, upright.
     fault : str or None
-        Why there is no image.
+        Reason why there is no image.
     deep : GreyTable or None
-        By what samples of 16 bits became grey values.
+        Table from samples of 16 bits to grey values.
     """
 
     seconds: float | None
@@ -99,7 +99,7 @@ def _decode_packet(stream: Any, packet: Any, incomplete: set[int], grey: Grey) -
     try:
         for picture in stream.decode(packet):
             seconds = _seconds(picture.pts, stream)
-            # What the decoder made up to fill a picture is worse than no picture.
+            # A picture with concealed errors is worse than no picture.
             if picture.is_corrupt or picture.pts in incomplete:
                 yield Moment(seconds=seconds, fault="decoded only in part: data is damaged")
             else:
@@ -122,7 +122,7 @@ def _seconds(pts: int | None, stream: Any) -> float | None:
 
 
 def _find_truncation(container: Any, stream: Any, end_s: float) -> str | None:
-    """What is missing at the end by the account of the header, where it gives one.
+    """Missing part at the end according to the duration in the header, if any.
 
     Times are compared, not counts: an AVI counts the pictures it leaves out as well.
     """

@@ -22,7 +22,7 @@ _STREAMS = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt"
 
 
 def is_remote(source: str) -> bool:
-    """Whether fsspec reads it: what FFmpeg does not, or a folder (``/``) or bag on the web."""
+    """Whether fsspec reads it: schemes unknown to FFmpeg, or web folders (``/``) and bags."""
     scheme, mark, rest = source.partition("://")
     if not mark:
         return False
@@ -51,7 +51,7 @@ def remote_place(url: str) -> tuple[Any, str]:
 
 
 def open_remote_file(url: str) -> IO[bytes]:
-    """A file behind a URL, opened for reading; seeks read only what is asked for.
+    """Open a file at a URL; only the requested ranges are read.
 
     Raises
     ------
@@ -108,9 +108,9 @@ def open_remote(
 
 
 class _Steady:
-    """A remote file that ends where its connection breaks off, and raises the error when closed.
+    """A remote file that ends if its connection breaks, and raises the error when closed.
 
-    FFmpeg has no use for errors of Python in the middle of a read.
+    FFmpeg does not pass on Python errors during a read.
     """
 
     def __init__(self, url: str) -> None:
@@ -119,7 +119,7 @@ class _Steady:
         self.seek, self.tell = self._file.seek, self._file.tell
 
     def read(self, size: int = -1) -> bytes:
-        """So many bytes, fewer at the end."""
+        """Read a number of bytes, fewer at the end."""
         try:
             return self._file.read(size)
         except Exception as error:  # each file system has errors of its own
@@ -175,5 +175,5 @@ def _unreadable(url: str, error: Exception) -> InputError:
 
 
 def _public(url: str) -> str:
-    """The URL without what may be a password or a token."""
+    """The URL without passwords and tokens."""
     return re.sub(r"//[^/]*@", "//", url.partition("?")[0])

@@ -1,4 +1,4 @@
-"""Images in files, each with its time: what every kind of folder comes down to."""
+"""Sequences of image files with times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["ImageSequence"]
 
 @dataclass(frozen=True, kw_only=True)
 class ImageSequence:
-    """Image files in order; decodes one at a time, and can be iterated again.
+    """Image files in order; decodes one image at a time, and can be iterated again.
 
     Attributes
     ----------
@@ -31,11 +31,11 @@ class ImageSequence:
     images : tuple of Path
         The files, in order.
     stamps : Stamps
-        Their times, one for each.
+        Times of the images.
     calibration_path : Path or None
-        A file near the images that looks like its calibration.
+        A file near the images that may be their calibration.
     pages : tuple of int
-        Which page of its file each image is; empty where all files are of one page.
+        Page of each image in its file; empty if all files have one page.
     max_megapixels : float
         Larger images are frames with a fault.
     """
@@ -57,7 +57,7 @@ class ImageSequence:
 
     @property
     def timestamp_source(self) -> str:
-        """Where the time stamps come from."""
+        """Origin of the time stamps."""
         return self.stamps.source
 
     @property
@@ -66,7 +66,7 @@ class ImageSequence:
         return (self._deep.words,) if self._deep is not None and self._deep.words else ()
 
     def __iter__(self) -> Iterator[Frame]:
-        """Frames in order; an image that cannot be had is a frame with a fault."""
+        """Frames in order; an unreadable image is a frame with a fault."""
         for index, (path, time) in enumerate(zip(self.images, self.stamps.seconds, strict=True)):
             image, fault, name = None, None, path.name
             if any(self.pages):

@@ -1,4 +1,4 @@
-"""When each image was taken: from a file of times, from the names, or from a frame rate."""
+"""Times of images: from a file of times, from the names, or from a frame rate."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Stamps:
     seconds : tuple of float
         One for each image.
     source : str
-        Where they come from, for a person.
+        Origin of the time stamps, as text.
     """
 
     seconds: tuple[float, ...]
@@ -39,7 +39,7 @@ class Stamps:
 
 
 def find_stamps(images: Sequence[Path], fps: float | None) -> Stamps:
-    """Time stamps of images that are in order, from the best evidence there is.
+    """Time stamps of sorted images, from the first of these sources that exists.
 
     1. ``times.txt`` or ``timestamps.txt`` in their folder or one above, if it has a row for each
        image, or if the names are frame numbers that count its rows from 0 (part of a sequence);

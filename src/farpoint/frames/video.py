@@ -31,27 +31,27 @@ __all__ = ["VideoFile", "frame_count", "frames_of", "open_container", "open_vide
 class VideoFile:
     """A video file; decodes one picture at a time, and can be iterated again.
 
-    Time stamps are the container's own, not shifted to zero. A picture without one comes a
-    nominal frame interval after the last.
+    Time stamps are those of the container, not shifted to zero. A picture without a time stamp
+    follows the last one by the nominal frame interval.
 
     Attributes
     ----------
     path : Path
         The file.
     name : str
-        Its name without suffix.
+        File name without suffix.
     count : int or None
         Number of frames in the header, or from duration and rate; None without either.
     timestamp_source : str
-        The container, or the rate where it carries no times.
+        Origin of the time stamps: the container or the frame rate.
     nominal_fps : float
-        Frames a second where a picture has no time stamp.
+        Frame rate for pictures without a time stamp, 1/s.
     calibration_path : Path or None
-        A file beside the video that looks like its calibration.
+        A file near the video that may be its calibration.
     pixel_aspect : float
         Width of a pixel over its height; 1 for square ones.
     deep : GreyTable or None
-        What samples of 16 bits become, by the first picture; None of other videos.
+        Table for samples of 16 bits, from the first picture; None for other videos.
     opener : callable or None
         Opens the file where it is not on this machine.
     """
@@ -72,7 +72,7 @@ class VideoFile:
         return (self.deep.words,) if self.deep is not None and self.deep.words else ()
 
     def __iter__(self) -> Iterator[Frame]:
-        """Frames in order of time; what cannot be decoded is a frame with a fault."""
+        """Frames in order of time; an undecodable picture is a frame with a fault."""
         with self.container() as container:
             stream = video_stream(container, self.path)
             yield from frames_of(decode(container, stream, self.deep), self.nominal_fps)
@@ -89,7 +89,7 @@ def open_video(
     follow_playlists: bool = False,
     opener: Callable[[], IO[bytes]] | None = None,
 ) -> VideoFile:
-    """Open a video far enough to know that it has a picture.
+    """Open a video; checks that it has at least one picture.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def open_video(
         Frames a second for a file without time stamps (a raw H.264 stream); None takes the rate
         in its header.
     follow_playlists : bool
-        Play the files that a playlist names, wherever they lie.
+        Open the files that a playlist names, in any folder.
     opener : callable, optional
         Opens the file where it is not on this machine; ``path`` is then its name.
 
@@ -135,7 +135,7 @@ def open_video(
 
 
 def frames_of(moments: Iterator[Moment], nominal_fps: float) -> Iterator[Frame]:
-    """Number the moments, and give a time to those that have none."""
+    """Number the pictures, and add missing times."""
     seconds = -1 / nominal_fps
     for index, moment in enumerate(moments):
         seconds = seconds + 1 / nominal_fps if moment.seconds is None else moment.seconds
@@ -188,7 +188,7 @@ def _pixel_aspect(stream: Any, first: Moment) -> float:
 
 
 def _is_playlist(opener: Callable[[], IO[bytes]]) -> bool:
-    """Whether a file names others for FFmpeg to open, by what it begins with."""
+    """Whether a file is a playlist for FFmpeg, by its first bytes."""
     with opener() as file:
         begin = file.read(_BEGINNING_BYTES)
     # A playlist is text; FFmpeg looks for its marks behind white space and byte order marks, too.

@@ -41,8 +41,8 @@ class StartSigmas:
     Attributes
     ----------
     tilt_rad, heading_rad : float
-        Attitude, about the horizontal axes and about the vertical. The heading is unobservable: a
-        choice of the map.
+        Attitude about the horizontal axes, and about the vertical axis. The heading is
+        unobservable; its origin is arbitrary.
     velocity : float
         m/s. Above about 0.33 of the speed, the first updates make the filter overconfident of the
         speed.
@@ -97,7 +97,7 @@ class InertialFilter:
     Parameters
     ----------
     state : InertialState
-        At the time of the first image.
+        State at the time of the first image.
     start : StartSigmas
         Initial 1-sigma.
     noise : ImuNoise
@@ -192,7 +192,7 @@ class InertialFilter:
         return direction(np.zeros(ERROR_SIZE)), jacobian @ self.covariance @ jacobian.T
 
     def nees(self, truth: InertialState) -> float:
-        """Normalised square of the error of attitude, velocity and biases: 12 if all is honest."""
+        """NEES of attitude, velocity and biases; 12 on average if consistent."""
         error = difference(truth, self.state)[KNOWN]
         return float(error @ np.linalg.solve(self.covariance[KNOWN, KNOWN], error))
 
@@ -216,9 +216,9 @@ class InertialFilter:
                 [np.eye(ERROR_SIZE), white @ _derivative(error_measured, root @ x) @ root]
             )
 
-        # The most probable state, not the first step to it (Bell and Cathey, IEEE TAC 38(2), 1993,
-        # doi:10.1109/9.250476): a direction is linear in the velocity only where the velocity is
-        # known, and at first it is not.
+        # Iterated to the most probable state (Bell and Cathey, IEEE TAC 38(2), 1993,
+        # doi:10.1109/9.250476): a direction is linear in the velocity only if the velocity is
+        # known, which it is not at first.
         start: Any = np.zeros(ERROR_SIZE), slope  # SciPy's types know no callable derivative
         best = least_squares(misfit, *start, method="lm")
         dof, nis = len(noise), 2.0 * float(best.cost)
@@ -238,13 +238,13 @@ def _derivative(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray) ->
 
 
 def _square_root(covariance: np.ndarray) -> np.ndarray:
-    """A matrix whose square, ``root @ root.T``, is the covariance, be it singular."""
+    """A matrix ``root`` with ``root @ root.T`` equal to the covariance, which may be singular."""
     variances, axes = np.linalg.eigh(covariance)
     return axes * np.sqrt(np.maximum(variances, 0.0))
 
 
 def _at_an_image(covariance: np.ndarray) -> np.ndarray:
-    """The same covariance when an image is taken: nothing moved, the last attitude is this one."""
+    """The covariance after an image: displacement 0, last attitude = current attitude."""
     carry = np.eye(ERROR_SIZE)
     carry[DISPLACEMENT] = carry[LAST_ATTITUDE] = 0.0
     carry[LAST_ATTITUDE, ATTITUDE] = np.eye(3)

@@ -74,7 +74,7 @@ class ImuSteps:
         return len(self.dt)
 
     def parts(self, size: int) -> Iterator[ImuSteps]:
-        """The same steps, at most so many at a time."""
+        """The same steps in parts of limited length."""
         for k in range(0, len(self), size):
             part = slice(k, k + size)
             yield ImuSteps(gyro=self.gyro[part], accel=self.accel[part], dt=self.dt[part])
@@ -91,7 +91,7 @@ class ImuSamples:
     gyro : ndarray, shape (N, 3)
         Angular rate of the body against the world, rad/s.
     accel : ndarray, shape (N, 3)
-        Specific force, m/s^2: at rest it points up and is as large as gravity.
+        Specific force, m/s^2; at rest it points up with the magnitude of gravity.
 
     Raises
     ------
@@ -115,7 +115,7 @@ class ImuSamples:
     def between(self, start_s: float, end_s: float) -> ImuSteps:
         """The steps that lead from one time to another.
 
-        Measurements are joined by straight lines, so that steps may begin and end between them.
+        Measurements are interpolated linearly, so steps may begin and end between them.
 
         Raises
         ------

@@ -64,11 +64,11 @@ def predicted_motion(
 
 
 def motion_error(state: InertialState, pose: RelativePose, body_from_cam: np.ndarray) -> np.ndarray:
-    """``[dtheta, dbeta]`` (..., 5), rad, from the measured motion to the state's.
+    """``[dtheta, dbeta]`` (..., 5), rad, from the measured motion to that of the state.
 
-    For the true state that is the error whose covariance the pose gives, but for ``dbeta`` being
-    an angle here and not its tangent, so that it is finite for a state that moves the other way.
-    ``dtheta`` alone (..., 3) where no direction was seen.
+    For the true state this is the error of the pose's covariance, except that ``dbeta`` is an angle
+    and not its tangent. So ``dbeta`` is finite for a state that moves in the opposite direction.
+    ``dtheta`` alone (..., 3) if the pose has no direction.
     """
     R_measured, d, B = (
         pose.rotation_cam1_from_cam0,

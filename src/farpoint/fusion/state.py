@@ -33,7 +33,7 @@ ATTITUDE, VELOCITY, GYRO_BIAS, ACCEL_BIAS = (slice(k, k + 3) for k in (0, 3, 6, 
 DISPLACEMENT, LAST_ATTITUDE = slice(12, 15), slice(15, 18)
 KNOWN = slice(0, 12)
 ERROR_SIZE = 18
-"""Order of the error: the first 12 are the user's state, the others serve the next update."""
+"""Order of the error: 12 components of the state, then 6 for the next update."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,7 +53,7 @@ class InertialState:
     displacement : ndarray, shape (..., 3)
         Displacement of the IMU since the last image, in the world, m.
     last_world_from_body : ndarray, shape (..., 3, 3)
-        Its attitude at the last image.
+        Attitude of the IMU at the last image.
     """
 
     world_from_body: np.ndarray
@@ -85,12 +85,12 @@ class InertialState:
     def at_rest(cls, accel: np.ndarray) -> InertialState:
         """State of a body at rest with this specific force (3,), m/s^2: level, heading 0.
 
-        A bias of the accelerometer tilts it: by 0.1 rad for 1 m/s^2.
+        A bias of the accelerometer tilts the attitude by 0.1 rad per m/s^2.
         """
         up = np.array([0.0, 0.0, 1.0])
         axis = np.cross(accel, up)
         sine = float(np.linalg.norm(axis))
-        if sine == 0.0:  # upright, or upside down: any horizontal axis will do
+        if sine == 0.0:  # upright or upside down: the horizontal axis is arbitrary
             axis, sine = np.array([1.0, 0.0, 0.0]), 1.0
         angle = sphere.angle_between(sphere.normalize(accel), up)
         return cls.at(so3.exp(float(angle) * axis / sine), np.zeros(3))
@@ -119,7 +119,7 @@ def retract(state: InertialState, error: np.ndarray) -> InertialState:
 
 
 def difference(truth: InertialState, estimate: InertialState) -> np.ndarray:
-    """The error (..., 18) that `retract` takes from the estimate to the truth."""
+    """The error (..., 18) with which `retract` maps the estimate to the truth."""
     rotation = truth.world_from_body @ np.swapaxes(estimate.world_from_body, -1, -2)
     last_rotation = truth.last_world_from_body @ np.swapaxes(estimate.last_world_from_body, -1, -2)
     return np.concatenate(

@@ -1,4 +1,4 @@
-"""Rotations: exponential, logarithm, and the two layouts users meet.
+"""Rotations: exponential, logarithm, matrices and quaternions.
 
 Perturbations are on the left, ``R_true = Exp(dtheta) @ R``. Quaternions are ``qx qy qz qw``.
 """

@@ -1,4 +1,4 @@
-"""A source that is watched, through the odometry into outputs, as it happens."""
+"""Live sessions: from a source through the odometry into outputs."""
 
 from farpoint.live.session import LiveSession, LiveState
 

@@ -1,4 +1,4 @@
-"""Everything once, before the first frame of a live session."""
+"""Warm-up before the first frame of a live session."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["rehearse"]
 
 
 def rehearse(camera: Camera | CameraGuess) -> None:
-    """Go through everything once: what is loaded or compiled on use would cost frames later."""
+    """Run each stage once: loading and compiling during the session would drop frames."""
     known_size = camera.size if isinstance(camera, Camera) else None
     width, height = known_size or (320, 240)
     camera, _ = camera_for(camera, width, height)

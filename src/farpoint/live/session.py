@@ -1,4 +1,4 @@
-"""A live source through the odometry into outputs: the newest frame wins, all are accounted for."""
+"""A live session: processes the newest frame of a source and counts all frames."""
 
 from __future__ import annotations
 
@@ -51,13 +51,14 @@ class LiveState:
     Attributes
     ----------
     account : LiveAccount
-        Frames that came, were used, dropped.
+        Numbers of frames that arrived, were used, were dropped.
     link : str
         ``receiving``, ``silent`` or ``lost``.
     latency_s, longest_latency_s : float
-        From the arrival of a frame to its result in the outputs: of the newest, and the longest.
+        Latency from the arrival of a frame to its result in the outputs: of the newest frame, and
+        the longest.
     not_drawn : int
-        Results that the display left out, because its drawing was behind.
+        Number of results that the display left out, because drawing was too slow.
     """
 
     account: LiveAccount
@@ -75,9 +76,9 @@ class LiveSession:
     Parameters
     ----------
     live : LiveSource
-        Opened here, and again whenever it is lost.
+        Source that the session opens, and opens again when it is lost.
     source : str
-        What the user called it.
+        Source as given by the user.
     camera : Camera or CameraGuess
         Of the frames; a guess becomes a camera with the size of the first picture.
     out : Path or None
@@ -85,20 +86,21 @@ class LiveSession:
     odometry, output, viewer : dataclasses, optional
         Options. By default there is no display.
     hints : sequence of Hint
-        What is known of lengths: with any, the files are put in metres at the end.
+        Aiding measurements of length: with any of them, the files are converted to metres at the
+        end.
     mask_file : Path, optional
-        8-bit image of the frames' size: what is black in it is not tracked.
+        8-bit image of the size of the frames; black pixels are not tracked.
     warn : callable, optional
-        Takes what must be known of the results, in words: that the camera is a guess, which hints
-        contradict each other. It stands in ``run.json`` too.
+        Called with warnings about the results: a guessed camera, contradicting aiding measurements.
+        ``run.json`` has the warnings, too.
 
     Raises
     ------
     InputError
-        Where the source cannot be opened or delivers no picture, its frames are not of the
-        camera's size (field ``camera``), the mask does not fit them, outputs cannot be written, or
-        another run is writing into the folder. Earlier outputs in it are replaced only after
-        the first picture came.
+        If the source cannot be opened or delivers no picture, if its frames do not have the size of
+        the camera (field ``camera``) or of the mask, if outputs cannot be written, or if another
+        run is writing into the folder. Earlier outputs in the folder are replaced only after the
+        first picture.
 
     Attributes
     ----------
@@ -178,7 +180,7 @@ class LiveSession:
 
     @property
     def state(self) -> LiveState:
-        """How it stands."""
+        """State of the session."""
         return LiveState(
             account=self._capture.account,
             link=self._link(),
@@ -197,9 +199,9 @@ class LiveSession:
         Parameters
         ----------
         duration_s : float
-            From now.
+            Duration from now, s.
         notice : callable, optional
-            Told how it stands after each frame, and four times a second while none comes.
+            Called with the state after each frame, and four times per second without frames.
         """
         end_s = time.monotonic() + duration_s
         while (left_s := end_s - time.monotonic()) > 0.0 and not self._capture.ended:
@@ -222,7 +224,7 @@ class LiveSession:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # The source first: what still waits counts as dropped in the account of the files.
+        # The source is closed first: a waiting frame counts as dropped in ``run.json``.
         self._capture.close()
         self._record(self.state)
         self._write_final_poses(self._odometry.remaining())
@@ -230,7 +232,7 @@ class LiveSession:
         self._opened.__exit__(kind, error, trace)
 
     def _first_size(self) -> tuple[int, int]:
-        """Width and height of the first picture, which stays to be taken."""
+        """Width and height of the first picture, which is not consumed."""
         first = self._capture.peek(_FIRST_S)
         if first is None:
             raise InputError("delivers no picture", file=self._capture.name)
@@ -254,12 +256,12 @@ class LiveSession:
             self._display.set_status(self._latency_s, taken.dropped)
 
     def _numbered(self, found: OdometryResult, index: int) -> OdometryResult:
-        """The result with its frames counted as the source delivered them: gaps were dropped."""
+        """The result with the frame numbers of the source; gaps are dropped frames."""
         self._indices[found.frame1], self._compared_with = index, found.frame0
         return replace(found, frame0=self._indices[found.frame0], frame1=index)
 
     def _write_final_poses(self, poses: list[FinalPose]) -> None:
-        """Write poses, counted as `_numbered` does; those of earlier frames are left out."""
+        """Write poses with the frame numbers of the source; drop those of earlier frames."""
         self._folder.write_final_poses(
             replace(pose, frame1=self._indices[pose.frame1]) for pose in poses
         )
@@ -268,7 +270,7 @@ class LiveSession:
             self._indices = {k: v for k, v in self._indices.items() if k >= done}
 
     def _record(self, state: LiveState) -> None:
-        """Put the account into ``run.json``."""
+        """Write the counts of frames into ``run.json``."""
         facts = {
             **asdict(state.account),
             "not_drawn": state.not_drawn,

@@ -1,6 +1,6 @@
-"""How far estimates are from the truth, and whether their covariances say so.
+"""Errors of estimates, and tests of their covariances.
 
-Plain arrays in, records out; see `farpoint.evaluate` for files.
+The functions take arrays and return records; `farpoint.evaluate` reads files.
 """
 
 from farpoint.metrics.alignment import Similarity, align_se3, align_sim3, sim3_misfit

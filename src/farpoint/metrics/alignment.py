@@ -1,4 +1,4 @@
-"""Laying one trajectory on another before they are compared."""
+"""Alignment of one trajectory with another."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Similarity:
     translation: np.ndarray
 
     def apply_to_poses(self, world_from_cam: np.ndarray) -> np.ndarray:
-        """Poses (N, 4, 4) carried over: positions transformed, orientations turned."""
+        """Transformed poses (N, 4, 4): positions transformed, orientations rotated."""
         moved = np.array(world_from_cam, dtype=np.float64)
         moved[:, :3, :3] = self.rotation @ moved[:, :3, :3]
         moved[:, :3, 3] = self.scale * moved[:, :3, 3] @ self.rotation.T + self.translation
@@ -38,7 +38,7 @@ class Similarity:
 
 
 def align_sim3(source: np.ndarray, target: np.ndarray) -> Similarity:
-    """Similarity that carries points ``source`` (N, 3) nearest to ``target`` (N, 3).
+    """Similarity that maps points ``source`` (N, 3) to ``target`` (N, 3) by least squares.
 
     Least squares in closed form: Umeyama, "Least-Squares Estimation of Transformation Parameters
     Between Two Point Patterns", PAMI 13(4), 1991, doi:10.1109/34.88573, eqs. 40-42.
@@ -53,7 +53,7 @@ def align_sim3(source: np.ndarray, target: np.ndarray) -> Similarity:
 
 
 def align_se3(source: np.ndarray, target: np.ndarray) -> Similarity:
-    """Rigid motion that carries ``source`` (N, 3) nearest to ``target``; see `align_sim3`."""
+    """Rigid motion that maps ``source`` (N, 3) to ``target`` by least squares; see `align_sim3`."""
     rotation, _, _ = _umeyama(source, target)
     return _completed(1.0, rotation, source, target)
 
@@ -61,7 +61,8 @@ def align_se3(source: np.ndarray, target: np.ndarray) -> Similarity:
 def sim3_misfit(source: np.ndarray, target: np.ndarray) -> float:
     """Root mean square distance of ``source`` (N, 3) from ``target`` after `align_sim3`: the ATE.
 
-    It is the same for every rotation about a line, so points may lie on one: Umeyama 1991, eq. 33.
+    Points may lie on one line: the misfit is the same for every rotation about it (Umeyama 1991,
+    eq. 33).
     """
     x, y = source - source.mean(axis=0), target - target.mean(axis=0)
     U, D, Vt = np.linalg.svd(y.T @ x / len(x))

@@ -15,14 +15,15 @@ __all__ = ["AssociationOptions", "poses_at_frames", "poses_at_times"]
 
 @dataclass(frozen=True, kw_only=True)
 class AssociationOptions:
-    """When a truth recorded at other times may be interpolated.
+    """Limits of the interpolation of true poses.
 
     Attributes
     ----------
     tolerance_s : float
-        A time this near to a true pose takes that pose; it covers rounded time stamps, s.
+        Largest time difference at which a true pose is used without interpolation, s; covers
+        rounded time stamps.
     max_gap_s : float
-        Between two true poses further apart than this nothing is interpolated, s.
+        Largest gap between two true poses that is interpolated, s.
     """
 
     tolerance_s: float = 1e-3
@@ -45,18 +46,18 @@ def poses_at_times(
     Parameters
     ----------
     truth_timestamps : ndarray, shape (N,)
-        Never decreasing, s; of equal ones the first counts.
+        Never decreasing, s; of equal times the first is used.
     truth_poses : ndarray, shape (N, 4, 4)
         Rigid transforms.
     timestamps : ndarray, shape (M,)
-        When the poses are wanted, s, in any order.
+        Times of the requested poses, s, in any order.
     options : AssociationOptions, optional
         Tolerances.
 
     Raises
     ------
     InputError
-        If the true time stamps decrease, or no wanted time has a true pose.
+        If the true time stamps decrease, or no requested time has a true pose.
     """
     options = options or AssociationOptions()
     times, wanted = np.asarray(truth_timestamps, float), np.asarray(timestamps, float)
@@ -74,9 +75,9 @@ def poses_at_times(
 
 
 def poses_at_frames(truth_poses: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """True poses (M, 4, 4) of frame numbers (M,), for truth with one pose a frame, as KITTI's.
+    """True poses (M, 4, 4) of frame numbers (M,), for truth with one pose per frame (KITTI).
 
-    NaN for frames beyond the truth; an InputError if that is all of them.
+    NaN for frames beyond the truth; an InputError if all frames are beyond it.
     """
     frames = np.asarray(frames)
     known = (frames >= 0) & (frames < len(truth_poses))
@@ -91,7 +92,7 @@ def poses_at_frames(truth_poses: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
 
 def _snapped(times: np.ndarray, wanted: np.ndarray, tolerance_s: float) -> np.ndarray:
-    """Each wanted time, moved to the nearest true one where that is within the tolerance."""
+    """Each requested time, replaced by the nearest true time if it is within the tolerance."""
     after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(
@@ -101,7 +102,7 @@ def _snapped(times: np.ndarray, wanted: np.ndarray, tolerance_s: float) -> np.nd
 
 
 def _covered(times: np.ndarray, wanted: np.ndarray, max_gap_s: float) -> np.ndarray:
-    """Which wanted times are those of a true pose or lie in a short enough gap between two."""
+    """Which requested times have a true pose, or lie in a short enough gap between two."""
     after = np.searchsorted(times, wanted)
     inside = (after > 0) & (after < len(times))
     later = np.clip(after, 0, len(times) - 1)

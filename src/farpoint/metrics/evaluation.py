@@ -1,4 +1,4 @@
-"""The figures of a whole run: its motions, and the trajectory they add up to."""
+"""The figures of a whole run: its motions and its trajectory."""
 
 from __future__ import annotations
 
@@ -47,18 +47,17 @@ class MotionEvaluation:
     pairs, pairs_with_truth : int
         All pairs, and those whose true motion is known.
     statuses : dict of str to int
-        Number of pairs of each status, all of them.
+        Number of all pairs of each status.
     min_translation : float
         Shortest true translation whose direction counts, in the unit of the truth.
     directions_not_counted : int
-        Directions given for pairs that truly moved less than that.
+        Number of directions of pairs whose true translation is shorter.
     directions_opposed : int
         Directions 90 degrees or more off.
     rotation_rad, direction_rad : Summary
         Sizes of the errors, rad.
     rotation_sigma_rad, direction_sigma_rad : Summary
-        Sizes that the covariances claim for them, ``sqrt(trace)``, of all pairs, with truth or
-        without: how sharp the estimates are.
+        Sharpness: ``sqrt(trace)`` of the covariances of all pairs, with or without truth, rad.
     rotation, direction, pose : Consistency
         Errors against their covariances, of 3, 2 and 5 degrees of freedom, rad.
     """
@@ -107,17 +106,18 @@ class TrajectoryEvaluation:
     Attributes
     ----------
     poses : int
-        Poses that were compared.
+        Number of compared poses.
     path_length : float
-        Length of the true path through them.
+        Length of the true path through the compared poses.
     scale : float
         Factor from the estimate's unit to that of the truth, from the Sim(3) alignment.
     scale_drift : float
-        How much longer, relative, the last fifth of the path was made than the first.
+        Scale of the estimate over the last 20 % of the true path, relative to the first 20 %, minus
+        1.
     ate_sim3, ate_se3 : Summary
         Distances of positions after alignment with and without scale; their ``rmse`` is the ATE.
     delta_frames : int
-        Poses between the two of each relative error.
+        Number of frames over which relative errors are computed.
     rpe_translation, rpe_rotation_rad : Summary
         Relative pose errors after the Sim(3) alignment; rotations in rad.
     segments : tuple of SegmentFigures
@@ -146,16 +146,15 @@ class Evaluation:
     motions : MotionEvaluation
         Pair by pair.
     trajectory : TrajectoryEvaluation or None
-        The poses they add up to; None where they cannot be compared.
+        Figures of the trajectory; None if it cannot be compared.
     trajectory_fault : str or None
         Why `trajectory` is None.
     path : PathConsistency or None
-        Whether the poses are as far off as their covariances say; None without covariances.
+        Errors of the poses against their covariances; None without covariances.
     stretches : tuple of StretchFigure
-        Whether stretches of the path are as long, and turn as far, as stated; empty without truth
-        or covariances.
+        Errors of length and rotation of stretches of the path; empty without truth or covariances.
     halves : HalvesEvaluation or None
-        The test that needs no truth; None where the run made none.
+        Figures of the split-half test; None if the run made no test.
     """
 
     motions: MotionEvaluation

@@ -1,11 +1,12 @@
-"""The split-half test: does the covariance hold, where nobody knows the truth?
+"""The split-half test of covariances, without truth.
 
 The matches of a pair are split at random into two halves and the motion is estimated from each.
-If their noise is independent, the difference of the two has the sum of their covariances. Errors
+If the noise of the halves is independent, the covariance of the difference is the sum of both
+covariances. Errors
 that both halves share (of the calibration, of a moving object tracked in both, of neighbouring
 tracks) cancel in the difference: the test can show that a covariance is too small, not that it is
-complete. Neighbours in the same half (`image_cells`, and patches in `Odometry.split_half`) keep
-their common errors in it.
+complete. If neighbours stay in the same half (`image_cells`, and patches in `Odometry.split_half`),
+their common errors do not cancel.
 """
 
 from __future__ import annotations
@@ -41,12 +42,12 @@ class SplitHalf:
     Attributes
     ----------
     statuses : tuple of two PoseStatus
-        Verdicts on the halves.
+        Status of each half.
     difference : ndarray, shape (dof,)
-        ``[dtheta, dbeta]`` from the first estimate to the second, rad; ``dtheta`` alone where only
-        the rotations can be compared, empty where nothing can.
+        ``[dtheta, dbeta]`` from the first estimate to the second, rad; ``dtheta`` alone if only the
+        rotations can be compared; empty if no quantity can be compared.
     covariance : ndarray, shape (dof, dof)
-        Of the difference, rad^2, as both estimates claim it.
+        Covariance of the difference, rad^2, from the covariances of both estimates.
     """
 
     statuses: tuple[PoseStatus, PoseStatus]
@@ -73,17 +74,18 @@ class ConsistencyRatio:
     Attributes
     ----------
     count : int
-        Differences that were compared.
+        Number of differences that were compared.
     opposed : int
-        Others, of directions 90 degrees or more apart: infinite, whatever the covariances say.
+        Number of further differences, which are infinite: the directions differ by 90 degrees or
+        more.
     dof : int
-        Their degrees of freedom in all.
+        Sum of the degrees of freedom of the compared differences.
     ratio : float
         Sum of the normalised squares over `dof`: 1 for honest covariances, above 1 where they are
         too small. NaN where nothing was compared.
     low, high : float
-        Where `ratio` lies in 95 % of cases if covariances are honest, errors Gaussian and the
-        differences independent.
+        95 % interval of `ratio` for honest covariances, Gaussian errors and independent
+        differences.
     """
 
     count: int
@@ -103,13 +105,13 @@ class HalvesEvaluation:
     pairs : int
         Pairs of frames that were tested.
     compared, compared_in_rotation : int
-        Those whose halves both gave a direction, and those that could be compared in rotation
-        alone; the others not at all.
+        Number of pairs with a direction of both halves, and of pairs that were compared in rotation
+        only.
     ratio : ConsistencyRatio
-        Everything in one figure.
+        Ratio over all compared pairs.
     rotation, direction, pose : Consistency
-        Differences of the halves against their covariances, of 3, 2 and 5 degrees of freedom,
-        rad. Where a true error stands elsewhere, here stands a difference.
+        Differences of the halves against their covariances, with 3, 2 and 5 degrees of freedom,
+        rad. The differences replace the errors of an evaluation with truth.
     """
 
     pairs: int
@@ -133,12 +135,12 @@ def split_half(
     Parameters
     ----------
     matches : sequence of ndarray
-        Arrays whose rows belong together, such as ``(points0, points1)`` or ``(rays0, rays1)``,
-        with covariances behind them where the estimator takes them.
+        Arrays with one row per match, such as ``(points0, points1)`` or ``(rays0, rays1)``,
+        followed by covariances if the estimator takes them.
     estimate : callable
         Called as ``estimate(*arrays)`` with half of the rows of each array.
     seed : int
-        Of the split; the same seed gives the same halves.
+        Seed of the split; the same seed gives the same halves.
     groups : ndarray of int, shape (N,), optional
         Rows with the same number go to the same half, such as those of one image cell
         (`image_cells`). By default every row is a group of its own.
@@ -165,7 +167,7 @@ def split_half(
     assigned = (
         np.arange(lengths[0]) if groups is None else np.unique(groups, return_inverse=True)[1]
     )
-    # A mask leaves the rows in their order: an estimator that looks at it sees nothing unusual.
+    # A mask keeps the order of the rows, in case the estimator depends on it.
     half = np.empty(lengths[0], np.int64)
     split_patches(assigned.ravel(), np.array([seed % 2**64], np.uint64), half)
     return pose_difference(
@@ -189,11 +191,12 @@ def image_cells(points: np.ndarray, cell_px: float) -> np.ndarray:
 
 
 def pose_difference(a: RelativePose, b: RelativePose) -> SplitHalf:
-    """Compare two independent estimates of one motion, as far as both know it.
+    """Compare two independent estimates of one motion, in the quantities that both contain.
 
     With ``R_true = Exp(dtheta_a) R_a = Exp(dtheta_b) R_b`` the difference of rotation ``log(R_b
-    R_a^T)`` is ``dtheta_a - dtheta_b`` to first order; the direction of b is seen in the tangent
-    plane of a. Independent errors add their covariances, b's carried into a's tangent plane.
+    R_a^T)`` is ``dtheta_a - dtheta_b`` to first order; the direction of b is projected to the
+    tangent plane of a. The covariance of the difference is the sum of both covariances, with that
+    of b mapped to the tangent plane of a.
     """
     difference, covariance = np.empty(0), np.empty((0, 0))
     if a.covariance is not None and b.covariance is not None:

@@ -12,10 +12,12 @@ __all__ = ["OtherFrame", "fits_better", "other_frame"]
 
 _LEAST_MOTIONS = 10
 _LEAST_TURN_RAD = np.deg2rad(5.0)
-"""Smaller turns of the axes are calibration errors, not another frame (convention)."""
+"""Least rotation of the axes that counts as another frame; smaller ones are calibration errors
+(convention)."""
 
 _GAIN = 0.1
-"""Squares of the misfits that must remain, at most: noise alone leaves nearly all of them."""
+"""Largest ratio of the squared misfits with and without the rotation; for noise the ratio is near
+1."""
 
 
 class OtherFrame(NamedTuple):
@@ -27,11 +29,13 @@ class OtherFrame(NamedTuple):
 
 
 def other_frame(estimated: np.ndarray, true: np.ndarray) -> OtherFrame | None:
-    """The rotation of the axes with which relative rotations (N, 3, 3) agree; None where without.
+    """The rotation of the axes with which relative rotations (N, 3, 3) agree; None if they agree
+    without it.
 
     Relative rotations of one motion in two frames fixed to each other have rotation vectors that
-    differ by the constant rotation between the frames (the rotation part of hand-eye calibration):
-    it is found by the SVD of their products (Kabsch, Acta Crystallographica A32, 1976).
+    differ by the constant rotation between the frames (the rotation part of hand-eye calibration).
+    The SVD of the products of these vectors gives this rotation (Kabsch, Acta Crystallographica
+    A32, 1976).
     """
     known = np.isfinite(estimated).all(axis=(1, 2)) & np.isfinite(true).all(axis=(1, 2))
     if np.count_nonzero(known) < _LEAST_MOTIONS:

@@ -17,7 +17,7 @@ __all__ = ["PairErrors", "direction_error", "pair_errors", "relative_motions", "
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairErrors:
-    """Errors pair by pair; NaN where a quantity was not given, has no truth or is not counted.
+    """Errors of each pair; NaN if a quantity was not given, has no truth or is not counted.
 
     Perturbations are on the left and in camera 1, as everywhere in farpoint. An error of direction
     counts where the true translation is at least ``min_translation`` long: the direction of a
@@ -26,11 +26,11 @@ class PairErrors:
     Attributes
     ----------
     statuses : tuple of PoseStatus
-        Verdict on each of the N pairs.
+        Status of each of the N pairs.
     true_rotation_angle_rad : ndarray, shape (N,)
-        Angle that the camera truly turned, rad.
+        True angle of rotation, rad.
     true_translation : ndarray, shape (N,)
-        Length that it truly moved, in the unit of the truth; NaN where there is no truth.
+        Length of the true translation, in the unit of the truth; NaN without truth.
     min_translation : float
         Shortest true translation whose direction counts.
     errors : ndarray, shape (N, 5)
@@ -38,7 +38,7 @@ class PairErrors:
         normalize(direction_est + direction_basis @ dbeta)``. A direction 90 degrees or more off
         has an infinite ``dbeta``.
     covariances : ndarray, shape (N, 5, 5)
-        What was claimed for `errors`, rad^2.
+        Estimated covariances of `errors`, rad^2.
     rotation_angle_rad, direction_angle_rad : ndarray, shape (N,)
         Sizes of the errors, rad.
     rotation_nees, direction_nees, pose_nees : ndarray, shape (N,)
@@ -73,7 +73,7 @@ class PairErrors:
 
     @property
     def directions_opposed(self) -> int:
-        """Directions 90 degrees or more off: the sign is wrong, or everything."""
+        """Number of directions with an error of 90 degrees or more."""
         return int(np.count_nonzero(np.isinf(self.errors[:, 3])))
 
 
@@ -85,7 +85,7 @@ def relative_motions(
     Parameters
     ----------
     world_from_cam0, world_from_cam1 : ndarray, shape (N, 4, 4)
-        Poses of the cameras; NaN where unknown, which makes the motion NaN.
+        Poses of the cameras; NaN if unknown, and then the motion is NaN.
     """
     R1_transposed = np.swapaxes(world_from_cam1[:, :3, :3], 1, 2)
     rotations = R1_transposed @ world_from_cam0[:, :3, :3]
@@ -109,8 +109,8 @@ def direction_error(
     """``dbeta`` (N, 2), rad, of ``direction_true = normalize(direction_est + basis @ dbeta)``.
 
     The definition solved for ``dbeta`` is the central projection on the tangent plane,
-    ``basis.T @ direction_true / (direction_est . direction_true)``. It reaches 90 degrees only at
-    infinity, so a direction further off is infinite too.
+    ``basis.T @ direction_true / (direction_est . direction_true)``. The projection is infinite at
+    90 degrees; a larger error is also infinite.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def pair_errors(
     Parameters
     ----------
     statuses : sequence of PoseStatus, length N
-        Verdict on each pair.
+        Status of each pair.
     rotations : ndarray, shape (N, 3, 3)
         ``R_cam1_from_cam0``; NaN where the status is FAILED.
     directions : ndarray, shape (N, 3)

@@ -1,7 +1,7 @@
-"""Whether a path is as far from the truth as its covariances say.
+"""Errors of a path against its covariances.
 
-Errors of a path add up from pose to pose, so that all poses of a segment have little more
-information than one: figures are means over segments, with one sample of each.
+Errors of a path add up from pose to pose, so all poses of a segment have hardly more information
+than one pose. Figures are means over segments, with one sample per segment.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class PathSamples:
     length_from : ndarray of int, shape (N,)
         Rows at which those motions begin.
     own_covariances : ndarray, shape (N, 7, 7), or None
-        The part of each covariance that is the pose's alone, and that no later one has. None where
-        it is not known.
+        The part of each covariance that belongs to this pose only and not to later poses. None if
+        unknown.
     """
 
     segments: np.ndarray
@@ -65,14 +65,14 @@ class PathFigure:
     dof : int
         Degrees of freedom of each error; the mean NEES of honest covariances.
     poses, segments : int
-        How many there are of each.
+        Number of poses and of segments.
     mean_nees : float
         Mean over the segments of the mean over their poses.
     end_nees : float
         Mean over the last poses of the segments.
     nees_low, nees_high : float
-        Where ``end_nees`` lies in 95 % of cases if the covariances are honest, by chi-square with
-        ``dof`` degrees for each segment; ``mean_nees`` does so at least as often.
+        95 % interval of ``end_nees`` for honest covariances, by chi-square with ``dof`` degrees for
+        each segment; conservative for ``mean_nees``.
     """
 
     dof: int
@@ -96,18 +96,19 @@ class PathConsistency:
     Attributes
     ----------
     unit_is_given : bool
-        Whether the path states an error of its unit, as one in metres does; if not, the unit is the
-        first motion of each segment.
+        Whether the covariances include an error of the unit (a path in metres). If not, the unit is
+        the first motion of each segment.
     orientation, position, pose : PathFigure
         Of 3, 3 and 6 degrees of freedom.
     position_any_scale : PathFigure
-        Of 2: with the scale that suits each position best, so that neither the unit nor the scale
-        is judged.
+        Of 2 degrees of freedom: with the best-fitting scale for each position, so that unit and
+        scale do not count.
     scale : PathFigure
-        Of 1: the logarithms of the lengths of motions, the unit aside, against their 1-sigmas.
-        Lengths of a segment share the error of its scale.
+        Of 1 degree of freedom: errors of the logarithms of the lengths of motions, without that of
+        the unit, against their 1-sigmas. Lengths of a segment share the error of its scale.
     lengths : Consistency
-        The same, each length as if it were alone: chance is allowed less here than it is due.
+        The figures of ``scale`` with each length as an independent sample; the bounds are therefore
+        too narrow.
     """
 
     unit_is_given: bool
@@ -122,10 +123,11 @@ class PathConsistency:
 def evaluate_path(samples: PathSamples) -> PathConsistency | None:
     """Compare every segment with the truth in its own gauge; None where nothing can be compared.
 
-    The gauge is that of the covariances: the first pose of a segment, position and orientation, is
-    taken as true, and so is the length of its first motion, or, where that has an error of its own,
-    of the way that is known best, unless the path states an error of its unit. Nothing is fitted.
-    An error of the truth in that pose or length is charged to the path.
+    The gauge is that of the covariances, without a fit. The first pose of a segment, position and
+    orientation, is taken as true. The length of the first motion is taken as true; if it has an
+    error of its own, the best-known length is taken instead. If the covariances include an error of
+    the unit, no length is taken as true. An error of the truth in that pose or length counts as an
+    error of the path.
     """
     found = list(_segments(samples))
     if not found:
@@ -193,7 +195,7 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
     unit_is_given = bool(s.covariances[rows[np.argmax(moved)], 6, 6] > 0.0)
     unit = 1.0
     if not unit_is_given:
-        # Mostly the first given length; where that has an error, the best known one.
+        # Mostly the first given length; if it has an error, the best-known one.
         exact = moved & (s.lengths[rows] > 0.0) & (s.covariances[rows, 6, 6] == 0.0)
         best = _best_known(ways, s.covariances[rows, 3:6, 3:6])
         row = int(np.argmax(exact)) if exact.any() else best
@@ -220,10 +222,10 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
 
 
 def _best_known(ways: np.ndarray, covariances: np.ndarray) -> int:
-    """Row of the way (N, 3) whose length is known best, in its own unit: the unit of the path."""
+    """Row of the displacement (N, 3) with the smallest relative error: the unit of the path."""
     square = np.sum(ways**2, axis=1)
     variance = np.einsum("ni,nij,nj->n", ways, covariances, ways)
-    # Where nothing is stated of a place, as before the camera moved, a way is noise.
+    # Positions without a covariance, as before the camera moved, are noise.
     stated = (square > 0.0) & covariances.any(axis=(1, 2))
     relative = np.divide(variance, square**2, out=np.full(len(ways), np.inf), where=stated)
     return int(np.argmin(relative))

@@ -1,4 +1,4 @@
-"""An evaluation as text for people, as JSON for programs, and pair by pair for tables."""
+"""An evaluation as text, as JSON, and as rows of a table."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def to_json(evaluation: Evaluation) -> str:
 
 
 def to_text(evaluation: Evaluation) -> str:
-    """Aligned tables, to be read in a terminal; without any truth only what needs none."""
+    """Aligned tables for a terminal; without truth only the figures that need no truth."""
     motions = evaluation.motions
     lines = _motion_lines(motions)
     if motions.pairs_with_truth:

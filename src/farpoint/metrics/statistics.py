@@ -1,4 +1,4 @@
-"""How errors spread, and whether the covariances that came with them are believable."""
+"""Statistics of errors, and tests of their covariances."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ class Summary:
 
 @dataclass(frozen=True, kw_only=True)
 class Coverage:
-    """How often the truth lay inside the regions that were to hold it.
+    """Share of the regions that contain the truth.
 
     Attributes
     ----------
     level : float
-        Promised probability of each region.
+        Nominal probability of each region.
     inside, count : int
-        Regions that held the truth, and all regions.
+        Number of regions that contain the truth, and of all regions.
     low, high : float
         95 % Clopper-Pearson interval of the probability behind ``inside / count``.
     """
@@ -81,13 +81,13 @@ class Coverage:
 
     @property
     def kept(self) -> bool:
-        """Whether the promised level lies within the interval."""
+        """Whether the nominal level lies within the interval."""
         return self.low <= self.level <= self.high
 
 
 @dataclass(frozen=True, kw_only=True)
 class Consistency:
-    """Whether errors are as large as their covariances say.
+    """Errors against their covariances.
 
     Attributes
     ----------
@@ -96,18 +96,17 @@ class Consistency:
     count : int
         Number of errors.
     mean_nees, median_nees : float
-        Of the normalised estimation error squared.
+        Mean and median of the normalised estimation error squared.
     nees_low, nees_high : float
-        Where ``mean_nees`` lies in 95 % of cases if covariances are honest and errors Gaussian and
-        independent.
+        95 % interval of ``mean_nees`` for honest covariances and independent Gaussian errors.
     coverage68, coverage95 : Coverage
-        Of the 68 % and 95 % ellipsoids.
+        Coverage of the 68 % and 95 % ellipsoids.
     median_sigma : float
         Sharpness: median of ``sqrt(trace(covariance))``, in the unit of the errors. Of two honest
         estimators the sharper is the better.
     sigma_over_error : float
-        Root of the median that NEES should have over the median it has: the factor by which the
-        covariances' sigmas are too large (above 1) or too small. A few wild errors do not move it.
+        Square root of the expected over the measured median NEES: the factor by which the sigmas
+        are too large (above 1) or too small (below 1). A few large errors do not change it.
     """
 
     dof: int
@@ -147,8 +146,8 @@ def chi2_quantile(probability: float, dof: int) -> float:
 def binomial_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
     """Clopper-Pearson interval of a probability, seen ``successes`` times in ``trials``.
 
-    Clopper and Pearson, Biometrika 26(4), 1934, doi:10.1093/biomet/26.4.404. It holds at least
-    its confidence for every number of trials, 0 included, where it is (0, 1).
+    Clopper and Pearson, Biometrika 26(4), 1934, doi:10.1093/biomet/26.4.404. Its coverage is at
+    least the confidence for every number of trials; for 0 trials it is (0, 1).
     """
     tail = 0.5 * (1.0 - confidence)
     k, n = successes, trials
@@ -219,7 +218,7 @@ def consistency(errors: np.ndarray, covariances: np.ndarray) -> Consistency:
 
 
 def total_sigma(covariances: np.ndarray) -> np.ndarray:
-    """Sharpness of covariances (N, D, D): ``sqrt(trace)`` (N,), the root mean square claimed."""
+    """Sharpness (N,) of covariances (N, D, D): ``sqrt(trace)``, the expected RMS error."""
     return np.sqrt(np.trace(covariances, axis1=1, axis2=2))
 
 

@@ -1,20 +1,20 @@
-"""Whether stretches of a path are as long, and turn as far, as their covariances allow.
+"""Errors of length and rotation of stretches of a path, against their covariances.
 
-Poses have their covariance since the beginning of the segment; the error of a stretch is that added
-between its ends. In the coordinates of a perturbation of the whole world, ``x = [dtheta, rho,
-dlog_scale]`` with ``dp = dtheta x p + p dlog_scale + rho``, an error that is carried on does not
-change, so that its covariance ``W_t`` grows by what each motion adds. A frame that is located by
-itself has an error of its own besides, of covariance ``N_t``: ``C_t = W_t + N_t``. Where ``N`` is
-not given it is taken as the fall of ``C``,
+Poses have a covariance since the beginning of the segment; the error of a stretch is the error
+added between its ends. Let ``x = [dtheta, rho, dlog_scale]`` with ``dp = dtheta x p + p dlog_scale
++ rho`` be the error of a pose as a perturbation of the whole world. An error that later poses
+inherit has the same ``x`` at all of them, so its covariance ``W_t`` grows with each motion. A frame
+that is located independently has an additional error of covariance ``N_t``: ``C_t = W_t + N_t``. If
+``N`` is not given, it is estimated from the decrease of ``C``,
 
     W_t = C_t - (C_t - W_{t+1})_+
 
-with the positive part of the eigenvalues, which makes ``N`` too small, and short stretches too
-sure, where poses without an error of their own are rare. Increments are taken as independent:
+with the positive part of the eigenvalues. If poses without an error of their own are rare, ``N`` is
+too small, and so are the covariances of short stretches. Increments are taken as independent:
 
     cov(x_s, x_t) = W_min(s, t) + [s = t] N_t.
 
-Where increments are alike, as those by a wrong lens, a stretch is stated less sure than it is.
+If increments are correlated, for example by a wrong lens, the covariance of a stretch is too large.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from farpoint.metrics.statistics import Coverage, coverage
 __all__ = ["STRETCH_SHARES", "StretchFigure", "evaluate_stretches"]
 
 STRETCH_SHARES = (0.01, 0.05, 0.1, 0.2)
-"""Lengths of the stretches, in that of the path."""
+"""Lengths of the stretches, as shares of the length of the path."""
 
 _LEVEL = 0.95
 _LEAST_TURN_SIGMA = 1e-9  # rad, added: rounding
@@ -48,11 +48,10 @@ class StretchFigure:
     share : float
         Length of the stretches, in that of the path.
     length : float
-        The same in the unit of the truth; NaN where the true path has none, and stretches are that
-        share of its poses.
+        Length of the stretches in the unit of the truth; NaN if the true path has no length, and
+        stretches are a share of its poses.
     lengths : Coverage
-        Distances between the ends of the stretches within 1.96 sigma, after the one scale of the
-        segment.
+        Distances between the ends of the stretches within 1.96 sigma, after scaling of the segment.
     rotations : Coverage
         Rotations between the ends within their 95 % ellipsoids.
     """
@@ -68,16 +67,16 @@ def evaluate_stretches(
 ) -> tuple[StretchFigure, ...]:
     """Compare stretches that begin at every pose and lie within a segment with the truth.
 
-    A stretch ends at the first pose that lies its length farther along the true path. Each segment
-    is scaled so that its stretches together are as long as the true ones; the variances are those
-    that remain after that. The share of stretches within their 95 % is 0.95 on average where
-    covariances are honest; stretches overlap, so that the interval of `Coverage`, of independent
-    ones, is too narrow for it.
+    A stretch ends at the first pose that is at least its length farther along the true path. Each
+    segment is scaled so that all its stretches together have the true length; the variances are
+    those after this scaling. For honest covariances, the mean share of stretches within their 95 %
+    regions is 0.95. Stretches overlap, so the interval of `Coverage`, for independent samples, is
+    too narrow.
 
     Returns
     -------
     tuple of StretchFigure
-        One for each share; empty where no pose has a true one.
+        One figure for each share; empty if no pose has a true pose.
     """
     known = ~np.isnan(samples.truth[:, 0, 0]) & ~np.isnan(samples.covariances[:, 0, 0])
     rows = np.flatnonzero(known)
@@ -143,7 +142,7 @@ def _part(samples: PathSamples, rows: np.ndarray, along: np.ndarray) -> _Part:
 
 
 def _carried(covariances: np.ndarray) -> np.ndarray:
-    """The part (P, 7, 7) of covariances that all later poses have, too."""
+    """The part (P, 7, 7) of covariances that all later poses inherit."""
     carried = covariances.copy()
     for t in range(len(carried) - 2, -1, -1):
         values, vectors = np.linalg.eigh(carried[t] - carried[t + 1])
@@ -152,7 +151,7 @@ def _carried(covariances: np.ndarray) -> np.ndarray:
 
 
 def _ends(along: np.ndarray, length: float) -> tuple[np.ndarray, np.ndarray]:
-    """First and last poses of the stretches that have this length at least, and no pose less."""
+    """First and last poses of the shortest stretches with at least this length."""
     last = np.searchsorted(along, along + length * (1.0 - _ROUNDING))
     first = np.flatnonzero(last < len(along))
     return first, np.maximum(last[first], first + 1)

@@ -1,8 +1,8 @@
 """Errors of whole trajectories: absolute, relative, and over KITTI's segments.
 
 Poses are ``world_from_cam``, shape (N, 4, 4); estimate and truth have the same poses in the same
-order. Only `absolute_errors` compares positions in the world, so only it needs them aligned; a
-monocular estimate needs its scale set before the others.
+order. `absolute_errors` compares positions in the world and needs aligned trajectories; for the
+other functions a monocular estimate needs the true scale only.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ KITTI_LENGTHS_M = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 """Segment lengths of the KITTI odometry benchmark."""
 
 KITTI_STEP_FRAMES = 10
-"""Frames between the starts of KITTI's segments: one a second."""
+"""Frames between the starts of KITTI's segments: one start per second."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,7 +114,7 @@ def kitti_segment_errors(
     """Errors over all segments of the given lengths, as KITTI's development kit counts them.
 
     A segment of length L starts at every ``step_frames``-th pose and ends at the first pose more
-    than L further along the true path; one that the path is too short for is left out. Geiger,
+    than L further along the true path; segments beyond the end of the path are left out. Geiger,
     Lenz and Urtasun, CVPR 2012, doi:10.1109/CVPR.2012.6248074.
     """
     _check(estimate, truth)
@@ -145,9 +145,10 @@ def path_length(world_from_cam: np.ndarray) -> float:
 
 
 def scale_drift(estimate: np.ndarray, truth: np.ndarray) -> float:
-    """How much longer, relative, the last fifth of the true path was made than the first fifth.
+    """Scale of the estimate over the last 20 % of the true path, relative to the first 20 %, minus
+    1.
 
-    0.05 for a scale that grew by 5 %; NaN where one of them has no length.
+    0.05 for a scale that grew by 5 %; NaN if one of the two parts has no length.
     """
     _check(estimate, truth)
     along, made = _travelled(truth), _travelled(estimate)

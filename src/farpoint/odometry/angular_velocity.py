@@ -23,7 +23,7 @@ class AngularVelocity:
         self._squares: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
 
     def add(self, motion: RelativePose, seconds: float) -> None:
-        """Add the motion to a frame that the next one is compared with."""
+        """Add the motion from the last reference frame to the next one."""
         R = motion.rotation_cam1_from_cam0
         if R is None or seconds <= 0.0:
             self.break_off()
@@ -35,11 +35,11 @@ class AngularVelocity:
         self._rates = [*rates[-1:], rate]
 
     def break_off(self) -> None:
-        """What follows does not continue the motion."""
+        """Forget the motion, because the next frames do not continue it."""
         self._rates = []
 
     def prior(self, seconds: float) -> AngularVelocityPrior | None:
-        """For the next pair, over this interval; None before anything is known.
+        """Prior for the next pair over this interval, s; None before the first motion.
 
         The angular velocity is linear in time or constant, whichever had the smaller error so far.
         """

@@ -16,14 +16,14 @@ _TURN_CHI2 = 11.3  # 0.99 quantile, 3 degrees of freedom
 
 
 def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
-    """The motion without a translation: STATIC, or ROTATION_ONLY where the camera rotates.
+    """Replace the motion of a camera at rest by one without translation: STATIC or ROTATION_ONLY.
 
     Parameters
     ----------
     pose : RelativePose
         Two-view estimate.
     rest : Rest or None
-        None: the motion is returned unchanged.
+        Result of the test for rest by known points; with None the motion is returned unchanged.
     """
     if rest is None:
         return pose

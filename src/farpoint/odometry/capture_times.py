@@ -19,11 +19,11 @@ _MOST_RATIO, _MOST_CORRELATION = 0.85, -0.25
 class CaptureTimes:
     """Times of capture of a camera with a constant period, from stamps of arrival.
 
-    A stamp may be that of a frame's arrival: drivers and buses delay frames by some milliseconds,
-    which changes velocities by a tenth and more. With a constant period the errors of stamps are
-    independent: intervals are differences of two of them, with twice the variance, and successive
-    ones correlated by -1/2. Where the period itself varies, as on phones in changing light,
-    intervals are independent, and stamps depart further and further from a line: they are kept.
+    A time stamp can be the arrival time of a frame: drivers and buses delay frames by some
+    milliseconds, which changes velocities by 10 % and more. With a constant period, the errors of
+    the stamps are independent: an interval has twice their variance, and successive intervals have
+    a correlation of -1/2. If the period varies, as on phones in changing light, the intervals are
+    independent and the stamps drift away from a line. Then the stamps are used unchanged.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class CaptureTimes:
         self._last_s = None
 
     def update(self, timestamp: float) -> float:
-        """Time of capture, s, of the next frame; later than those before, if its stamp is."""
+        """Time of capture of the next frame, s; increasing if the stamps increase."""
         self._stamps.append(timestamp)
         seconds = self._on_line(np.array(self._stamps))
         if self._last_s is not None and seconds <= self._last_s:

@@ -20,16 +20,17 @@ _SIGNIFICANCE = 0.0027  # false-alarm rate of a change of the lens: that of 3 si
 class LensInUse:
     """The camera of two-view estimates: as given, until the path's estimate differs significantly.
 
-    Smaller differences are noise, and each change recomputes tables of the lens. From then on, or
-    where the given camera is uncertain, the covariance is that of the path's estimate, plus the
-    square of its difference. An unknown shutter is global until its read-out time exceeds 3 sigma.
+    Smaller differences are noise, and each change recomputes tables of the lens. After the change,
+    or if the given camera is uncertain, the lens covariance is that of the path's estimate plus the
+    squared difference between both lenses. An unknown shutter counts as global until its read-out
+    time exceeds 3 sigma.
 
     Parameters
     ----------
     camera : Camera
-        As given.
+        The given camera.
     options : LensRefinementOptions
-        Whose read-out time comes first.
+        Its read-out time, if any, replaces that of the camera.
     """
 
     def __init__(self, camera: Camera, options: LensRefinementOptions) -> None:

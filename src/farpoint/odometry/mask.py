@@ -1,4 +1,4 @@
-"""What of the frames is used: the lens' field, less what a mask leaves out."""
+"""The region of the frames that is tracked: the field of the lens inside the mask."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["checked_mask", "tracked_region"]
 
 
 def checked_mask(mask: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
-    """A copy of the mask as bool (H, W), or an InputError; its size is checked where one is known.
+    """Copy of the mask as bool (H, W); an InputError if it is invalid or not of the given size.
 
-    Of uint8, 128 and above is True.
+    In a mask of uint8, 128 and above is True.
     """
     mask = np.asarray(mask)
     if mask.ndim != 2 or mask.dtype not in (np.dtype(bool), np.dtype(np.uint8)):
@@ -33,12 +33,12 @@ def checked_mask(mask: np.ndarray, size: tuple[int, int] | None) -> np.ndarray:
 def tracked_region(
     camera: Camera, mask: np.ndarray | None, options: TrackerOptions
 ) -> np.ndarray | None:
-    """Where tracks may be, bool (H, W), in the images of a camera of known size; None: everywhere.
+    """Region (H, W), bool, in which tracks may lie, for a camera of known size; None: everywhere.
 
     Raises
     ------
     InputError
-        Where the mask is not of that size, or leaves no room for a window.
+        If the mask does not have the size of the camera, or no window fits into it.
     """
     assert camera.size is not None
     region = trackable_region(camera, options)

@@ -23,13 +23,13 @@ class OdometryOptions:
         The two-view estimate. By default `shared_error_px` is 0.002, the common error of the
         tracker's windows on rendered streets; `half_splits` is 8; and `sharing_beyond_patches` is
         6.5, the most likely slope for the errors of compressed streets. `expected_half_ratio` is
-        that of the first pair; later pairs take the mean of those before.
+        the ratio of the first pair; later pairs use the mean of the earlier pairs.
     path : PathOptions
-        The window that keeps one scale.
+        The window over keyframes, which keeps one scale.
     lens : LensRefinementOptions
-        How far lens and shutter may be from the calibration.
+        Prior uncertainty of lens and shutter.
     seed : int
-        Of the random samples.
+        Seed of the random samples.
     """
 
     tracker: TrackerOptions = field(default_factory=TrackerOptions)

@@ -1,4 +1,4 @@
-"""What one frame adds: the motion, its tracks, and where the camera is."""
+"""The result of one frame: its motion, its tracks, and the pose of the camera."""
 
 from __future__ import annotations
 
@@ -15,36 +15,35 @@ __all__ = ["OdometryResult"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OdometryResult:
-    """What one frame added.
+    """Result of one frame.
 
     Attributes
     ----------
     frame0, frame1 : int
-        Indices of the earlier frame this one was compared with, and of this one. On the first
-        frame both are its own.
+        Indices of the earlier frame and of this frame. On the first frame both are equal.
     timestamp0, timestamp : float
-        Their times, s.
+        Times of both frames, s.
     pose : RelativePose or None
-        Motion from ``frame0`` to ``frame1``; None on the first frame, which has nothing to be
-        compared with.
+        Motion from ``frame0`` to ``frame1``; None on the first frame.
     tracks : Tracks
         The matches behind the pose, aligned with ``pose.labels``.
     world_from_cam : ndarray, shape (4, 4)
         Camera axes to world; the first frame is the world.
     scale, scale_sigma : float or None
-        Length of the translation of this pair in the unit of the trajectory, which is the first
-        motion of the segment, and its 1-sigma; None where there is none.
+        Length of the translation of this pair and its 1-sigma, in the unit of the trajectory (the
+        first motion of the segment); None without a translation.
     world_covariance : ndarray, shape (7, 7), or None
-        Of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the segment:
-        ``R_true = Exp(dtheta) @ R`` and ``p_true = p + dposition`` of ``world_from_cam``, world
-        axes, rad and units of the trajectory, and the error of the scale that all later motions
-        share.
+        Covariance of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the
+        segment, in world axes, rad and units of the trajectory. ``world_from_cam`` has the errors
+        ``R_true = Exp(dtheta) @ R`` and ``p_true = p + dposition``; all later motions share the
+        error ``dlog_scale`` of the scale.
     segment : int
-        0, and one more from each frame at which the scale was lost, or everything, as at a cut:
-        lengths within a segment have one scale.
+        Number of the segment, from 0. It increases at each frame at which the scale or the whole
+        motion was lost (a cut); lengths within a segment have one scale.
     scale_is_guessed : bool
-        Whether ``scale`` is what the last speed suggests, since after a turn on the spot no point
-        of known distance was in view: ``scale_sigma`` and the covariance from here on say so too.
+        Whether ``scale`` follows from the last speed, because no point of known distance was in
+        view after a rotation on the spot. ``scale_sigma`` and all later covariances include the
+        uncertainty of the speed.
     """
 
     frame0: int
@@ -61,7 +60,7 @@ class OdometryResult:
     scale_is_guessed: bool = False
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: which frames, where the camera is, and the motion."""
+        """HTML for notebooks: frames, pose of the camera, and the motion."""
         x, y, z = self.world_from_cam[:3, 3]
         rows = [
             ("frames", f"{self.frame0} to {self.frame1}"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 __all__ = ["RisingTime"]
 
 _INTERVAL_S = 0.1
-"""Between two frames where none has been seen yet (10 frames a second, as elsewhere)."""
+"""Interval of two frames before the first one is known, s (10 frames per second, as elsewhere)."""
 
 
 class RisingTime:

@@ -40,23 +40,23 @@ def contradicting_motion(
     new_window: Callable[[], Window],
     most: int,
 ) -> Window | None:
-    """Window of both views from a motion that contradicts the path; None where none does.
+    """Window of both views for a motion that contradicts the path; None without a contradiction.
 
     Short flow may have two modes of the motion, and the path may have started from the wrong one.
-    Two motions between the views are optimised, lens and shutter free: that of the path, and
-    another, with the path's length. The other contradicts the path if its log likelihood is at
-    least that of the path's less 2, and it differs from the path's.
+    Two motions between the views are optimised with lens and shutter free: the motion of the path,
+    and the new one with the same length. The new motion contradicts the path if it differs
+    significantly and its log likelihood is at least that of the path minus 2.
 
     Parameters
     ----------
     first, now : WindowView
-        The first keyframe, and a frame that the tracks have moved to.
+        The first keyframe, and a later frame with larger flow.
     motion : RelativePose
         The motion between them, by two views alone.
     new_window : callable
         Makes a window with the prior of lens and shutter.
     most : int
-        Tracks that are used.
+        Largest number of tracks.
     """
     length = float(np.linalg.norm(now.p - first.p))
     if length == 0.0 or motion.status is not PoseStatus.OK:

@@ -67,7 +67,7 @@ def given_lens(camera: Camera) -> LensReport:
 
 
 def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
-    """The camera with sigmas: of its calibration, or of the options where it has none."""
+    """The camera with sigmas: of its calibration, or of the options if the calibration has none."""
     if not options.refine:
         return camera.with_uncertainty()
     if camera.uncertainty is not None:

@@ -42,7 +42,7 @@ _REST_CHI2 = 11.3  # 0.99 quantile, 3 degrees of freedom
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """Which frames a motion is between.
+    """The two frames of a motion.
 
     Attributes
     ----------
@@ -389,7 +389,8 @@ class PathBuilder:
     ) -> Rest | None:
         """Rest of the camera, where landmarks contradict the translation of the two-view estimate.
 
-        Most NEAR matches are then on moving objects: they have no landmark, or do not fit it.
+        Most NEAR matches are then on moving objects: they have no landmark, or do not fit their
+        landmark.
         """
         if motion.status is not PoseStatus.OK:
             return None
@@ -550,7 +551,7 @@ def _between(
 ) -> np.ndarray:
     """Velocity at a time from its means over the two intervals before and the two after it.
 
-    Exact for polynomials of third degree. The mean of the inner two alone is smaller than what
-    oscillates; a read-out that explains the same shear by less velocity would be larger.
+    Exact for polynomials of third degree. The mean of the inner two alone underestimates an
+    oscillating velocity, and the read-out time that explains the same shear would be too large.
     """
     return (7.0 * (before + after) - (before2 + after2)) / 12.0

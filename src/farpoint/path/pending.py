@@ -37,7 +37,7 @@ class _Pending:
 
 
 class Correction:
-    """How keyframes have moved, to move the poses between them alike.
+    """Changes of keyframes, to apply them to the poses between the keyframes.
 
     Parameters
     ----------

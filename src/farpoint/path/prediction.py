@@ -19,7 +19,8 @@ def inverse_depths(
 ) -> np.ndarray:
     """Inverse distances (N,) in camera 1, per unit translation, of matched rays (N, 3).
 
-    From ``l1 b = l0 R a + t`` and its cross product with ``R a``; negative behind the camera.
+    From the cross product of ``l1 b = l0 R a + t`` with ``R a``, where l0 and l1 are the distances;
+    negative behind the camera.
     """
     rotated = rays0 @ R_cam1_from_cam0.T
     plane_of_motion = cross(direction, rotated)

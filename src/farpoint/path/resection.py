@@ -197,9 +197,9 @@ class _Points:
     ) -> np.ndarray:
         """Derivatives (6, D) of the gradient by the unknowns of the window.
 
-        A residual here is less that of the point's last keyframe. Both depend on the pose of its
-        anchor, on lens and read-out time, and on the inverse distance, which follows from them; a
-        common motion of the anchor and an observer changes neither.
+        The residual of the point's last keyframe is subtracted from each residual. Both depend on
+        the pose of its anchor, on lens and read-out time, and on the inverse distance, which
+        follows from them; a common motion of the anchor and an observer changes neither.
         """
         marks, s = window.landmarks, self.s[:, None]
         anchors = marks.anchor[self.rows]

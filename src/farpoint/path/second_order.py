@@ -1,4 +1,4 @@
-"""What a direction's error does to a position of known distance, to second order."""
+"""Second-order effect of an error of the direction on a position of known distance."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ def second_order_variance(displacement: np.ndarray, covariance: np.ndarray) -> n
 
     An error ``e`` across a ``displacement`` (3,) of length l shortens it by ``e . e / (2 l)``; for
     a normal e with the covariance C that has the mean square ``(2 tr C^2 + (tr C)^2) / (4 l^2)``.
-    Where the distance is the unit of the path, nothing else is uncertain along the displacement. In
-    all directions, since later frames turn the displacement by as much.
+    If the distance is the unit of the path, this is the only error along the displacement. The
+    variance is isotropic, because later frames rotate the displacement by a similar error.
     """
     length2 = float(displacement @ displacement)
     if length2 == 0.0:

@@ -87,7 +87,7 @@ class Window:
         self._begin(lens)
 
     def _begin(self, lens: LensEstimate) -> None:
-        """Without keyframes, landmarks and prior but that of the lens."""
+        """Reset to a window without keyframes and landmarks, with the prior of the lens only."""
         self.lens, self.landmarks = lens, Landmarks(lens)
         self.frames: list[Keyframe] = []
         self.variance_factor = 1.0
@@ -129,8 +129,8 @@ class Window:
     ) -> None:
         """Start again from other poses and another lens, with the same observations.
 
-        Before any keyframe is marginalised. The lens starts at the unknowns ``common``. Each pose
-        is corrected by ``rate`` (6,), a velocity as of `Keyframe.twist`, from the time
+        Possible only before a keyframe is marginalised. The lens starts at the unknowns ``common``.
+        Each pose is corrected by ``rate`` (6,), a velocity as of `Keyframe.twist`, from the time
         ``since`` on.
         """
         marks, frames = self.landmarks, self.frames
@@ -350,8 +350,8 @@ class Window:
     def _find_scale(self) -> None:
         """Find the derivatives (D,) of the scale's logarithm at the newest keyframe.
 
-        Its variance is the least of all baselines to this keyframe; where no baseline is
-        significant, as under pure rotation, the last significant one is kept.
+        The scale is that of the baseline to this keyframe with the least variance. If no baseline
+        is significant, as under pure rotation, the last significant baseline is kept.
         """
         count, newest, least = len(self.covariance), len(self.frames) - 1, np.inf
         self._by_scale = np.zeros(count)

@@ -18,14 +18,14 @@ _WIDTH_IN = 8.0
 
 
 def new_axes(aspect: float = 1.0) -> Axes:
-    """Axes of a new figure whose picture is `aspect` times as wide as high."""
+    """Axes of a new figure for a picture with width / height = `aspect`."""
     pyplot = optional_import("matplotlib.pyplot", extra="plot", purpose="plotting")
     _, axes = pyplot.subplots(figsize=(_WIDTH_IN, _WIDTH_IN / aspect), layout="constrained")
     return axes
 
 
 def image_axes(axes: Axes | None, size: tuple[int, int], image: np.ndarray | None) -> Axes:
-    """Axes in the pixels of an image of `size` (width, height), y down, the image behind."""
+    """Axes in pixels of an image of `size` (width, height), y down, over the image."""
     width, height = size
     axes = new_axes(width / height) if axes is None else axes
     if image is not None:

@@ -1,4 +1,4 @@
-"""``plot.epipole``: where the camera travels to, and how surely."""
+"""``plot.epipole``: the epipole with its 95 % region."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ def epipole(
 ) -> Axes:
     """Draw the epipole in image 0, a circle with a cross, inside its 95 % region.
 
-    Where the place it comes from is in view, that is drawn as well, with a slanting cross; where
-    neither is, the regions alone, as far as the lens sees them.
+    If the opposite point, from which the camera comes, is in view, it is drawn with a slanting
+    cross. If neither point is in view, the visible parts of both regions are drawn.
 
     Parameters
     ----------
     pose : RelativePose
-        With a direction.
+        A pose with a direction.
     camera : Camera
         Of image 0.
     image : ndarray, shape (height, width) or (height, width, 3), optional
-        Image 0, drawn behind.
+        Image 0, drawn in the background.
     ax : matplotlib.axes.Axes, optional
         New ones by default, of the size of the image.
 

@@ -1,4 +1,4 @@
-"""``plot.flow``: the image motion that translation leaves."""
+"""``plot.flow``: the translational flow."""
 
 from __future__ import annotations
 
@@ -43,21 +43,21 @@ def flow(
     image: np.ndarray | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the translational flow: every match with the rotation taken out, and the epipole.
+    """Draw the translational flow: every match with the rotation removed, and the epipole.
 
-    A line goes from each point of image 0 to where it would be in image 1 if the camera had not
-    turned. Far points stay; near points move along lines through the epipole.
+    A line goes from each point of image 0 to its pixel in an image 1 without rotation. Far points
+    stay; near points move along lines through the epipole.
 
     Parameters
     ----------
     pose : RelativePose
         Motion between the two images; a FAILED one shows the whole flow.
     points0, points1 : ndarray, shape (N, 2)
-        The matches it was estimated from, px, such as ``result.tracks.points0``.
+        The matches of the pose, px, such as ``result.tracks.points0``.
     camera : Camera
         Of both images.
     image : ndarray, shape (height, width) or (height, width, 3), optional
-        Image 0, drawn behind.
+        Image 0, drawn in the background.
     ax : matplotlib.axes.Axes, optional
         New ones by default.
 

@@ -20,14 +20,14 @@ __all__ = ["trajectory"]
 def trajectory(
     path: Iterable[OdometryResult] | np.ndarray, *, ax: Axes | None = None, label: str | None = None
 ) -> Axes:
-    """Draw a path from above: x to the right, z (ahead, at the start) upwards, one scale.
+    """Draw a path from above: x to the right, z (initially forward) upwards, with equal axes.
 
     Parameters
     ----------
     path : iterable of OdometryResult, or ndarray, shape (N, 4, 4)
         Results of `Odometry`, or ``world_from_cam`` of each frame.
     ax : matplotlib.axes.Axes, optional
-        New ones by default; give the same to compare paths.
+        New axes by default; use the same axes to compare paths.
     label : str, optional
         Name in the legend.
 

@@ -1,11 +1,11 @@
-"""Candidate motions beside the one that the search ended at, and the likeliest of all.
+"""Candidate motions beside the result of the search, and the likeliest of all.
 
-The search compares motions by a part of the matches and by their residuals alone. Its answer may be
+The search compares motions by a part of the matches and by residuals only. Its answer may be
 a local maximum where nearly all points are far, where noise is large, or where the residuals of
-neighbours are correlated. There further candidates are the flow of rejected matches, the secondary
-modes of the search, the rotation of the far points, and a search with a bounded noise scale. Each
-is refined by the likelihood of all matches, and the likeliest one replaces the first answer if its
-log likelihood is larger by a margin.
+neighbours are correlated. In these cases further candidates come from the flow of rejected matches,
+the secondary modes of the search, the rotation of the far points, and a search with a bounded noise
+scale. Each is refined by the likelihood of all matches, and the likeliest one replaces the first
+answer if its log likelihood is larger by a margin.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ __all__ = ["CLEAR", "likeliest_motion"]
 # Pairs of rejected matches whose directions are tried: where 1/4 of them has the direction,
 # 100 pairs miss it with a probability of (1 - 1/16)^100 = 0.002.
 PAIRS = 100
-# Fewer rejected matches test no direction: two of them fix it.
+# Least number of rejected matches that test a direction: two of them fix it.
 FEWEST = 6
-# Distance of rejected matches from an epipolar line, over the tolerance: the far rotation
-# is not that of their motion.
+# Distance of rejected matches from an epipolar line, over the tolerance; larger than 1 because the
+# far rotation may not be the rotation of their motion.
 WIDER = 2.0
-# Expected number of directions with such a consensus among outliers, below which one is tried.
+# A direction is tried if outliers are expected to have fewer directions with such a consensus.
 BY_CHANCE = 1.0
-# Noise over the tolerance from which on candidates are searched for.
+# Least noise, over the tolerance, with which candidates are searched for.
 LARGE_NOISE = 0.4
 # Samples of a search with bounded noise.
 SAMPLES = 100
-# Margin of the log-likelihood ratio; and a further one where the flow is mostly noise.
+# Margin of the log-likelihood ratio; additional margin if the flow is mostly noise.
 CLEAR, OF_NOISE = 8.0, 8.0
 
 
@@ -58,7 +58,7 @@ def likeliest_motion(
 ) -> GeneralMotionFit:
     """The fit, or another motion that is clearly likelier.
 
-    Where noise is large, the fit keeps the likeliest other one as its ``candidate_mode``.
+    If the noise is large, the likeliest other candidate becomes ``candidate_mode`` of the fit.
     """
     is_noisy = fit.noise.sigma >= LARGE_NOISE * tolerance
     starts = [*_from_rejected(matches, fit, tolerance, state)]
@@ -87,10 +87,10 @@ def _is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool
 def _from_rejected(
     matches: Matches, fit: GeneralMotionFit, tolerance: float, state: np.ndarray
 ) -> Iterator[GeneralMotionFit]:
-    """The direction in which rejected matches flow, where the motion's flow is mostly noise.
+    """The direction in which rejected matches flow, if the flow of the motion is mostly noise.
 
-    Where nearly all points are far, a rotation takes up the common part of the flow, and the few
-    near points are rejected.
+    If nearly all points are far, a rotation explains the common part of the flow, and the few near
+    points are rejected.
     """
     rejected = fit.probability < 0.5
     count, within = int(np.count_nonzero(rejected)), WIDER * tolerance

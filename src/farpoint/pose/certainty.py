@@ -1,4 +1,4 @@
-"""Largest sigma of a covariance, and the bounds above which nothing is observable."""
+"""Largest sigma of a covariance, and its bounds for an observable rotation or direction."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def largest_sigma(covariance: np.ndarray) -> float:
 def direction_sigma(covariance: np.ndarray) -> float:
     """The worst 1-sigma, rad, of the direction of a motion with this covariance (5, 5).
 
-    As `largest_sigma`, in closed form: every motion needs it.
+    The value of `largest_sigma` in closed form, because every motion needs it.
     """
     (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
     half = 0.5 * (xx - yy)

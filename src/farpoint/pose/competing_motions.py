@@ -32,19 +32,19 @@ __all__ = [
 # 1-sigma of a direction, rad, above which a secondary mode is searched for.
 UNCERTAIN_SIGMA = math.radians(2.5)
 
-# Moves to a likelier mode in another direction, at most.
+# Largest number of moves to a likelier mode in another direction.
 ROUNDS = 3
-# Log-likelihood ratio of a part of the matches below which more of them are evaluated.
+# Log-likelihood ratio of a part of the matches below which more matches are evaluated.
 UNDECIDED = 20.0
 MORE = 4 * MAX_SEARCHED
 
-# Two motions whose directions are this close are one, with a larger covariance.
+# Two motions whose directions differ by less count as one motion with a larger covariance.
 COS_NEARBY = math.cos(math.radians(10.0))
 # Up to this angle the second motion of a plane adds to the covariance, even if it is unlikely.
 COS_IN_REACH = math.cos(math.radians(30.0))
 
-# Largest log-likelihood ratio by residuals with which a motion is evaluated further, in all and per
-# match; and the margin by parallax where that has less information.
+# Largest log-likelihood ratio by residuals with which a motion is evaluated further, in total and
+# per match; margin of the log-likelihood ratio if parallax has less information.
 MAX_LOG_RATIO, PER_MATCH, CLEAR = 60.0, 0.25, 8.0
 # Effective sample size of the parallax prior: min(n, 5 sqrt n), because matches on one surface are
 # correlated.
@@ -54,7 +54,7 @@ SURFACES = 5.0
 # its own part of the noise: a secondary mode with a log-likelihood ratio of 5 to 7 is the true one
 # in 3 of 100 simulated scenes, not in 1 of 400.
 TEMPERING = 0.5
-# That of the two motions of a plane and all motions between them.
+# Tempering exponent for the two motions of a plane and all motions between them.
 PLANE_TEMPERING = 0.3
 # Share of the covariance between two motions along the axis on which they differ.
 ALONG = 0.9
@@ -73,7 +73,7 @@ class CompetingMotion(NamedTuple):
     log_ratio : float
         Log-likelihood ratio of the first motion to this one.
     cause : str
-        Why there are two.
+        Reason for two modes.
     """
 
     R_cam1_from_cam0: np.ndarray
@@ -82,7 +82,7 @@ class CompetingMotion(NamedTuple):
     cause: str
 
     def is_nearby(self, fit: GeneralMotionFit) -> bool:
-        """Whether its direction is about the same."""
+        """Whether the directions of both motions are about the same."""
         return _cosine(self, fit) > COS_NEARBY
 
     def described_beside(self, fit: GeneralMotionFit) -> str:
@@ -93,8 +93,8 @@ class CompetingMotion(NamedTuple):
     def covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
         """Covariance (5, 5), rad^2, of a motion that may be this one of a plane, or between both.
 
-        The squared difference of the two times a probability, 0.1 of it turned by 90 degrees about
-        the direction. 0 where the two are far apart.
+        The squared difference of the two motions times a probability; a share of 0.1 is rotated by
+        90 degrees about the direction. Zero if the directions are far apart.
         """
         if _cosine(self, fit) < COS_IN_REACH:
             return np.zeros((5, 5))
@@ -108,11 +108,11 @@ class CompetingMotion(NamedTuple):
         return self.probability(fit.matches.tempering, PLANE_TEMPERING) * mixed
 
     def rotation_covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
-        """Covariance (3, 3), rad^2, of a rotation that may be this one's, or a third."""
+        """Covariance (3, 3), rad^2, of a rotation that may be that of this motion."""
         return covariance_between(self._turn_from(fit), self.probability(fit.matches.tempering))
 
     def probability(self, misspecification: float, tempering: float = TEMPERING) -> float:
-        """Of this motion to be the true one: ``1 / (1 + exp(tempering * log_ratio / factor))``.
+        """Probability of this motion: ``1 / (1 + exp(tempering * log_ratio / factor))``.
 
         A ``misspecification`` factor of the noise variance divides the log-likelihood ratio.
         """
@@ -123,10 +123,10 @@ class CompetingMotion(NamedTuple):
 
 
 def covariance_between(apart: np.ndarray, probability: float) -> np.ndarray:
-    """Covariance (3, 3), rad^2, of a rotation where another one has this probability.
+    """Covariance (3, 3), rad^2, of a rotation if another rotation has this probability.
 
-    The squared rotation vector ``apart`` between the two times the probability: 0.9 of it along its
-    own axis, and 0.1 isotropic for a third rotation.
+    The squared rotation vector ``apart`` between the two rotations, times the probability: a share
+    of 0.9 along the vector, and 0.1 isotropic for a third rotation.
     """
     isotropic = float(apart @ apart) / 3.0 * np.eye(3)
     return probability * (ALONG * np.outer(apart, apart) + (1.0 - ALONG) * isotropic)
@@ -146,9 +146,9 @@ class ComparedModes(NamedTuple):
     ----------
     fit : GeneralMotionFit
     covariance : ndarray, shape (5, 5)
-        Of its rotation and direction, rad^2, with the part by the second motion of a plane.
+        Covariance of rotation and direction, rad^2, with the part by the second motion of a plane.
     secondary_mode : CompetingMotion, optional
-        One that the data do not rule out.
+        Another mode that the data do not rule out.
     """
 
     fit: GeneralMotionFit
@@ -164,8 +164,8 @@ def compare_modes(
 ) -> ComparedModes:
     """Compare a motion with that of a plane, the modes of the search, and other directions.
 
-    Other directions only where the direction is uncertain, from the ``pure_rotation``. A mode is
-    ruled out at this false-alarm ``rate``.
+    If the direction is uncertain, other directions are searched for from the ``pure_rotation``. A
+    mode is ruled out at the false-alarm rate ``rate``.
     """
     # A misspecified noise variance scales the log-likelihood ratio.
     limit = -fit.matches.tempering * math.log(rate)
@@ -174,7 +174,7 @@ def compare_modes(
         mode, nearby = None, mode
     if mode is None and fit.secondary_mode is not None:
         best, other = likelier_of_search(fit)
-        # The order of the two is uncertain only where the noise may be misspecified.
+        # The order of the two modes is uncertain only if the noise may be misspecified.
         mode = _within(limit, other) if fit.matches.misspecification > 1.0 else None
     if mode is None and best is fit:
         mode = _within(limit, _candidate_mode(fit))
@@ -192,7 +192,7 @@ def compare_modes(
 
 
 def _candidate_mode(fit: GeneralMotionFit) -> CompetingMotion | None:
-    """The likeliest other candidate where noise is large, if its direction is another."""
+    """The likeliest other candidate, if the noise is large and the direction differs."""
     if fit.candidate_mode is None:
         return None
     other = CompetingMotion(*fit.candidate_mode, ELSEWHERE)
@@ -205,15 +205,15 @@ def _within(limit: float, other: CompetingMotion | None) -> CompetingMotion | No
 
 
 def likelier_of_plane(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier of the fit and the second motion of a plane, and the other one.
+    """The likelier of the fit and the second motion of a plane, and the less likely one.
 
-    None where no plane explains the matches nearly as well, which is usual.
+    None if no plane explains the matches nearly as well, which is the usual case.
     """
     return _likelier(fit, _other_of_plane(fit) if fit.is_planar else None)
 
 
 def likelier_of_search(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier of the fit and the secondary mode of its search, and the other one."""
+    """The likelier of the fit and the secondary mode of its search, and the less likely one."""
     if fit.secondary_mode is None:
         return fit, None
     R, t = (each.copy() for each in fit.secondary_mode)
@@ -225,7 +225,7 @@ def likelier_of_search(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, Competi
 def likelier_in_other_direction(
     fit: GeneralMotionFit, pure_rotation: Callable[[], PureRotationFit]
 ) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier of the fit and a mode in another direction, and the other one.
+    """The likelier of the fit and a mode in another direction, and the less likely one.
 
     If every mode found is less likely than the next, both count as equally likely.
     """
@@ -245,14 +245,16 @@ def likelier_in_other_direction(
 def _likelier(
     fit: GeneralMotionFit, other: CompetingMotion | None
 ) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier of the two by residuals and parallax of all matches, and the other one.
+    """The likelier motion by residuals and parallax of all matches, and the less likely one.
 
-    The log-likelihood ratio to the other motion is by residuals, for a plane by its relief; chance
-    or correlated outliers may have made it. So all matches are fitted to the other motion too, and
-    the gain by their parallax must exceed the tempered ratio. Where residuals and parallax
-    contradict each other, or all matches lead back to the fit, both count as equally likely.
+    The log-likelihood ratio to the other motion comes from the residuals (for a plane, from its
+    relief), and may be due to chance or to correlated outliers. So the other motion is fitted to
+    all matches, too, and the gain by their parallax must exceed the tempered ratio. If residuals
+    and parallax contradict each other, or the second fit returns to the first motion, both count as
+    equally likely.
 
-    Parallax has less information where flow is mostly noise, and for a plane, which is one surface.
+    Parallax has less information if the flow is mostly noise, and for a plane, because a plane is
+    one surface.
     """
     limit = fit.matches.misspecification * min(MAX_LOG_RATIO, PER_MATCH * len(fit.matches))
     if other is None or other.log_ratio >= limit:
@@ -280,8 +282,9 @@ def _likelier(
 def _tempered_log_likelihood(fit: GeneralMotionFit) -> float:
     """Log likelihood with the parallax prior tempered to its effective sample size.
 
-    The prior of a match is learnt from the others, and those of one surface are correlated. The
-    sign counts too: with the opposite motion most points would lie behind the cameras.
+    The parallax prior of a match is estimated from the other matches, and matches of one surface
+    are correlated. The log likelihood includes the sign of the direction: with the opposite motion
+    most points would lie behind the cameras.
     """
     n = len(fit.matches)
     by_prior = float(fit.probability @ np.log(fit.per_match[0, :n]))

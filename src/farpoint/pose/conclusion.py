@@ -130,7 +130,7 @@ def observed(
 
 
 def with_covariance(pose: RelativePose, covariance: np.ndarray) -> RelativePose:
-    """An OK pose with another covariance (5, 5), rad^2, and its reason with that 1-sigma."""
+    """An OK pose with another covariance (5, 5), rad^2, and with the new 1-sigma in its reason."""
     assert pose.covariance is not None
     before, after = (_sigma_text(direction_sigma(C)) for C in (pose.covariance, covariance))
     return replace(

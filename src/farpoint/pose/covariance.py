@@ -38,10 +38,10 @@ __all__ = [
 LINEAR_SIGMA = math.radians(2.5)
 # Degrees of freedom of the expected split-half ratio, beside those of the measured one.
 EXPECTED = 40.0
-# Fewer matches have halves too small: with 24 to 48 matches of independent noise the ratio is 0.65
+# Least number of matches for splits: with 24 to 48 matches of independent noise the ratio is 0.65
 # to 0.9.
 LEAST_MATCHES = 60
-# Fewer matches are no half: two fix a rotation, and the others its noise.
+# Least number of matches of a half: two fix a rotation, the others its noise.
 LEAST_HALF = 8
 # Split-half ratio of matches with independent noise.
 OF_NOISE = 0.95
@@ -62,12 +62,13 @@ def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
 
     The sandwich ``H^-1 V H^-1`` of the Hessian H of the expected negative log likelihood and the
     variance V of its gradient. Because the depths are estimated too, the Gauss-Newton matrix counts
-    noise in the flow as flow; H does not. V is a weighted mean of the Gauss-Newton matrix, correct
-    under the estimated noise, and the scatter of the gradient over the matches, correct under any
-    noise; the weight of the scatter grows with the number of matches.
+    noise in the flow as flow; H corrects this. V is a weighted mean of the Gauss-Newton matrix,
+    correct under the estimated noise, and the scatter of the gradient over the matches, correct
+    under any noise; the weight of the scatter grows with the number of matches.
 
-    Where the direction is uncertain, H depends on the pose: a small error of the rotation lengthens
-    all flow and so the information. Then the covariance is the mean over the poses within it.
+    If the direction is uncertain, H depends on the pose: a small error of the rotation lengthens
+    all flow and increases the information. The covariance is then averaged over the poses within
+    one sigma.
     """
     covariance = fit.covariance
     if LINEAR_SIGMA**2 < covariance[3, 3] + covariance[4, 4] < math.inf:
@@ -80,9 +81,9 @@ def split_half_ratio(fit: GeneralMotionFit, splits: int) -> float | None:
 
     Tracks of one surface have correlated errors. Then the poses by two halves differ by more than
     their covariances predict (delete-d jackknife: Shao and Wu, Ann. Stat. 17, 1989, DOI
-    10.1214/aos/1176347263; of whole patches, because neighbours are not independent: Künsch, Ann.
-    Stat. 17, 1989, DOI 10.1214/aos/1176347265). The mean of random ``splits``; None without any,
-    and for few matches.
+    10.1214/aos/1176347263). Whole patches stay in one half, because neighbours are not independent
+    (Künsch, Ann. Stat. 17, 1989, DOI 10.1214/aos/1176347265). The result is the mean over random
+    ``splits``; None without splits or for few matches.
     """
     matches = fit.matches
     if not _can_split(matches, splits) or not math.isfinite(fit.covariance[0, 0]):
@@ -99,7 +100,7 @@ def split_half_ratio_of_rotation(
 ) -> float | None:
     """`split_half_ratio` of pure rotations.
 
-    Splits with a half that fixes no rotation are left out; 1 where all are.
+    Splits with a half that fixes no rotation are left out; 1 if all splits are left out.
     """
     if not _can_split(matches, splits):
         return None
@@ -120,14 +121,15 @@ def split_half_ratio_of_rotation(
 
 
 def _can_split(matches: Matches, splits: int) -> bool:
-    """Whether splits are wanted, and the matches are enough."""
+    """Whether splits are requested and there are enough matches."""
     return splits > 0 and len(matches) >= LEAST_MATCHES
 
 
 def inflation_by_halves(ratio: float | None, expected: float, freedom: int) -> float:
     """Factor on the covariance by the measured and the expected `split_half_ratio`.
 
-    Their mean, weighted by degrees of freedom: ``freedom`` of the measured ratio over all splits.
+    The mean of both ratios, weighted by degrees of freedom; the measured ratio has ``freedom`` over
+    all splits.
     """
     if ratio is None:
         return expected
@@ -144,11 +146,11 @@ def mean_split_half_ratio(ratio: float | None, expected: float, pairs: int) -> f
 def inflation_beyond_patches(ratio: float | None, options: RelativePoseOptions) -> float:
     """Factor on the covariance for errors that are correlated beyond a patch.
 
-    Patches in different halves share these errors, so that they cancel in the difference of the
+    Patches in different halves share these errors, so the errors cancel in the difference of the
     halves. A codec's errors are correlated over all lengths, from a block to the image, and their
     variance is proportional to the part that the halves show:
-    ``f = 1 + slope * min(mean - 1.08, 1)``, at least 1. ``mean`` is that of many pairs, because the
-    ratio of one pair has a large sampling error.
+    ``f = 1 + slope * min(mean - 1.08, 1)``, at least 1. ``mean`` is the mean ratio of many pairs,
+    because the ratio of one pair has a large sampling error.
     """
     expected, pairs = options.expected_half_ratio, options.expected_half_ratio_pairs
     excess = mean_split_half_ratio(ratio, expected, pairs) - UNCOMPRESSED
@@ -181,9 +183,9 @@ def _averaged(fit: GeneralMotionFit, covariance: np.ndarray) -> np.ndarray:
 
 
 def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
-    """Covariance (3, 3), rad^2, of the rotation by an error that all matches have in common.
+    """Covariance (3, 3), rad^2, of the rotation by an error that is common to all matches.
 
-    ``sigma`` is that of the displacement of a typical match by it, in units of the noise.
+    ``sigma`` is the 1-sigma displacement of a typical match by this error, in units of the noise.
     """
     if sigma == 0.0:
         return np.zeros((3, 3))

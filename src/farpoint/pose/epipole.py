@@ -47,7 +47,7 @@ def mean_epipole(
     ----------
     matches : Matches
     R_cam1_from_cam0 : ndarray, shape (3, 3)
-        Takes the rotation out of the flow.
+        Rotation that is removed from the flow.
     saturation : float
         Flow length L, in units of the noise's coordinate: weights are ``min(l / L, 1)``.
     supports : ndarray of bool, shape (N,)
@@ -56,7 +56,7 @@ def mean_epipole(
     Returns
     -------
     EpipoleEstimate or None
-        None where fewer than three matches flow, or all flow along one great circle.
+        None if fewer than three matches have flow, or all flow is along one great circle.
     """
     rays0, rays1 = matches.rays0, matches.rays1
     flow = np.linalg.norm(rays1 - rays0 @ R_cam1_from_cam0.T, axis=1)

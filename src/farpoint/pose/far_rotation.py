@@ -17,7 +17,7 @@ IDENTITY = np.eye(3)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FarRotation:
-    """The rotation that most matches agree on, and the matches that do.
+    """The rotation with which most matches agree, and these matches.
 
     Attributes
     ----------
@@ -38,8 +38,8 @@ def far_rotation(
 ) -> FarRotation:
     """Rotation of the far points among ``matches``.
 
-    Without far points it is the rotation that removes most of the flow, and a start for the joint
-    search.
+    Without far points the result is the rotation that removes most of the flow, a start for the
+    joint search.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ class ResidualCorrelation(NamedTuple):
 
 
 class Start(NamedTuple):
-    """A motion from which a fit is refined, as far as it is known of a `GeneralMotionFit`."""
+    """Initial values of a refinement: those fields of a `GeneralMotionFit` that are known."""
 
     R_cam1_from_cam0: np.ndarray
     direction_cam1_from_cam0: np.ndarray
@@ -101,14 +101,14 @@ class GeneralMotionFit:
     direction_cam1_from_cam0 : ndarray, shape (3,)
     noise : Noise
     matches : Matches
-        Those that were fitted.
+        The matches that were fitted.
     per_match : ndarray, shape (4, at least N)
         Prior by the parallax density, `residual`, `parallax` and `probability`, as the kernels
         take them.
     labels : ndarray of uint8, shape (N,)
         0 for an outlier, 2 for a match with parallax beyond the noise, else 1.
     covariance : ndarray, shape (5, 5)
-        Of rotation and direction, at this pose; infinite where the matches fix no rotation.
+        Covariance of rotation and direction at this pose; infinite if the matches fix no rotation.
     has_shrunk_flow : bool
         Whether the covariance is by the shrunk flow (BLUP), because much of the flow is noise.
     shows_direction : bool
@@ -133,7 +133,8 @@ class GeneralMotionFit:
     log_odds : float
         Log odds of the motion to all matches being outliers.
     beyond_rotation, supporting : int
-        Of the inliers searched, those that contradict every rotation that may fit; and all.
+        Number of inliers in the search that contradict every rotation that may fit, and of all
+        inliers in the search.
     merged_mode_correlation : float
         Residual correlation of a likelier motion that was judged a merged mode, between this motion
         and another; else 0.
@@ -204,8 +205,8 @@ class GeneralMotionFit:
     def parallax(self) -> np.ndarray:
         """Signed shift (N,) along the epipolar line, towards the direction.
 
-        In units of its own noise for unit noise: the part of the distance from the rotation's
-        prediction that the residual leaves.
+        The distance from the rotation's prediction without the part of the residual, in units of
+        its own noise for unit noise.
         """
         return self.per_match[2, : len(self.matches)]
 
@@ -222,8 +223,9 @@ def fit_general_motion(
 
     The direction of the derotated flow is refined jointly with the rotation, then compared with
     five-ray hypotheses: with no far points, or parallax that a rotation can imitate, the first
-    answer is a local maximum. Where the search used a part of the matches and two modes have nearly
-    the same likelihood, all matches compare them; the second must be clearly likelier.
+    answer is a local maximum. If the search used a part of the matches and two modes have nearly
+    the same likelihood, the modes are compared by all matches; the second mode must be clearly
+    likelier.
     """
     n = len(matches)
     found = _empty_buffers(n)
@@ -258,7 +260,7 @@ def fit_with_bounded_noise(
     """`fit_general_motion` of a part of the matches, with a bounded noise scale and few samples.
 
     ``variance`` is the upper bound of the noise variance, in squared units of the matches' noise;
-    ``samples`` that of the number of samples.
+    ``samples`` is the largest number of samples.
     """
     least, most = (min(n, samples) for n in (options.min_iterations, options.max_iterations))
     budget = replace(options, min_iterations=least, max_iterations=most)
@@ -272,17 +274,19 @@ def is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool:
 
 
 def is_likelier(fit: GeneralMotionFit, other: GeneralMotionFit, by: float = 0.0) -> bool:
-    """Whether a fit is likelier than another to the same matches, by parallax and by its ratios.
+    """Whether a fit is likelier than another fit to the same matches, by parallax and by its
+    ratios.
 
-    The prior of a match is a density of its parallax. That density grows where all parallax
-    shrinks, for a rotation that takes up a part common to all; a density of ratios does not.
+    The prior of a match is a density of its parallax. If a rotation absorbs a part that is common
+    to all matches, all parallax shrinks and this density grows. A density of the ratios of parallax
+    does not grow.
     """
     by_parallax = fit.log_likelihood - other.log_likelihood
     return min(by_parallax, by_parallax + _log_ratios(fit) - _log_ratios(other)) > by
 
 
 def _log_ratios(fit: GeneralMotionFit) -> float:
-    """Logarithm of the density of all parallax over that of its ratios."""
+    """Logarithm of the ratio of two densities: of all parallax, and of the ratios of parallax."""
     return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, BAND_SIGMA)))
 
 
@@ -314,8 +318,8 @@ def start_at(pose: RelativePose) -> Start:
 def evaluate_matches(matches: Matches, fit: GeneralMotionFit | Start) -> np.ndarray:
     """Residual, parallax and inlier probability (3, N) of any matches by the motion fitted.
 
-    As of `likelihood.evaluate_residuals`, with the noise of these matches and a uniform prior
-    along the epipolar lines.
+    The values of `likelihood.evaluate_residuals`, with the noise of these matches and a uniform
+    prior along the epipolar lines.
     """
     rows = np.empty((3, packed_length(len(matches))))
     half_width, prior = matches.outlier_half_width, matches.weights()
@@ -348,7 +352,7 @@ def packed_pose(fit: GeneralMotionFit) -> Pose:
 def _least_signal(matches: Matches) -> float:
     """Least share of signal in the flow with which a direction is observable.
 
-    Larger where the noise may be misspecified: half of the factor on sigma is allowed for.
+    Larger if the noise may be misspecified: 50 % of the factor on sigma is allowed for.
     """
     sigma = 0.5 * (1.0 + math.sqrt(matches.misspecification))
     return 1.0 - MOST_NOISE / (sigma * sigma)

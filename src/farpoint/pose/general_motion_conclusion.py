@@ -35,8 +35,8 @@ from farpoint.pose.result import PoseStatus, RelativePose
 
 __all__ = ["conclude_general_motion"]
 
-# Below the direction threshold noise explains about half of the flow; the rotation may be off by
-# that share of its distance to the pure rotation.
+# Below the direction threshold noise explains about 50 % of the flow; the rotation may be wrong by
+# this share of its distance to the pure rotation.
 NOISE_SHARE = 0.5
 ONE_OBJECT = (
     "Independently moving object possible: all matches with parallax lie on one compact part of "
@@ -54,7 +54,7 @@ def conclude_general_motion(
 ) -> RelativePose:
     """Result by the general motion fitted or a likelier competing one.
 
-    ``pure_rotation`` fits the pure rotation, where it is needed.
+    ``pure_rotation`` is called if the pure rotation is needed.
     """
     rate = options.false_alarm_rate
     fit, of_plane = likelier_of_plane(fit)
@@ -118,7 +118,7 @@ class Unobservable(NamedTuple):
     ----------
     reason : str
     covariance : ndarray, shape (3, 3)
-        What it adds to the covariance of the rotation, rad^2.
+        Covariance added to that of the rotation, rad^2.
     """
 
     reason: str

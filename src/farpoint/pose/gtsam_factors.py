@@ -50,7 +50,7 @@ def between_factor(
 ) -> Any:
     """``gtsam.BetweenFactorPose3`` with the covariance (6, 6) of the left twist of cam1_from_cam0.
 
-    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``: the covariance is GTSAM's as it stands.
+    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``, so GTSAM's covariance is the same matrix.
     """
     gtsam = _gtsam()
     least, *_, largest = np.linalg.eigvalsh(twist)

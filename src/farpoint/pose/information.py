@@ -1,4 +1,4 @@
-"""From information to covariance, where some of it may be missing."""
+"""Inverses of information matrices that may be singular."""
 
 from __future__ import annotations
 

@@ -14,23 +14,23 @@ __all__ = ["PoseOrder", "pose_covariance_in", "twist_covariance"]
 
 
 class PoseOrder(StrEnum):
-    """Whose pose a 6x6 covariance is about, in which order, and on which side it perturbs."""
+    """Pose, order and perturbation side of a 6x6 covariance."""
 
     ROS = "ros"
     """``[translation, rotation]`` of the pose of camera 1 in camera 0, both in camera 0's fixed
     axes: ``p_true = p + dp``, ``Q_true = Exp(dphi) @ Q`` with ``p = scale * heading_cam0`` and
-    ``Q = R.T``. That is ``geometry_msgs/PoseWithCovariance``."""
+    ``Q = R.T``. This is the order of ``geometry_msgs/PoseWithCovariance``."""
     COLMAP = "colmap"
     """``[rotation, translation]`` of ``cam1_from_cam0`` as a twist on the left, in camera 1's axes:
-    ``T_true = Exp([dtheta, dtau]) @ T``. That is what pycolmap's functions on covariances of
-    ``Rigid3d`` take. GTSAM's twist on the right of the pose of camera 1 in camera 0 is the same
-    with the opposite sign, so the matrix serves there too."""
+    ``T_true = Exp([dtheta, dtau]) @ T``. This is the order of pycolmap's functions on covariances
+    of ``Rigid3d``. GTSAM's twist on the right of the pose of camera 1 in camera 0 is the negative
+    of this twist, so its covariance is the same matrix."""
 
 
 def pose_covariance_in(
     order: PoseOrder, R_cam1_from_cam0: np.ndarray, twist: np.ndarray
 ) -> np.ndarray:
-    """`twist_covariance` (6, 6) in the order asked for.
+    """`twist_covariance` (6, 6) in the given order.
 
     The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``: in camera 0 both halves of the twist are
     rotated by ``-R.T``.
@@ -60,7 +60,7 @@ def twist_covariance(
         Of a `RelativePose`.
     scale, scale_sigma : float
         Length of the translation and its 1-sigma, in the unit of the result; the error of the
-        length is taken as independent of those of rotation and direction.
+        length is taken as independent of the errors of rotation and direction.
 
     Raises
     ------

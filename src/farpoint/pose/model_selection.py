@@ -46,9 +46,9 @@ BAND_SIGMA = 3.0
 # Number of independent tests: the search maximises over direction and rotation, and the tail of the
 # maximum is this many times that of one test (simulated with 20 to 500 matches).
 DIRECTIONS = 300
-# Matches that fix a motion.
+# Number of matches that fix a motion.
 MINIMAL = 5
-# Fewer matches are no bulk for the F test.
+# Least number of matches for the F test.
 MIN_BULK = 8
 
 
@@ -75,7 +75,8 @@ def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: f
 def is_motion(fit: GeneralMotionFit, rate: float) -> bool:
     """Whether the likelihood ratio of the motion to outliers alone exceeds ``1 / rate``.
 
-    Averaged over all motions (Laplace factor): a motion fitted to five matches has a sharp mode.
+    The ratio is averaged over all motions (Laplace factor), because a motion fitted to five matches
+    has a sharp mode.
     """
     return fit.agreeing > MINIMAL and fit.log_odds - fit.laplace_factor > -math.log(rate)
 
@@ -101,8 +102,8 @@ def translation_evidence(
 ) -> float:
     """Evidence for translation, 0 to 1: 1 where a test passes at the false-alarm ``rate``.
 
-    Between 0 and 1 where it passes at a higher rate only, or only under the given noise, or where
-    the general motion is likelier by less than ``1 / rate``.
+    Between 0 and 1 if a test passes only at a higher rate or only under the given noise, or if the
+    general motion is likelier by less than ``1 / rate``.
     """
     band = BAND_SIGMA * fit.noise.mean_sigma
     unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(
@@ -118,7 +119,8 @@ def translation_evidence(
 def _log_ratio_to_rotation(fit: GeneralMotionFit, pure_rotation: PureRotationFit) -> float:
     """Log-likelihood ratio of the general motion to the pure rotation, at least 0.
 
-    Averaged over the poses nearby; matches that both explain count only against the motion.
+    The ratio is averaged over the poses nearby. Matches that both models explain count only against
+    the general motion.
     """
     if fit.agreeing <= MINIMAL:
         return 0.0
@@ -145,7 +147,8 @@ def _bulk_beyond_noise(n: int, across: float, flow: float, matches: Matches, rat
 
     Over the n matches that both models explain, because one outlier along an epipolar line would
     decide the test. The evidence is the logarithm of the p-value over that of the ``rate``, at most
-    1, times a factor for the misspecification of the noise, which many matches would take for flow:
+    1, times a factor for the misspecification of the noise, because many matches could mistake
+    noise for flow:
     ``min(2 ratio / misspecification - 1, 1)^4``.
     """
     if n < MIN_BULK:

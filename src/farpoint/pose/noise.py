@@ -21,12 +21,12 @@ class Noise(NamedTuple):
     Attributes
     ----------
     variance : float
-        Of an inlier of the core, per coordinate, in units of the given noise.
+        Variance of an inlier of the core, per coordinate, in units of the given noise.
     outlier_share : float
         Share of outliers among all matches.
     tail_share : float
-        Share of the heavy tail, with `POOR` times the sigma, among the inliers; among the tail, of
-        matches with `POOR` times that; and so on.
+        Share of the inliers that have `POOR` times the sigma of the core; of these, the same share
+        has `POOR` times more, and so on (heavy tail).
     repeated_share : float
         Share of repeated-structure outliers (one window matched to the next) among the outliers; 0
         for a pure rotation, which has no such component.

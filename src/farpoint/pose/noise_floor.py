@@ -1,8 +1,8 @@
-"""The noise that all matches have beside their given covariances.
+"""Noise floor: variance that all matches have in addition to their given covariances.
 
 The covariances of a tracker hold the noise within its windows. The noise beyond them
-(interpolation, blur, curved surfaces) is the same for all tracks and matters most for those with
-the smallest covariances: without a floor these have too much weight.
+(interpolation, blur, curved surfaces) is the same for all tracks and matters most for tracks with
+the smallest covariances: without a floor these tracks have too much weight.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FLOORS = np.array([0.0, 0.03, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 13.0, 50.0])
 # Degrees of freedom of the residuals' distribution: heavier tails than the normal one's.
 FREEDOM = 5.0
 ROUNDS = 8
-# Fewer matches do not fix a floor.
+# Least number of matches for a floor.
 LEAST_MATCHES = 30
 
 

@@ -55,7 +55,7 @@ def far_distance(
     focal_px : float
         Focal length over pixel size, ``f / s_x``, px.
     shift_px : float
-        Smallest shift that counts as one, px; the paper's is one pixel.
+        Smallest observable shift, px; one pixel in the paper.
 
     Returns
     -------

@@ -20,7 +20,7 @@ COMPACT = 0.3
 # Least share of near matches among the inliers of the region: far points show at an object's edges
 # only (simulated objects with 0.1 and 0.2 of the matches: 0.66 to 1).
 PURE = 0.6
-# Fewer near matches are no object: two fix a direction, and outliers may agree with it.
+# Least number of near matches of an object: two fix a direction, and outliers may agree with it.
 FEWEST_NEAR, FEWEST_FAR = 4, 8
 
 

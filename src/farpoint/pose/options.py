@@ -19,41 +19,41 @@ class RelativePoseOptions:
     matching_tolerance_px : float
         Largest residual per coordinate, px, at which a match can support a hypothesis of the
         search; a poor calibration needs a larger one. The noise itself is estimated from the data.
-        For rays it is counted in multiples of ``noise_rad`` and taken at least as 3.
+        For rays the unit is ``noise_rad``, and the tolerance is at least 3.
     refine : bool
         Refine rotation and direction jointly to the maximum likelihood. False gives the closed
         form of Burschka and Mair (2008): SVD of the far rays, weighted mean of the pairwise
         intersections, covariance from their scatter.
     flow_saturation_px : float
         L of eqs. 14-17: derotated flow of this length, px, has full weight in the mean of the
-        pairwise intersections, shorter flow a weight in proportion.
+        pairwise intersections; the weight of shorter flow is proportional to its length.
     confidence : float
         Probability, in (0, 1), that the search has drawn a sample without an outlier.
     min_iterations, max_iterations : int
-        Bounds on the number of joint hypotheses tried in one search; of few matches, no more than
-        there are samples of five.
+        Bounds on the number of joint hypotheses in one search; for few matches, at most the number
+        of distinct samples of five.
     shared_error_px : float
-        1-sigma, px, of an error that all matches have in common. No number of matches averages it
-        out: it bounds the covariance of the rotation from below. As `matching_tolerance_px` for
-        rays.
+        1-sigma, px, of an error that is common to all matches. It does not average out over the
+        matches and bounds the covariance of the rotation from below. For rays the unit is
+        ``noise_rad``.
     count_sharing : bool
         Without given covariances, multiply the covariance by the design effect of residuals that
-        are correlated between neighbours. False takes matches for independent.
+        are correlated between neighbours. False treats matches as independent.
     half_splits : int
         Number of random splits of the matches into two halves; the difference of their poses scales
-        the covariance. 0 for none. For tracks, whose errors are correlated on one surface. Patches
-        of 3 to 6 neighbours stay in one half; where residuals of neighbouring patches are
-        correlated too, the covariance of a motion is larger still.
+        the covariance. 0 for none. Splits are meant for tracks, whose errors are correlated on one
+        surface. Patches of 3 to 6 neighbours stay in one half. If residuals of neighbouring patches
+        are correlated, too, the covariance of a motion is inflated further.
     expected_half_ratio : float
         Expected split-half ratio: the mean `PoseStats.half_ratio` of earlier pairs of the same
-        video, which `Odometry` keeps. It has the weight of 8 splits, and is used alone without any.
-        1 for independent noise.
+        video, which `Odometry` keeps. It has the weight of 8 splits; without splits it is the only
+        factor. 1 for independent noise.
     expected_half_ratio_pairs : int
         Number of pairs in the mean `expected_half_ratio`.
     sharing_beyond_patches : float
         Slope of the variance by errors that are correlated beyond a patch, over the excess of the
-        mean split-half ratio above that of independent noise. Video codecs leave such errors, and
-        halves of patches show a part of them only. 0 for none.
+        mean split-half ratio above that of independent noise. Video codecs cause such errors; the
+        split-half ratio contains only a part of them. 0 for none.
     false_alarm_rate : float
         Probability, in (0, 1), of each of three false alarms: translation for a pure rotation,
         rotation for a static camera, consensus by chance.

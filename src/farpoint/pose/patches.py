@@ -10,8 +10,8 @@ from farpoint._kernels.patches import split_image
 
 __all__ = ["patches_of"]
 
-# Mean number of matches of a patch: this at least, and twice as many at most. With 6, the coverage
-# on rendered sequences is the same.
+# Least mean number of matches of a patch; the largest is twice as much. With 6, the coverage on
+# rendered sequences is the same.
 PATCH_MATCHES = 3.0
 
 

@@ -1,7 +1,7 @@
 """The pure rotation, fitted to its maximum likelihood.
 
-Rotation alone: a match has no freedom. Inliers have normal noise of unknown scale, outliers are
-uniform; noise scale and outlier share are estimated jointly (EM).
+The pure-rotation model predicts both coordinates of a match. Inliers have normal noise of unknown
+scale, outliers are uniform; noise scale and outlier share are estimated jointly (EM).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class PureRotationFit:
     cost : float
         Mean negative log likelihood of a match.
     laplace_factor : float
-        As of `GeneralMotionFit`.
+        Negative logarithm of the Laplace (Occam) factor, as in `GeneralMotionFit`.
     """
 
     R_cam1_from_cam0: np.ndarray

@@ -42,7 +42,8 @@ def conclude_pure_rotation(
 ) -> RelativePose:
     """Result by the pure rotation fitted.
 
-    Its covariance holds that of the general motion in proportion to the ``evidence`` for it.
+    Its covariance includes the difference to the general motion, in proportion to the ``evidence``
+    for it.
     """
     sigma, rate = fit.noise.sigma, options.false_alarm_rate
     inlier = fit.probability > 0.5
@@ -93,9 +94,9 @@ def _inflated_covariance(
 
 
 def _covariance_if_general(fit: PureRotationFit, general: GeneralMotionFit) -> np.ndarray:
-    """Covariance (3, 3), rad^2, of a rotation that may be that of the general motion.
+    """Covariance (3, 3), rad^2, of the pure rotation if the general motion is the true one.
 
-    The axis of the difference depends on the unknown direction: isotropic.
+    Isotropic, because the axis of the difference depends on the unknown direction.
     """
     apart = rotation_vector(fit.R_cam1_from_cam0 @ general.R_cam1_from_cam0.T)
     isotropic = 0.5 * math.hypot(*apart) ** 2 * IDENTITY

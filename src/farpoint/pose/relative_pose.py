@@ -41,28 +41,29 @@ def estimate_relative_pose(
     options : RelativePoseOptions, optional
         Defaults serve tracks and still matches alike.
     seed : int
-        Of the random samples; the same inputs, options and seed give the same result, bit for bit.
+        Seed of the random samples; the same inputs, options and seed give the same result, bit for
+        bit.
     covariance0_px2, covariance1_px2 : ndarray, shape (N, 2, 2), optional
-        Noise of each point, px^2, up to a common factor, which is estimated. An image without has
-        isotropic noise of the median variance of the other.
+        Noise of each point, px^2, up to a common factor, which is estimated. If only one image has
+        covariances, the other has isotropic noise of their median variance.
     readout_s : float, optional
-        Read-out time of a rolling shutter, first row to last, s; negative where the last row is
-        read first. Both images have the same, and the camera keeps its velocities from one to
-        the other. The motion is that from middle row to middle row. Without it that of
-        ``camera0``, whose 1-sigma widens the covariance, counts where ``interval_s`` is given.
+        Read-out time of a rolling shutter from the first to the last row, s; negative if the last
+        row is read first. Both images have the same read-out time, and the velocities are constant
+        from one image to the other. The motion is that from middle row to middle row. Default: the
+        read-out time of ``camera0``, if ``interval_s`` is given; its 1-sigma widens the covariance.
     interval_s : float, optional
         Time between the two views, s.
 
     Returns
     -------
     RelativePose
-        With a status: too few or contradicting matches raise no error.
+        Too few or contradicting matches raise no error; the result has a status.
 
     Raises
     ------
     ValueError
-        Wrong shapes, unequal counts, NaN or infinite values, a read-out time without an interval
-        or longer than it; names the argument.
+        Wrong shapes, unequal counts, NaN or infinite values, a read-out time without an interval or
+        longer than the interval. The message names the argument.
 
     Notes
     -----
@@ -100,8 +101,8 @@ def estimate_relative_pose_from_rays(
 ) -> RelativePose:
     """Motion between two views of any central camera, from rays (N, 3) in camera 0 and camera 1.
 
-    As `estimate_relative_pose` with the 1-sigma noise of a ray in each direction, ``noise_rad``
-    (rad), as the unit: ``noise_px`` of the result is a multiple of it.
+    Like `estimate_relative_pose`. The unit of noise is ``noise_rad``, the 1-sigma noise of a ray in
+    each direction, rad: ``noise_px`` of the result is a multiple of ``noise_rad``.
     """
     options = options or DEFAULTS
     matches = matches_from_rays(rays0, rays1, noise_rad)

@@ -20,27 +20,27 @@ __all__ = ["PoseStats", "PoseStatus", "RelativePose", "TrackLabel"]
 
 
 class PoseStatus(Enum):
-    """What could be observed; the values are the words written to files."""
+    """Which quantities are observable; the values are the words written to files."""
 
     OK = "OK"
     """Rotation and direction of translation, both with covariance."""
     ROTATION_ONLY = "ROTATION_ONLY"
-    """The rotation holds; the direction of translation is not observable."""
+    """The rotation is valid; the direction of translation is not observable."""
     STATIC = "STATIC"
-    """No motion beyond the noise; the rotation (near identity) holds."""
+    """No motion beyond the noise; the rotation (near identity) is valid."""
     FAILED = "FAILED"
     """No rotation can be trusted."""
 
 
 class TrackLabel(IntEnum):
-    """What a match is to the estimate."""
+    """Label of a match."""
 
     OUTLIER = 0
     """Contradicts the motion: a mismatch or a moving object."""
     FAR = 1
     """Moves by the rotation alone, within the noise."""
     NEAR = 2
-    """Carries translation: its parallax stands out of the noise."""
+    """Shows translation: its parallax exceeds the noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class PoseStats:
     cost : float or None
         Mean negative log likelihood of a match at the estimate; None where nothing was fitted.
     sign_probability : float or None
-        Probability that ``direction`` points the way it does along its line; None without one.
+        Probability of the sign of the direction; None without a direction.
     sharing : float
         Design effect: factor on the covariance for residuals that are correlated between
         neighbours; 1 for independent residuals.
@@ -91,7 +91,7 @@ class RelativePose:
     Attributes
     ----------
     status : PoseStatus
-        Which of the quantities below could be observed.
+        Which of the quantities below are observable.
     reason : str
         The condition behind the status, in a sentence or two for a person.
     rotation_cam1_from_cam0 : ndarray, shape (3, 3), or None
@@ -147,7 +147,7 @@ class RelativePose:
         return jacobian @ self.covariance @ jacobian.T
 
     def heading_region(self, confidence: float = 0.95) -> np.ndarray | None:
-        """Boundary, on the sphere, of the region that holds the true heading: the epipole's cap.
+        """Boundary, on the sphere, of the region that contains the true heading.
 
         Parameters
         ----------
@@ -169,11 +169,11 @@ class RelativePose:
         return confidence_ring(heading, covariance, confidence)
 
     def epipole_ellipse_px(self, camera: Camera, confidence: float = 0.95) -> np.ndarray | None:
-        """Boundary, in image 0, of the region that holds the epipole with this probability.
+        """Boundary, in image 0, of the region that contains the epipole with this probability.
 
-        `heading_region` through the lens: an ellipse for a small region and a lens without
-        distortion. Where only the opposite point is in view, as for a pinhole that travels
-        backwards, the region is around that point.
+        The projection of `heading_region`: an ellipse for a small region and a lens without
+        distortion. If only the opposite point is in view, as for a pinhole that travels backwards,
+        the region is around the opposite point.
 
         Parameters
         ----------
@@ -196,13 +196,14 @@ class RelativePose:
     def pose_covariance(
         self, scale: float, scale_sigma: float, order: PoseOrder | str = PoseOrder.ROS
     ) -> np.ndarray | None:
-        """Covariance of the metric motion, its length coming from elsewhere.
+        """Covariance of the metric motion, with a length from another sensor.
 
         Parameters
         ----------
         scale, scale_sigma : float
-            Length of the translation and its 1-sigma, m (or any unit, then the result's); its
-            error is taken as independent of this estimate. A sigma of 0 leaves rank 5.
+            Length of the translation and its 1-sigma, in m or any other unit, which is then the
+            unit of the result. The error of the length is taken as independent of this estimate. A
+            sigma of 0 gives a covariance of rank 5.
         order : PoseOrder or str
             ``"ros"``: ``[translation, rotation]`` of the pose of camera 1 in camera 0.
             ``"colmap"``: ``[rotation, translation]`` of ``cam1_from_cam0``. See `PoseOrder` for
@@ -236,18 +237,18 @@ class RelativePose:
         key0, key1 : int
             Keys of the ``gtsam.Pose3`` of camera 0 and camera 1.
         scale, scale_sigma : float, optional
-            Length of the translation and its 1-sigma, where they are known.
+            Length of the translation and its 1-sigma, if known.
 
         Returns
         -------
         gtsam.EssentialMatrixConstraint, gtsam.BetweenFactorPose3 or None
-            The first without a scale (rotation and direction, 5 degrees of freedom), the second
-            with one (6). None unless status is OK.
+            Without a scale an EssentialMatrixConstraint (rotation and direction, 5 degrees of
+            freedom), with a scale a BetweenFactorPose3 (6). None unless status is OK.
 
         Raises
         ------
         MissingExtraError
-            Without gtsam.
+            If gtsam is not installed.
         InputError
             If the scale or its sigma is not positive.
         """

@@ -56,7 +56,7 @@ def estimate(
     seed: int,
     start: GeneralMotionFit | None = None,
 ) -> RelativePose:
-    """The motion behind matches, without a search where one has led to a ``start``."""
+    """The motion of the matches; with a ``start`` from an earlier search, without a new search."""
     diagnostics = Diagnostics()
     if len(matches) < MIN_MATCHES:
         return failed_pose(
@@ -70,7 +70,7 @@ def estimate(
 
 
 def shows_direction(matches: Matches, pose: RelativePose, options: RelativePoseOptions) -> bool:
-    """Whether matches through another lens show a direction, too, near a known motion."""
+    """Whether matches seen with another lens also show a direction, near a known motion."""
     if len(matches) < MIN_MATCHES:
         return False
     start, rate = start_at(pose), options.false_alarm_rate

@@ -1,4 +1,4 @@
-"""Where results go: files and pictures, each written as the run goes."""
+"""Sinks of results: files and pictures, written during the run."""
 
 from farpoint.sinks.bag import BagSink
 from farpoint.sinks.lock import FolderLock

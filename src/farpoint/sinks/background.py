@@ -1,4 +1,4 @@
-"""A sink that works beside the estimation instead of holding it up."""
+"""A sink that writes in a thread, parallel to the estimation."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from farpoint.sinks.sink import Sink
 __all__ = ["BackgroundSink"]
 
 WAITING = 8
-"""Frames that may wait: enough to smooth the pace, too few to matter for memory."""
+"""Length of the queue, in frames: smooths the frame rate with little memory."""
 
 _Step = Callable[[], object]
 _NOTES = 1000  # small things beside the frames; so many wait only for a sink that hangs
 
 
 class BackgroundSink:
-    """Hands results to another sink in a thread of its own: all of them, in order.
+    """Passes all results to another sink, in order, in a thread.
 
-    Where that sink falls behind, `write` waits: no frame is left out, and memory stays bounded.
-    What goes wrong in the thread is raised once, by the next call. The thread is for waiting; the
-    work is best done by a `SinkProcess`.
+    If this sink falls behind, `write` waits: no frame is left out, and memory stays bounded. An
+    error in the thread is raised once, by the next call. The thread only waits; a `SinkProcess`
+    should do the work.
 
     Parameters
     ----------
     sink : Sink
-        Does the work; from now on only the thread calls it.
+        The other sink; from now on only the thread calls it.
     """
 
     def __init__(self, sink: Sink) -> None:
@@ -51,14 +51,14 @@ class BackgroundSink:
         self._add(result, image)
 
     def offer(self, result: OdometryResult, image: np.ndarray | None) -> bool:
-        """Queue one frame as `write` does if there is room; whether there was."""
+        """Queue one frame if there is room; returns whether there was room."""
         if not self._free_slots.acquire(blocking=False):
             return False
         self._add(result, image)
         return True
 
     def note(self, step: _Step) -> None:
-        """Queue something small to be done between frames; left out where a great many wait."""
+        """Queue a small call between frames; left out if very many calls wait."""
         if self._steps.qsize() < _NOTES:
             self._steps.put((step, _nothing))
         self._raise_problem()
@@ -78,7 +78,7 @@ class BackgroundSink:
     def _work(self) -> None:
         while (waiting := self._steps.get()) is not None:
             step, afterwards = waiting
-            if not self._failed:  # a broken sink gets no more, but nobody waits for it either
+            if not self._failed:  # a broken sink gets no more frames, and nothing waits for it
                 self._attempt(step)
             afterwards()
         self._attempt(self._sink.close)

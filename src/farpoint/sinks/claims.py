@@ -1,6 +1,6 @@
-"""Are the numbers of a result file ones that a run can have written?
+"""Range checks of the numbers in a result file.
 
-A file may have been edited or damaged; what is computed from it must not overflow.
+A file may have been edited or damaged; computations with its numbers must not overflow.
 """
 
 from __future__ import annotations
@@ -12,25 +12,25 @@ import numpy as np
 __all__ = ["check_covariance", "check_size", "is_index"]
 
 _LARGEST, _LEAST_VARIANCE = 1e100, 1e-100
-_MOST = 2**53  # up to which a float holds whole numbers
+_MOST = 2**53  # largest range of whole numbers in a float
 
 
 def is_index(number: float) -> bool:
-    """Whether a number counts something."""
+    """Whether a number is a whole number in the range of an index."""
     return 0 <= number < _MOST and number == int(number)
 
 
 def check_size(numbers: Iterable[float]) -> None:
-    """Raise ValueError where a number is infinite or as good as that; NaN stands for none."""
+    """Raise ValueError if a number is infinite or too large; NaN means no value."""
     for number in numbers:
         if abs(number) > _LARGEST:
             raise ValueError(f"expected a number of at most {_LARGEST:g}, got {number!r}")
 
 
 def check_covariance(covariance: np.ndarray) -> None:
-    """Raise ValueError where (..., D, D) is neither all NaN, for none, nor numbers of a size.
+    """Raise ValueError if a covariance (..., D, D) has only some NaN, or too large numbers.
 
-    Whether it is positive definite is for whoever uses it to find out.
+    All NaN means no covariance. Positive definiteness is not checked.
     """
     undefined = np.isnan(covariance)
     if undefined.all():

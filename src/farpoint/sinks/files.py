@@ -1,4 +1,4 @@
-"""How outputs are written: a piece is in its file as a whole or not at all."""
+"""Writing of outputs: a piece is in its file completely or not at all."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ __all__ = [
 
 
 class AppendFile:
-    """A file that grows by whole pieces, each of them in the file before the next comes.
+    """A file that grows by whole pieces, each written before the next one.
 
-    A piece that does not fit, as on a full disk, is taken out again; earlier ones stay. The file
-    comes into being with its first piece.
+    A piece that does not fit on the disk is removed again; earlier pieces stay. The file is created
+    with its first piece.
 
     Parameters
     ----------
@@ -91,19 +91,19 @@ class AppendFile:
 
 @contextmanager
 def replacing(path: Path, part: Path | None = None) -> Iterator[Path]:
-    """A place to write beside ``path``, which takes its name where the block ends well.
+    """A temporary file beside ``path``, renamed to ``path`` if the block ends without an error.
 
     Parameters
     ----------
     path : Path
         Replaced if it exists.
     part : Path, optional
-        The place; `part_of` the path by default.
+        The temporary file; `part_of` the path by default.
 
     Raises
     ------
     InputError
-        Where something is written in vain; ``path`` stays as it was then.
+        If writing fails; ``path`` is then unchanged.
     """
     part = part or part_of(path)
     try:
@@ -117,18 +117,18 @@ def replacing(path: Path, part: Path | None = None) -> Iterator[Path]:
 
 
 def part_of(path: Path) -> Path:
-    """Where a file is written before it takes the name ``path``."""
+    """The temporary file of ``path``."""
     return path.with_name(path.name + ".part")
 
 
 def new_of(path: Path) -> Path:
-    """Where the first piece of a file is written, while the file as a whole may have a part."""
+    """The temporary file of the first piece, distinct from that of the whole file."""
     return path.with_name(path.name + ".new")
 
 
 @contextmanager
 def text_output(path: Path, part: Path) -> Iterator[Callable[[str], None]]:
-    """Write text into ``part``, which will take the name ``path``; what fails names the latter."""
+    """Write text into ``part``, the temporary file of ``path``; errors name ``path``."""
 
     def write(text: str) -> None:
         try:
@@ -144,7 +144,7 @@ def text_output(path: Path, part: Path) -> Iterator[Callable[[str], None]]:
 
 
 def check_writable(path: Path) -> None:
-    """Raise an InputError where a file cannot be written; leaves none that was not there."""
+    """Raise an InputError if a file cannot be written; creates no file."""
     there = path.exists()
     try:
         path.open("ab").close()

@@ -1,4 +1,4 @@
-"""``halves.csv``: what the split-half test of a pair found, written as the run goes."""
+"""``halves.csv``: results of the split-half tests, written during the run."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _COVARIANCE = slice(COLUMNS.index("cov_00"), len(COLUMNS))
 
 
 class HalvesFile(TextFile):
-    """Writes a row per test: the difference of two estimates, and the covariance they claim."""
+    """Writes a row per test: the difference of two estimates, and its covariance."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, header=",".join(COLUMNS) + "\n")

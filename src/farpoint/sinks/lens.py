@@ -1,4 +1,4 @@
-"""What was found of lens and shutter, as plain values for ``run.json``."""
+"""Estimates of lens and shutter, as plain values for ``run.json``."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ __all__ = ["lens_facts"]
 
 
 def lens_facts(lens: LensReport) -> dict[str, Any]:
-    """Parameters as given and as found with their sigmas, by name; and the read-out time.
+    """Given and estimated parameters with their sigmas, by name; and the read-out time.
 
     Returns
     -------
     dict
-        ``refined``, ``given``, ``found`` and ``sigma`` by the model's parameters, ``moved_px``: how
-        far a pixel moves at most between the two, ``readout_s`` and ``readout_sigma_s``.
+        ``refined``, ``given``, ``found`` and ``sigma`` by the model's parameters, ``moved_px``
+        (largest displacement of a pixel between given and estimated lens), ``readout_s`` and
+        ``readout_sigma_s``.
     """
     found = lens.camera.model.parameters
     given = {**dict.fromkeys(found, 0.0), **lens.given.model.refinable().parameters}

@@ -1,4 +1,4 @@
-"""One run at a time in a folder: the lock that a run holds on its outputs."""
+"""Lock of an output folder: one run at a time."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _LOCKED = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK}
 
 
 class FolderLock:
-    """Holds a folder, which is made if it is not there, until it is released.
+    """Locks a folder, which is created if necessary, until `release`.
 
-    The operating system holds the lock on an open file, so that it ends with the process, however
-    that ends: a file left by a killed run is locked by nobody.
+    The lock is a lock of the operating system on an open file, so it ends with the process in any
+    case: the lock file of a killed run is not locked.
 
     Parameters
     ----------
@@ -43,12 +43,12 @@ class FolderLock:
     Raises
     ------
     InputError
-        If another run holds the folder, or it cannot be written.
+        If another run has locked the folder, or it cannot be written.
 
     Attributes
     ----------
     note : str or None
-        What must be known of the lock: that the file system has none.
+        A warning if the file system has no locks.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -62,7 +62,7 @@ class FolderLock:
             raise unwritable(folder, error) from error
 
     def release(self) -> None:
-        """Let go, and take the file away and a folder made for nothing; once."""
+        """Unlock; remove the lock file and an empty folder; a second call does nothing."""
         if self._file.closed:
             return
         if sys.platform == "win32":  # which removes no open file

@@ -14,27 +14,29 @@ from farpoint.sinks.metric_files import put_in_metres
 
 __all__ = ["MetricSink"]
 
-NO_READING = "no hint met a motion of known length: lengths are in the unit of the trajectory"
+NO_READING = (
+    "no aiding measurement gave a reading of the scale: lengths are in the unit of the trajectory"
+)
 
 
 class MetricSink:
-    """Compares results with hints, and at the end rewrites the files of lines in metres.
+    """Compares results with aiding measurements; at the end converts the text files to metres.
 
     Parameters
     ----------
     hints : list of Hint
-        What is known of lengths.
+        Aiding measurements of length.
     camera : Camera
         Of the frames.
     say : callable
-        Takes each contradiction, in words.
+        Called with the text of each contradiction.
     put : callable
-        Takes what goes into ``run.json``, with its key.
+        Called with a key and a value for ``run.json``.
 
     Attributes
     ----------
     now : MetricEstimate or None
-        Metres for a unit as of the last result.
+        Metres per unit at the last result.
     """
 
     def __init__(
@@ -50,15 +52,15 @@ class MetricSink:
         self.now: MetricEstimate | None = None
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Take in one result; the image is not looked at."""
+        """Add one result; the image is not used."""
         del image
         self.now = self._scale.add(self._camera, result)
 
     def close(self) -> None:
-        """Nothing to be closed."""
+        """Do nothing: no file is open."""
 
     def finish(self, folder: Path) -> None:
-        """Put the files of ``folder`` in metres; they must be complete."""
+        """Convert the files of ``folder`` to metres; they must be complete."""
         fit = self._scale.fit()
         if fit is None:
             self._warn(NO_READING)

@@ -1,4 +1,4 @@
-"""``motions.csv``: a row per pair of frames, every number as exact as it was."""
+"""``motions.csv``: a row per pair of frames, with numbers that read back to the same bits."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ _REQUIRED = {
 
 
 class MotionsFile(TextSink):
-    """The sink: writes a row per pair; the first frame, which has no pair, adds none.
+    """The sink ``motions.csv``: writes a row per pair; the first frame has no pair.
 
-    The direction's part of the covariance is in the basis `tangent_basis` of the direction in the
-    row, so that the file is self-contained.
+    The covariance of the direction is in the basis `tangent_basis` of the direction in the row, so
+    the file is self-contained.
     """
 
     def __init__(self, path: Path) -> None:
@@ -146,9 +146,9 @@ class Motions:
 
 
 def read_motions(path: str | Path) -> Motions:
-    """Read a whole ``motions.csv``, that of an interrupted run too.
+    """Read a whole ``motions.csv``, also of an interrupted run.
 
-    A last line without its end is one that was being written: it is left out.
+    An incomplete last line is left out.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def read_motions(path: str | Path) -> Motions:
 
 
 def iter_motions(path: str | Path, chunk_rows: int = 2000) -> Iterator[Motions]:
-    """Read a ``motions.csv`` part by part, so that its length costs no memory."""
+    """Read a ``motions.csv`` part by part, with bounded memory."""
     rows = _rows(Path(path))
     while chunk := list(islice(rows, chunk_rows)):
         statuses, numbers = zip(*chunk, strict=True)

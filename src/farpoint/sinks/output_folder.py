@@ -54,20 +54,21 @@ _OUTPUTS = (
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions:
-    """Which of the costly outputs are made; the text files always are.
+    """Options of the outputs; the text files are always written.
 
     Attributes
     ----------
     overlay : bool
-        Write ``overlay.mp4``, in a process of its own; the report shows pictures only if it is
-        there.
+        Write ``overlay.mp4``, in a process of its own; without the overlay the report has no
+        pictures.
     report : bool
         Write ``report.html`` at the end.
     halves_every : int
-        Of so many pairs one is also estimated from two halves of its matches, for ``halves.csv``;
-        0 for none.
+        One pair in this number is also estimated from two halves of its matches, for
+        ``halves.csv``; 0 for none.
     palette : {"red-green", "orange-blue"}
-        Colours of far and near points in both; the second is distinct with any colour vision.
+        Colours of far and near points in overlay and report; the second palette is distinct with
+        any colour vision.
     parquet : bool
         Write ``positions.parquet`` at the end, beside ``positions.csv``; needs pyarrow.
     """
@@ -89,21 +90,21 @@ class OutputOptions:
 class OutputFolder:
     """All files of a run: motions, trajectory, split-half tests, overlay, record and report.
 
-    Used as a context manager it ends as the block does: done, interrupted by Ctrl-C, or failed
-    with the error's message; the files are valid each time. It failed, too, where an output cannot
-    be finished. Until the end the folder is locked.
+    As a context manager, the run ends with the state of the block: done, interrupted by Ctrl-C, or
+    failed with the message of the error. The files are valid in all cases. If an output cannot be
+    finished, the state is failed. The folder is locked until the end.
 
     Parameters
     ----------
     folder : str or Path
-        Made if it is not there; outputs of an earlier run in it are replaced.
+        Created if necessary; outputs of an earlier run in it are replaced.
     run : RunDescription
-        What is run.
+        Description of the run.
     options : OutputOptions, optional
     video_process : Popen, optional
-        Draws the overlay; from `start_video_process`, where it was started beforehand.
+        Process that draws the overlay, if `start_video_process` was called beforehand.
     lock : FolderLock, optional
-        Of the folder, where the caller holds it already, and releases it.
+        Lock of the folder, if the caller has locked it; the caller releases it.
 
     Raises
     ------
@@ -117,7 +118,7 @@ class OutputFolder:
     path : Path
         The folder.
     notes : tuple of str
-        What must be known of the folder: that its file system has no locks.
+        Warnings about the folder: a file system without locks.
     """
 
     def __init__(
@@ -133,7 +134,8 @@ class OutputFolder:
         self._closed = False
         self._last_steps: list[Callable[[Path], object]] = []
         self._pairs, self._last_frame = 0, -1
-        # What is missing is found before hours of work and before earlier outputs are removed.
+        # Missing libraries raise an error before hours of work and before earlier outputs are
+        # removed.
         if self._options.parquet:
             load_pyarrow()
         if self._options.overlay:
@@ -177,15 +179,15 @@ class OutputFolder:
             opened.pop_all()
 
     def add(self, name: str, sink: Sink) -> None:
-        """Give results to a further sink as well, which is closed with the others."""
+        """Add a sink, which gets all results and is closed with the others."""
         self._sinks[name] = sink
 
     def at_end(self, step: Callable[[Path], object]) -> None:
-        """Have something done to the folder once its files of lines are complete."""
+        """Call a function of the folder when its text files are complete."""
         self._last_steps.append(step)
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Add what one frame brought to every output; neither may be changed afterwards."""
+        """Add the result of one frame to every output; neither argument may change later."""
         for name, sink in self._sinks.items():
             start = time.perf_counter()
             sink.write(result, image)
@@ -196,7 +198,7 @@ class OutputFolder:
     def write_final_poses(self, poses: Iterable[Posed]) -> None:
         """Add final poses of the path: `Odometry.final_poses`, at the end `remaining`.
 
-        Those of frames whose result was not written, since Ctrl-C came between, are left out.
+        Poses of frames whose result was not written because of Ctrl-C are left out.
         """
         for pose in poses:
             if pose.frame1 > self._last_frame:
@@ -207,12 +209,12 @@ class OutputFolder:
                 self._record.add_time(name, time.perf_counter() - start)
 
     def finish_path(self, odometry: Odometry) -> None:
-        """Write the end of a run, however it ends: the last poses, lens and notes."""
+        """Write the end of a run in any state: the last poses, lens and notes."""
         self.write_final_poses(odometry.remaining())
         self.write_lens_and_notes(odometry)
 
     def write_lens_and_notes(self, odometry: Odometry) -> None:
-        """Add the lens as found, times and notes."""
+        """Write the estimated lens, times and notes."""
         if odometry.camera.size is not None:
             self.put_lens(odometry.lens)
         for stage, seconds in odometry.seconds.items():
@@ -221,13 +223,13 @@ class OutputFolder:
             self.note(note)
 
     def put_lens(self, lens: LensReport) -> None:
-        """Tell what was found of lens and shutter, in ``run.json`` and as ``camera.yaml``."""
+        """Write the estimates of lens and shutter to ``run.json`` and ``camera.yaml``."""
         self._record.put("lens", lens_facts(lens))
         with replacing(self.path / _CAMERA_NAME) as part:
             write_camera(lens.camera, part)
 
     def check_halves(self, result: OdometryResult, odometry: Odometry) -> None:
-        """Test the pair that was just written by two halves of its matches, if it is its turn."""
+        """Run the split-half test of the last pair, if the options request it for this pair."""
         every = self._options.halves_every
         if result.pose is None or not every:
             return
@@ -243,15 +245,15 @@ class OutputFolder:
             self._halves.write(result, halves)
 
     def put(self, name: str, fact: object) -> None:
-        """Say something more of the run in ``run.json``, under a key of its own."""
+        """Set a key of ``run.json``."""
         self._record.put(name, fact)
 
     def note(self, words: str) -> None:
-        """Add to what must be known of the results, in ``run.json``."""
+        """Add a note about the results to ``run.json``."""
         self._record.note(words)
 
     def add_time(self, stage: str, seconds: float) -> None:
-        """Add to the time spent in a stage that happens elsewhere, such as reading."""
+        """Add to the time of a stage outside of this class, such as reading."""
         self._record.add_time(stage, seconds)
 
     def close(self, state: RunState = RunState.DONE, error: str | None = None) -> None:
@@ -260,7 +262,7 @@ class OutputFolder:
         Raises
         ------
         BaseException
-            The first of the errors met on the way, a second Ctrl-C included.
+            The first of the errors, including a second Ctrl-C.
         """
         if self._closed:
             return
@@ -306,7 +308,7 @@ class OutputFolder:
 
 
 def _remove_outputs(folder: Path) -> None:
-    """Take away what an earlier run left, finished or not."""
+    """Remove the outputs of an earlier run."""
     for name in _OUTPUTS:
         path = folder / name
         try:
@@ -327,7 +329,7 @@ def _attempt(step: Callable[[], object]) -> BaseException | None:
 
 
 def _verdict(error: BaseException) -> tuple[RunState, str | None]:
-    """How a run ended that an error ended."""
+    """State of a run that ended with an error."""
     if isinstance(error, KeyboardInterrupt):
         return RunState.INTERRUPTED, None
     return RunState.FAILED, _one_line(error)

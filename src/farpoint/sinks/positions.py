@@ -1,4 +1,4 @@
-"""``positions.csv``: where the camera was and how sure that is; and the same as Parquet."""
+"""``positions.csv``: poses of the camera with covariances; and the same as Parquet."""
 
 from __future__ import annotations
 

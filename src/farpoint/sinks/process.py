@@ -1,4 +1,4 @@
-"""A sink whose work is done by another process, so that it takes no time from this one's."""
+"""A sink that works in another process, so that it does not slow down the estimation."""
 
 from __future__ import annotations
 
@@ -27,25 +27,26 @@ _FEW_THREADS = {
 
 
 class SinkProcess:
-    """Hands each call to a sink in another process and waits until it is done there.
+    """Passes each call to a sink in another process and waits for its end.
 
-    An interpreter runs one thread at a time, so that drawing in a thread makes estimation wait.
-    The other process ends when this one does, however that happens: it reads from a pipe, and at
-    the end of the pipe it closes its sink. Ctrl-C does not reach it.
+    Python runs one thread at a time, so drawing in a thread would slow down the estimation. The
+    other process reads from a pipe; at the end of the pipe it closes its sink and ends, even if
+    this process was killed. Ctrl-C does not reach the other process.
 
     Parameters
     ----------
     make : callable
-        Makes the sink; pickled, and called over there. Errors of it are raised by the next call.
+        Makes the sink; pickled, and called in the other process. Its errors are raised by the next
+        call.
     output : str or Path
-        What the sink makes, for the message if its process is lost.
+        Output of the sink, for the message if its process dies.
     process : Popen, optional
-        From `start_process`, where it was started beforehand.
+        From `start_process`, if it was called beforehand.
 
     Raises
     ------
     ChildProcessError
-        By `write`, `call` or `close`, once, where the process has ended on its own.
+        By `write`, `call` or `close`, once, if the process has died.
     """
 
     def __init__(
@@ -64,17 +65,17 @@ class SinkProcess:
         self._send(make)
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Have one frame added; what goes wrong over there is raised here."""
+        """Add one frame; errors of the other process are raised here."""
         self.call("write", result, image)
 
     def call(self, method: str, *arguments: object) -> None:
-        """Have any method of the sink called; what it returns is left over there."""
+        """Call any method of the sink; its return value is not passed back."""
         self._wait_until_open()
         self._send((method, arguments))
         self._receive()
 
     def close(self) -> None:
-        """Have the sink closed and wait until its process has ended; a second call does nothing."""
+        """Close the sink and wait for the end of its process; a second call does nothing."""
         if self._closed:
             return
         self._closed = True
@@ -120,16 +121,16 @@ class SinkProcess:
 
 
 def start_process(*modules: str, niceness: int = 5, **environment: str) -> subprocess.Popen[bytes]:
-    """Start a process for a `SinkProcess`, which need not be there yet.
+    """Start a process for a later `SinkProcess`.
 
     Parameters
     ----------
     *modules : str
-        Loaded at once rather than with the first frame.
+        Modules that are loaded before the first frame.
     niceness : int
-        How far it steps back where cores are few, so that estimation goes first.
+        Nice value of the process, so that the estimation has priority.
     **environment : str
-        Variables that it has where the user has not set them.
+        Environment variables, unless the user has set them.
     """
     # Modules are found where this interpreter finds them. Its __main__ is not loaded again, so
     # that scripts need no guard around what they do.

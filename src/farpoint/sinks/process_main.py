@@ -1,8 +1,9 @@
-"""What runs in the process of a sink: ``python -m farpoint.sinks.process_main [MODULE ...]``.
+"""Program of the process of a sink: ``python -m farpoint.sinks.process_main [MODULE ...]``.
 
-Messages are pickled. The first makes the sink; every other one is a method and its arguments. Each
-gets an answer: None, or the error it met; one more comes before, when the modules are loaded. The
-end of the messages closes the sink, whether it was meant or the other process is dead.
+Messages are pickled. The first message makes the sink; every other message is a method and its
+arguments. The answer to each message is None or an error. One more answer is sent before the first
+message, when the modules are loaded. At the end of the messages the sink is closed, also if the
+other process has died.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Room on the disk for what must be written even when the disk is full."""
+"""Reserved disk space for a file that must be written even on a full disk."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _BYTES = 1 << 17  # more than a run.json with all the reasons that it may hold
 
 
 class Reserve:
-    """A file whose space on the disk is there, to be written over and renamed at the end.
+    """A file with reserved disk space, overwritten and renamed at the end.
 
     Parameters
     ----------
     path : Path
-        The file that it is kept for.
+        The file for which the space is reserved.
 
     Raises
     ------
@@ -42,7 +42,7 @@ class Reserve:
                 raise unwritable(path, error) from error
 
     def replace(self, text: str) -> bool:
-        """Put a text in place of the file that the room is kept for; whether that went well."""
+        """Replace the file by a text in the reserved space; returns whether this succeeded."""
         try:
             with self._reserve.open("r+b") as file:
                 file.write(text.encode())
@@ -53,6 +53,6 @@ class Reserve:
         return True
 
     def release(self) -> None:
-        """Give the room back; a second call does nothing."""
+        """Free the reserved space; a second call does nothing."""
         with contextlib.suppress(OSError):
             self._reserve.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The sink ``run.json``: what was run, with what, and how it went."""
+"""The sink ``run.json``: source, options, versions, statuses and timing of the run."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ _MAX_REASONS = 100  # kept of each status other than OK: a bound on memory, not 
 
 
 class RunState(Enum):
-    """How far a run came; the values are the words in the file."""
+    """State of a run; the values are the words in the file."""
 
     RUNNING = "running"
-    """Under way, or killed before it could say otherwise."""
+    """Running, or killed."""
     DONE = "done"
     """The source was read to its end."""
     INTERRUPTED = "interrupted"
@@ -49,12 +49,12 @@ class RunState(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class RunDescription:
-    """What is run, known before its first frame.
+    """Description of a run, known before its first frame.
 
     Attributes
     ----------
     source : str
-        What the user named: a path, a camera index, an address.
+        Source as given by the user: a path, a camera index or a URL.
     source_name : str
         Short name, for titles.
     camera : Camera
@@ -66,7 +66,7 @@ class RunDescription:
     timestamp_source : str
         Where the time stamps come from.
     notes : tuple of str
-        What a reader of the results must know, a sentence each.
+        Notes about the results, one sentence each.
     mask : ndarray of bool, shape (H, W), or None
         True where the frames are used; None where they are used as a whole.
     """
@@ -82,9 +82,9 @@ class RunDescription:
 
 
 class RunRecord:
-    """Counts what comes by and keeps ``run.json`` up to date, replacing it as a whole.
+    """Counts frames and pairs and keeps ``run.json`` up to date, replacing the whole file.
 
-    Everything in it but ``wall_clock`` is the same when the run is repeated.
+    A repeated run gives the same file except ``wall_clock``.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class RunRecord:
             self._save()
 
     def note(self, words: str) -> None:
-        """Add to what must be known of the results."""
+        """Add a note about the results."""
         self._fixed["notes"].append(words)
 
     def add_time(self, stage: str, seconds: float) -> None:
@@ -157,11 +157,11 @@ class RunRecord:
         self._stages_s[stage] = self._stages_s.get(stage, 0.0) + seconds
 
     def put(self, name: str, fact: object) -> None:
-        """Set a fact of the run under its key, in place of an earlier one."""
+        """Set a key of ``run.json``; replaces an earlier value."""
         self._facts[name] = plain(fact)
 
     def reserve_room(self) -> None:
-        """Make sure that `finish` can write on a full disk too, until `close` gives that up.
+        """Reserve disk space for `finish`, which then works on a full disk, until `close`.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class RunRecord:
         self._reserve = Reserve(self._path)
 
     def finish(self, state: RunState, error: str | None = None) -> None:
-        """Write how the run ended; `error` is one line on why it failed."""
+        """Write the final state of the run; `error` is the reason of a failure, in one line."""
         self._state, self._error = state, error
         try:
             self._save()
@@ -180,7 +180,7 @@ class RunRecord:
                 raise
 
     def close(self) -> None:
-        """Release the reserve; `finish` writes how the run ended."""
+        """Free the reserved space; `finish` writes the final state of the run."""
         if self._reserve is not None:
             self._reserve.release()
 

@@ -1,4 +1,4 @@
-"""What every sink is: results go in one by one, and closing leaves a valid file."""
+"""Interface of sinks: results are written one by one; after closing the file is valid."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["PathFile", "Posed", "Sink", "TextFile", "TextSink"]
 
 
 class Sink(Protocol):
-    """Somewhere that results go, in the order of the frames."""
+    """Receives results in the order of the frames."""
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Add what one frame brought; the image is None where it could not be decoded."""
+        """Add the result of one frame; the image is None if it could not be decoded."""
         ...
 
     def close(self) -> None:
@@ -27,14 +27,14 @@ class Sink(Protocol):
 
 
 class TextFile:
-    """A file of lines, each of them in the file before the next comes.
+    """A text file, written line by line.
 
     Parameters
     ----------
     path : Path
         Replaced if it exists.
     header : str
-        Written first, as it is.
+        First text of the file.
     """
 
     def __init__(self, path: Path, header: str = "") -> None:
@@ -97,12 +97,12 @@ class PathFile(TextFile):
         self._put(self.lines(pose))
 
     def lines(self, pose: Posed) -> str:
-        """What is written of a pose, with line ends."""
+        """Lines of a pose, with line ends."""
         raise NotImplementedError
 
 
 class TextSink(TextFile):
-    """A sink of lines: what a result has to say, as text."""
+    """A sink that writes lines of text for each result."""
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
         """Append the lines of one result; the image is not looked at."""
@@ -110,5 +110,5 @@ class TextSink(TextFile):
         self._put(self.lines(result))
 
     def lines(self, result: OdometryResult) -> str:
-        """What is written of a result, with line ends."""
+        """Lines of a result, with line ends."""
         raise NotImplementedError

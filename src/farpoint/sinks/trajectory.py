@@ -1,4 +1,4 @@
-"""``trajectory.tum`` and ``trajectory.kitti``: where the camera was, a line per frame."""
+"""``trajectory.tum`` and ``trajectory.kitti``: a pose per frame."""
 
 from __future__ import annotations
 

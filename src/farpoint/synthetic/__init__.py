@@ -1,4 +1,4 @@
-"""Scenes whose truth is known exactly: point sets, and rendered images."""
+"""Synthetic scenes with exact truth: point sets and rendered images."""
 
 from farpoint.synthetic.bound import cramer_rao_bound, rotation_cramer_rao_bound
 from farpoint.synthetic.handheld import HandheldTracks

@@ -1,4 +1,4 @@
-"""The best that any estimator can do on a point scene: its Cramer-Rao bound."""
+"""Cramer-Rao bound of the motion in a point scene."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ __all__ = ["cramer_rao_bound", "rotation_cramer_rao_bound"]
 def cramer_rao_bound(scene: PointScene) -> np.ndarray:
     """Least covariance of ``[dtheta (3), dbeta (2)]``, rad^2, of an unbiased estimate.
 
-    All true matches count, near and far; which ones they are and the noise are taken as known. The
-    unknowns are the pose (perturbed on the left, direction on its tangent plane
+    All inliers count, near and far; the inliers and the noise are taken as known. The unknowns are
+    the pose (perturbed on the left, direction on its tangent plane
     ``sphere.tangent_basis(direction)``) and the three coordinates of every scene point, each seen
     in two images with normal noise. The points are eliminated by the Schur complement. With A the
     Jacobian of the pixel in image 1 by the pose, U and V those of both pixels by the point::
@@ -37,7 +37,7 @@ def cramer_rao_bound(scene: PointScene) -> np.ndarray:
     true = ~scene.is_outlier
     rays0, inverse_depth = scene.true_rays0[true], 1.0 / scene.depths[true]
     rotated = rays0 @ scene.rotation_cam1_from_cam0.T
-    # Everything is divided by the depth, so points at infinity take part.
+    # All terms are divided by the depth, so points at infinity are included.
     shift = np.linalg.norm(scene.translation_cam1_from_cam0) * inverse_depth[:, None]
     project1 = scene.camera.model.project_jacobian(rotated + shift * direction)
     by_direction = shift[:, :, None] * sphere.tangent_basis(direction)
@@ -55,7 +55,7 @@ def cramer_rao_bound(scene: PointScene) -> np.ndarray:
 
 
 def rotation_cramer_rao_bound(scene: PointScene) -> np.ndarray:
-    """Least covariance of ``dtheta``, shape (3, 3), rad^2, where the camera is known to only turn.
+    """Least covariance of ``dtheta``, shape (3, 3), rad^2, for a known pure rotation.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A camera in the hand, before points of a room: tracks with the errors that trackers make."""
+"""Tracks of a handheld camera in a room of points, with errors like those of a tracker."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ __all__ = ["HandheldTracks"]
 class HandheldTracks:
     """Tracks from exact geometry, without images: matches of consecutive frames when iterated.
 
-    The camera swings slowly along all axes. Errors add up along a track, as a tracker's do.
+    The camera swings slowly along all axes. Errors add up along a track, as in a tracker.
 
     Attributes
     ----------
     camera : Camera
-        Any, of known size.
+        Any camera of known image size.
     frames : int
         Number of frames, N.
     seed : int
-        Of motion, points and errors.
+        Seed of motion, points and errors.
     readout_s : float
         Read-out time of a frame, first row to last, s; the pose of a frame is that of its middle.
     noise_px : float
         1-sigma of a coordinate of a match.
     points : int
-        How many there are, in a room 6 m wide and 1.5 to 5 m deep.
+        Number of points, in a room 6 m wide and 1.5 to 5 m deep.
     fps : float
         Frames a second.
     """
@@ -89,7 +89,7 @@ class HandheldTracks:
                 covariance_px2=np.tile(self.noise_px**2 * np.eye(2), (both.sum(), 1, 1)),
             )
             error += more
-            # What has left the image comes back as another track.
+            # A point that has left the image returns as another track.
             ids = np.where(both, ids, ids.max() + 1 + np.arange(count))
             error[~both] = 0.0
             before = now

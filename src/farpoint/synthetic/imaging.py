@@ -1,4 +1,4 @@
-"""What a sensor does to a picture: noise, changes of the exposure, a rolling shutter and blur."""
+"""Model of the sensor: noise, changes of the exposure, rolling shutter and motion blur."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ __all__ = ["ImagingOptions"]
 
 @dataclass(frozen=True, kw_only=True)
 class ImagingOptions:
-    """What the sensor adds to the picture.
+    """Options of the sensor model.
 
     Attributes
     ----------
     noise_grey : float
         1-sigma of the normal noise on every pixel, grey levels; rounding adds 0.29.
     exposure_swing : float
-        Amplitude, 0 to 0.5, of slow changes of the exposure, as a share of it.
+        Relative amplitude, 0 to 0.5, of slow changes of the exposure.
     readout_s : float
         Read-out time of a frame, first row to last, s, 0 to 1; 0 for a global shutter. The time of
         a frame, and its true pose, are those of the middle row.
     exposure_s : float
         Exposure of each row, s, 0 to 1; its middle is the time of the row. 0: no motion blur.
     exposure_samples : int
-        Of an exposure that is not 0 the image is the mean at so many times, evenly spread over it;
-        an odd number, 1 to 99, so that one of them is the middle.
+        Number of times, evenly spread over an exposure that is not 0, whose mean is the image; odd,
+        1 to 99, so that one of them is the middle.
     """
 
     noise_grey: float = 1.0
@@ -50,16 +50,16 @@ class ImagingOptions:
 
     @property
     def is_instant(self) -> bool:
-        """Whether all of a frame is taken at one time."""
+        """Whether the whole frame is taken at one time."""
         return self.readout_s == self.exposure_s == 0.0
 
     def row_delays_s(self, rows: np.ndarray, height: int) -> np.ndarray:
-        """Times (N,) of rows (N,) of an image, fractions too, after that of the middle row."""
+        """Times (N,), s, of rows (N,), also fractional, relative to the middle row."""
         return self.readout_s * (rows / max(height - 1, 1) - 0.5)
 
     @property
     def exposure_delays_s(self) -> np.ndarray:
-        """Times (K,) whose mean the image is, after the middle of the exposure."""
+        """Times (K,), s, relative to the middle of the exposure, whose mean is the image."""
         if self.exposure_s == 0.0:
             return np.zeros(1)
         count = self.exposure_samples

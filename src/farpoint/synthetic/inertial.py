@@ -1,4 +1,4 @@
-"""A perfect path through given poses, and what an IMU would feel on it."""
+"""A smooth path through given poses, and the measurements of an IMU on it."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ __all__ = ["InertialPath", "SimulatedImu"]
 
 
 class InertialPath:
-    """A path whose accelerations exist everywhere: splines through a trajectory's poses.
+    """A path with continuous accelerations: splines through the poses of a trajectory.
 
     Parameters
     ----------
     trajectory : Trajectory
         ``world_from_body`` with time stamps; the world's z axis points up.
     knot_s : float
-        Time between the poses that the splines go through. Recorded poses are noisy, and their
-        noise differentiated twice is felt: knots at least 0.1 s apart leave it out.
+        Time between the knots of the splines, s. Recorded poses are noisy, and the IMU would
+        measure the second derivative of the noise; knots at least 0.1 s apart remove it.
     """
 
     def __init__(self, trajectory: Trajectory, knot_s: float = 0.1) -> None:
@@ -53,7 +53,7 @@ class InertialPath:
         return self._position(time_s, 1)
 
     def measured(self, times_s: np.ndarray) -> ImuSteps:
-        """What a perfect IMU feels in the N steps between N + 1 times, s from the start."""
+        """Measurements of an ideal IMU in the N steps between N + 1 times, s from the start."""
         dt = np.diff(times_s)[:, None]
         attitudes = self._attitude(times_s).as_matrix()
         gyro = so3.log(np.swapaxes(attitudes[:-1], 1, 2) @ attitudes[1:]) / dt
@@ -65,14 +65,14 @@ class InertialPath:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedImu:
-    """Steps of an IMU on an `InertialPath`, with the biases it had.
+    """Steps of an IMU on an `InertialPath`, with the true biases.
 
     Attributes
     ----------
     times_s : ndarray, shape (N + 1,)
-        Where the steps begin and end, s.
+        Times at which the steps begin and end, s.
     steps : ImuSteps
-        What it felt, biased and noisy.
+        Measurements with biases and noise.
     gyro_bias, accel_bias : ndarray, shape (N + 1, 3)
         True biases at the times.
     """
@@ -93,7 +93,7 @@ class SimulatedImu:
         accel_bias: np.ndarray,
         seed: int,
     ) -> SimulatedImu:
-        """Feel a path at these times, from these first biases; the same seed feels the same."""
+        """Simulate the IMU on a path at these times, with these initial biases and seed."""
         rng = np.random.default_rng(seed)
         measured = path.measured(times_s)
         dt = measured.dt[:, None]

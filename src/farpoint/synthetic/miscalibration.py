@@ -1,4 +1,4 @@
-"""A camera as a calibration would give it that is wrong by a known amount."""
+"""A calibration with known errors."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ __all__ = ["Miscalibration"]
 
 @dataclass(frozen=True, kw_only=True)
 class Miscalibration:
-    """How the camera that is given differs from the true one, for every lens with parameters.
+    """Errors of the given camera, for every lens with parameters.
 
     Attributes
     ----------
     focal_share : float
-        Relative error of the focal length, or of what a lens has in its place; -0.5 to 0.5.
+        Relative error of the focal length, or of the corresponding parameter of the lens; -0.5 to
+        0.5.
     center_px : (float, float)
         Error of the principal point along x and y, px.
     distortion_px : float
-        Root mean square displacement at the image's corners, px, of errors of the distortion that
-        are drawn by the seed; 0 or more. The scale about the centre stays as it is.
+        Root mean square displacement at the corners of the image, px, by random errors of the
+        distortion; 0 or more. The scale at the centre of the image does not change.
     seed : int
-        Of that draw.
+        Seed of the random errors of the distortion.
 
     Examples
     --------
@@ -49,13 +50,13 @@ class Miscalibration:
             raise InputError(f"expected two numbers, got {self.center_px!r}", field="center_px")
 
     def of(self, camera: Camera) -> Camera:
-        """The camera that is given where ``camera`` is the true one; without uncertainty.
+        """The given camera for a true ``camera``; without uncertainty.
 
         Raises
         ------
         InputError
-            Where the lens has no parameter that an error could be of, the errors make no lens, or
-            the size of the image is needed and not known.
+            If the lens has no parameter with an error, if the wrong parameters are invalid, or if
+            the size of the image is needed and unknown.
         """
         model = camera.refinable if self.distortion_px else camera.model
         roles = model.roles

@@ -1,4 +1,4 @@
-"""A camera's motion at any time: the smoothest curve through the poses of a path."""
+"""Motion of a camera at any time: a spline through the poses of a path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["SmoothMotion"]
 
 
 class SmoothMotion:
-    """Splines through the poses of a path, with continuous accelerations; one pose stays.
+    """Splines through the poses of a path, with continuous accelerations; constant for one pose.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class SmoothMotion:
             self._attitude = RotationSpline(since, turns)
 
     def poses(self, times_s: np.ndarray) -> np.ndarray:
-        """``world_from_cam`` (N, 4, 4) at times (N,), s; a little beyond its ends, too."""
+        """``world_from_cam`` (N, 4, 4) at times (N,), s, also slightly beyond the ends."""
         poses = np.tile(np.eye(4), (len(times_s), 1, 1))
         if self._only is not None:
             poses[:] = self._only

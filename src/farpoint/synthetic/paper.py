@@ -13,19 +13,19 @@ from farpoint.synthetic.points import PointSceneOptions
 __all__ = ["PAPER_NOISE_PX", "PAPER_OUTLIERS", "paper_camera", "paper_example", "paper_protocol"]
 
 PAPER_NOISE_PX = math.sqrt(0.05)
-"""The paper states the variance of its noise: 0.05 px^2."""
+"""1-sigma of the noise, px; the paper states the variance, 0.05 px^2."""
 
 PAPER_OUTLIERS = 20
-"""Wrong matches among those of the simulation table."""
+"""Number of outliers in the simulation table."""
 
 
 def paper_camera() -> Camera:
-    """640x480 camera with the focal length of the paper's own, 727 px."""
+    """640x480 camera with the focal length of the paper, 727 px."""
     return Camera.pinhole(640, 480, 727.0, 727.0, 319.5, 239.5)
 
 
 def paper_example(*, noise_px: float = PAPER_NOISE_PX, outliers: int = 0) -> PointSceneOptions:
-    """The motion of Fig. 4-5: near points at 1-4 m, far ones at 25-35 m, a large turn.
+    """The motion of Fig. 4-5: near points at 1-4 m, far points at 25-35 m, a large rotation.
 
     The paper writes ``P' = R_p.T P - T_p`` with T_p = (0.3, 0.2, 0.4) m and
     ``R_p = Rz(5 deg) Ry(2 deg) Rx(10 deg)``, so ``R_cam1_from_cam0 = R_p.T`` and the translation is
@@ -49,18 +49,19 @@ def paper_example(*, noise_px: float = PAPER_NOISE_PX, outliers: int = 0) -> Poi
 def paper_protocol(
     rng: np.random.Generator, *, mean_matches: float = 89.8, outliers: int = PAPER_OUTLIERS
 ) -> PointSceneOptions:
-    """One random pair of the simulation table: 89.8 matches on average, 20 of them wrong.
+    """One random pair of the simulation table: 89.8 matches on average, 20 of them outliers.
 
-    The paper gives these counts and the variance of the noise. The rest is ours: the 20 are counted
-    among the 89.8 (the harder reading; pass ``mean_matches=109.8`` for the other), true matches are
-    Poisson with at least 10, half of them near at 1-4 m and half far at 200-1000 m, every axis
-    turns by up to 5 degrees, and the translation points anywhere, 1 to 5 cm long.
+    The paper gives these numbers and the variance of the noise; all other values are assumptions.
+    The 20 outliers are part of the 89.8 matches (the harder case; ``mean_matches=109.8`` gives the
+    other). The number of inliers is Poisson, at least 10; 50 % are near at 1-4 m and 50 % far at
+    200-1000 m. The rotation is up to 5 degrees about each axis. The translation has a random
+    direction and a length of 1 to 5 cm.
 
-    Motions this small and far points this far are what the paper's results imply. Its rotation
-    errors (0.0113, 0.0107, 0.0231) deg have the proportions of a rotation found from points known
-    to be far; where all depths are unknown the Cramer-Rao bound about x and y is 0.026 deg for any
-    depths and any baseline, and far points at 25-35 m would pull the rotation by more than the
-    errors stated. Its direction error of 2.59 deg is the Cramer-Rao bound of a baseline near 2 cm.
+    The results of the paper imply such small motions and such far points. Its rotation errors
+    (0.0113, 0.0107, 0.0231) deg have the proportions of a rotation from points that are known to be
+    far. If all depths are unknown, the Cramer-Rao bound about x and y is 0.026 deg for any depths
+    and any baseline; far points at 25-35 m would bias the rotation by more than the errors of the
+    paper. The direction error of 2.59 deg is the Cramer-Rao bound of a baseline near 2 cm.
 
     Parameters
     ----------

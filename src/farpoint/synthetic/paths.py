@@ -1,5 +1,5 @@
-"""Ways a camera moves through the street: a drive with turns, motions that were measured
-elsewhere, and the plain ones for tests.
+"""Camera paths through the street: a drive with turns, recorded motions, and simple motions for
+tests.
 
 Poses are ``world_from_cam`` in the world of `farpoint.synthetic.street`: x right, y down, z
 forward, the ground at y = 0. The same arguments give the same poses, bit for bit.
@@ -35,7 +35,7 @@ __all__ = [
 CAMERA_HEIGHT_M = 1.65
 _START_M = 14.0  # along the first street
 START = np.array([LANE_M, -CAMERA_HEIGHT_M, _START_M])
-_BETWEEN_M = 20.0  # where what is carried hovers about
+_BETWEEN_M = 20.0  # mean position of a recorded motion
 _LEAST_HEIGHT_M = 1.0
 # From x ahead, y left and z up to x right, y down and z ahead.
 _CAMERA_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
@@ -50,16 +50,16 @@ _REACH_M = {
 
 
 def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
-    """Drive on the right-hand lane: turns at crossings, braking for them, a body that sways.
+    """Drive on the right-hand lane, with turns at crossings, braking and a swaying body.
 
     Parameters
     ----------
     frames : int
         Number of poses, at least 1.
     fps : float
-        Frames per second; the speed is about 9 m/s on straight streets and half in turns.
+        Frames per second. The speed is about 9 m/s on straight streets and 50 % of it in turns.
     seed : int
-        Of the route and the sway.
+        Seed of the route and the sway.
 
     Raises
     ------
@@ -99,14 +99,14 @@ def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
 
 
 def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajectory:
-    """Move as something did elsewhere, a hand or a drone, with a camera that looks ahead.
+    """Recorded motion of a hand or a drone, with a camera that looks forward.
 
     Parameters
     ----------
     body : Trajectory
         Poses ``world_from_body`` with their times; axes of both are x ahead, y left, z up.
     start_s : float
-        When to begin, seconds after the first of them.
+        Start time, s after the first pose.
     frames : int
         Number of poses, at least 1.
     fps : float
@@ -141,12 +141,12 @@ def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajec
 
 
 def pure_rotation(frames: int, fps: float = 30.0, *, rate_deg_s: float = 20.0) -> Trajectory:
-    """Turn on the spot: look around to and fro, nod and tilt, without the slightest translation.
+    """Rotation on the spot: oscillations of yaw, pitch and roll, without translation.
 
     Parameters
     ----------
     rate_deg_s : float
-        Highest rate of the yaw; pitch and roll turn at about half of it.
+        Highest rate of the yaw, deg/s; about 50 % of it for pitch and roll.
     """
     times = times_of(frames, fps)
     rate = math.radians(_finite(rate_deg_s, "rate_deg_s"))
@@ -156,13 +156,13 @@ def pure_rotation(frames: int, fps: float = 30.0, *, rate_deg_s: float = 20.0) -
 
 
 def standing_still(frames: int, fps: float = 30.0) -> Trajectory:
-    """Not move at all, looking along the street."""
+    """Camera at rest, looking along the street."""
     times = times_of(frames, fps)
     return trajectory_of(times, np.broadcast_to(START, (frames, 3)), np.zeros((frames, 3)))
 
 
 def sideways(frames: int, fps: float = 30.0, *, speed_m_s: float = 1.5) -> Trajectory:
-    """Move along the street at constant speed while facing the houses across: no rotation."""
+    """Translation along the street at constant speed, looking sideways at the houses."""
     times = times_of(frames, fps)
     position = START + times[:, None] * np.array([0.0, 0.0, _finite(speed_m_s, "speed_m_s")])
     turns = np.broadcast_to([-math.pi / 2, 0.0, 0.0], (frames, 3))
@@ -170,7 +170,7 @@ def sideways(frames: int, fps: float = 30.0, *, speed_m_s: float = 1.5) -> Traje
 
 
 def times_of(frames: int, fps: float) -> np.ndarray:
-    """Times (N,) of so many frames, s; an InputError where an argument is out of its range."""
+    """Times (N,) of the frames, s; an InputError if an argument is out of range."""
     if frames < 1:
         raise InputError(f"expected at least 1, got {frames}", field="frames")
     if _finite(fps, "fps") <= 0.0:
@@ -215,7 +215,7 @@ def _headings(rng: np.random.Generator, length_m: float) -> np.ndarray:
 
 
 def _speeds(curvature: np.ndarray, along: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Speed at every step of the route, m/s: as fast as the turns allow, never quite even."""
+    """Speed at every step of the route, m/s: limited by the turns, with small variations."""
     allowed = np.sqrt(_LATERAL_ACCELERATION / np.maximum(np.abs(curvature), 1e-6))
     # Slow already when the turn begins, and until it ends.
     slowest = minimum_filter1d(np.minimum(_SPEED, allowed), int(_BRAKING_M / _STEP_M))

@@ -1,4 +1,4 @@
-"""Point scenes: matches between two views of points at random, with everything about them known."""
+"""Point scenes: matches between two views of random points, with exact truth."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ _MARGIN_SIGMA = 5.0  # noise does not push a point that is seen out of the image
 
 
 class OutlierKind(Enum):
-    """How the wrong matches lie."""
+    """Distribution of the outliers."""
 
     UNIFORM = "uniform"
     """Anywhere in the second image."""
     EPIPOLAR = "epipolar"
-    """On the epipolar line of the first point, anywhere along it: no epipolar test can see them."""
+    """Anywhere on the epipolar line of the first point: no epipolar test can detect them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointSceneOptions:
-    """What a point scene is made of.
+    """Options of a point scene.
 
     Attributes
     ----------
     camera : Camera
         Takes both images; its size must be known.
     matches : int
-        Number of matches in all, outliers included.
+        Number of all matches, including outliers.
     outliers : int
-        How many of them are wrong.
+        Number of outliers.
     outlier_kind : OutlierKind
-        How the wrong ones lie.
+        Distribution of the outliers.
     far_share : float
-        Share of the true matches that lie in the far range, 0 to 1; rounded to whole matches.
+        Share of the inliers in the far range, 0 to 1; rounded to whole matches.
     near_range_m, far_range_m : (float, float)
         Distances from camera 0 along the ray, m, drawn uniformly; infinity for both ends of a range
         puts its points at infinity.
@@ -100,7 +100,7 @@ class PointSceneOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointScene:
-    """Matches of two views and the truth behind them; the order of the matches is random.
+    """Matches of two views with their truth; the order of the matches is random.
 
     Attributes
     ----------
@@ -109,9 +109,9 @@ class PointScene:
     points0, points1 : ndarray, shape (N, 2)
         Pixels with noise; all matches are seen in both images.
     is_outlier : ndarray of bool, shape (N,)
-        Wrong matches.
+        Outliers.
     is_far : ndarray of bool, shape (N,)
-        True matches of points in the far range.
+        Inliers in the far range.
     depths : ndarray, shape (N,)
         Distance from camera 0 along the ray, m; NaN for outliers.
     true_rays0 : ndarray, shape (N, 3)
@@ -139,14 +139,14 @@ class PointScene:
 
     @property
     def direction_cam1_from_cam0(self) -> np.ndarray | None:
-        """Unit vector along the translation, shape (3,); None where the camera only turns."""
+        """Unit vector along the translation, shape (3,); None for a pure rotation."""
         if not self.translation_cam1_from_cam0.any():
             return None
         return sphere.normalize(self.translation_cam1_from_cam0)
 
     @property
     def heading_cam0(self) -> np.ndarray | None:
-        """Direction of travel seen by camera 0, unit vector; None where the camera only turns."""
+        """Direction of travel in axes of camera 0, unit vector; None for a pure rotation."""
         direction = self.direction_cam1_from_cam0
         return None if direction is None else -self.rotation_cam1_from_cam0.T @ direction
 
@@ -159,14 +159,14 @@ def make_point_scene(
     Parameters
     ----------
     options : PointSceneOptions
-        What the scene is made of.
+        Options of the scene.
     seed : int or numpy.random.Generator
         The same options and seed give the same scene.
 
     Raises
     ------
     InputError
-        Where next to nothing is visible in both images.
+        If hardly any point is visible in both images.
 
     Examples
     --------

@@ -28,7 +28,7 @@ _ROW_STEPS = 5  # until the row in which a point is seen no longer changes
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderedView:
-    """A frame and how far away everything in it is.
+    """A frame with its depth.
 
     Attributes
     ----------
@@ -44,10 +44,11 @@ class RenderedView:
 
 
 class RenderedSequence:
-    """A camera's path through a street, seen through any lens: a source of frames with truth.
+    """Images of a street along a path, through any lens: a source of frames with truth.
 
-    Frames are rendered when they are asked for, each by itself, so a long sequence takes no more
-    memory than a short one, and frame 700 is the same whether or not 0 to 699 were seen before.
+    Each frame is rendered on request and independently of the others. So memory does not grow with
+    the length of the sequence, and frame 700 does not depend on whether frames 0 to 699 were
+    rendered.
 
     Parameters
     ----------
@@ -57,7 +58,7 @@ class RenderedSequence:
         Poses ``world_from_cam`` with their times, in the world of `farpoint.synthetic.street`;
         those of `farpoint.synthetic.paths` or any other above ground.
     seed : int
-        Of the street and the noise.
+        Seed of the street and the noise.
     imaging : ImagingOptions
         Noise, exposure and shutter. Between the poses of the path the camera moves as
         `SmoothMotion` does.
@@ -146,19 +147,20 @@ class RenderedSequence:
     def distances(self, index: int, pixels: np.ndarray) -> np.ndarray:
         """Distances (N,), m, along the rays of any pixels (N, 2) of a frame, by exact ray casting.
 
-        Each at the time of its own row. Infinite for the sky, NaN where there is no ray.
+        Each distance is that at the read-out time of its row. Infinite for the sky, NaN without a
+        ray.
         """
         return self._cast(self._poses(index, pixels[:, 1]), self.camera.unproject(pixels))
 
     def transfer(self, pixels: np.ndarray, index0: int, index1: int) -> np.ndarray:
-        """Where the scene points seen at ``pixels`` (N, 2) of one frame are seen in another.
+        """Pixels in another frame of the scene points at ``pixels`` (N, 2) of one frame.
 
-        Under a rolling shutter every point is seen at the time of the row in which it is seen.
+        With a rolling shutter, every point is observed at the read-out time of its row.
 
         Returns
         -------
         ndarray, shape (N, 2)
-            True pixels in frame ``index1``; NaN where the point is hidden there or out of view.
+            True pixels in frame ``index1``; NaN if the point is hidden or out of view.
         """
         assert self.camera.size is not None
         rays0, poses0 = self.camera.unproject(pixels), self._poses(index0, pixels[:, 1])

@@ -1,9 +1,9 @@
 """A town around a path: streets in a grid, houses, parked cars, poles, trees, hills and sky.
 
 World axes are x right, y down, z forward, in metres; the ground is y = 0. Streets run along x
-and z, their middles at multiples of `BLOCK_M`. What stands in a place depends on the seed and the
-place alone, but nothing stands in the path's way; only places near the path are built, so a longer
-drive does not cost more per frame.
+and z, their middles at multiples of `BLOCK_M`. The objects at a place depend on the seed and the
+place only, but no object is on the path. Only places near the path are built, so a longer drive
+does not cost more per frame.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LANE_M = 1.9
 """From the middle of the street to the middle of the lane on the right."""
 
 _REACH_M = 150.0  # from the path: houses stand up to here, meadows beyond
-_CLEARANCE_M = 1.6  # from the path: nothing stands here
+_CLEARANCE_M = 1.6  # distance from the path without objects
 _GRID_M = 3.0  # cell of the ray caster's grid
 _ROAD_TEXTURE = 1 + FACADES
 _ROAD_LOG2_WIDTH = 11
@@ -85,7 +85,7 @@ def _furnish(shapes: Shapes, rng: np.random.Generator, i: int, j: int) -> None:
 
 
 def _clear_of(near_path: KDTree, shapes: Shapes) -> np.ndarray:
-    """Indices of the shapes of all things that leave the path free."""
+    """Indices of the shapes of all objects that are not on the path."""
     rows = np.array(shapes.shape).reshape(-1, 9)
     centre, half = rows[:, :2], rows[:, 4:6]
     margin = _CLEARANCE_M + np.hypot(half[:, 0], half[:, 1])

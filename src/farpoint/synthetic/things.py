@@ -1,6 +1,6 @@
-"""What stands in the street: houses, gardens, trees, lamps, boxes and parked cars.
+"""Objects of the street: houses, gardens, trees, lamps, boxes and parked cars.
 
-Everything is put up within a cell of `farpoint.synthetic.street`, at random.
+Objects are placed at random within a cell of `farpoint.synthetic.street`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["FACADES", "Shapes", "build_house", "lay_garden", "line_street", "pla
 _BAY_M = 3.2  # a window and the wall around it, across and up
 
 FACADES = 4
-"""Textures of facades there are, numbered from 1."""
+"""Number of textures of facades, numbered from 1."""
 
 
 @dataclass
@@ -33,7 +33,7 @@ class Shapes:
     begun: int = 0
 
     def begin(self) -> None:
-        """What is put up from now on belongs to a new thing."""
+        """Begin a new object, to which the next shapes belong."""
         self.begun += 1
 
     def box(self, x, z, yaw, half_x, half_z, top, paint, *, bottom=0.0) -> None:

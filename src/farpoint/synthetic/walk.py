@@ -1,4 +1,4 @@
-"""A camera in the hand of someone who walks along the street and looks around."""
+"""Path of a handheld camera: a person walks along the street and looks around."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ _WAVES = 3  # of each motion, at unrelated frequencies
 
 @dataclass(frozen=True, kw_only=True)
 class HandheldOptions:
-    """How a hand moves a camera: sums of sinusoids about a steady walk.
+    """Motion of a handheld camera: sums of sinusoids about a steady walk.
 
     Attributes
     ----------
     speed_m_s : float
-        Of the walk, m/s, -5 to 5; 0 for someone who stands.
+        Speed of the walk, m/s, -5 to 5; 0 for a standing person.
     step_hz : float
-        Steps a second. The body bobs once a step, and sways once in two.
+        Steps per second. The body bobs once per step and sways once per two steps.
     bob_m : float
         Amplitude of the bob and of the sway, m, 0 to 0.2.
     look_deg : float
         Amplitude of looking around, up to once in two seconds, deg, 0 to 60; up and down, and the
         roll, have half of it.
     tremor_deg : float
-        Amplitude of what the hand adds at 1.5 to 6 Hz on each axis, deg, 0 to 5.
+        Amplitude of the tremor of the hand, 1.5 to 6 Hz on each axis, deg, 0 to 5.
     """
 
     speed_m_s: float = 1.3
@@ -66,9 +66,9 @@ def handheld_walk(
     fps : float
         Frames per second.
     seed : int
-        Of phases and frequencies.
+        Seed of phases and frequencies.
     options : HandheldOptions, optional
-        How the hand moves.
+        Motion of the hand.
 
     Raises
     ------

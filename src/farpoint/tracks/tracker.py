@@ -40,8 +40,8 @@ class Tracker:
     """Tracks corners through a sequence of images.
 
     `match` compares an image with the reference and leaves the tracker unchanged. The caller then
-    makes the image the next reference with its inlier tracks (`advance`), starts new tracks in it
-    (`restart`), or keeps the reference. `track` is `match` and `advance`.
+    makes the image the next reference with its inlier tracks (`advance`), starts new tracks in the
+    image (`restart`), or keeps the reference. `track` is `match` and `advance`.
 
     Hot and dead pixels are detected and interpolated (`DefectivePixels`). Row-wise gain changes, as
     of mains light under a rolling shutter, are estimated and removed (`row_gains`).
@@ -169,7 +169,7 @@ class Tracker:
     def advance(self, image: np.ndarray, tracks: Tracks) -> None:
         """Make ``image`` the reference with the given tracks; missing tracks are detected anew.
 
-        Of tracks that have converged the oldest is kept.
+        If tracks have converged to one point, the oldest is kept.
 
         Parameters
         ----------

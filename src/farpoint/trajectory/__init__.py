@@ -1,1 +1,1 @@
-"""From motions to a trajectory: chaining, files, and how far it is from the truth."""
+"""Trajectories: reading and writing of files."""

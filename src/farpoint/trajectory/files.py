@@ -75,8 +75,8 @@ def read_trajectory(path: str | Path, quaternion: QuaternionOrder | None = None)
     path : str or Path
         The file.
     quaternion : {"xyzw", "wxyz"}, optional
-        Order of its quaternions; by default that of the columns' names where the file has them,
-        else EuRoC's has w first, TUM's last.
+        Order of the quaternions in the file. Default: from the names of the columns, if the file
+        has any; otherwise w first in EuRoC files and last in TUM files.
 
     Raises
     ------
@@ -109,10 +109,9 @@ def read_tum(path: str | Path) -> Trajectory:
 
 
 def iter_tum(path: str | Path, *, whole_lines: bool = False) -> Iterator[tuple[float, np.ndarray]]:
-    """Time and pose (4, 4) of each row of a TUM file, so that its length costs no memory.
+    """Time and pose (4, 4) of each row of a TUM file, one at a time.
 
-    With ``whole_lines`` a last line without its end is left out: its run may have been killed
-    while it was written.
+    With ``whole_lines`` an incomplete last line, as of a killed run, is left out.
     """
     return _tum(Path(path), "xyzw", whole_lines)
 
@@ -283,7 +282,7 @@ def _lines(path: Path) -> Iterator[str]:
 
 
 def _cells(text: str) -> list[str]:
-    """Columns of a line, whether commas, semicolons, tabs or spaces part them."""
+    """Columns of a line, separated by commas, semicolons, tabs or spaces."""
     return _SEPARATOR.split(text.strip().rstrip(",;").rstrip())
 
 

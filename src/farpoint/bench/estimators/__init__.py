@@ -1,4 +1,4 @@
-"""farpoint and the peers that are installed, behind one call."""
+"""farpoint and the installed peers, with one interface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an estimator is to the benchmark."""
+"""Interface of estimators in the benchmark."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Estimator:
-    """One way to get a motion from matches.
+    """An estimator of a motion from matches.
 
     Attributes
     ----------
     name : str
         With the choice of settings.
     settings : str
-        What differs from the library's defaults, for a person.
+        Settings that differ from the defaults of the library, as text.
     prepare : callable
-        Takes the views and a seed, converts them to what the library wants, and returns the call
-        that is timed: no arguments, a `Motion` out, None where there is no answer.
+        Takes the views and a seed, converts them to the input of the library, and returns the call
+        that is timed. The call has no arguments and returns a `Motion`, or None without an answer.
     """
 
     name: str
@@ -67,7 +67,7 @@ class PinholePoints(NamedTuple):
 
 
 def pinhole_points(views: TwoViews) -> PinholePoints:
-    """The matches without lens distortion: peers are spared it, in their time too.
+    """The matches without lens distortion; the time of a peer excludes this conversion.
 
     Pixels and principal point stay in farpoint's convention. COLMAP and PoseLib count both from the
     corner of the top-left pixel, 0.5 px more; without distortion the two halves cancel exactly.

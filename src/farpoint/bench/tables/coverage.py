@@ -1,4 +1,4 @@
-"""Whether the covariances keep their promise, cell by cell."""
+"""Coverage of the covariances, cell by cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What drawing costs: the estimation beside each output, and without any."""
+"""Cost of drawing: time of the estimation with and without each output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Halves of the tracks of real images: do covariances hold where nobody knows the truth?"""
+"""Split-half test on the tracks of real images, without truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a lens that was calibrated wrong is found, as surely as stated, and its path with it."""
+"""Errors of the estimated lens and path after a wrong calibration, against their covariances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether paths are as sure as they say: over recordings, or rendered streets drive by drive."""
+"""Errors of paths against their covariances, over recordings or rendered streets."""
 
 from __future__ import annotations
 

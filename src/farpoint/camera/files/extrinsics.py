@@ -1,4 +1,4 @@
-"""Where a camera sits on a body: ``T_BS`` of EuRoC, ``T_cam_imu`` of Kalibr, or sixteen numbers."""
+"""Pose of a camera on a body: ``T_BS`` of EuRoC, ``T_cam_imu`` of Kalibr, or 16 numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a calibration format is: a module with these members."""
+"""Interface of a calibration format: a module with these members."""
 
 from __future__ import annotations
 

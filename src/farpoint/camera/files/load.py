@@ -1,4 +1,4 @@
-"""Reading a camera from whatever file a person has."""
+"""Reading of a camera from a calibration file of any known format."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""farpoint's own ``camera.yaml``: one camera with how far it may be off, exactly as it was."""
+"""farpoint's own ``camera.yaml``: one camera with its uncertainty, without loss of digits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The part of a sensor that is in the images: ROS's binning and region of interest."""
+"""ROS's binning and region of interest: the part of the sensor in the images."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ class ReadOut:
     Attributes
     ----------
     binning : tuple of int
-        Pixels of the full image that make one, along x and y; 0 means 1.
+        Number of pixels of the full image per pixel, along x and y; 0 means 1.
     roi : tuple of int
-        Part of the full image that is read out: x, y, width and height, px; zeros: all of it.
+        Part of the full image that is read out: x, y, width and height, px; zeros mean the full
+        image.
     """
 
     binning: tuple[int, int] = (0, 0)

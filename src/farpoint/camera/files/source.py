@@ -1,4 +1,4 @@
-"""A calibration file in memory: its text, and what YAML, JSON or XML make of it."""
+"""A calibration file in memory: its text, and its contents as YAML, JSON or XML."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _parse_json(text: str) -> Any:
 
 
 def _parse_yaml(text: str) -> Any:
-    """YAML with every scalar left a string and every tag ignored, so that nothing is executed.
+    """Parse YAML; every scalar stays a string and every tag is ignored: no code is executed.
 
     OpenCV's dialect is accepted: the header ``%YAML:1.0``, ``key:value`` without the space,
     tabs, the tag ``!!opencv-matrix``.

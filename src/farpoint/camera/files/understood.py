@@ -1,4 +1,4 @@
-"""No property of a lens is passed over: a field that is not understood is an error naming it."""
+"""Check for unknown properties of a lens: an unknown field is an error with its name."""
 
 from __future__ import annotations
 

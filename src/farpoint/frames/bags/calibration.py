@@ -1,4 +1,4 @@
-"""The camera of an image topic, by the messages that come with it."""
+"""The camera of an image topic, from its ``CameraInfo``."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _HELP = "give a calibration by --camera"
 
 
 def camera_of(bag: Bag, images: Topic, frame_id: str) -> Camera:
-    """The camera of an image topic, by the bag.
+    """The camera of an image topic.
 
-    It is that of ``camera_info`` beside the images (``/cam/camera_info`` for ``/cam/image_raw`` or
+    It comes from ``camera_info`` beside the images (``/cam/camera_info`` for ``/cam/image_raw`` or
     ``/cam/image_raw/compressed``), or the only one with the images' ``frame_id``.
 
     Raises
     ------
     InputError
-        Where there is none, several may be meant, or it is not calibrated.
+        If there is no ``CameraInfo``, if several are possible, or if it is not calibrated.
     """
     known = [topic for topic in bag.topics() if kind_of(topic) in _KINDS and topic.count != 0]
     base = _TRANSPORT.sub("", images.name)
@@ -98,7 +98,7 @@ def _info(message: Any) -> CameraInfo:
 
 
 def _field(message: Any, name: str) -> Any:
-    """Upper case in ROS 1, lower case since."""
+    """Field of a message: upper case in ROS 1, lower case in ROS 2."""
     return (
         getattr(message, name, None) if hasattr(message, name) else getattr(message, name.upper())
     )

@@ -1,4 +1,4 @@
-"""When each image was taken: by its header, held against when it was recorded."""
+"""Times of images: from their headers, checked against the times of recording."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 __all__ = ["HeaderClock"]
 
 _CONTRADICTS_NS = 3600 * 10**9
-"""A header that departs by so much from the clock of the recording, and alone, is damaged."""
+"""Deviation from the clock of the recording with which a single header counts as damaged."""
 
 _ABOUT_ZERO_NS = 10**9
 _FRAME_NS = 10**8  # until two headers are read
@@ -17,15 +17,15 @@ _FRAME_NS = 10**8  # until two headers are read
 
 @dataclass
 class HeaderClock:
-    """Follows the headers of a topic; all times in ns.
+    """Times from the headers of a topic, ns.
 
-    The clock of the headers need not be that of the recording; but the difference of the two does
-    not jump in one message and back in the next, except in damaged ones.
+    The clock of the headers may differ from that of the recording. A difference that jumps in one
+    message and back in the next is due to a damaged header.
 
     Attributes
     ----------
     offset_ns : int or None
-        From the recording's clock to that of the headers; None where one of them has no time.
+        Offset of the header clock from the recording clock; None if one of them has no time.
     """
 
     offset_ns: int | None = None
@@ -35,12 +35,12 @@ class HeaderClock:
 
     @classmethod
     def of_first(cls, first: Sequence[tuple[int, int | None]]) -> HeaderClock:
-        """By the headers of some messages, and when these were recorded."""
+        """Clock from the headers of some messages and their times of recording."""
         offsets = [stamp - recorded for stamp, recorded in first if stamp and recorded is not None]
         return cls(statistics.median_low(offsets) if 2 * len(offsets) >= len(first) > 0 else None)
 
     def take(self, stamp_ns: int, recorded_ns: int | None) -> int | None:
-        """Time of an image; None where its header contradicts those before."""
+        """Time of an image; None if its header contradicts the earlier ones."""
         if not stamp_ns and not self._begins_at_zero(recorded_ns):  # never set
             return self.guess(recorded_ns)
         if recorded_ns is not None:
@@ -48,7 +48,7 @@ class HeaderClock:
             if self.offset_ns is not None and abs(offset_ns - self.offset_ns) > _CONTRADICTS_NS:
                 other, self._other_ns = self._other_ns, offset_ns
                 if other is None or abs(offset_ns - other) > _CONTRADICTS_NS:
-                    return None  # the next one that agrees with it is believed
+                    return None  # the next header that agrees with it is accepted
             self.offset_ns, self._other_ns = offset_ns, None
         if self._last_ns is not None and stamp_ns > self._last_ns:
             self._interval_ns = stamp_ns - self._last_ns
@@ -62,7 +62,7 @@ class HeaderClock:
         return abs(recorded_ns + self.offset_ns) < _ABOUT_ZERO_NS
 
     def guess(self, recorded_ns: int | None) -> int:
-        """Time of an image whose header has none or is lost: not before the one before."""
+        """Time of an image whose header has no time or is lost; not before the last image."""
         if recorded_ns is not None:
             time_ns = recorded_ns + (self.offset_ns or 0)
         elif self._last_ns is not None:

@@ -1,4 +1,4 @@
-"""Compressed parts of bags, never unpacked to more than they announce."""
+"""Decompression of parts of bags, limited to their announced size."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ _KINDS: dict[str, Callable[[], _Decompressor]] = {
 
 
 def decompress(data: memoryview, kind: str, size: int) -> memoryview:
-    """The ``size`` bytes that were compressed, fewer where the data is cut off.
+    """The ``size`` decompressed bytes, fewer if the data is truncated.
 
-    Raises BrokenBagError where it is damaged.
+    Raises BrokenBagError if the data is damaged.
     """
     if kind in ("", "none"):
         return data
@@ -61,7 +61,7 @@ def decompress(data: memoryview, kind: str, size: int) -> memoryview:
 
 
 def unpack_message(data: bytes | memoryview) -> bytes:
-    """A message that is compressed (zstd) by itself."""
+    """Decompress a single message (zstd)."""
     decompressor = _zstd_decompressor()
     raw = _attempt(decompressor, data, LARGEST_CHUNK_BYTES)
     if not getattr(decompressor, "eof", True):
@@ -70,7 +70,7 @@ def unpack_message(data: bytes | memoryview) -> bytes:
 
 
 def unpack_file(packed: Path, to: Path) -> str | None:
-    """Unpack a file (zstd), as far as it goes; why it ends before its end, or None."""
+    """Decompress a file (zstd); returns the reason of an early end, or None."""
     with packed.open("rb") as source, to.open("wb") as target:
         decompressor = _zstd().ZstdDecompressor()
         while not decompressor.eof:

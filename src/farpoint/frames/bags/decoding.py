@@ -1,4 +1,4 @@
-"""From the bytes of a message to its fields: rosbags knows ROS's types and reads others' own."""
+"""Decoding of messages: ROS types by rosbags, other types by their own definitions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from farpoint.frames.bags.records import BrokenBagError, Topic
 __all__ = ["Decoder", "by_definition", "decoder_of", "kind_of", "stamp_ns"]
 
 Decoder = Callable[[bytes | memoryview], Any]
-"""Gives an object with the fields of a message, or raises BrokenBagError."""
+"""Returns an object with the fields of a message, or raises BrokenBagError."""
 
 
 def kind_of(topic: Topic) -> str:
@@ -23,7 +23,7 @@ def kind_of(topic: Topic) -> str:
 
 
 def decoder_of(topic: Topic) -> Decoder:
-    """What makes objects of the messages of a topic."""
+    """Decoder of the messages of a topic."""
     decode = _function(topic)
 
     def checked(data: bytes | memoryview) -> Any:
@@ -37,7 +37,7 @@ def decoder_of(topic: Topic) -> Decoder:
 
 
 def stamp_ns(message: Any) -> int:
-    """Its time stamp, ns; 0 where none was set. BrokenBagError where its type has none."""
+    """Time stamp of a message, ns; 0 if none was set. BrokenBagError if its type has none."""
     with by_definition():
         header = getattr(message, "header", None)
         stamp = message.timestamp if header is None else header.stamp
@@ -46,7 +46,7 @@ def stamp_ns(message: Any) -> int:
 
 @contextmanager
 def by_definition() -> Iterator[None]:
-    """Where fields are used that a definition may lack: a bag brings its own, damaged ones, too."""
+    """Context in which missing fields raise BrokenBagError: definitions of a bag may be damaged."""
     try:
         yield
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
@@ -67,7 +67,7 @@ def _function(topic: Topic) -> Decoder:
 
 @lru_cache(maxsize=64)
 def _typestore(name: str, encoding: str, definition: str, is_idl: bool) -> Any:
-    """The types by the bag's own definition, or, where it has none, by ROS's."""
+    """Types from the definition in the bag, or, without one, from those of ROS."""
     typesys = optional_import("rosbags.typesys", extra="ros", purpose="reading a bag")
     stores = typesys.Stores
     if definition:

@@ -1,4 +1,4 @@
-"""A bag of ROS 2 as it is recorded: a folder with ``metadata.yaml`` and the files it names."""
+"""ROS 2 bag in a folder: ``metadata.yaml`` and the files that it names."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ Open = Callable[[Path], Bag]
 
 
 def bag_files(folder: Path) -> list[Path]:
-    """The parts of a bag in a folder, by their names; empty where it holds none."""
+    """The files of a bag in a folder; empty if there are none."""
     with os.scandir(folder) as entries:
         names = [entry.name for entry in entries if entry.name.endswith(_ENDINGS)]
     return [folder / name for name in sorted(names, key=natural_key)]
 
 
 class BagFolder:
-    """The parts of a bag, one after the other.
+    """The files of a bag, one after the other.
 
     Parameters
     ----------
     path : Path
         The folder.
     open_file : callable
-        Opens a part.
+        Opens a file.
     """
 
     def __init__(self, path: Path, open_file: Open) -> None:
@@ -57,18 +57,18 @@ class BagFolder:
 
     @cached_property
     def _unpacked(self) -> Path:
-        """Where packed parts are unpacked: gone with this object."""
+        """Temporary folder for decompressed files, removed with this object."""
         folder = tempfile.mkdtemp(prefix="farpoint-bag-")
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         return Path(folder)
 
     @cached_property
     def _parts(self) -> list[tuple[str, Bag | None, str | None]]:
-        """Name of each part, the part where it can be opened, and what is wrong with it."""
+        """Name of each file, the opened file or None, and its fault."""
         return [(name, *self._part(self.path / name)) for name in self._names]
 
     def topics(self) -> list[Topic]:
-        """Those of all parts, their messages counted together."""
+        """Topics of all files, with the total number of messages."""
         merged: dict[str, Topic] = {}
         problem: InputError | None = None
         for name, part, fault in self._parts:
@@ -87,7 +87,7 @@ class BagFolder:
         return list(merged.values())
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Messages of some topics; a missing part is logged."""
+        """Messages of some topics; a missing file gives a fault."""
         for name, part, fault in self._parts:
             if part is not None:
                 for message in part.messages(names):
@@ -122,7 +122,7 @@ class BagFolder:
 
 
 def _facts(metadata: Path) -> dict[str, Any]:
-    """Metadata of a bag; empty where unreadable: its files have most of it."""
+    """Metadata of a bag; empty if unreadable, because the files contain most of it."""
     import yaml  # loaded on use
 
     try:

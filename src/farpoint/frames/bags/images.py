@@ -28,12 +28,12 @@ _RED, _GREEN, _BLUE, _SHIFT = 9797, 19234, 3737, 15
 
 
 def samples_of(message: Any, kind: str, max_megapixels: float) -> np.ndarray:
-    """Grey values (H, W), uint8, or uint16 of a deep image, of a message of this kind.
+    """Grey values (H, W) of an image message, uint8, or uint16 for more than 8 bits.
 
     Raises
     ------
     UnreadableImageError
-        Where it holds none that is known.
+        If the message has no image in a known encoding.
     """
     try:
         return _samples(message, kind, max_megapixels)

@@ -1,4 +1,4 @@
-"""Which kind of bag is it? By its first bytes."""
+"""Recognition of bags by their first bytes."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ _SUFFIXES = (".bag", ".mcap", ".db3")
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a file is a bag's, or a folder is one as ROS 2 records it."""
+    """Whether a path is a file of a bag or the folder of a ROS 2 bag."""
     if path.is_dir():
         return (path / METADATA).is_file() and _names_a_bag(path)
     return is_bag_file(path.name) or _begin(path).startswith(_MARKS)
 
 
 def is_bag_file(name: str) -> bool:
-    """Whether a file is called like one of a bag."""
+    """Whether a file has the suffix of a bag."""
     return PurePosixPath(name).suffix in _SUFFIXES
 
 
 def holds_bag(folder: Path) -> bool:
-    """Whether files of bags are in a folder."""
+    """Whether a folder contains files of bags."""
     return bool(bag_files(folder))
 
 
 def open_bag(path: Path) -> Bag:
-    """Open a bag far enough to know its topics.
+    """Open a bag and read its topics.
 
     Raises
     ------
     InputError
-        Where it is no bag, or nothing of it can be read.
+        If it is no bag, or cannot be read.
     MissingExtraError
         Where the library that reads messages is not installed.
     """

@@ -1,8 +1,8 @@
-"""A bag that is one file of records, as ROS 1 bags and MCAP files are, read from end to end.
+"""A bag that is one file of records (ROS 1 bags and MCAP files), read from beginning to end.
 
-Records follow one another: chunks of messages, each with its index behind it, or messages by
-themselves. Nothing but the chunk in hand is kept, and the summary at the end of the file is used
-where it is there. What differs between the formats is how a record is written.
+The file is a sequence of records: chunks of messages, each followed by its index, or single
+messages. Only the current chunk is kept in memory. The summary at the end of the file is used if it
+exists. Subclasses define the record format.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from farpoint.frames.bags.records import BrokenBagError, Message, Topic
 __all__ = ["IndexEntry", "Parsed", "Record", "RecordFile"]
 
 Wanted = Callable[[int], Topic | None]
-"""Gives the topic of a channel; None of one that is not wanted."""
+"""Returns the topic of a channel; None if the topic is not requested."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """What a record is, and where its data begins in the file or in an unpacked chunk.
+    """Kind of a record, and the position of its data in the file or in a decompressed chunk.
 
     Attributes
     ----------
     op : int
-        Its kind, by the number that the format gives it.
+        Kind of the record, as in the format.
     data_at : int
-        Where its data begins.
+        Position of its data.
     size : int
-        Bytes of its data.
+        Size of its data, bytes.
     header : dict
-        Fields before the data, where the format has such.
+        Fields before the data, if the format has any.
     """
 
     op: int
@@ -47,22 +47,22 @@ class Record:
 
     @property
     def end(self) -> int:
-        """Where the next one begins."""
+        """Position of the next record."""
         return self.data_at + self.size
 
 
 @dataclass(frozen=True)
 class IndexEntry:
-    """Place of a message by the index of a chunk.
+    """Position of a message, from the index of a chunk.
 
     Attributes
     ----------
     channel : int
         Number of the topic in the bag.
     time_ns : int
-        When it was recorded.
+        Time of recording, ns.
     offset : int
-        Of its record in the unpacked chunk.
+        Position of its record in the decompressed chunk.
     """
 
     channel: int
@@ -90,7 +90,7 @@ class RecordFile(ABC):
 
     MAGIC: ClassVar[bytes]
     NAME: ClassVar[str]
-    """What a file of this kind is called."""
+    """Name of the format."""
 
     MESSAGE: ClassVar[int]
     CHUNK: ClassVar[int]
@@ -104,7 +104,7 @@ class RecordFile(ABC):
         self._channels: dict[int, Topic] = {}
 
     def topics(self) -> list[Topic]:
-        """By the summary at the end of the file, or, where it is missing, by all of the file."""
+        """Topics from the summary at the end of the file, otherwise from the whole file."""
         with self.path.open("rb") as file:
             if file.read(len(self.MAGIC)) != self.MAGIC:
                 raise InputError(f"expected {self.NAME}", file=self.path)
@@ -118,15 +118,16 @@ class RecordFile(ABC):
         return [replace(topic, count=counts[name]) for name, topic in topics.items()]
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Messages of some topics; chunks that are damaged give what their index leads to."""
+        """Messages of some topics; for damaged chunks, the messages that the index locates."""
         with self.path.open("rb") as file:
             yield from self._messages(file, names)
 
     @abstractmethod
     def _record(self, file: BinaryIO, at: int) -> Record | None:
-        """The record at a byte of the file; None behind the last one that counts.
+        """The record at a position of the file; None after the last record.
 
-        Only a chunk may end behind the end of the file. Raises BrokenBagError where none begins.
+        Only a chunk may extend beyond the end of the file. Raises BrokenBagError if no record
+        begins here.
         """
 
     @abstractmethod
@@ -143,7 +144,7 @@ class RecordFile(ABC):
 
     @abstractmethod
     def _unpack(self, record: Record, data: memoryview) -> memoryview:
-        """What a chunk holds, fewer bytes where it is cut off, or a BrokenBagError."""
+        """Decompressed chunk, fewer bytes if it is truncated, or a BrokenBagError."""
 
     @abstractmethod
     def _entries(self, record: Record, data: bytes) -> Iterator[IndexEntry]:
@@ -158,7 +159,7 @@ class RecordFile(ABC):
 
     @abstractmethod
     def _next_beginning(self, file: BinaryIO, at: int) -> int | None:
-        """Where the next chunk, or message, begins behind a byte, by its own bytes."""
+        """Position of the next recognisable chunk or message after a byte."""
 
     def _messages(self, file: BinaryIO, names: Collection[str] | None) -> Iterator[Message]:
         """Messages of some topics, or of all where no names are given."""
@@ -204,7 +205,7 @@ class RecordFile(ABC):
             yield _whole(topic, parsed)
 
     def _chunk(self, file: BinaryIO, record: Record, wanted: Wanted) -> Iterator[Message]:
-        """Messages of a chunk in the order of time; where it is damaged, by its index."""
+        """Messages of a chunk in the order of time; for a damaged chunk, from its index."""
         where, is_cut_off = f"the chunk at byte {record.data_at}", record.end > self._size
         try:
             raw = self._unpack(record, memoryview(_data(file, record)))

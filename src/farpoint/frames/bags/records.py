@@ -1,4 +1,4 @@
-"""What every kind of bag comes down to: topics, and messages in the order of the file."""
+"""Interface of bags: topics, and messages in the order of the file."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ class BrokenBagError(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class Topic:
-    """A topic of a bag, and how its messages are written.
+    """A topic of a bag, and the encoding of its messages.
 
     Attributes
     ----------
     name : str
         Such as ``/camera/image_raw``.
     type_name : str
-        Such as ``sensor_msgs/msg/Image``, of ROS 1 too, or ``foxglove.CompressedVideo``.
+        Such as ``sensor_msgs/msg/Image`` (also for ROS 1) or ``foxglove.CompressedVideo``.
     encoding : str
         ``ros1``, ``cdr``, ``protobuf`` or ``json``.
     definition : str
@@ -44,18 +44,18 @@ class Topic:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Message:
-    """A message as bytes, or the account of one that is lost.
+    """A message as bytes, or a lost message with its fault.
 
     Attributes
     ----------
     topic : Topic or None
-        None where a part of the bag is lost, whatever it held.
+        None for a lost part of the bag with unknown topics.
     time_ns : int or None
-        When it was recorded; None where that is lost.
+        Time of recording, ns; None if it is lost.
     data : bytes or memoryview
-        Without the envelope of the bag; empty where it is lost.
+        Bytes of the message; empty if it is lost.
     fault : str or None
-        Why it is lost.
+        Reason of the loss.
     """
 
     topic: Topic | None
@@ -65,7 +65,7 @@ class Message:
 
 
 class Bag(Protocol):
-    """A recording that is open for reading; nothing of it stays in memory."""
+    """A recording that is open for reading, without messages in memory."""
 
     @property
     def path(self) -> Path:
@@ -83,5 +83,5 @@ class Bag(Protocol):
         ...
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Messages of the topics of these names, and what is lost, in the order of the file."""
+        """Messages of the named topics, and faults for lost parts, in the order of the file."""
         ...

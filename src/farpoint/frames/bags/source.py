@@ -29,12 +29,12 @@ from farpoint.frames.frame import Frame
 __all__ = ["BagImages", "open_bag_images"]
 
 _FIRST = 15
-"""Messages that classify a topic: some of them may be damaged."""
+"""Number of messages that classify a topic; some of them may be damaged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BagImages:
-    """Images of a topic; reads one at a time, and can be iterated again.
+    """Images of a topic; reads one image at a time, and can be iterated again.
 
     Attributes
     ----------
@@ -43,9 +43,9 @@ class BagImages:
     topic : Topic
         Of the images.
     name : str
-        That of the bag, without suffix.
+        Name of the bag, without suffix.
     clock : HeaderClock
-        By the first images; each iteration begins with it.
+        Clock from the first images; the start of each iteration.
     frame_id : str
         Of the first image: the camera's optical frame.
     max_megapixels : float
@@ -83,7 +83,7 @@ class BagImages:
         return camera_of(self.bag, self.topic, self.frame_id)
 
     def __iter__(self) -> Iterator[Frame]:
-        """Frames in the order of the bag; what cannot be had is a frame with a fault."""
+        """Frames in the order of the bag; an unreadable image is a frame with a fault."""
         pictures = self._video() if kind_of(self.topic) in VIDEO else self._images()
         for index, picture in enumerate(pictures):
             yield Frame(
@@ -157,19 +157,19 @@ class BagImages:
 
 
 def open_bag_images(path: Path, topic: str | None) -> BagImages:
-    """The images of a bag, opened far enough to know that it has one.
+    """Open the images of a bag; checks that there is at least one.
 
     Parameters
     ----------
     path : Path
         File or folder.
     topic : str or None
-        Of the images; None where the bag has one such topic only.
+        Topic of the images; None if the bag has only one image topic.
 
     Raises
     ------
     InputError
-        Where it is no bag, or has no such images, or several and none is named.
+        If it is no bag, or has no such images, or several image topics and none is named.
     """
     optional_import("cv2", extra="video", purpose="reading images")  # now, not in mid-run
     bag = open_bag(path)

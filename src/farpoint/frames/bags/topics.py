@@ -1,4 +1,4 @@
-"""Which topic of a bag is meant."""
+"""Selection of a topic of a bag."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def rows_of(
     *,
     field: str,
 ) -> list[tuple[float, ...]]:
-    """Times, s, ascending, each with what is read of the message; damaged ones are left out.
+    """Times, s, ascending, and the numbers of each message; damaged messages are left out.
 
     Parameters
     ----------
@@ -87,11 +87,11 @@ def rows_of(
     kinds : collection of str
         Types that it may have.
     read : callable
-        Gives the numbers of a message, or None of one that does not count.
+        Returns the numbers of a message, or None if the message is not used.
     what : str
-        What the topic should hold, for errors.
+        Expected content of the topic, for errors.
     field : str
-        Named in errors.
+        Option named in errors.
 
     Raises
     ------

@@ -23,7 +23,7 @@ Label = TypeVar("Label")
 
 @dataclass(frozen=True, eq=False)
 class Picture(Generic[Label]):
-    """What became of a message: an image, or the reason why there is none."""
+    """Result of a message: an image, or a fault."""
 
     label: Label
     image: np.ndarray | None
@@ -31,7 +31,7 @@ class Picture(Generic[Label]):
 
 
 class VideoTopic(Generic[Label]):
-    """Decodes messages one after the other; every one of them gives one `Picture`, in order."""
+    """Decodes messages one after the other; each message gives one `Picture`, in order."""
 
     def __init__(self) -> None:
         self._codec: Any = None
@@ -66,7 +66,7 @@ class VideoTopic(Generic[Label]):
         yield Picture(label, None, fault)
 
     def close(self) -> Iterator[Picture[Label]]:
-        """What the decoder still holds."""
+        """Remaining pictures of the decoder."""
         if self._codec is not None:
             av = optional_import("av", extra="video", purpose="reading video")
             with suppress(av.FFmpegError):
@@ -80,7 +80,7 @@ class VideoTopic(Generic[Label]):
             if not self._waiting or self._waiting[0][0] != number:
                 continue
             _, label = self._waiting.popleft()
-            # What the decoder made up to fill a picture is worse than no picture.
+            # A picture with concealed errors is worse than no picture.
             if picture.is_corrupt:
                 yield Picture(label, None, "decoded only in part: data is damaged")
             else:

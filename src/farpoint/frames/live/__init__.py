@@ -1,4 +1,4 @@
-"""Frames as they happen: the newest wins, and what was left out is counted."""
+"""Live frames: the newest frame is used, and dropped frames are counted."""
 
 from farpoint.frames.live.account import LiveAccount
 from farpoint.frames.live.capture import Capture, LiveFrame

@@ -1,4 +1,4 @@
-"""What came, what was used, and what was not: nothing is lost without a number."""
+"""Counts of the frames of a live session."""
 
 from __future__ import annotations
 
@@ -9,30 +9,28 @@ __all__ = ["LiveAccount"]
 
 @dataclass(frozen=True, kw_only=True)
 class LiveAccount:
-    """Counts of a live session.
-
-    ``captured == taken + dropped + broken + waiting`` at every moment.
+    """Counts of a live session; ``captured == taken + dropped + broken + waiting`` at any time.
 
     Attributes
     ----------
     captured : int
         Frames that the source delivered.
     taken : int
-        Frames handed on to be worked on.
+        Frames that were processed.
     dropped : int
-        Frames replaced by a newer one before anybody took them, or left when the session ended.
+        Frames replaced by a newer one before they were processed, or left at the end.
     broken : int
         Frames that could not be decoded.
     waiting : int
-        0 or 1: the newest, if it has not been taken.
+        1 if the newest frame has not been processed, otherwise 0.
     disconnects : int
-        Times the source was lost: ended, fell silent for good, or raised an error.
+        How often the source was lost: it ended, stayed silent, or raised an error.
     reconnects : int
-        Times it was opened again.
+        How often the source was opened again.
     longest_silence_s : float
         Longest time between two frames, or since the last one.
     last_fault : str or None
-        Why the source was lost the last time.
+        Reason of the last loss of the source.
     """
 
     captured: int = 0

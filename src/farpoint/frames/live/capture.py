@@ -1,4 +1,4 @@
-"""Taking frames from a source in a thread: the newest waits for whoever asks, older ones go."""
+"""Capture of frames in a thread, with a buffer of one frame: the newest."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from farpoint.frames.live.source import LiveSource
 __all__ = ["Capture", "LiveFrame"]
 
 _RETRY_S = 0.5
-"""Between two attempts to open a lost source."""
+"""Time between two attempts to open a lost source, s."""
 _FAREWELL_S = 2.0
-"""How long closing waits for a source that does not answer."""
+"""Time that closing waits for a source that does not respond, s."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LiveFrame:
-    """A frame, and how it came.
+    """A frame with its time of arrival.
 
     Attributes
     ----------
     frame : Frame
-        With an image. Its index counts what the source delivered, over all connections: gaps are
-        frames dropped or broken.
+        Frame with an image. Its index counts the frames that the source delivered over all
+        connections; gaps are dropped or broken frames.
     arrived_s : float
-        By the monotonic clock.
+        Time of arrival on the monotonic clock, s.
     dropped : int
-        Frames replaced since the one taken before.
+        Number of frames dropped since the last one taken.
     """
 
     frame: Frame
@@ -41,7 +41,7 @@ class LiveFrame:
 
 
 class Capture:
-    """Reads a live source so that it never waits: at most one frame is held, the newest.
+    """Reads a live source without blocking it; keeps the newest frame only.
 
     A source that is lost (a camera unplugged, a stream that breaks off) is opened again, twice a
     second, until it is back or the session ends. Used as a context manager it stops at the end of
@@ -50,12 +50,12 @@ class Capture:
     Parameters
     ----------
     source : LiveSource
-        Opened here, and from within the thread again after it was lost.
+        Source that is opened here, and again in the thread after it was lost.
 
     Raises
     ------
     InputError
-        Where the source cannot be opened in the first place.
+        If the source cannot be opened at first.
     """
 
     def __init__(self, source: LiveSource) -> None:
@@ -64,9 +64,9 @@ class Capture:
         self.name = self._first.name
         """Short name of the source."""
         self.timestamp_source = self._first.timestamp_source
-        """Where the time stamps come from, for a person."""
+        """Origin of the time stamps, as text."""
         self.notes = self._first.notes
-        """What must be known of the images, for a person."""
+        """Notes about the images."""
         self.pixel_aspect: float = getattr(self._first, "pixel_aspect", 1.0)
         """Width of a pixel over its height."""
         self._changed = threading.Condition()
@@ -89,22 +89,22 @@ class Capture:
 
     @property
     def silence_s(self) -> float:
-        """Time since the last frame came."""
+        """Time since the last frame arrived, s."""
         return time.monotonic() - self._last_arrival_s
 
     @property
     def connected(self) -> bool:
-        """Whether the source is open, if silent perhaps."""
+        """Whether the source is open, even if it is silent."""
         return self._connected
 
     @property
     def ended(self) -> bool:
-        """Whether no frame will come any more."""
+        """Whether the source has ended."""
         with self._changed:
             return self._ended and self._slot is None
 
     def take(self, timeout_s: float) -> LiveFrame | None:
-        """The newest frame that nobody took yet; None if none comes in time."""
+        """Take the newest frame; None if no frame arrives in time."""
         with self._changed:
             self._wait(timeout_s)
             taken, self._slot = self._slot, None
@@ -113,13 +113,13 @@ class Capture:
             return taken
 
     def peek(self, timeout_s: float) -> Frame | None:
-        """The newest frame, which stays to be taken; None if none comes in time."""
+        """The newest frame, which stays in the buffer; None if no frame arrives in time."""
         with self._changed:
             self._wait(timeout_s)
             return None if self._slot is None else self._slot.frame
 
     def close(self) -> None:
-        """Stop; what waits counts as dropped. A second call does nothing."""
+        """Stop; a waiting frame counts as dropped. A second call does nothing."""
         self._stop.set()
         self._thread.join(_FAREWELL_S)
         with self._changed:

@@ -1,4 +1,4 @@
-"""A recording played at its own pace, as if a camera delivered it now; faults on demand."""
+"""Playback of a recording at its frame rate as a live source, with simulated faults."""
 
 from __future__ import annotations
 
@@ -18,54 +18,53 @@ __all__ = ["Black", "Disconnect", "Fault", "Playback", "Stall"]
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """Something that goes wrong for a while.
+    """A simulated fault.
 
     Attributes
     ----------
     at_s, for_s : float
-        When it begins, since the first opening, and how long it lasts.
+        Start, s since the first opening, and duration, s.
     """
 
     at_s: float
     for_s: float
 
     def holds(self, seconds: float) -> bool:
-        """Whether it is going on."""
+        """Whether the fault is active at a time."""
         return self.at_s <= seconds < self.at_s + self.for_s
 
 
 class Stall(Fault):
-    """No frame comes, but the connection holds."""
+    """No frames, but the source stays connected."""
 
 
 class Black(Fault):
-    """Frames come, but show nothing."""
+    """Black frames."""
 
 
 class Disconnect(Fault):
-    """The source is gone and cannot be opened."""
+    """The source is disconnected and cannot be opened."""
 
 
 @dataclass(kw_only=True, eq=False)
 class Playback:
-    """Frames of a recording, each when its time has come, stamped with the wall clock.
+    """Frames of a recording, delivered at their frame rate, with wall-clock time stamps.
 
     Parameters
     ----------
     frames : iterable of Frame
-        The recording; iterated again for every round.
+        The recording; iterated again for every loop.
     endless : bool
         Whether its end counts as a disconnection.
     loop : bool
-        Begin anew at the end.
+        Start again at the end.
     faults : tuple of Fault
-        What goes wrong, and when: a rehearsal of what cameras do.
+        Simulated faults of the source.
 
     Attributes
     ----------
     delivered, black : int
-        How many frames were handed out, and how many of them were blackened: the truth that an
-        account can be held against.
+        Number of frames delivered, and of black ones, for comparison with the counts of a session.
     """
 
     frames: Iterable[Frame]
@@ -89,7 +88,7 @@ class Playback:
             setattr(self, name, getattr(self.frames, name, getattr(self, name)))
 
     def open(self) -> Playback:
-        """Start the clock, the first time; later go on where the recording was left."""
+        """Start the clock at the first call; later calls continue the recording."""
         if self._start_s is None:
             self._start_s = time.monotonic()
             self._rest = self._paced()
@@ -98,7 +97,7 @@ class Playback:
         return self
 
     def __iter__(self) -> Iterator[Frame]:
-        """Frames at their pace until the recording ends or the connection is lost."""
+        """Frames at their frame rate until the recording ends or the source is disconnected."""
         assert self._rest is not None
         due = time.monotonic()
         for frame, gap_s in self._rest:

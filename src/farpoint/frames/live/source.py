@@ -1,4 +1,4 @@
-"""What can be watched live: cameras and streams, and recordings played as if they were."""
+"""Live sources: cameras, streams, and recordings played at their frame rate."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ __all__ = ["LiveSource", "open_live"]
 
 
 class LiveSource(Protocol):
-    """Something that can be opened again after it was lost."""
+    """A source that can be opened again after it was lost."""
 
     @property
     def endless(self) -> bool:
-        """Whether its end is a fault (a camera unplugged) and not the end (a film is over)."""
+        """Whether its end is a fault (an unplugged camera), not the end of a recording."""
         ...
 
     def open(self) -> FrameSource:
@@ -56,7 +56,7 @@ class Device:
     endless: bool = field(default=True, init=False)
 
     def open(self) -> FrameSource:
-        """Connect to it; a recording is played at its own pace, as a camera would deliver it."""
+        """Open the source; a recording is played at its frame rate."""
         frames = open_frames(
             self.source,
             max_megapixels=self.max_megapixels,
@@ -75,14 +75,14 @@ def open_live(
     max_megapixels: float = MAX_MEGAPIXELS,
     follow_playlists: bool = False,
 ) -> LiveSource:
-    """A camera index or URL as it is; a file, folder or pattern at its own pace.
+    """A camera index or URL; a file, folder or pattern is played at its frame rate.
 
     Parameters
     ----------
     source : str
         As `open_frames` takes it.
     loop : bool
-        Play a file or folder over and over.
+        Repeat a file or folder endlessly.
     max_megapixels, follow_playlists
         As `open_frames` takes them.
     """

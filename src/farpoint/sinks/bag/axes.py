@@ -2,8 +2,8 @@
 
 farpoint's camera axes are those of ROS's optical frames: x right, y down, z forward. A body frame
 (REP 103) has x forward, y left, z up. The world of a path, the axes of its first camera, becomes
-the frame ``odom`` (REP 105): the axes of the first body. The body is the camera itself, turned: it
-stands where the camera stands.
+the frame ``odom`` (REP 105): the axes of the first body. The body has the position of the camera,
+with rotated axes.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def motion_twist(
     seconds : float
         Between the two, positive.
     lever : ndarray, shape (3,), optional
-        The translation by which an error of the rotation counts; ``t`` by default.
+        Lever arm of the rotation error; ``t`` by default.
     """
     phi = so3.log(rotation_cam1_from_cam0)
     inverse = _left_jacobian_inverse(so3.skew(phi))

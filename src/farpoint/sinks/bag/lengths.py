@@ -1,4 +1,4 @@
-"""How long motions are, as far as it is known: in metres by hints, or in the path's own unit."""
+"""Lengths of motions: in metres from aiding measurements, or in the unit of the path."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from farpoint.sinks.metric_files import metric_covariance
 __all__ = ["UNKNOWN_SPEED", "Length", "MetricPath", "length_in_metres", "length_in_units"]
 
 UNKNOWN_SPEED = 1000.0
-"""1-sigma of a speed that is not known, m/s: a filter that knows anything of it ignores that."""
+"""1-sigma of an unknown speed, m/s; so large that a filter ignores the speed."""
 
 _FASTEST = 30.0
-"""m/s: by it an error of the direction counts where the speed is not known."""
+"""Speed, m/s, that converts an error of the direction to m/s if the speed is unknown."""
 
 _LOST_M2, _LOST_RAD2 = 1e6, np.pi**2  # variances behind a break of the path
 
@@ -29,11 +29,11 @@ class Length:
     Attributes
     ----------
     value : float
-        Its most likely length.
+        Most likely length of the motion.
     sigma : float
-        1-sigma of it.
+        1-sigma of ``value``.
     lever : float
-        The length by which errors of the direction and the rotation count: not less than that.
+        Lever arm of the errors of direction and rotation: at least this length.
     """
 
     value: float
@@ -66,12 +66,13 @@ def _unknown(value: float, seconds: float) -> Length:
 
 
 class MetricPath:
-    """Poses of a run as it goes on: in metres from the first estimate of the scale on.
+    """Poses during a run, in metres from the first estimate of the scale on.
 
     Parameters
     ----------
     metres : callable or None
-        Gives the estimate of now; None where no hint is given: then lengths keep the path's unit.
+        Returns the current estimate. None without aiding measurements: lengths are then in the unit
+        of the path.
     """
 
     def __init__(self, metres: Callable[[], MetricEstimate | None] | None) -> None:
@@ -84,13 +85,13 @@ class MetricPath:
 
     @property
     def estimate(self) -> MetricEstimate | None:
-        """Metres for a unit, as far as it is known."""
+        """Metres per unit; None if unknown."""
         return None if self._metres is None else self._metres()
 
     def add(self, result: OdometryResult) -> tuple[np.ndarray, np.ndarray]:
         """Pose (4, 4) ``world_from_cam`` and covariance (7, 7) as `OdometryResult` has them.
 
-        Behind a break of the path nothing is known of where it goes on: the covariances say so.
+        After a break of the path the pose is unknown; the covariance is then very large.
         """
         pose, now = result.world_from_cam.copy(), self.estimate
         place = pose[:3, 3].copy()
@@ -110,7 +111,7 @@ class MetricPath:
             return np.diag([_LOST_RAD2] * 3 + [_LOST_M2] * 3 + [0.0])
         if now is not None:
             return metric_covariance(covariance, self._position, now.metres_per_unit, now.sigma)
-        if self._metres is not None:  # a hint that has not spoken yet
+        if self._metres is not None:  # no reading of an aiding measurement yet
             return covariance + np.diag([0.0] * 3 + [_LOST_M2] * 3 + [0.0])
         return covariance
 

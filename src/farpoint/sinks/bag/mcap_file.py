@@ -1,4 +1,4 @@
-"""An MCAP file that grows by whole chunks, each with its index, and gets its summary at the end.
+"""MCAP file that grows by whole chunks with their index; the summary follows at the end.
 
 https://mcap.dev/spec
 """
@@ -20,7 +20,7 @@ _MAGIC = b"\x89MCAP0\r\n"
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 1, 2, 3, 4, 5, 6
 _MESSAGE_INDEX, _CHUNK_INDEX, _STATISTICS, _DATA_END = 7, 8, 0x0B, 0x0F
 _CHUNK_BYTES = 1 << 15
-"""Of about ten frames: so many may be lost where a run is killed."""
+"""Size of a chunk, about ten frames: a killed run loses at most one chunk."""
 
 
 @dataclass(frozen=True)
@@ -100,12 +100,12 @@ class McapFile:
         self._counts[channel.number] += 1
 
     def write_chunk(self) -> None:
-        """Put what was written into the file, if it is enough for a chunk."""
+        """Write the buffered messages to the file, if they fill a chunk."""
         if len(self._chunk) >= _CHUNK_BYTES:
             self._put_chunk()
 
     def close(self) -> None:
-        """Write what is left, and the summary; a second call does nothing."""
+        """Write the remaining messages and the summary; a second call does nothing."""
         if self._closed:
             return
         self._closed = True

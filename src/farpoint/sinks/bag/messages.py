@@ -14,7 +14,7 @@ from farpoint.sinks.bag.axes import Twist
 
 __all__ = ["Messages"]
 
-_RATIONAL = 5  # more coefficients than this are not of a plumb bob
+_RATIONAL = 5  # largest number of coefficients of a plumb bob
 
 
 class Messages:
@@ -77,7 +77,7 @@ class Messages:
         return self._make("tf2_msgs/TFMessage", transforms=[stamped])
 
     def camera_info(self, header: Any, camera: Camera) -> Any | None:
-        """``sensor_msgs/CameraInfo``; None of a lens for which ROS has no name."""
+        """``sensor_msgs/CameraInfo``; None for a lens model that ROS does not have."""
         model, size = camera.model, camera.size
         if size is None or not isinstance(model, Pinhole | KannalaBrandt):
             return None

@@ -1,4 +1,4 @@
-"""The sink ``--bag FILE``: what a filter or a pose graph of ROS takes, as the run goes."""
+"""The sink ``--bag FILE``: motions and poses as messages for filters and pose graphs of ROS."""
 
 from __future__ import annotations
 
@@ -64,13 +64,14 @@ class BagSink:
     path : Path
         Replaced if it exists.
     camera : callable
-        Gives the camera as found by now.
+        Returns the current estimate of the camera.
     metres : callable, optional
-        Gives metres for a unit of the path as of now, or None before any hint has spoken. Without
-        it lengths of poses are in the unit of the path, and speeds are unknown.
+        Returns the current estimate of metres per unit, None before the first reading. Without this
+        argument lengths of poses are in the unit of the path, and speeds are unknown.
     stamp_ns : callable, optional
-        Gives the time of the frame in hand, ns, where its source has it, else None: a float of
-        seconds since 1970 is good to 0.12 us, and ROS looks up transforms by exact times.
+        Returns the time of the current frame, ns, or None if the source has no times in ns. A float
+        of seconds since 1970 has a resolution of 0.12 us, and ROS looks up transforms by exact
+        times.
 
     Raises
     ------
@@ -106,7 +107,7 @@ class BagSink:
         self._begun = False
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Add what one frame brought; the image is not looked at."""
+        """Add the result of one frame; the image is not used."""
         del image
         time_ns = self._stamp_ns()
         if time_ns is None or time_ns / 10**9 != result.timestamp:  # of another clock
@@ -169,7 +170,7 @@ class BagSink:
 
 
 def _twist(pose: RelativePose | None, length: Length, seconds: float) -> Twist | None:
-    """The velocity of a motion; None where nothing is known of it."""
+    """The velocity of a motion; None if it is unknown."""
     if pose is None or pose.rotation_cam1_from_cam0 is None or not seconds > 0.0:
         return None
     covariance, lever = np.zeros((6, 6)), np.zeros(3)

@@ -1,4 +1,4 @@
-"""Drawing in pixel coordinates of the camera, whatever the size on the screen."""
+"""Drawing in pixel coordinates of the camera, independent of the size of the picture."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Canvas:
     stroke : int
         Width of a line, pane pixels.
     palette : Palette
-        What has which colour.
+        Colours of the display.
     """
 
     pixels: np.ndarray

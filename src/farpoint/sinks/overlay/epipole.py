@@ -1,4 +1,4 @@
-"""Where the line of travel meets the image: ahead, behind, and how surely."""
+"""Epipole, its antipode and their 95 % regions in the image."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class EpipoleView:
     heading : ndarray, shape (3,)
         Direction of travel in camera 0.
     ahead_px, behind_px : ndarray, shape (2,), or None
-        Where the camera travels to and where it comes from, in image 0; None outside of it. A
-        wide lens may see both.
+        Pixels of the epipole (direction of travel) and of its antipode in image 0; None outside of
+        the image. A wide lens may see both.
     ring_px : ndarray, shape (K, 2)
         Boundary of the heading's 95 % region and of its mirror image behind, as far as the lens
         sees them; a row of NaN begins a new piece.
@@ -69,7 +69,7 @@ def _outline(camera: Camera, ring: np.ndarray) -> np.ndarray:
 def meridians(heading: np.ndarray) -> np.ndarray:
     """Half great circles from the heading (3,) to its antipode: rays (K, 3), NaN between them.
 
-    Whatever the camera moves past flows along one of them.
+    The flow of stationary points is along these curves.
     """
     basis = tangent_basis(heading)
     turn = np.arange(_MERIDIANS) * 2.0 * np.pi / _MERIDIANS

@@ -1,4 +1,4 @@
-"""The file under a film in fragments: it holds whole ones at any moment."""
+"""File of a fragmented MP4 video, which contains complete fragments only."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _LAST_OF_FRAGMENT = b"mdat"
 class FragmentFile:
     """Takes an MP4 file in fragments from PyAV, in pieces of any size, and adds whole fragments.
 
-    The file comes into being with its first fragment. A fragment that cannot be written ends it:
-    the rest is left out, so that the video plays up to there, and `raise_problem` raises the cause.
+    The file is created with its first fragment. If a fragment cannot be written, the file ends
+    before it, so the video plays up to there; `raise_problem` raises the cause.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class FragmentFile:
         self._identity: tuple[int, ...] | None = None
 
     def write(self, data: bytes) -> int:
-        """Take a piece. It raises nothing, since FFmpeg is between this and who should know."""
+        """Add a piece. Raises no error, because FFmpeg calls it; see `raise_problem`."""
         if not self._ended:
             self._waiting += data
             while not self._ended and (kind := self._skip_box()) is not None:

@@ -1,4 +1,4 @@
-"""How the picture is divided: two panes, and the values below them."""
+"""Layout of the picture: two panes, and the values below them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Layout:
     Attributes
     ----------
     stacked : bool
-        Wide images stand one above the other, others side by side.
+        Whether the panes are one above the other (wide images) or side by side.
     pane : (width, height)
         Size of each of the two panes.
     panel_height : int

@@ -1,4 +1,4 @@
-"""The values below the panes: verdict, rotation, heading and matches, with their 1-sigma."""
+"""The values below the panes: status, rotation, heading and matches, with their 1-sigma."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _draw_verdict(
     line_px: float,
     palette: Palette,
 ) -> None:
-    """The status as a coloured label, which frames, and below it the reason."""
+    """The status as a coloured label, the frames, and the reason below."""
     capital, word = 0.5 * line_px, pose.status.value
     width = text_width(word, capital, bold=True) + line_px
     top, left = 0.35 * line_px, 0.4 * line_px

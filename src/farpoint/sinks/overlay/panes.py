@@ -1,4 +1,4 @@
-"""The two panes: the image with its points, and the flow that translation leaves."""
+"""The two panes: the image with its points, and the translational flow."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def draw_flow_pane(
     size: tuple[int, int],
     line_px: float,
 ) -> None:
-    """The flow with the rotation taken out, in the pixels of the older image; the epipole."""
+    """The flow with the rotation removed, in pixels of the older image, and the epipole."""
     pose = result.pose
     if pose is None or pose.rotation_cam1_from_cam0 is None:
         _caption(canvas, "translational flow (rotation removed)", line_px, top=True)

@@ -1,4 +1,4 @@
-"""The picture of one frame's working, as a pure function."""
+"""The display of one frame, as a pure function."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def draw_overlay(
     palette: PaletteName = "red-green",
     mask: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Draw the working display of the method, after the screen-shots of the paper.
+    """Draw the display of the method, after the screen-shots of the paper.
 
     The newer image with its tracks (far red, near green, outliers grey); the translational flow
     in the older image's pixels, along great circles as the lens bends them, with the epipole as a
@@ -43,7 +43,7 @@ def draw_overlay(
         The newer frame, grey or RGB; None where it could not be decoded. An image of another size
         than the camera's is stretched to it.
     result : OdometryResult
-        What the frame brought.
+        Result of the frame.
     camera : Camera
         The camera of both frames.
     palette : {"red-green", "orange-blue"}

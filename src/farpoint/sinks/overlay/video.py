@@ -1,4 +1,4 @@
-"""The sink ``overlay.mp4``: H.264 that browsers and phones play, readable at any moment."""
+"""The sink ``overlay.mp4``: H.264 for browsers and phones, playable during the run."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ class OverlayVideo:
         self._file.raise_problem()
 
     def _pack(self) -> None:
-        """Put one index in front in place of fragments; pictures stay as they are."""
+        """Rewrite the file with one index at the beginning; pictures do not change."""
         part = part_of(self._path)
         try:
             with self._av.open(str(self._path)) as video:
@@ -173,8 +173,8 @@ def open_video(
 ) -> BackgroundSink:
     """An `OverlayVideo` in a process of its own, with the same errors.
 
-    They are found here as far as that needs no waiting for the process. It comes from
-    `start_video_process`, where it was started beforehand.
+    Errors are raised here if they can be found without waiting for the process. The process may
+    have been started by `start_video_process`.
     """
     require_libraries()
     check_writable(path)
@@ -189,5 +189,5 @@ def require_libraries() -> None:
 
 
 def start_video_process() -> subprocess.Popen[bytes]:
-    """Start the process that draws the film, so that it is ready when the first frame comes."""
+    """Start the process that draws the video, so that it is ready for the first frame."""
     return start_process(__name__, *_LIBRARIES)

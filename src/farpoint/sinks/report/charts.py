@@ -1,7 +1,7 @@
-"""Charts as inline SVG whose curves stretch with the page and whose words do not.
+"""Charts as inline SVG whose curves scale with the page.
 
-The SVG holds curves alone, in a unit square stretched over the plot (strokes keep their width);
-numbers stand around it as HTML, so that they are as large on a phone as on a desk.
+The SVG has curves only, in a unit square that is scaled to the plot (strokes keep their width).
+Numbers are HTML around the SVG, so their size does not depend on that of the page.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def draw_chart(chart: Chart, digest: Digest, number: int) -> str:
 
 
 def _alt_text(chart: Chart) -> str:
-    """The range of each curve in words, for who cannot see the chart."""
+    """The range of each curve in words, for screen readers."""
     words = []
     for curve in chart.curves:
         known = np.isfinite(curve.values.first)

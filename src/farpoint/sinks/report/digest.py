@@ -1,4 +1,4 @@
-"""A run of any length as a bounded number of points that can be drawn."""
+"""Reduction of a run of any length to a bounded number of points."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Series:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Digest:
-    """What a page shows of a ``motions.csv``.
+    """The data of a ``motions.csv`` that a report shows.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Digest:
     series : dict of str to Series
         Curves by name: degrees, pixels and counts.
     moments : MomentSeeker
-        Where it went worst.
+        The worst moments.
     """
 
     span_s: float

@@ -1,4 +1,4 @@
-"""The head of the page: how far, how fast, how sure, and what went wrong."""
+"""The head of the page: length, speed, accuracy and faults of the run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STATE = {
 
 
 def headline(run: Mapping[str, Any], digest: Digest, paths: Paths) -> str:
-    """Title, the four answers, the facts, and what a reader must know."""
+    """Title, the four figures, the facts, and the notes."""
     pairs = sum(digest.counts.values())
     ok = digest.counts[PoseStatus.OK]
     part = f" ({100 * ok / pairs:.1f} %)" if pairs else ""

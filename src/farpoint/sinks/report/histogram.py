@@ -1,4 +1,4 @@
-"""How the split-half errors are spread, beside the spread that honest covariances give."""
+"""Histogram of the split-half errors, with the density for honest covariances."""
 
 from __future__ import annotations
 

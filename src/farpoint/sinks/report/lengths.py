@@ -1,4 +1,4 @@
-"""What the lengths of a run are measured in, in the words of the page."""
+"""Unit of the lengths of a run, for the text of the page."""
 
 from __future__ import annotations
 
@@ -43,5 +43,5 @@ METRE = LengthUnit(singular="m", plural="m", name="m", meaning="")
 
 
 def length_unit(run: Mapping[str, Any]) -> LengthUnit:
-    """The unit of a run's files: hints may have put them in metres."""
+    """The unit of the files of a run: metres if aiding measurements were given."""
     return METRE if run.get("metric", {}).get("unit") == "m" else FIRST_STEP

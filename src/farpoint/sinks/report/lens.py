@@ -1,4 +1,4 @@
-"""The lens and the shutter in the report: as given, as found, and how sure that is."""
+"""Lens and shutter in the report: given and estimated values with their sigmas."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def _line(x_z: np.ndarray, style: str, digits: int) -> str:
 
 
 def _ellipses(paths: Paths, digits: int) -> str:
-    """Where the camera is in 95 of 100 cases, since its segment began: a few, spread by length."""
+    """95 % ellipses of a few positions, evenly spread over the length of the path."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(paths.x_z, axis=0), axis=1))])
     wanted = np.linspace(0.0, way[-1], _ELLIPSES + 1)[1:]
     chosen = np.unique(np.minimum(np.searchsorted(way, wanted), len(way) - 1))

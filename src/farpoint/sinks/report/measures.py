@@ -1,4 +1,4 @@
-"""Which quantities a report draws over time, and how each is called."""
+"""Quantities of the charts of a report, with their names."""
 
 from __future__ import annotations
 

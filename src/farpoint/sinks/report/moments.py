@@ -1,4 +1,4 @@
-"""The worst moments of a run: where a person would look first."""
+"""The worst moments of a run, which a reader should check first."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class _Stretch:
 
 
 class MomentSeeker:
-    """Keeps the worst of what it is shown, part by part; its memory does not grow.
+    """Finds the worst moments of a run, part by part, with bounded memory.
 
     Parameters
     ----------

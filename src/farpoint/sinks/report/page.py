@@ -1,4 +1,4 @@
-"""The page's sections, from what the other files of the folder say."""
+"""The page of a report, joined from its sections."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class PageContents:
     paths : Paths
         ``positions.csv`` from above, beside the truth.
     moments : list of Moment
-        Where it went worst.
+        The worst moments.
     stills : list of Still
         Pictures of ``overlay.mp4`` at those moments.
     thumbs : list of Still

@@ -1,4 +1,4 @@
-"""Where the camera was, from above, as a bounded number of points."""
+"""The path from above, as a bounded number of points."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MAX_POINTS = 2000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Paths:
-    """Where the camera was; x to the right of the first camera, z ahead of it.
+    """The path from above; x to the right of the first camera, z forward.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class Paths:
     covariance : ndarray, shape (P, 2, 2)
         Of each position since its segment began, squared units; NaN where it is not known.
     true_x_z : ndarray, shape (P, 2), or None
-        True positions at the same times, carried into the same axes and unit by the similarity
-        that fits best; NaN where the truth does not reach. None without a truth.
+        True positions at the same times after Sim(3) alignment with the path; NaN where the truth
+        is missing. None without a truth.
     """
 
     time_s: np.ndarray

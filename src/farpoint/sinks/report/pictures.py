@@ -1,4 +1,4 @@
-"""The worst moments with their pictures, and a look at the whole run."""
+"""The worst moments with their pictures, and an overview of the whole run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def data_uri(still: Still) -> str:
 def moments_section(
     moments: Sequence[Moment], stills: Sequence[Still], thumbs: Sequence[Still]
 ) -> str:
-    """Where a reader should look first, and below it the run at a glance."""
+    """The worst moments, and below them pictures of the whole run."""
     if not moments and not thumbs:
         return ""
     by_time = {round(still.time_s / _SAME_S): still for still in stills}

@@ -1,4 +1,4 @@
-"""A few pictures out of ``overlay.mp4``, as JPEG, whatever its length."""
+"""A few pictures of ``overlay.mp4`` as JPEG."""
 
 from __future__ import annotations
 

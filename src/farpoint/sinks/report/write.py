@@ -1,4 +1,4 @@
-"""From a folder's files to its ``report.html``."""
+"""Writing of ``report.html`` from the files of a folder."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ _THUMBS = 80
 
 
 def write_report(folder: str | Path, truth: str | Path | None = None) -> Path:
-    """Write ``report.html`` from the other files of a folder, of an interrupted run too.
+    """Write ``report.html`` from the other files of a folder, also of an interrupted run.
 
-    It is a function of those files: ``run.json``, ``motions.csv``, ``positions.csv`` (or
-    ``trajectory.tum``) and, where they are there, ``halves.csv`` and ``overlay.mp4``. Its size does
-    not grow with the run, and the memory it takes only by the split-half tests.
+    The report depends on ``run.json``, ``motions.csv``, ``positions.csv`` (or ``trajectory.tum``)
+    and, if they exist, ``halves.csv`` and ``overlay.mp4``. The size of the report is bounded;
+    memory grows with the number of split-half tests only.
 
     Parameters
     ----------
     folder : str or Path
-        What ``farpoint run`` wrote.
+        Output folder of ``farpoint run``.
     truth : str or Path, optional
         TUM, KITTI or EuRoC trajectory of the camera, drawn beside the path.
 
     Returns
     -------
     Path
-        The page: one file that asks nothing of the network.
+        The report: one file that needs no network.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Curves over time: the rate of rotation and the heading, each within its band."""
+"""Curves over time: angular velocity and heading, each with its 1-sigma band."""
 
 from __future__ import annotations
 

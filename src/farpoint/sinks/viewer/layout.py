@@ -1,4 +1,4 @@
-"""How the window is divided, so that it looks right at once."""
+"""Layout of the window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The display of a live session: it never holds the session up, and shows its delays."""
+"""The display of a live session, which does not block the session and shows its latency."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ class LiveViewer:
     palette : {"red-green", "orange-blue"}
         Colours.
     process : Popen, optional
-        Draws; from `start_live_viewer`, where it was started beforehand.
+        Process that draws, if `start_live_viewer` was called beforehand.
 
     Attributes
     ----------
     left_out : int
-        Frames that were not drawn, because the drawing was behind.
+        Number of frames that were not drawn, because drawing was too slow.
     """
 
     def __init__(
@@ -66,17 +66,17 @@ class LiveViewer:
         self.left_out += not self._sink.offer(result, image)
 
     def set_status(self, latency_s: float, dropped: int) -> None:
-        """Show how old the newest result is, and how many frames were left out before it."""
+        """Show the latency of the newest result, and the number of frames left out before it."""
         self._note("set_status", latency_s, dropped)
 
     def set_link(self, link: str) -> None:
-        """Show whether the source delivers, in a word or two, where that has changed."""
+        """Show the state of the source, if it has changed."""
         if link != self._link:
             self._note("set_link", link)
             self._link = link
 
     def close(self) -> None:
-        """Write what is still on its way and let go of file and window."""
+        """Write the queued results, and close file and window."""
         self._sink.close()
 
     def _note(self, method: str, *arguments: object) -> None:

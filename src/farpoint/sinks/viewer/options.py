@@ -1,4 +1,4 @@
-"""Whether the run is displayed, and where."""
+"""Options of the display in the viewer."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ __all__ = ["ViewerOptions"]
 
 @dataclass(frozen=True, kw_only=True)
 class ViewerOptions:
-    """Where the display goes; it needs the extra ``rerun``.
+    """Options of the display; it needs the extra ``rerun``.
 
     Attributes
     ----------
     show : bool
-        Open the Rerun viewer and draw in it as the run goes.
+        Open the Rerun viewer and draw in it during the run.
     rrd : Path or None
-        Record the display into this file, to be looked at later with rerun FILE.
+        Record the display into this file, which ``rerun FILE`` opens.
     """
 
     show: bool = False
@@ -25,5 +25,5 @@ class ViewerOptions:
 
     @property
     def wanted(self) -> bool:
-        """Whether there is a display at all."""
+        """Whether a display is requested."""
         return self.show or self.rrd is not None

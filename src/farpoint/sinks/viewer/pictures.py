@@ -1,4 +1,4 @@
-"""The two pictures: the image with its points, and the flow that translation leaves."""
+"""The two pictures: the image with its points, and the translational flow."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NOTHING = np.empty((0, 2, 2), np.float32)
 class Pictures:
     """Draws the image with its tracks, and the flow with the epipole.
 
-    Colours and sizes are logged once: a frame adds positions alone.
+    Colours and sizes are logged once; a frame adds positions only.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Pictures:
         self._style(f"{places.FLOW}/epipole/at", WHITE, 1.0)
 
     def draw_image(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """The newer image and on it the way of each track since the older one."""
+        """The newer image with a line for each track since the older image."""
         if image is None:
             self._recording.log(places.IMAGE, self._rr.Clear(recursive=False))
         else:
@@ -64,7 +64,7 @@ class Pictures:
         self._draw_tracks(places.IMAGE, result, result.tracks.points1)
 
     def draw_flow(self, result: OdometryResult, camera: Camera, size: tuple[int, int]) -> None:
-        """The flow with the rotation taken out, and the epipole with its 95 % region."""
+        """The flow with the rotation removed, and the epipole with its 95 % region."""
         pose = result.pose
         heads = result.tracks.points1
         if pose is not None and pose.rotation_cam1_from_cam0 is not None:

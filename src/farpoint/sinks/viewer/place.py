@@ -1,4 +1,4 @@
-"""Where a recording goes, made sure of before another process draws into it."""
+"""Output of a recording, checked before another process draws into it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Place:
     rrd : Path or None
         The file.
     url : str or None
-        Where the window listens.
+        Address of the window.
     """
 
     rrd: Path | None
@@ -30,12 +30,12 @@ class Place:
 
     @property
     def name(self) -> str:
-        """What to call it in a message."""
+        """Name in messages."""
         return "the display" if self.rrd is None else str(self.rrd)
 
 
 def claim(options: ViewerOptions) -> Place:
-    """Make sure of what the options ask for.
+    """Check the output file and open the window, as the options request.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Where things are in the recording: the entities that the layout shows and the drawing fills."""
+"""Entity paths in the recording, for layout and drawing."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ POINTS = "world/points"
 POSITION = "world/position"
 """The 95 % region of the camera's position, by the errors since the beginning of the segment."""
 CONE = "world/heading"
-"""The 95 % region of the heading, from where the camera was."""
+"""The 95 % region of the heading, from the previous position."""
 ROTATION = "rotation"
 """Rate of rotation, deg/s: x, y, z, each with its value and its band."""
 HEADING = "heading"
@@ -40,4 +40,4 @@ VALUES = "values"
 DELAYS = "delays"
 """Latency and frames left out, of live sessions."""
 LINK = "status/source"
-"""Whether the source delivers, of live sessions."""
+"""State of the source, of live sessions."""

@@ -1,4 +1,4 @@
-"""The strip of words: the verdict as a coloured lane, and the values of the newest pair."""
+"""Text panes: the status as a coloured lane, and the values of the newest pair."""
 
 from __future__ import annotations
 

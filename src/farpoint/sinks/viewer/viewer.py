@@ -1,4 +1,4 @@
-"""The sink that draws the working display into a Rerun recording."""
+"""The sink that draws the display into a Rerun recording."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _YEAR_2001_S = 1e9  # time stamps beyond are dates, before it they count from a 
 
 
 class Viewer:
-    """Draws every result: pictures, path, curves and words, each at its own time.
+    """Draws every result: pictures, path, curves and text, at the time of its frame.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Viewer:
     live : bool
         The layout shows delays as well.
     rrd : Path, optional
-        The file that the recording goes to, if it goes to one.
+        File of the recording, if any.
 
     Raises
     ------
@@ -95,7 +95,7 @@ class Viewer:
             self._flush(self._rrd)
 
     def close(self) -> None:
-        """Write what is still on its way and let go of file and window."""
+        """Write the queued data, and close file and window."""
         if self._is_stalled:  # Rerun would wait for ever
             return
         if self._rrd is None:
@@ -116,7 +116,7 @@ class Viewer:
 
 
 def set_moment(recording: Any, result: OdometryResult) -> None:
-    """From here on, what this thread draws belongs to the frame of a result."""
+    """Set the time and the frame number of what is drawn next."""
     recording.set_time("frame", sequence=result.frame1)
     if result.timestamp >= _YEAR_2001_S:
         recording.set_time(TIMELINE, timestamp=result.timestamp)
@@ -132,7 +132,7 @@ def open_viewer(
     Parameters
     ----------
     options : ViewerOptions
-        Where it goes.
+        Options of the display.
     name : str
         Of the source, for the title.
     camera : Camera

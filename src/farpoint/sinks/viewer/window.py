@@ -21,9 +21,8 @@ _MEMORY = "2GB"
 def open_window() -> str:
     """Start the Rerun viewer and return the address that recordings are sent to.
 
-    The viewer listens on the loopback interface alone (its own default are all interfaces), with
-    its usage statistics off. It outlives this process, so that a run can be looked at when it has
-    ended.
+    The viewer listens on the loopback interface only (Rerun's default is all interfaces), with its
+    usage statistics off. The window stays open after the end of this process.
 
     Raises
     ------

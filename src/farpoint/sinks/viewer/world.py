@@ -1,4 +1,4 @@
-"""The path in space: the camera, where it was, and the points it moved past."""
+"""The path in space: camera, previous positions and points."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from farpoint.sinks.viewer import places
 __all__ = ["World", "position_region", "sparse_points"]
 
 _FARTHEST = 60.0
-"""Points farther than so many steps are left out: their depth is a guess."""
+"""Largest distance of drawn points, in lengths of the last step."""
 
 _CHI2_3_AT_95 = 7.8147  # quantile of chi-square with 3 degrees of freedom
 
@@ -93,7 +93,7 @@ class World:
 
 
 def position_region(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The ellipsoid that holds a position with 95 %: its half axes (3,), and their directions.
+    """The 95 % ellipsoid of a position: half axes (3,), and their directions (3, 3).
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def position_region(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _heading_cone(result: OdometryResult) -> list[np.ndarray]:
-    """From where the camera was, the region within which it went on with 95 %: strips (K, 3)."""
+    """The 95 % cone of the heading, with its tip at the previous position: strips (K, 3)."""
     pose, scale = result.pose, result.scale
     region = None if pose is None else pose.heading_region(0.95)
     if pose is None or region is None or scale is None:

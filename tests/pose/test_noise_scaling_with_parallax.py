@@ -16,7 +16,7 @@ from farpoint.synthetic import PointScene
 MATCHES, SIGMA_PX = 300, 0.1
 
 
-def growing(seed: int, length_px: float) -> tuple[PointScene, np.ndarray, tuple]:
+def scene_with_scaled_noise(seed: int, length_px: float) -> tuple[PointScene, np.ndarray, tuple]:
     """A scene, the 1-sigma noise of each match, and its points with that noise."""
     scene = point_scene(
         seed,
@@ -35,7 +35,7 @@ def growing(seed: int, length_px: float) -> tuple[PointScene, np.ndarray, tuple]
 
 
 def estimated(seed: int, length_px: float, told: bool) -> tuple[PointScene, RelativePose]:
-    scene, sigma, points = growing(seed, length_px)
+    scene, sigma, points = scene_with_scaled_noise(seed, length_px)
     noise = sigma[:, None, None] ** 2 * np.eye(2) if told else None
     noises = {"covariance0_px2": noise, "covariance1_px2": noise}
     pose = estimate_relative_pose(*points, scene.camera, **noises)
@@ -59,8 +59,8 @@ def test_the_estimate_is_nearly_as_good_as_if_the_noise_were_known_and_as_honest
 
 
 @pytest.mark.parametrize(("length_px", "grows"), [(0.5, True), (1e9, False)])
-def test_only_noise_that_grows_is_told_anew(length_px, grows):
-    scene, sigma, points = growing(1, length_px)
+def test_only_noise_that_scales_with_parallax_is_changed(length_px, grows):
+    scene, sigma, points = scene_with_scaled_noise(1, length_px)
     matches = matches_from_points(*points, scene.camera, scene.camera)
     fit = fit_general_motion(matches, 1.5, DEFAULTS, np.zeros(1, np.uint64))
     ratio = matches.precision / fit.matches.precision

@@ -17,7 +17,7 @@ _MEAN, _SEEN, _SHARE = 0.6, 6.0, 2e-4
 
 
 @dataclass(frozen=True)
-class Likeness:
+class PictureSimilarity:
     """How far apart two pictures are, in CIE Lab after a little blur.
 
     One in `mean` is what a trained eye just notices on a whole picture; `share` is the part of the
@@ -32,7 +32,7 @@ class Likeness:
         return self.mean < _MEAN and self.share < _SHARE
 
 
-def likeness(a: np.ndarray, b: np.ndarray) -> Likeness:
+def picture_similarity(a: np.ndarray, b: np.ndarray) -> PictureSimilarity:
     """Compare two RGB pictures of one size."""
     assert a.shape == b.shape
 
@@ -41,7 +41,9 @@ def likeness(a: np.ndarray, b: np.ndarray) -> Likeness:
         return cv2.cvtColor(seen, cv2.COLOR_RGB2LAB)
 
     difference = np.linalg.norm(lab(a) - lab(b), axis=-1)
-    return Likeness(mean=float(difference.mean()), share=float((difference > _SEEN).mean()))
+    return PictureSimilarity(
+        mean=float(difference.mean()), share=float((difference > _SEEN).mean())
+    )
 
 
 def at_phone_width(picture: np.ndarray) -> np.ndarray:
@@ -57,7 +59,7 @@ def assert_looks_like(picture: np.ndarray, reference: Path, scratch: Path) -> No
         cv2.imwrite(str(reference), drawn[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
     assert reference.is_file(), f"no reference; look at what {REDRAW}=1 draws"
     expected = cv2.imread(str(reference))[..., ::-1]
-    found = likeness(drawn, expected)
+    found = picture_similarity(drawn, expected)
     if not found.same:
         beside = scratch / reference.name
         cv2.imwrite(str(beside), np.hstack([expected, drawn])[..., ::-1])
