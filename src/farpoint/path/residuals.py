@@ -72,7 +72,7 @@ class Poses(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """Residuals of all observations and their derivatives; 0 of those that are anchors or unseen."""
+    """Residuals of all observations, and their derivatives: 0 of anchors and unseen points."""
 
     residuals: np.ndarray
     by_pose: np.ndarray
