@@ -49,6 +49,13 @@ def test_every_file_is_shown_and_every_file_shown_is_there():
     assert FILES
 
 
+def test_no_table_of_what_is_promised_is_measured_by_hand():
+    _, found, measured = (DOCS / "promise.md").read_text().partition("\n## Measured\n")
+    assert found
+    assert len(_DIRECTIVE.findall(measured)) > 10
+    assert [line for line in measured.splitlines() if line.startswith("|")] == []
+
+
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_a_file_is_of_a_command_that_makes_it(file: Path):
     table = measured_table.read_table(file)

@@ -1,9 +1,10 @@
-"""Figures of the README are those of ``docs/measured``, rounded."""
+"""Figures of the README, and in the prose of the docs, are those of ``docs/measured``, rounded."""
 
 from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
+PROMISE = ROOT / "docs" / "promise.md"
 MEASURED = ROOT / "docs" / "measured"
 
 Row = dict[str, Any]
@@ -22,6 +24,18 @@ def measured(file: str) -> list[Row]:
     table = json.loads((MEASURED / f"{file}.json").read_text())
     names = [column["name"] for column in table["columns"]]
     return [dict(zip(names, row, strict=True)) for row in table["rows"]]
+
+
+def words_of(page: Path) -> str:
+    """Text of a page, its lines joined."""
+    return " ".join(page.read_text().split())
+
+
+def command_of(file: str) -> str:
+    """What stands behind ``--tables`` in the command of a table, without its seed and grid."""
+    words = shlex.split(json.loads((MEASURED / f"{file}.json").read_text())["command"])
+    assert words[:3] == ["farpoint", "bench", "--tables"]
+    return re.sub(r" --seed 0\b| --grid\..*", "", " ".join(words[3:]))
 
 
 def only(file: str, **where: Any) -> Row:
@@ -92,6 +106,10 @@ def pure_rotation_row(outliers: int, matches: int) -> Row:
     )
 
 
+FILES = {"coverage": "coverage_summary", "lenses": "wide", "halves": "halves"}
+"""Files of the tables that the README names in the section on honesty."""
+COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+
 SCENES: dict[str, Callable[[], Row]] = {
     "simulated, 90 matches, 20 of 100 wrong": lambda: near(20, 90),
     "simulated, 500 matches, 50 of 100 wrong": lambda: near(50, 500),
@@ -135,11 +153,37 @@ def test_shares_in_95_percent_are_those_measured():
     assert differences(scenes, find, HONESTY) == []
 
 
+def test_commands_beside_the_shares_are_those_that_measured_them():
+    [scenes] = tables_of(README.read_text(), "Honesty")
+    [column] = [name for name in scenes[0] if name.startswith("`farpoint bench")]
+    for row in scenes:
+        command = row[column].strip("`")
+        assert command == command_of(FILES[command.split()[0]])
+
+
+def test_recordings_behind_the_ratios_are_as_many_as_measured():
+    recordings = {row["sequence"] for row in measured("steps_summary")} - {"all together"}
+    assert f"{COUNTS[len(recordings)].capitalize()} recordings, images 1," in words_of(README)
+    assert f"`farpoint bench --tables {command_of('steps_summary')}`" in words_of(README)
+
+
+def test_what_halves_of_real_video_lead_to_expect_is_what_was_measured():
+    ratios, shares = (
+        [row[name] for row in measured("halves") if row[name] is not None]
+        for name in ("ratio", "pose_95")
+    )
+    text = (
+        f"are {min(ratios):.1f} to {max(ratios):.1f} times what the covariances state "
+        f"({max(ratios):.1f} in traffic); {min(shares):.2f} to {max(shares):.2f} of them lie in"
+    )
+    assert text in words_of(PROMISE)
+    assert only("halves", ratio=max(ratios))["sequence"] == "dashcam_gyro"
+
+
 def test_false_alarms_of_pure_rotations_are_those_measured():
     rows = [row for row in measured("coverage_summary") if row["scenes"] == "rotation only"]
     ok, pairs = (sum(row[name] for row in rows) for name in ("OK", "pairs"))
-    text = f"reported as `OK` in {ok} of {pairs}"
-    assert text in " ".join(README.read_text().split())
+    assert f"reported as `OK` in {ok} of {pairs}" in words_of(README)
 
 
 @pytest.mark.parametrize(("written", "expected"), [("0.94", []), ("0.95", [0.944]), ("", [])])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from bench_kit import silent
 from farpoint import Odometry, OdometryOptions, load_camera, open_frames
 from farpoint.bench.options import BenchOptions
 from farpoint.bench.run import run_bench
+from farpoint.bench.table import Table
 from farpoint.bench.tables import halves
 from farpoint.camera import Camera
 from farpoint.metrics import evaluate_halves
@@ -28,11 +30,22 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_row_is_the_split_half_test_of_its_runs(folder: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.fixture
+def tables(folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[Table]:
+    """Of two runs over the folder, seeds 3 and 4."""
     monkeypatch.setattr(halves, "_RUNS", 2)
     options = BenchOptions(tables=("halves",), data=(folder,), seed=3)
-    (table,) = halves.halves_table(options, silent)
-    row = dict(zip((column.name for column in table.columns), table.rows[0], strict=True))
+    return list(halves.halves_table(options, silent))
+
+
+def rows_of(table: Table) -> list[dict[str, Any]]:
+    return [
+        dict(zip((column.name for column in table.columns), row, strict=True)) for row in table.rows
+    ]
+
+
+def test_a_row_is_the_split_half_test_of_its_runs(folder: Path, tables: list[Table]):
+    [row] = rows_of(tables[0])
     alone, tests = [], []
     for seed in (3, 4):
         odometry = Odometry(load_camera(folder / "calib.txt"), OdometryOptions(seed=seed))
@@ -44,6 +57,28 @@ def test_a_row_is_the_split_half_test_of_its_runs(folder: Path, monkeypatch: pyt
     assert row["ratio"] == evaluate_halves(tests).ratio.ratio
     assert min(alone) < row["ratio"] < max(alone)
     assert row["pose_95"] == np.mean([test.nees <= 11.07 for test in tests])
+
+
+def test_the_same_runs_are_split_by_cells_too(folder: Path, tables: list[Table]):
+    by_patches, by_cells = tables
+    assert (by_cells.name, by_cells.command) == ("halves_by_cells", by_patches.command)
+    rows = rows_of(by_cells)
+    assert [row["split_by"] for row in rows] == ["patches", "cells of 64 px", "cells of 128 px"]
+    for row, cell_px in zip(rows, (None, 64.0, 128.0), strict=True):
+        tests = []
+        for seed in (3, 4):
+            odometry = Odometry(load_camera(folder / "calib.txt"), OdometryOptions(seed=seed))
+            results = odometry.run(open_frames(folder))
+            tests += [odometry.split_half(r, cell_px=cell_px) for r in results if r.pose]
+        found = evaluate_halves(tests)
+        assert (row["sequence"], row["runs"], row["pairs"]) == (folder.name, 2, 2 * (FRAMES - 1))
+        assert (row["compared"], row["ratio"]) == (found.compared, found.ratio.ratio)
+        assert row["sigma_over_error"] == found.pose.sigma_over_error
+        squares = np.array([test.nees for test in tests if test.dof == 5])
+        assert row["pose_68"] == np.mean(squares <= 5.861)
+        assert row["pose_95"] == np.mean(squares <= 11.07)
+    assert len({row["ratio"] for row in rows}) == 3
+    assert rows[0]["ratio"] == rows_of(by_patches)[0]["ratio"]
 
 
 def test_without_sequences_the_table_says_what_is_missing(tmp_path: Path):

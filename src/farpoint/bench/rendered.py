@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ __all__ = [
     "RENDERED_COLUMNS",
     "RENDERED_NOTES",
     "RenderedErrors",
+    "joined",
     "rendered_cells",
     "run_rendered",
 ]
@@ -87,6 +88,9 @@ class RenderedErrors:
         return rotation, direction
 
 
+_FIGURES = tuple(name for name in RenderedErrors.__annotations__ if name != "statuses")
+
+
 def run_rendered(
     *sequences: RenderedSequence,
     options: OdometryOptions | None = None,
@@ -112,8 +116,15 @@ def run_rendered(
             done += 1
             progress(done, total)
     columns = np.array(rows).T
-    names = [name for name in RenderedErrors.__annotations__ if name != "statuses"]
-    return RenderedErrors(statuses=tuple(statuses), **dict(zip(names, columns, strict=True)))
+    return RenderedErrors(statuses=tuple(statuses), **dict(zip(_FIGURES, columns, strict=True)))
+
+
+def joined(errors: Sequence[RenderedErrors]) -> RenderedErrors:
+    """Errors of several runs as those of one."""
+    return RenderedErrors(
+        statuses=tuple(status for one in errors for status in one.statuses),
+        **{name: np.concatenate([getattr(one, name) for one in errors]) for name in _FIGURES},
+    )
 
 
 def rendered_cells(errors: RenderedErrors) -> tuple[Cell, ...]:

@@ -7,6 +7,12 @@ from collections.abc import Iterator
 from farpoint.bench.options import BenchOptions, Progress
 from farpoint.bench.sequences import Sequence, find_sequences
 from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.tables.halves_by_cells import (
+    PATCHES,
+    HalvesBySplit,
+    halves_by_cells,
+    split_halves,
+)
 from farpoint.frames import open_frames
 from farpoint.metrics import SplitHalf, evaluate_halves
 from farpoint.odometry import Odometry, OdometryOptions
@@ -17,54 +23,62 @@ __all__ = ["halves_table"]
 # before.
 _RUNS = 10
 
+_COLUMNS = (
+    Column("sequence"),
+    Column("runs"),
+    Column("pairs"),
+    Column("in_pose"),
+    Column("in_rotation"),
+    Column("opposed"),
+    Column("ratio", 2),
+    Column("lowest_run", 2),
+    Column("highest_run", 2),
+    Column("pose_68", 3),
+    Column("pose_95", 3),
+)
+
 
 def halves_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each image sequence of the data, as they are filled."""
-    rows: list[tuple[Cell, ...]] = []
+    """A row for each image sequence of the data, as filled; the same runs by image cells."""
+    sequences: dict[str, list[HalvesBySplit]] = {}
     seeds = range(options.seed, options.seed + _RUNS)
     for sequence in find_sequences(options.data):
-        runs = []
+        runs: list[HalvesBySplit] = []
         for done, seed in enumerate(seeds):
             progress(f"halves of {sequence.name}", done, len(seeds))
-            runs.append(_halves(sequence, seed))
+            runs.append(_run(sequence, seed))
         progress(f"halves of {sequence.name}", len(seeds), len(seeds))
-        rows.append((sequence.name, *_cells(runs)))
-        yield Table(
-            name="halves",
-            title="Two halves of the tracks of real images: their difference over its covariance",
-            command=options.command("halves"),
-            columns=(
-                Column("sequence"),
-                Column("runs"),
-                Column("pairs"),
-                Column("in_pose"),
-                Column("in_rotation"),
-                Column("opposed"),
-                Column("ratio", 2),
-                Column("lowest_run", 2),
-                Column("highest_run", 2),
-                Column("pose_68", 3),
-                Column("pose_95", 3),
-            ),
-            rows=tuple(rows),
-            notes=(
-                "ratio: squared differences over what the covariances say, 1 if honest, more if "
-                "they are too small; of all runs together, and of the lowest and highest by itself",
-                "in_pose: pairs whose halves both have a direction; in_rotation: both a rotation",
-                "opposed: pairs whose halves claim opposite directions; in no ratio",
-                "pose_68, pose_95: of the former, the share within these regions",
-                "patches of 3 to 6 tracks stay in one half; seeds of the runs: "
-                f"{seeds[0]} to {seeds[-1]}",
-            ),
-        )
+        sequences[sequence.name] = runs
+        yield _table(sequences, seeds, options)
+        yield halves_by_cells(sequences, options.command("halves"))
 
 
-def _halves(sequence: Sequence, seed: int) -> list[SplitHalf]:
+def _run(sequence: Sequence, seed: int) -> HalvesBySplit:
     """The test on every pair of frames of one run."""
     assert sequence.source is not None
     odometry = Odometry(sequence.camera, OdometryOptions(seed=seed))
-    results = odometry.run(open_frames(sequence.source))
-    return [odometry.split_half(result) for result in results if result.pose is not None]
+    return split_halves(odometry, odometry.run(open_frames(sequence.source)))
+
+
+def _table(sequences: dict[str, list[HalvesBySplit]], seeds: range, options: BenchOptions) -> Table:
+    return Table(
+        name="halves",
+        title="Two halves of the tracks of real images: their difference over its covariance",
+        command=options.command("halves"),
+        columns=_COLUMNS,
+        rows=tuple(
+            (name, *_cells([run[PATCHES] for run in runs])) for name, runs in sequences.items()
+        ),
+        notes=(
+            "ratio: squared differences over what the covariances say, 1 if honest, more if "
+            "they are too small; of all runs together, and of the lowest and highest by itself",
+            "in_pose: pairs whose halves both have a direction; in_rotation: both a rotation",
+            "opposed: pairs whose halves claim opposite directions; in no ratio",
+            "pose_68, pose_95: of the former, the share within these regions",
+            "patches of 3 to 6 tracks stay in one half; seeds of the runs: "
+            f"{seeds[0]} to {seeds[-1]}",
+        ),
+    )
 
 
 def _cells(runs: list[list[SplitHalf]]) -> tuple[Cell, ...]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -20,6 +22,7 @@ from farpoint.bench.rendered import (
 )
 from farpoint.bench.sequences import find_trajectories
 from farpoint.bench.table import Cell, Column, Table
+from farpoint.bench.tables.motions_summary import MotionErrors, motions_summary
 from farpoint.errors import InputError
 from farpoint.synthetic import RenderedSequence, carried, street_drive
 from farpoint.trajectory.files import Trajectory
@@ -33,44 +36,83 @@ _DRIVEN_FPS = (10.0, 30.0)
 _CARRIED_FPS = 20.0
 _LENSES = {"pinhole, 65 deg": PINHOLE, "fisheye, 195 deg": FISHEYE}
 
-# Paths through so many streets, each of so many frames, for a seed.
-_Paths = Callable[[int, int, int], list[Trajectory]]
+
+@dataclass(frozen=True, kw_only=True)
+class _Motion:
+    """How the camera is moved.
+
+    Attributes
+    ----------
+    name, kind : str
+        Of the motion, and of those it belongs to.
+    fps : float
+        Frames a second.
+    paths : callable
+        Paths through so many streets, each of so many frames, for a seed.
+    """
+
+    name: str
+    kind: str
+    fps: float
+    paths: Callable[[int, int, int], list[Trajectory]]
 
 
 def motions_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each motion and lens, as they are filled."""
+    """A row for each motion and lens, as they are filled, and their summary."""
     pairs = options.pairs or _PAIRS
     streets, frames = math.ceil(pairs / _PAIRS_PER_STREET), min(pairs, _PAIRS_PER_STREET) + 1
     rows: list[tuple[Cell, ...]] = []
-    for (motion, paths), lens in itertools.product(_motions(options), _LENSES):
-        camera, name = _LENSES[lens], f"{motion}, {lens}"
+    found: list[MotionErrors] = []
+    for motion, lens in itertools.product(_motions(options), _LENSES):
+        camera, name = _LENSES[lens], f"{motion.name}, {lens}"
         sequences = [
             RenderedSequence(camera, path, seed=options.seed + k)
-            for k, path in enumerate(paths(streets, frames, options.seed))
+            for k, path in enumerate(motion.paths(streets, frames, options.seed))
         ]
         if not sequences:
             continue
         errors = run_rendered(*sequences, progress=partial(progress, name))
-        rows.append((motion, lens, len(sequences), *rendered_cells(errors)))
-        yield Table(
-            name="motions",
-            title="Odometry over rendered streets, by how the camera moves",
-            command=options.command("motions"),
-            columns=(Column("motion"), Column("lens"), Column("streets"), *RENDERED_COLUMNS),
-            rows=tuple(rows),
-            notes=(
-                *RENDERED_NOTES,
-                f"{frames - 1} pairs in each street, which share most of their tracks",
-                f"measured motions, of --data: {_CARRIED_FPS:g} frames a second, begun anywhere",
-            ),
+        rows.append((motion.name, lens, len(sequences), *rendered_cells(errors)))
+        found.append(
+            MotionErrors(
+                kind=motion.kind,
+                fps=motion.fps,
+                lens=lens,
+                streets=len(sequences),
+                errors=errors,
+            )
         )
+        yield _table(rows, frames, options)
+        yield motions_summary(found, options.command("motions"))
 
 
-def _motions(options: BenchOptions) -> Iterator[tuple[str, _Paths]]:
+def _table(rows: list[tuple[Cell, ...]], frames: int, options: BenchOptions) -> Table:
+    return Table(
+        name="motions",
+        title="Odometry over rendered streets, by how the camera moves",
+        command=options.command("motions"),
+        columns=(Column("motion"), Column("lens"), Column("streets"), *RENDERED_COLUMNS),
+        rows=tuple(rows),
+        notes=(
+            *RENDERED_NOTES,
+            f"{frames - 1} pairs in each street, which share most of their tracks",
+            f"measured motions, of --data: {_CARRIED_FPS:g} frames a second, begun anywhere",
+        ),
+    )
+
+
+def _motions(options: BenchOptions) -> Iterator[_Motion]:
     for fps in _DRIVEN_FPS:
-        yield f"drive, {fps:g} fps", partial(_drives, fps)
+        yield _Motion(
+            name=f"drive, {fps:g} fps", kind="drive", fps=fps, paths=partial(_drives, fps)
+        )
     for name, body in find_trajectories(options.data).items():
-        yield name, partial(_parts, body)
+        yield _Motion(name=name, kind=_kind(name), fps=_CARRIED_FPS, paths=partial(_parts, body))
+
+
+def _kind(name: str) -> str:
+    """What names of recordings of one kind have in common: all up to the first digit."""
+    return re.split(r"\d", name, maxsplit=1)[0].rstrip("-_ ") or name
 
 
 def _drives(fps: float, streets: int, frames: int, seed: int) -> list[Trajectory]:

@@ -1,0 +1,81 @@
+"""The split-half test by how the tracks are split: errors that neighbours share stay in cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from farpoint.bench.table import Cell, Column, Table
+from farpoint.metrics import SplitHalf, evaluate_halves
+from farpoint.odometry import Odometry, OdometryResult
+
+__all__ = ["PATCHES", "HalvesBySplit", "halves_by_cells", "split_halves"]
+
+PATCHES = "patches"
+# Width of the image cells whose tracks stay in one half, px.
+_CELLS_PX: dict[str, float | None] = {
+    PATCHES: None,
+    "cells of 64 px": 64.0,
+    "cells of 128 px": 128.0,
+}
+
+_COLUMNS = (
+    Column("sequence"),
+    Column("split_by"),
+    Column("runs"),
+    Column("pairs"),
+    Column("compared"),
+    Column("ratio", 2),
+    Column("sigma_over_error", 2),
+    Column("pose_68", 3),
+    Column("pose_95", 3),
+)
+
+HalvesBySplit = dict[str, list[SplitHalf]]
+"""Split-half tests of one run, by how the tracks are split."""
+
+
+def split_halves(odometry: Odometry, results: Iterable[OdometryResult]) -> HalvesBySplit:
+    """The test on every pair of frames of a run, as it goes, split in each way."""
+    halves: HalvesBySplit = {name: [] for name in _CELLS_PX}
+    for result in results:
+        if result.pose is not None:
+            for name, cell_px in _CELLS_PX.items():
+                halves[name].append(odometry.split_half(result, cell_px=cell_px))
+    return halves
+
+
+def halves_by_cells(sequences: Mapping[str, Sequence[HalvesBySplit]], command: str) -> Table:
+    """A row for each sequence, given by its runs, and each way to split its tracks."""
+    return Table(
+        name="halves_by_cells",
+        title="Halves of the tracks of real images, split by patches and by image cells",
+        command=command,
+        columns=_COLUMNS,
+        rows=tuple(
+            (name, split_by, *_figures([run[split_by] for run in runs]))
+            for name, runs in sequences.items()
+            for split_by in _CELLS_PX
+        ),
+        notes=(
+            "split_by: what stays in one half, patches of 3 to 6 tracks or all tracks of an image "
+            "cell; errors that tracks share within it do not cancel in the difference",
+            "compared: pairs whose halves both have a direction; of these sigma_over_error, "
+            "pose_68 and pose_95",
+            "ratio: as in the table of halves; sigma_over_error: above 1 the sigmas are too large "
+            "for the median difference by this factor",
+            "all runs together: those of the table of halves",
+        ),
+    )
+
+
+def _figures(runs: Sequence[Sequence[SplitHalf]]) -> tuple[Cell, ...]:
+    found = evaluate_halves([half for run in runs for half in run])
+    return (
+        len(runs),
+        found.pairs,
+        found.pose.count,
+        found.ratio.ratio,
+        found.pose.sigma_over_error,
+        found.pose.coverage68.share,
+        found.pose.coverage95.share,
+    )
