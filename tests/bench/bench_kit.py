@@ -13,7 +13,7 @@ from farpoint.bench.estimators import estimator as estimator_module
 from farpoint.bench.scenes import draw_scenes
 from farpoint.bench.views import TwoViews, views_of_scene
 
-PEERS = ("poselib", "pycolmap", "cv2")
+PEERS = ("poselib", "pycolmap", "cv2", "pymagsac", "pygcransac")
 
 
 def silent(*_: object) -> object:

@@ -36,6 +36,8 @@ EXACT = views_of_scene(
     )
 )
 
+UNSEEDED = ("MAGSAC++", "GC-RANSAC")  # draw other samples in every call
+
 
 def distorted(views: TwoViews) -> TwoViews:
     """The same scene through a lens that bends its edges by some 20 px."""
@@ -71,7 +73,11 @@ def test_peers_get_the_points_that_an_ideal_lens_would_have_seen():
     np.testing.assert_array_equal(ideal.matrix, [[727, 0, 319.5], [0, 727, 239.5], [0, 0, 1]])
 
 
-@pytest.mark.parametrize("estimator", all_estimators(), ids=lambda estimator: estimator.name)
+@pytest.mark.parametrize(
+    "estimator",
+    [e for e in all_estimators() if e.name not in UNSEEDED],
+    ids=lambda estimator: estimator.name,
+)
 def test_the_same_seed_gives_the_same_answer(estimator):
     views = some_views(1, seed=5)[0]
     first, second = (estimator.prepare(views, 3)() for _ in range(2))
@@ -95,6 +101,8 @@ def test_every_installed_peer_takes_part():
     pytest.importorskip("poselib")
     pytest.importorskip("pycolmap")
     pytest.importorskip("cv2")
+    pytest.importorskip("pymagsac")
+    pytest.importorskip("pygcransac")
     assert [estimator.name for estimator in all_estimators()] == [
         "farpoint",
         "PoseLib",
@@ -104,6 +112,8 @@ def test_every_installed_peer_takes_part():
         "OpenCV RANSAC",
         "OpenCV USAC_ACCURATE",
         "OpenCV USAC_MAGSAC",
+        "MAGSAC++",
+        "GC-RANSAC",
     ]
     assert all(peer_versions().values())
 
@@ -111,7 +121,7 @@ def test_every_installed_peer_takes_part():
 def test_absent_peers_leave_farpoint(monkeypatch: pytest.MonkeyPatch):
     absent(monkeypatch, *PEERS)
     assert all_estimators() == (FARPOINT,)
-    assert peer_versions() == {"PoseLib": None, "pycolmap": None, "OpenCV": None}
+    assert set(peer_versions().values()) == {None}
 
 
 def test_importing_the_benchmark_loads_no_peer():

@@ -6,6 +6,7 @@ from importlib import metadata
 
 from farpoint.bench.estimators.colmap_peer import colmap_estimators
 from farpoint.bench.estimators.estimator import Estimator, Motion, load_peer, pinhole_points
+from farpoint.bench.estimators.magsac_peer import magsac_estimators
 from farpoint.bench.estimators.opencv_peer import opencv_estimators
 from farpoint.bench.estimators.own import CLOSED_FORM, FARPOINT
 from farpoint.bench.estimators.poselib_peer import poselib_estimators
@@ -21,12 +22,24 @@ __all__ = [
     "pinhole_points",
 ]
 
-_PEERS = {"PoseLib": "poselib", "pycolmap": "pycolmap", "OpenCV": "cv2"}
+_PEERS = {
+    "PoseLib": "poselib",
+    "pycolmap": "pycolmap",
+    "OpenCV": "cv2",
+    "MAGSAC++": "pymagsac",
+    "GC-RANSAC": "pygcransac",
+}
 
 
 def all_estimators() -> tuple[Estimator, ...]:
     """Every estimator there is: farpoint first, then the peers that are installed."""
-    return (FARPOINT, *poselib_estimators(), *colmap_estimators(), *opencv_estimators())
+    return (
+        FARPOINT,
+        *poselib_estimators(),
+        *colmap_estimators(),
+        *opencv_estimators(),
+        *magsac_estimators(),
+    )
 
 
 def peer_versions() -> dict[str, str | None]:

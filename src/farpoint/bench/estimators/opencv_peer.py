@@ -5,16 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from farpoint.bench.estimators.estimator import Estimator, Motion, load_peer, pinhole_points
+import numpy as np
+
+from farpoint.bench.estimators.estimator import (
+    Estimator,
+    Motion,
+    PinholePoints,
+    load_peer,
+    pinhole_points,
+)
 from farpoint.bench.views import TwoViews
 from farpoint.geometry.sphere import normalize
 
-__all__ = ["opencv_estimators"]
+__all__ = ["FAR_REACH", "opencv_estimators", "recovered_motion"]
 
 _CONFIDENCE = 0.999
 _THRESHOLD_PX = 1.0  # both the defaults of findEssentialMat
 _DEFAULT_REACH = 50.0  # recoverPose drops points farther than so many baselines
-_FAR_REACH = 1e6  # far points vote on the sign as near ones do: fewer wrong signs
+FAR_REACH = 1e6  # far points vote on the sign as near ones do: fewer wrong signs
 
 
 def opencv_estimators() -> tuple[Estimator, ...]:
@@ -24,8 +32,8 @@ def opencv_estimators() -> tuple[Estimator, ...]:
         return ()
     searches = (
         ("OpenCV RANSAC", "defaults", cv2.RANSAC, _DEFAULT_REACH),
-        ("OpenCV USAC_ACCURATE", "recoverPose distanceThresh=1e6", cv2.USAC_ACCURATE, _FAR_REACH),
-        ("OpenCV USAC_MAGSAC", "recoverPose distanceThresh=1e6", cv2.USAC_MAGSAC, _FAR_REACH),
+        ("OpenCV USAC_ACCURATE", "recoverPose distanceThresh=1e6", cv2.USAC_ACCURATE, FAR_REACH),
+        ("OpenCV USAC_MAGSAC", "recoverPose distanceThresh=1e6", cv2.USAC_MAGSAC, FAR_REACH),
     )
     return tuple(
         Estimator(name=name, settings=settings, prepare=_preparation(cv2, method, reach))
@@ -40,23 +48,40 @@ def _preparation(
         """Matches and camera as OpenCV takes them; what is timed comes back."""
         del seed  # OpenCV draws the same samples every time
         ideal = pinhole_points(views)
-        points0, points1, K = ideal.points0, ideal.points1, ideal.matrix
 
         def estimate() -> Motion | None:
             """One call of the library, its answer in farpoint's conventions."""
             try:
                 E, mask = cv2.findEssentialMat(
-                    points0, points1, K, method=method, prob=_CONFIDENCE, threshold=_THRESHOLD_PX
-                )
-                if E is None or E.shape != (3, 3):
-                    return None
-                _, R, t, _, _ = cv2.recoverPose(
-                    E, points0, points1, K, distanceThresh=reach, mask=mask
+                    ideal.points0,
+                    ideal.points1,
+                    ideal.matrix,
+                    method=method,
+                    prob=_CONFIDENCE,
+                    threshold=_THRESHOLD_PX,
                 )
             except cv2.error:  # raised where it finds no model
                 return None
-            return Motion(R, normalize(t[:, 0]))
+            if E is None or E.shape != (3, 3):
+                return None
+            return recovered_motion(cv2, E, ideal, mask, reach)
 
         return estimate
 
     return prepare
+
+
+def recovered_motion(
+    cv2: Any, E: np.ndarray, ideal: PinholePoints, mask: np.ndarray | None, reach: float
+) -> Motion | None:
+    """The motion of an essential matrix by cheirality of the inliers within a ``reach``.
+
+    In baselines; ``mask`` (N, 1) is of the inliers, None for all.
+    """
+    try:
+        _, R, t, _, _ = cv2.recoverPose(
+            E, ideal.points0, ideal.points1, ideal.matrix, distanceThresh=reach, mask=mask
+        )
+    except cv2.error:
+        return None
+    return Motion(R, normalize(t[:, 0]))
