@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.ma  # noqa: F401 - reads the docstring of numpy.empty, replaced below
+import numpy.ma  # reads the docstring of numpy.empty, replaced below
 import pytest
 
 from farpoint._kernels import compile as compiling
