@@ -114,3 +114,14 @@ def test_poses_and_covariances_are_sound(seed):
             sigma = np.sqrt(np.maximum(np.diag(point.covariance), LEAST))
             correlation = point.covariance / np.outer(sigma, sigma)
             assert np.linalg.eigvalsh(correlation)[0] > -1e-6
+
+
+@pytest.mark.parametrize("seed", [79, 82, 98])
+def test_a_path_does_not_depend_on_what_was_in_memory(seed):
+    paths = []
+    for value in (0.0, 1e3):
+        left = [np.full(count, value) for count in (6, 36, 64, 600, 1200, 2400, 5000)]
+        del left
+        points = list(path_of(Recording(seed)))
+        paths.append([np.append(point.world_from_cam, point.covariance) for point in points])
+    np.testing.assert_array_equal(*paths)

@@ -513,12 +513,15 @@ class Window:
         if self._unit is not None:
             self._unit_variance = self._variance_of_unit()
         poses = Poses.of(self.frames)
-        residuals = self._residuals(poses)
-        linear = self._linear or residuals.linear(poses)
         is_anchored = marks.slot[marks.anchor] == slot
         is_alive = np.isin(marks.ids, alive)
         ended = is_anchored & ~is_alive
-        reduced = residuals.normal(linear, ended & marks.has_depth).reduced(0.0)
+        used, residuals = ended & marks.has_depth, self._residuals(poses)
+        linear = self._linear
+        # The last solution lacks observations that were added since.
+        if linear is None or used[marks.point[len(linear.residuals) :]].any():
+            linear = residuals.linear(poses)
+        reduced = residuals.normal(linear, used).reduced(0.0)
         system = self._with_prior(reduced, self._deviation(), self._baseline())
         gone = ended | ~is_alive & (np.bincount(marks.point, minlength=len(marks.ids)) < 2)
         gone[self._change_anchors(np.flatnonzero(is_anchored & ~ended), slot)] = True
