@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from bench_kit import PEERS, absent, silent
+from bench_kit import PEERS, UNSEEDED, absent, silent
 from scipy.stats import chi2
 
 from farpoint.bench.options import BenchOptions, CoverageGrid
@@ -40,7 +40,9 @@ def column(table: Table, name: str) -> list:
 @pytest.fixture(scope="module")
 def seeded(tmp_path_factory: pytest.TempPathFactory) -> tuple[BenchReport, Path]:
     out = tmp_path_factory.mktemp("bench")
-    return run(SEEDED, out), out
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        absent(monkeypatch, *UNSEEDED)
+        return run(SEEDED, out), out
 
 
 def test_the_report_names_commands_versions_and_peers(seeded: tuple[BenchReport, Path]):
@@ -75,8 +77,11 @@ def test_every_table_is_a_json_with_the_day_and_the_machine(seeded: tuple[BenchR
         assert len(found["rows"]) == len(table.rows)
 
 
-def test_the_same_seed_gives_the_same_files(seeded: tuple[BenchReport, Path], tmp_path: Path):
+def test_the_same_seed_gives_the_same_files(
+    seeded: tuple[BenchReport, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     _, out = seeded
+    absent(monkeypatch, *UNSEEDED)
     run(SEEDED, tmp_path)
     for file in out.iterdir():
         assert (tmp_path / file.name).read_bytes() == file.read_bytes()
@@ -211,7 +216,7 @@ def test_a_missing_library_skips_its_table(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_times_are_positive_and_the_chart_is_xml(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    absent(monkeypatch, "poselib", "pycolmap")
+    absent(monkeypatch, "poselib", "pycolmap", *UNSEEDED)
     monkeypatch.setattr("farpoint.bench.tables.start._start", lambda _: (0.5, 1.5))
     report = run(BenchOptions(tables=("time",), pairs=1), tmp_path)
     time, matches, outliers, baselines, start = report.tables
