@@ -9,8 +9,7 @@ RUN pip install --no-cache-dir -c /farpoint/constraints.txt "/farpoint[video]"
 # Kernels are compiled once, here, into a place that any user can read and write.
 ENV NUMBA_CACHE_DIR=/var/cache/farpoint
 RUN mkdir -m 777 "$NUMBA_CACHE_DIR" \
-    && farpoint demo --frames 5 --out /tmp/demo --no-overlay --no-report \
-    && rm -r /tmp/demo \
+    && farpoint compile \
     && chmod -R a+rwX "$NUMBA_CACHE_DIR"
 
 WORKDIR /work

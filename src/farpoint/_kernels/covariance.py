@@ -290,10 +290,10 @@ def _log_likelihood_beside(point: LinearisationPoint, step: np.ndarray) -> float
 def covariance_beside(
     point: LinearisationPoint, inliers: float, shrunk_flow: bool, step: np.ndarray, out: np.ndarray
 ) -> bool:
-    """Covariance ``out`` (5, 5) if the true pose is this one plus a ``step`` (5,).
+    """Covariance ``out`` (5, 5) if the true pose is that of ``point`` moved by a ``step`` (5,).
 
-    Like `covariance_here`, in the tangent basis of this pose and without the scatter, because that
-    pose is not a maximum of the likelihood.
+    As `covariance_here`, in the tangent basis of ``point``. The moved pose is not a maximum of the
+    likelihood, so the scatter of the gradients there is not used. False without enough signal.
     """
     moved_R, moved_t, there = np.empty((3, 3)), np.empty(3), np.empty((5, 5))
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))

@@ -174,8 +174,9 @@ class LensEstimate:
     def pixels_of(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Pixels (N, 2) of rays, derivatives by the rays (N, 2, 3) and by the lens (N, 2, r).
 
-        NaN more than an image's size outside the image: far from where it was calibrated a lens is
-        not linear, and at 90 degrees from the axis the derivatives of a pinhole are infinite.
+        A pixel outside the image by more than the image's width or height is NaN. So far from the
+        calibrated pixels the lens is not linear in its parameters, and at 90 degrees from the axis
+        the derivatives of a pinhole are infinite.
         """
         assert self.given.size is not None
         pixels, by_ray = self._model.project(rays), self._model.project_jacobian(rays)

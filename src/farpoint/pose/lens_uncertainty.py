@@ -87,8 +87,9 @@ def with_lens_uncertainty(
 ) -> RelativePose:
     """The motion with a covariance that holds the uncertainty of its cameras and their shutter.
 
-    No direction is observable where the lens alone may have made the flow: where the lens, within
-    its uncertainty, that explains most of the flow by a rotation shows no direction.
+    The direction is dropped if an error of the lens may have made the flow. To test this, the lens
+    is changed within its uncertainty until a rotation explains most of the flow. If the matches
+    show no direction through the changed lens, the motion becomes `ROTATION_ONLY`.
 
     Parameters
     ----------

@@ -51,10 +51,10 @@ def movers_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
 def with_mover(
     views: TwoViews, share: float, rng: np.random.Generator, *, shift_px: float
 ) -> TwoViews:
-    """Views with something in them that moves by itself.
+    """Views with an object that moves by itself.
 
-    It is seen by this share of the matches, those nearest in image 0 to one of them, and moves all
-    of them by ``shift_px`` in image 1, to some side.
+    This share of the matches is on the object: a random match, and those nearest to it in image 0.
+    In image 1 they are all displaced by ``shift_px`` in the same random direction.
     """
     middle, angle = views.points0[rng.integers(len(views.points0))], rng.uniform(0.0, 2 * math.pi)
     nearest = np.argsort(np.linalg.norm(views.points0 - middle, axis=1))
