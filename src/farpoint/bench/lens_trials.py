@@ -123,6 +123,7 @@ class _Motions:
     def estimate(
         self, points0: np.ndarray, points1: np.ndarray, covariance_px2: np.ndarray, seconds: float
     ) -> RelativePose:
+        """The motion of matches (N, 2), px, by the lens in use."""
         half_px2 = 0.5 * covariance_px2
         return estimate_relative_pose(
             points0,
@@ -134,6 +135,7 @@ class _Motions:
         )
 
     def update(self, lens: LensEstimate | None) -> None:
+        """Adopt what the path has found of the lens."""
         self._lens.update(lens)
 
 

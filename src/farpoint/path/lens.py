@@ -21,6 +21,9 @@ _STALE_PX = 2.0
 _READOUT_SIGMA = 0.5
 # 1-sigma of a known read-out time, s: small, for regular equations.
 _EXACT_S = 1e-9
+# Largest distance of a pixel from the centre, in widths and heights of the image: a whole image
+# beside the image (`LensEstimate.pixels_of`).
+_FARTHEST = 1.5
 _GRID = (9, 7)  # columns and rows of pixels at which displacements are computed
 
 
@@ -182,7 +185,7 @@ class LensEstimate:
         pixels, by_ray = self._model.project(rays), self._model.project_jacobian(rays)
         center = 0.5 * (np.array(self.given.size) - 1.0)
         with np.errstate(invalid="ignore"):
-            far = ~(np.abs(pixels - center) < 1.5 * np.array(self.given.size)).all(axis=1)
+            far = ~(np.abs(pixels - center) < _FARTHEST * np.array(self.given.size)).all(axis=1)
         pixels[far] = np.nan
         if not self.size:
             return pixels, by_ray, np.zeros((len(rays), 2, 0))
