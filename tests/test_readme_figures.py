@@ -153,6 +153,70 @@ def test_shares_in_95_percent_are_those_measured():
     assert differences(scenes, find, HONESTY) == []
 
 
+PEERS = {
+    "PoseLib": ("PoseLib", "PoseLib tuned"),
+    "pycolmap": ("pycolmap", "pycolmap tuned"),
+    "OpenCV RANSAC": ("OpenCV RANSAC",),
+    "USAC_MAGSAC": ("OpenCV USAC_MAGSAC",),
+    "USAC_ACCURATE": ("OpenCV USAC_ACCURATE",),
+}
+ACCURATE = "OpenCV_USAC_ACCURATE_ms"
+
+
+def over_farpoint(file: str, **where: float) -> float:
+    row = only(file, **where)
+    return row[ACCURATE] / row["farpoint_ms"]
+
+
+def on_real_pairs(data: str) -> float:
+    return only("pairs", data=data, estimator="OpenCV USAC_ACCURATE")["time_over_farpoint"]
+
+
+SLOWER: dict[str, Callable[[], list[float]]] = {
+    "8; 20": lambda: [over_farpoint("time_matches", matches=n) for n in (8, 20)],
+    "110, steps of 1 cm; 5 mm; 2 mm": lambda: [
+        over_farpoint("time_baselines", baseline_cm=cm) for cm in (1.0, 0.5, 0.2)
+    ],
+    "KITTI; handheld; quick turns with blur": lambda: [
+        on_real_pairs(data) for data in ("kitti_00", "hololens", "tum_fr1_rpy")
+    ],
+}
+
+
+def rounded(value: float) -> str:
+    """Two digits, whole numbers from 10 on."""
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.1f}"
+
+
+def test_times_of_peers_are_those_measured():
+    [times] = tables_of(README.read_text(), "Time")
+    for row in times[:2]:
+        matches = int(row["matches"].split(",")[0])
+        of = {r["estimator"]: r for r in measured("time") if r["matches"] == matches}
+        assert row["farpoint"] == f"{of['farpoint']['median_ms']:.2f} ms"
+        for column, names in PEERS.items():
+            first, *tuned = (rounded(of[name]["time_over_farpoint"]) for name in names)
+            assert row[column] == " ".join([first, *(f"({each})" for each in tuned)])
+    assert {row["matches"] for row in times[2:]} == set(SLOWER)
+    for row in times[2:]:
+        ratios = SLOWER[row["matches"]]()
+        assert row["USAC_ACCURATE"] == "; ".join(map(rounded, ratios))
+
+
+def test_commands_of_the_times_are_those_that_measured_them():
+    for file in ("time", "time_matches", "time_baselines", "start"):
+        assert command_of(file) == "time"
+    assert set(command_of("pairs").split()) == {"pairs", "--full", "--data", "DIR"}
+    for words in ("time`", "pairs --full --data DIR`"):
+        assert f"`farpoint bench --tables {words}" in words_of(README)
+
+
+def test_the_first_estimates_take_what_was_measured():
+    cold, warm = (only("start", start=name)["first_estimate_s"] for name in ("cold", "warm"))
+    assert f"compiles for {cold:.0f} s" in words_of(README)
+    assert f"process takes {warm:.1f} s" in words_of(README)
+
+
 def test_commands_beside_the_shares_are_those_that_measured_them():
     [scenes] = tables_of(README.read_text(), "Honesty")
     [column] = [name for name in scenes[0] if name.startswith("`farpoint bench")]
