@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -175,9 +174,14 @@ def start(*arguments: str | Path) -> subprocess.Popen[str]:
         text=True,
         env=BUFFERED,
         process_group=0,
-        # Tests that run in the background are deaf to Ctrl-C, and would pass that on.
-        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=_hear_signals,
     )
+
+
+def _hear_signals() -> None:
+    """Tests that run in the background (``&``, ``nohup``) ignore signals, and would pass that on."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def wait_for_rows(path: Path, count: int, process: subprocess.Popen[str]) -> None:
