@@ -179,7 +179,7 @@ def start(*arguments: str | Path) -> subprocess.Popen[str]:
 
 
 def _hear_signals() -> None:
-    """Tests that run in the background (``&``, ``nohup``) ignore signals, and would pass that on."""
+    """Tests in the background (``&``, ``nohup``) ignore signals, and would pass that on."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
 
