@@ -11,7 +11,7 @@ import pytest
 
 HERE = Path(__file__).parent
 # Kernels that are tested where they are used.
-MAX_COSINE = [
+ELSEWHERE = [
     HERE.parent / "synthetic" / "test_raycast.py",
     f"{HERE.parent / 'tracks' / 'test_refinement.py'}::"
     "test_the_kernel_computes_what_plain_numpy_computes",
@@ -22,7 +22,7 @@ MAX_COSINE = [
 def test_the_kernels_pass_their_tests_interpreted():
     options = ["-p", "no:cacheprovider", "--tb=short"]
     run = subprocess.run(
-        [sys.executable, "-m", "pytest", *options, *map(str, [HERE, *MAX_COSINE])],
+        [sys.executable, "-m", "pytest", *options, *map(str, [HERE, *ELSEWHERE])],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
         capture_output=True,
         text=True,

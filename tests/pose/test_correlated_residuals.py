@@ -154,7 +154,7 @@ def squares(seed: int, fps: float, most: int) -> list[float]:
     sequence = RenderedSequence(CAMERA, street_drive(6, fps, seed), seed=seed)
     images, script = [frame.image for frame in sequence], PlainScript(CAMERA, most)
     found = []
-    for k in range(0, 6, 2):
+    for k in range(5):
         points = script.match(images[k], images[k + 1])
         pose = estimate_relative_pose(*points, CAMERA)
         assert pose.status is PoseStatus.OK
@@ -168,6 +168,6 @@ def squares(seed: int, fps: float, most: int) -> list[float]:
 
 def test_the_covariance_of_what_opencv_tracks_holds_the_truth():
     """Counted as independent, these matches have 95 % regions that hold 0.2 of the truths."""
-    found = np.concatenate([squares(seed, 20.0, 400) for seed in range(300, 312)])
+    found = np.concatenate([squares(seed, 20.0, 400) for seed in range(300, 307)])
     assert np.mean(found <= chi2_quantile(0.95, 5)) > 0.75
     assert 0.3 < np.mean(found) / 5.0 < 2.0
