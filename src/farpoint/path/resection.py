@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.window import DOF, locate
+from farpoint._kernels.constants import STUDENT_FREEDOM
+from farpoint._kernels.window import locate
 from farpoint.geometry import so3
 from farpoint.geometry.vectors import cross
 from farpoint.path.history import TrackObservations
@@ -235,7 +236,9 @@ class _Points:
         determinant += self.s_variance * (uu * v * v - 2.0 * uv * u * v + vv * u * u)
         used = np.isfinite(squares)
         weight = np.zeros(len(squares))
-        weight[used] = (DOF + 2.0) / ((DOF + squares[used]) * determinant[used])
+        weight[used] = (STUDENT_FREEDOM + 2.0) / (
+            (STUDENT_FREEDOM + squares[used]) * determinant[used]
+        )
         uu, uv, vv = (
             uu + self.s_variance * u * u,
             uv + self.s_variance * u * v,

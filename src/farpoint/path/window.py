@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint._kernels.cholesky import point_variances
-from farpoint._kernels.window import UNSEEN_PX, point_steps
+from farpoint._kernels.constants import UNSEEN_PX
+from farpoint._kernels.window import point_steps
 from farpoint.geometry import so3
 from farpoint.geometry.vectors import cross, products
 from farpoint.path.history import TrackObservations

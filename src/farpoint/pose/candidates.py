@@ -16,7 +16,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from farpoint._kernels.hypothesis_comparison import GATE_SIGMA
+from farpoint._kernels.constants import GATE_SIGMA
 from farpoint._kernels.search import search_direction
 from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.general_motion import (

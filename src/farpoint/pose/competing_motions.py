@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.competing_modes import compare_with_mode, likeliest_other_mode
-from farpoint._kernels.motion_refinement import MAX_SEARCHED
+from farpoint._kernels.constants import MAX_SEARCHED
 from farpoint._kernels.plane import other_motion
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry.so3 import rotation_vector

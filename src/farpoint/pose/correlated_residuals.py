@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from farpoint._kernels.constants import CORRELATED_Z
 from farpoint._kernels.covariance import finite_sample_inflation
-from farpoint._kernels.design_effect import CORRELATED_Z
 from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches
 

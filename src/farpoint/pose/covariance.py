@@ -6,12 +6,11 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.constants import GATE_SIGMA, MAX_NEIGHBOUR_QUERIES, MAX_SPLIT_RATIO
 from farpoint._kernels.covariance import covariance_around
-from farpoint._kernels.design_effect import MAX_QUERIED
-from farpoint._kernels.hypothesis_comparison import GATE_SIGMA
 from farpoint._kernels.patches import split_patches
 from farpoint._kernels.residual_correlation import patch_correlation
-from farpoint._kernels.split_halves import MAX_RATIO, pose_difference_ratio
+from farpoint._kernels.split_halves import pose_difference_ratio
 from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.general_motion import GeneralMotionFit, linearisation_point, packed_pose
@@ -116,7 +115,7 @@ def split_half_ratio_of_rotation(
         expected = one.covariance + other.covariance
         if fixes_rotation(expected):
             apart = rotation_vector(one.R_cam1_from_cam0 @ other.R_cam1_from_cam0.T)
-            squares.append(min(size2(apart, expected) / 3.0, MAX_RATIO))
+            squares.append(min(size2(apart, expected) / 3.0, MAX_SPLIT_RATIO))
     return float(np.mean(squares)) if squares else 1.0
 
 
@@ -167,7 +166,7 @@ def inflation_between_patches(fit: GeneralMotionFit) -> float:
     matches, inlier = fit.matches, np.flatnonzero(fit.probability > 0.5)
     patch = patches_of(matches.rays0)
     correlation = patch_correlation(
-        matches.pairs, fit.residual, inlier, patch, fit.noise.sigma, MAX_QUERIED
+        matches.pairs, fit.residual, inlier, patch, fit.noise.sigma, MAX_NEIGHBOUR_QUERIES
     )
     correlation = max(correlation, fit.merged_mode_correlation)
     return 1.0 + SLOPE * max(correlation - CORRELATED, 0.0)

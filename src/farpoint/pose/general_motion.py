@@ -13,24 +13,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.design_effect import correlation_and_design_effect
-from farpoint._kernels.five_rays import SearchBudget
-from farpoint._kernels.hypothesis_comparison import (
+from farpoint._kernels.constants import (
+    GATE_SIGMA,
+    LANES,
+    LONG_TAIL,
+    MAX_SEARCHED,
     MODE_MARGIN,
+    PANEL,
     START_REPEATED_SHARE,
     START_TAIL_SHARE,
 )
+from farpoint._kernels.design_effect import correlation_and_design_effect
+from farpoint._kernels.five_rays import SearchBudget
 from farpoint._kernels.likelihood import evaluate_residuals
-from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.motion import fit_motion
-from farpoint._kernels.motion_refinement import (
-    MAX_SEARCHED,
-    MotionBuffers,
-    MotionSummary,
-    refine_motion,
-)
-from farpoint._kernels.pairs import LANES, PANEL, packed_length
-from farpoint._kernels.parallax_prior import BAND_SIGMA
+from farpoint._kernels.motion_refinement import MotionBuffers, MotionSummary, refine_motion
+from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.matches import Matches
@@ -287,7 +285,7 @@ def is_likelier(fit: GeneralMotionFit, other: GeneralMotionFit, by: float = 0.0)
 
 def _log_ratios(fit: GeneralMotionFit) -> float:
     """Logarithm of the ratio of two densities: of all parallax, and of the ratios of parallax."""
-    return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, BAND_SIGMA)))
+    return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, GATE_SIGMA)))
 
 
 def refit_general_motion(matches: Matches, fit: GeneralMotionFit | Start) -> GeneralMotionFit:

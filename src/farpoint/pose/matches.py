@@ -9,19 +9,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from farpoint._kernels.mixture import LONG_TAIL
-from farpoint._kernels.pairs import (
-    FLOW,
-    LANES,
-    MIN_VARIANCE_RAD2,
-    PANEL,
-    RAY0,
-    RAY1,
-    is_finite,
-    pack_pairs,
-    packed_length,
-    take_pairs,
-)
+from farpoint._kernels.constants import FLOW, LANES, LONG_TAIL, MIN_VARIANCE_RAD2, PANEL, RAY0, RAY1
+from farpoint._kernels.pairs import is_finite, pack_pairs, packed_length, take_pairs
 from farpoint._kernels.pose import PackedMatches
 from farpoint._kernels.rounding import rounding_variance
 from farpoint.camera import Camera

@@ -18,8 +18,7 @@ import math
 import numpy as np
 import scipy  # its parts load on first use
 
-from farpoint._kernels.evidence import NEAR_SIGMA
-from farpoint._kernels.motion_refinement import MAX_SEARCHED
+from farpoint._kernels.constants import GATE_SIGMA, MAX_SEARCHED
 from farpoint._kernels.pure_rotation import (
     MatchProbabilities,
     flow_beside_rotation,
@@ -88,7 +87,7 @@ def is_clearly_translating(fit: GeneralMotionFit) -> bool:
     than 8 plus 4 times the outliers expected on their epipolar lines by chance.
     """
     outliers = min(len(fit.matches), MAX_SEARCHED) - fit.supporting
-    chance = min(NEAR_SIGMA * fit.noise.sigma / fit.matches.outlier_half_width, 1.0)
+    chance = min(GATE_SIGMA * fit.noise.sigma / fit.matches.outlier_half_width, 1.0)
     return fit.beyond_rotation > max(8.0 + 4.0 * outliers * chance, 0.1 * fit.supporting)
 
 

@@ -11,11 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.hypothesis_comparison import (
-    GATE_SIGMA,
-    START_OUTLIER_SHARE,
-    START_TAIL_SHARE,
-)
+from farpoint._kernels.constants import GATE_SIGMA, START_OUTLIER_SHARE, START_TAIL_SHARE
 from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.pure_rotation import fit_rotation
 from farpoint.pose.information import symmetric_inverse

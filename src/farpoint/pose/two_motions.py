@@ -15,8 +15,8 @@ from operator import attrgetter
 
 import numpy as np
 
+from farpoint._kernels.constants import GATE_SIGMA
 from farpoint._kernels.evidence import find_stationary
-from farpoint._kernels.parallax_prior import BAND_SIGMA
 from farpoint.geometry.sphere import tangent_basis
 from farpoint.geometry.vectors import cross
 from farpoint.pose.general_motion import (
@@ -150,7 +150,7 @@ def _split(
     variance = _independent_variance(fit)
     residual = np.abs(evaluate_matches(matches, start)[0, fit.probability > 0.5])
     for bound in BOUNDS:
-        if _has_gap(residual, BAND_SIGMA * math.sqrt(bound * variance)):
+        if _has_gap(residual, GATE_SIGMA * math.sqrt(bound * variance)):
             found = refit_general_motion(matches.with_noise_up_to(bound * variance), start)
             is_dominant = found.agreeing > DOMINANT_SHARE * fit.agreeing
             if is_dominant and found.neighbours.correlation < EXPLAINED * min(
