@@ -80,8 +80,8 @@ GATE_SIGMA = 3.0
 # Degrees of freedom of Student's t, which has the tails of residuals of tracks. Convention.
 STUDENT_FREEDOM = 5.0
 
-# Parameters of a motion up to scale, and matches that fix the motion. Derived: rotation (3),
-# direction (2).
+# Parameters of a motion up to scale, matches that fix the motion, and effective matches per one
+# that dominates a given axis of the pose. Derived: rotation (3), direction (2).
 POSE_PARAMETERS = 5
 
 # Parameters of a rotation. Derived.
@@ -106,8 +106,8 @@ MIN_NOISE_MATCHES = 30
 # Upper bound of the iterations of Newton, Gauss-Newton and EM, which end by convergence. Chosen.
 MAX_ITERATIONS = np.int64(20)
 
-# Upper bound of the steps of a coarse refinement: of a hypothesis, a half, an error of the lens.
-# Chosen.
+# Upper bound of the steps of a coarse refinement: of a hypothesis, a half, an error of the lens, a
+# division into two parts. # Chosen.
 COARSE_STEPS = np.int64(10)
 
 # Rounds of EM for a few parameters: of a plane, of its relief, of a noise floor. Chosen.
@@ -120,6 +120,10 @@ ALTERNATIONS = 4
 # Upper bound of repetitions of a whole step: average of the covariance, move to a likelier mode.
 # Chosen.
 OUTER_ROUNDS = 3
+
+# Length of a step or rotation, rad, whose square is within the noise: the last step of Newton's
+# method for five rays, and a rotation in which a ray is linear. Derived: the second order is 5e-5.
+LINEAR_STEP_RAD = 0.01
 
 # Predicted decrease of the cost, in log likelihood, at which a coarse refinement ends: that of a
 # hypothesis, of the plane and of its EM. Chosen.
@@ -236,10 +240,6 @@ FIVE_RAY_STEPS = 7
 
 # Length of the longest step of Newton's method for five rays, rad. Chosen.
 LONGEST_FIVE_RAY_STEP = 0.5
-
-# Length of a step of Newton's method for five rays, rad, after which the next one, its square, is
-# within the noise. Chosen.
-LAST_FIVE_RAY_STEP = 0.01
 
 # A hypothesis is refined if its truncated squares are below this times the lowest so far. Chosen.
 MAX_SCORE_RATIO = 2.0
@@ -408,9 +408,6 @@ MIN_SIGNAL_NEARBY = 0.25
 # Weight of the model variance of the gradient, in effective matches, against that of the scatter,
 # which is uncertain for few of them. Chosen.
 MODEL_VARIANCE_WEIGHT = 120.0
-
-# Effective matches per one that dominates a given axis of the pose. Chosen.
-MATCHES_PER_AXIS = 5.0
 
 # Upper bound of the relative excess of the average over the covariance at the pose. Chosen.
 MAX_COVARIANCE_EXCESS = 8.0

@@ -9,12 +9,12 @@ import numpy as np
 from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
 from farpoint._kernels.constants import (
-    MATCHES_PER_AXIS,
     MAX_COVARIANCE_EXCESS,
     MAX_DIRECTION_VARIANCE,
     MIN_SIGNAL_NEARBY,
     MODEL_VARIANCE_WEIGHT,
     OUTER_ROUNDS,
+    POSE_PARAMETERS,
     REPEAT_AVERAGE_ABOVE,
 )
 from farpoint._kernels.hypothesis_comparison import laplace_factor
@@ -100,12 +100,12 @@ def _estimated_noise_factor(inliers: float, effective: float) -> float:
     """Factor on the information for the estimated noise variance and the estimated scatter.
 
     The noise variance costs the inverse of `finite_sample_inflation`. Along one axis the scatter is
-    that of effective / `MATCHES_PER_AXIS` matches; its relative variance, 2 over that number, adds
+    that of effective / `POSE_PARAMETERS` matches; its relative variance, 2 over that number, adds
     to the inverse by the square of the scatter's weight.
     """
     scatter_weight = _scatter_weight(effective)
     scattered = (
-        2.0 * MATCHES_PER_AXIS * scatter_weight * scatter_weight / max(effective, MATCHES_PER_AXIS)
+        2.0 * POSE_PARAMETERS * scatter_weight * scatter_weight / max(effective, POSE_PARAMETERS)
     )
     return 1.0 / finite_sample_inflation(max(inliers - 5.0, 4.0)) - scattered
 

@@ -13,7 +13,7 @@ from farpoint._kernels.constants import (
     CONVERGENCE_RATE,
     FIVE_RAY_STEPS,
     LANES,
-    LAST_FIVE_RAY_STEP,
+    LINEAR_STEP_RAD,
     LONG_FLOW_RAD,
     LONGEST_FIVE_RAY_STEP,
     MAX_RESTART_FACTOR,
@@ -169,7 +169,7 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
         for k in range(5):
             x[k] *= scale
         apply_step(R, t, x)
-        if size < LAST_FIVE_RAY_STEP:
+        if size < LINEAR_STEP_RAD:
             return True
     return False
 
