@@ -129,10 +129,12 @@ LINEAR_STEP_RAD = 0.01
 # hypothesis, of the plane and of its EM. Chosen.
 COARSE_TOLERANCE = 0.1
 
-# The same for the last refinement. Derived: 1/30 sigma.
+# Predicted decrease of the cost, in log likelihood, at which the last refinement ends. Derived:
+# 1/30 sigma.
 FINE_TOLERANCE = 1e-3
 
-# The same for the refinement of a half. Chosen: far below the noise of a half.
+# Predicted decrease of the cost, in log likelihood, at which the refinement of a half ends. Chosen:
+# far below the noise of a half.
 HALF_TOLERANCE = 1e-2
 
 # Upper bound of the sweeps of Jacobi's method. Chosen: five are usual.
@@ -241,11 +243,12 @@ FIVE_RAY_STEPS = 7
 # Length of the longest step of Newton's method for five rays, rad. Chosen.
 LONGEST_FIVE_RAY_STEP = 0.5
 
-# A hypothesis is refined if its truncated squares are below this times the lowest so far. Chosen.
+# Ratio of the truncated squares of a hypothesis to the lowest so far, below which the hypothesis is
+# refined. Chosen.
 MAX_SCORE_RATIO = 2.0
 
-# A hypothesis is refined if its support (limit minus truncated squares) is at least this times the
-# highest so far. Chosen.
+# Ratio of the support of a hypothesis (limit minus truncated squares) to the highest so far, from
+# which on the hypothesis is refined. Chosen.
 MIN_SUPPORT_RATIO = 0.5
 
 # --- Comparison of hypotheses and modes
@@ -253,8 +256,8 @@ MIN_SUPPORT_RATIO = 0.5
 # Margin in log likelihood within which two modes count as close. Chosen.
 MODE_MARGIN = 30.0
 
-# Margin in log likelihood between the two motions of a plane, which differ by chance: this for
-# `MAX_SEARCHED` matches, and it grows with the square root of their number. Chosen.
+# Margin in log likelihood between the two motions of a plane, which differ by chance, for
+# `MAX_SEARCHED` matches; the margin grows with the square root of the number of matches. Chosen.
 PLANAR_MARGIN = 100.0
 
 # Cosine of the angle (20 deg) beyond which two directions are different modes. Chosen.
@@ -267,8 +270,8 @@ COS_SAME_MODE = math.cos(math.radians(30.0))
 # Number of initial directions, evenly over the sphere. Chosen.
 START_DIRECTIONS = 12
 
-# Factor on the predicted decrease in the upper bound of the remaining gain: this times the
-# predicted decrease, and the last decrease. Chosen.
+# Factor on the predicted decrease in the upper bound of the remaining gain, which is the product
+# plus the last decrease. Chosen.
 REMAINING_GAIN_FACTOR = 4.0
 
 # Difference in log likelihood within which two hypotheses are the same mode. Chosen.
@@ -299,8 +302,8 @@ TAIL_RATIO = math.sqrt(8.0)
 # structure among outliers. Chosen.
 PRIOR_SHARE = 0.01
 
-# Weight of that Beta prior, in matches. Among few matches chance alone produces some residuals of
-# the tail. Chosen.
+# Weight of the Beta prior of the two shares, in matches. Among few matches chance alone produces
+# some residuals of the tail. Chosen.
 PRIOR_WEIGHT = 20.0
 
 # Over-relaxation of EM: factor on the share of the tail. Chosen.
@@ -313,8 +316,8 @@ MAX_OVER_RELAXATION = 0.7
 # one of 160.
 CHEIRALITY_SIGMA = 2.5
 
-# Factor on the exponent of the density beyond that limit. Chosen: at 8.5 sigma the density equals
-# that of the noise.
+# Factor on the exponent of the density beyond `CHEIRALITY_SIGMA`. Chosen: at 8.5 sigma the density
+# equals that of the noise.
 CHEIRALITY_WEIGHT = 2.0
 
 # Expected number of inliers with a cheirality penalty, below which the penalty is no residual.
@@ -333,7 +336,7 @@ MAX_SIGN_PROBABILITY = 0.99
 
 # --- Parallax
 
-# Longest length over the mean parallax; each further one is half of the previous. Chosen.
+# Longest length over the mean parallax; each further length is half of the previous. Chosen.
 LONGEST_PARALLAX_LENGTH = 4.0
 
 # Number of lengths of the parallax. Chosen.
@@ -350,8 +353,8 @@ MIN_LOG_RESIDUAL = 0.1
 # Chosen.
 PARALLAX_FALSE_ALARM = 0.05
 
-# End of the prior beyond the last supported parallax: at least this share of that parallax.
-# Chosen.
+# Least distance from the last supported parallax to the end of the prior, as a share of that
+# parallax. Chosen.
 MIN_PRIOR_TAIL = 0.1
 
 # Sigma of the fall-off of the prior, as a share of the distance to its end. Chosen.
@@ -376,7 +379,7 @@ UNIFORM_COUNT = 0.5
 # An outlier or two lie on the lines of any motion. Chosen.
 OFF_PLANE_MATCHES = 4.0
 
-# Number of all matches of that prior. Chosen.
+# Number of all matches in the prior of the share of matches off the plane. Chosen.
 OFF_PLANE_PRIOR_MATCHES = 40.0
 
 # Weight of the prior variance across the lines, in matches. Chosen.
@@ -402,7 +405,7 @@ DEPTH_CONVERGED = 1e-3
 # Least share of signal in the measured flow, along any axis, without shrinkage. Chosen.
 MIN_SIGNAL = 0.85
 
-# Least share of signal at a pose nearby; below it that pose has no covariance. Chosen.
+# Least share of signal at a pose nearby; with less the pose nearby has no covariance. Chosen.
 MIN_SIGNAL_NEARBY = 0.25
 
 # Weight of the model variance of the gradient, in effective matches, against that of the scatter,
@@ -412,12 +415,12 @@ MODEL_VARIANCE_WEIGHT = 120.0
 # Upper bound of the relative excess of the average over the covariance at the pose. Chosen.
 MAX_COVARIANCE_EXCESS = 8.0
 
-# The average is repeated while the variance of the direction grows by more than this factor.
-# Chosen.
+# Growth of the variance of the direction above which the average of the covariance is repeated, as
+# a factor. Chosen.
 REPEAT_AVERAGE_ABOVE = 1.1
 
-# Variance of the direction, rad^2, below which the average is repeated: the limit of the
-# second-order expansion. Chosen: (12 deg)^2.
+# Variance of the direction, rad^2, below which the average of the covariance is repeated: the limit
+# of the second-order expansion. Chosen: (12 deg)^2.
 MAX_DIRECTION_VARIANCE = math.radians(12.0) ** 2
 
 # --- Correlated residuals and halves
@@ -492,7 +495,7 @@ BOX, CYLINDER, ELLIPSOID = range(3)
 # FIRST_RING. Convention: an enumeration.
 GROUND, SKY, NOTHING, FIRST_RING = range(-1, -5, -1)
 
-# Number of the top face of a box; the bottom is the next one. Derived: four sides before it.
+# Number of the top face of a box; the bottom is the next face. Derived: four sides before it.
 TOP_FACE = 4
 
 # Index of the noise texture on every surface, at two scales. Convention.

@@ -107,7 +107,8 @@ CLEAR_MARGIN = 8.0
 # Log-likelihood ratio of a part of the matches below which more matches are evaluated. Chosen.
 UNDECIDED_LOG_RATIO = 20.0
 
-# Number of these matches. Chosen.
+# Number of matches that are evaluated where a part of the matches leaves a motion undecided.
+# Chosen.
 UNDECIDED_MATCHES = 4 * MAX_SEARCHED
 
 # Cosine of the angle below which two motions count as one motion with a larger covariance. Chosen:
@@ -117,11 +118,12 @@ COS_NEARBY = math.cos(math.radians(10.0))
 # Largest log-likelihood ratio by residuals with which a motion is evaluated further. Chosen.
 MAX_EVALUATED_LOG_RATIO = 60.0
 
-# The same, per match. Chosen.
+# Largest log-likelihood ratio by residuals per match with which a motion is evaluated further.
+# Chosen.
 EVALUATED_LOG_RATIO_PER_MATCH = 0.25
 
-# Effective sample size of the parallax prior: min(n, this sqrt n). Chosen: matches on one surface
-# are correlated.
+# Effective sample size of the parallax prior over the square root of the number of matches. Chosen:
+# matches on one surface are correlated.
 EFFECTIVE_PER_ROOT = 5.0
 
 # Tempering exponent of the likelihood ratio of two motions: each has its own epipolar lines and so
@@ -152,7 +154,8 @@ MAD_TO_SIGMA = 1.4826
 # of the image cannot show. Measured on rendered streets with OpenCV's Lucas-Kanade tracker.
 SMOOTH_ERROR_FACTOR = 1.5
 
-# Degrees of freedom of a design effect from few parts. Measured: by its scatter on these streets.
+# Degrees of freedom of a design effect from few parts. Measured by its scatter on rendered
+# streets; the command is not recorded.
 DESIGN_EFFECT_FREEDOM = 12.0
 
 # Least mean number of matches of a patch; the largest is twice as much. Chosen: with 6, the
@@ -173,9 +176,9 @@ INDEPENDENT_SPLIT_RATIO = 0.95
 # Chosen.
 HALVES_CORRELATION = 0.25
 
-# Slope of the factor above that correlation. Measured: most recordings need 2; one with many
-# reflections and moving objects, and simulated surfaces with a common error of 3 sigma, a little
-# more than 4.
+# Slope of the variance factor above `HALVES_CORRELATION`. Measured: most recordings need 2; one
+# with many reflections and moving objects, and simulated surfaces with a common error of 3 sigma, a
+# little more than 4.
 HALVES_CORRELATION_SLOPE = 4.0
 
 # Upper bound of a pair's split-half ratio in the mean, over the mean. Chosen: halves refined to
@@ -185,7 +188,8 @@ MAX_RATIO_OVER_MEAN = 3.0
 # Upper bound of the mean split-half ratio of uncompressed video. Measured: rendered, 0.91 to 1.07.
 UNCOMPRESSED_SPLIT_RATIO = 1.08
 
-# Largest excess over that bound. Measured: with strong compression.
+# Largest excess of the mean split-half ratio over `UNCOMPRESSED_SPLIT_RATIO`. Measured with strong
+# compression; the command is not recorded.
 MAX_COMPRESSION_EXCESS = 1.0
 
 # --- Errors of lens and shutter
@@ -236,8 +240,8 @@ MAX_STATIONARY_SHARE = 0.5
 # Residual correlation from which on a motion may be a merged mode. Chosen.
 MERGED_MODE_CORRELATION = 0.6
 
-# The same where more than a `MIN_SHARE` of the matches is repeated structure, so that many of the
-# other motion are rejected. Chosen.
+# Residual correlation from which on a motion may be a merged mode, where more than `MIN_SHARE` of
+# the matches is repeated structure, so that many of the other motion are rejected. Chosen.
 MERGED_MODE_CORRELATION_REPEATED = 0.4
 
 # Noise over the tolerance below which trackers alone correlate neighbouring residuals. Chosen.
@@ -256,10 +260,11 @@ REFINED_NOISE_BOUNDS = (1.0, 0.5, 0.25, 0.125)
 DOMINANT_SHARE = 1.0 / 3.0
 
 # A second motion leaves a gap in the distribution of residuals: the number between one and two
-# bounds is below this share of those beyond one bound. Chosen.
+# bounds, over the number beyond one bound, is below this limit. Chosen.
 GAP_OF_MOVED = 1.0 / 3.0
 
-# And below this share of those within it. Chosen.
+# The gap of a second motion: the number of residuals between one and two bounds, over the number
+# within one bound, is below this limit. Chosen.
 GAP_OF_AGREEING = 0.2
 
 # Largest share that a split leaves of the residual correlation, and of the sum of squares. Chosen:
