@@ -81,7 +81,7 @@ DIRECTION_SAMPLES = 200
 
 # Samples of the search for another candidate: pairs of rejected matches, and a search with bounded
 # noise. Derived: where 1/4 of the rejected matches has a direction, 100 pairs miss it with a
-# probability of (1 - 1/16)^100 = 0.002.
+# probability of (1 - 1/16)^100 = 0.002. Held by tests/pose/test_candidates.py (if halved).
 CANDIDATE_SAMPLES = 100
 
 # Least number of rejected matches that test a direction. Chosen: two of them fix it.
@@ -95,13 +95,15 @@ REJECTED_TOLERANCE_RATIO = 2.0
 # Convention: one false alarm.
 CHANCE_DIRECTIONS = 1.0
 
-# Least noise, over the tolerance, with which candidates are searched for. Chosen.
+# Least noise, over the tolerance, with which candidates are searched for. Chosen. Held by
+# tests/pose/test_candidates.py (if doubled).
 LARGE_NOISE_RATIO = 0.4
 
 # --- Two motions that compete
 
-# Margin of the log-likelihood ratio of another candidate: twice if the flow is mostly noise.
-# Margin for a mode if parallax has less information, or for the other motion of a plane. Chosen.
+# Margin of the log-likelihood ratio of another candidate: twice if the flow is mostly noise. Margin
+# for a mode if parallax has less information, or for the other motion of a plane. Chosen. Held by
+# tests/pose/test_competing_motions.py (if doubled).
 CLEAR_MARGIN = 8.0
 
 # Log-likelihood ratio of a part of the matches below which more matches are evaluated. Chosen.
@@ -112,29 +114,33 @@ UNDECIDED_LOG_RATIO = 20.0
 UNDECIDED_MATCHES = 4 * MAX_SEARCHED
 
 # Cosine of the angle below which two motions count as one motion with a larger covariance. Chosen:
-# 10 deg.
+# 10 deg. Held by tests/pose/test_planar_scenes.py (if doubled).
 COS_NEARBY = math.cos(math.radians(10.0))
 
-# Largest log-likelihood ratio by residuals with which a motion is evaluated further. Chosen.
+# Largest log-likelihood ratio by residuals with which a motion is evaluated further. Chosen. Held
+# by tests/pose/test_competing_motions.py (if doubled).
 MAX_EVALUATED_LOG_RATIO = 60.0
 
 # Largest log-likelihood ratio by residuals per match with which a motion is evaluated further.
-# Chosen.
+# Chosen. Held by tests/pose/test_competing_motions.py (if doubled).
 EVALUATED_LOG_RATIO_PER_MATCH = 0.25
 
 # Effective sample size of the parallax prior over the square root of the number of matches. Chosen:
-# matches on one surface are correlated.
+# matches on one surface are correlated. Held by tests/pose/test_competing_motions.py (if doubled).
 EFFECTIVE_PER_ROOT = 5.0
 
 # Tempering exponent of the likelihood ratio of two motions: each has its own epipolar lines and so
 # its own part of the noise. Measured on simulated scenes: a secondary mode with a log-likelihood
-# ratio of 5 to 7 is the true one in 3 of 100, not in 1 of 400.
+# ratio of 5 to 7 is the true one in 3 of 100, not in 1 of 400. Held by
+# tests/pose/test_competing_motions.py (if doubled).
 LOG_RATIO_TEMPERING = 0.5
 
-# Tempering exponent for the two motions of a plane and all motions between them. Chosen.
+# Tempering exponent for the two motions of a plane and all motions between them. Chosen. Held by
+# tests/pose/test_planar_scenes.py (if doubled).
 PLANE_TEMPERING = 0.3
 
-# Share of the covariance between two motions along the axis on which they differ. Chosen.
+# Share of the covariance between two motions along the axis on which they differ. Chosen. Held by
+# tests/pose/test_competing_motions.py (if doubled).
 ALONG_DIFFERENCE_SHARE = 0.9
 
 # --- Noise and covariance
@@ -147,11 +153,13 @@ MISSPECIFIED_FACTOR = 4.0
 # Floors to choose from, as variances over the median of the given ones. Chosen.
 NOISE_FLOORS = np.array([0.0, 0.03, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 13.0, 50.0])
 
-# Standard deviation of a normal distribution over its median absolute deviation. Derived.
+# Standard deviation of a normal distribution over its median absolute deviation. Derived. Held by
+# tests/pose/test_two_motions.py (if doubled).
 MAD_TO_SIGMA = 1.4826
 
 # Factor for errors that are smooth over more than 1/4 of the image's width and height, which parts
-# of the image cannot show. Measured on rendered streets with OpenCV's Lucas-Kanade tracker.
+# of the image cannot show. Measured on rendered streets with OpenCV's Lucas-Kanade tracker. Held by
+# tests/pose/test_correlated_residuals.py (if halved).
 SMOOTH_ERROR_FACTOR = 1.5
 
 # Degrees of freedom of a design effect from few parts. Measured by its scatter on rendered
@@ -159,26 +167,29 @@ SMOOTH_ERROR_FACTOR = 1.5
 DESIGN_EFFECT_FREEDOM = 12.0
 
 # Least mean number of matches of a patch; the largest is twice as much. Chosen: with 6, the
-# coverage on rendered sequences is the same.
+# coverage on rendered sequences is the same. Held by tests/pose/test_halves_of_tracks.py (if
+# halved).
 PATCH_MATCHES = 3.0
 
 # Degrees of freedom of the expected split-half ratio, beside those of the measured one. Chosen.
+# Held by tests/pose/test_halves_of_tracks.py (if doubled).
 EXPECTED_RATIO_FREEDOM = 40.0
 
-# Least number of matches for splits. Measured: with 24 to 48 matches of independent noise the
-# ratio is 0.65 to 0.9.
+# Least number of matches for splits. Measured: with 24 to 48 matches of independent noise the ratio
+# is 0.65 to 0.9. Held by tests/pose/test_halves_of_tracks.py (if doubled).
 MIN_SPLIT_MATCHES = 60
 
-# Split-half ratio of matches with independent noise. Measured; the command is not recorded.
+# Split-half ratio of matches with independent noise. Measured; the command is not recorded. Held by
+# tests/pose/test_halves_of_tracks.py (if doubled).
 INDEPENDENT_SPLIT_RATIO = 0.95
 
 # Correlation of residuals in neighbouring patches above which halves underestimate the variance.
-# Chosen.
+# Chosen. Held by tests/pose/test_halves_of_tracks.py (if doubled).
 HALVES_CORRELATION = 0.25
 
 # Slope of the variance factor above `HALVES_CORRELATION`. Measured: most recordings need 2; one
 # with many reflections and moving objects, and simulated surfaces with a common error of 3 sigma, a
-# little more than 4.
+# little more than 4. Held by tests/pose/test_halves_of_tracks.py (if doubled).
 HALVES_CORRELATION_SLOPE = 4.0
 
 # Upper bound of a pair's split-half ratio in the mean, over the mean. Chosen: halves refined to
@@ -268,7 +279,8 @@ GAP_OF_MOVED = 1.0 / 3.0
 GAP_OF_AGREEING = 0.2
 
 # Largest share that a split leaves of the residual correlation, and of the sum of squares. Chosen:
-# smooth errors, of a shutter or a lens, stay correlated on both sides of any split.
+# smooth errors, of a shutter or a lens, stay correlated on both sides of any split. Held by
+# tests/pose/test_two_motions.py (if halved).
 MAX_LEFT_BY_SPLIT = 0.5
 
 # Residual correlation from which on a part of the image may have its own motion. Chosen.
