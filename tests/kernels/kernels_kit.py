@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.mixture import LONG_TAIL
-from farpoint._kernels.pairs import LANES, PANEL, pack_pairs, packed_length
+from farpoint._kernels.constants import LANES, LONG_TAIL, PANEL
+from farpoint._kernels.pairs import pack_pairs, packed_length
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry import so3, sphere
 

@@ -12,11 +12,14 @@ from scipy.stats import chi2, f
 
 from farpoint._kernels import covariance
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.covariance import (
-    MAX_EXCESS,
+from farpoint._kernels.constants import (
+    LONG_TAIL,
+    MAX_COVARIANCE_EXCESS,
     MIN_SIGNAL,
     MIN_SIGNAL_NEARBY,
-    MODEL_WEIGHT,
+    MODEL_VARIANCE_WEIGHT,
+)
+from farpoint._kernels.covariance import (
     covariance_around,
     covariance_beside,
     covariance_here,
@@ -25,7 +28,6 @@ from farpoint._kernels.covariance import (
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.information import information
 from farpoint._kernels.likelihood import linearize
-from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.pairs import address
 from farpoint._kernels.pose import LinearisationPoint
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
@@ -88,7 +90,7 @@ class Expected(NamedTuple):
 def expected_of(view: View, shrunk_flow: bool = False, freedom: float = INLIERS - 5.0) -> Expected:
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
     share, effective = information(point_of(view), shrunk_flow, normal, noise, scatter)
-    scatter_weight = effective / (effective + MODEL_WEIGHT)
+    scatter_weight = effective / (effective + MODEL_VARIANCE_WEIGHT)
     noise_factor = noise_factor_of(freedom + 5.0, 0.0) - 10.0 / effective * scatter_weight**2
     whole = share * noise_factor * normal[:5, :5]
     variance = scatter_weight * noise_factor * scatter + (1.0 - scatter_weight) * whole + SPHERE
@@ -231,11 +233,15 @@ def around(
         likely = np.exp([log_likelihood(view, side) - log_likelihood(view, step) for side in sides])
         for side, share in zip(sides, likely / likely.sum(), strict=True):
             shows = beside_by(point_of(view), shrunk_flow, side, np.empty((5, 5)))
-            there = beside(view, side, shrunk_flow) if shows else (1.0 + MAX_EXCESS) * covariance
+            there = (
+                beside(view, side, shrunk_flow)
+                if shows
+                else (1.0 + MAX_COVARIANCE_EXCESS) * covariance
+            )
             excess += share * (there - beside(view, np.zeros(5), shrunk_flow))
     root = np.linalg.cholesky(covariance)
     more, along = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, excess).T))
-    root = root @ along * np.sqrt(1.0 + np.clip(more, 0.0, MAX_EXCESS))
+    root = root @ along * np.sqrt(1.0 + np.clip(more, 0.0, MAX_COVARIANCE_EXCESS))
     return root @ root.T
 
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from kernels_kit import View, two_views
 
-from farpoint._kernels.design_effect import PARTS, design_effect
+from farpoint._kernels.constants import IMAGE_PARTS
+from farpoint._kernels.design_effect import design_effect
 from farpoint.geometry import sphere
 
 # The degrees of freedom of a pose are subtracted although none was fitted.
-UNFITTED = PARTS / (PARTS - 5.0)
+UNFITTED = IMAGE_PARTS / (IMAGE_PARTS - 5.0)
 
 
 def effect(view: View, residual: np.ndarray, rows: np.ndarray | None = None) -> float:
@@ -56,7 +57,7 @@ def test_of_noise_it_is_one():
     ]
     # Each has 16 degrees of freedom: a scatter of 0.35, of 200 of them 0.025.
     assert np.mean(effects) == pytest.approx(UNFITTED, abs=0.12)
-    assert np.std(effects) == pytest.approx(UNFITTED * np.sqrt(2.0 / PARTS), rel=0.25)
+    assert np.std(effects) == pytest.approx(UNFITTED * np.sqrt(2.0 / IMAGE_PARTS), rel=0.25)
 
 
 def test_what_a_part_has_in_common_counts_as_often_as_it_has_matches():

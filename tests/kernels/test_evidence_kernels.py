@@ -10,6 +10,7 @@ from kernels_kit import View, packed, shaken, two_views
 from scipy.stats import norm
 
 from farpoint._kernels import evidence
+from farpoint._kernels.constants import MIN_OUTLIER_PROBABILITY
 from farpoint.geometry import so3, sphere
 
 
@@ -51,7 +52,7 @@ def test_the_log_odds_of_one_match_are_bounded():
 def test_log_odds_of_the_motion_to_outliers_alone():
     inlier = np.array([0.5, 0.9, 0.01, 1.0])
     *_, likelier = evidence.label_matches(np.zeros(4), inlier, 1.0, 0.25, np.empty(4, np.uint8))
-    odds = 0.25 / np.array([0.5, 0.1, 0.99, evidence.MIN_COMPLEMENT])
+    odds = 0.25 / np.array([0.5, 0.1, 0.99, MIN_OUTLIER_PROBABILITY])
     assert likelier == pytest.approx(np.log(odds).sum())
 
 

@@ -9,9 +9,8 @@ import pytest
 from kernels_kit import matches_of, two_views
 
 from farpoint._kernels import hypothesis_comparison
-from farpoint._kernels.hypothesis_comparison import MODE_MARGIN
+from farpoint._kernels.constants import MODE_MARGIN, STATE_PREDICTED_DECREASE
 from farpoint._kernels.pose import PackedMatches, Pose
-from farpoint._kernels.refinement import PREDICTED_DECREASE
 
 BEST = 100.0
 # Cost at the initial pose, and predicted decrease of the first step.
@@ -47,7 +46,7 @@ def compared(monkeypatch):
             _matches, _linearisation_point, _precision, _normal, cost, _shares, state, _kept
         ):
             steps.append(len(steps) + 1)
-            cost[0], state[PREDICTED_DECREASE] = course[len(steps) - 1]
+            cost[0], state[STATE_PREDICTED_DECREASE] = course[len(steps) - 1]
             return len(steps) < len(course)
 
         mocks = {

@@ -10,8 +10,8 @@ from kernels_kit import View, half_width_of, packed, shares_of, two_views
 
 from farpoint._kernels import epipolar, likelihood
 from farpoint._kernels.compile import kernel
+from farpoint._kernels.constants import LONG_TAIL
 from farpoint._kernels.information import information
-from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.pairs import address
 from farpoint._kernels.pose import LinearisationPoint
 from farpoint._kernels.vectors import matrix, tangent_columns, vector

@@ -23,10 +23,19 @@ from kernels_kit import (
 )
 from scipy.stats import norm
 
-from farpoint._kernels import epipolar, likelihood, mixture, refinement
+from farpoint._kernels import epipolar, likelihood, refinement
 from farpoint._kernels.compile import kernel
+from farpoint._kernels.constants import (
+    CHEIRALITY_SIGMA,
+    CHEIRALITY_WEIGHT,
+    LONG_TAIL,
+    PRIOR_SHARE,
+    PRIOR_WEIGHT,
+    REPEATED_WIDTH_RATIO,
+    SHORT_TAIL,
+    TAIL_RATIO,
+)
 from farpoint._kernels.information import information
-from farpoint._kernels.mixture import LONG_TAIL, SHORT_TAIL
 from farpoint._kernels.pairs import address
 from farpoint._kernels.pose import LinearisationPoint
 from farpoint._kernels.vectors import matrix, tangent_columns, vector
@@ -133,7 +142,7 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
     r, J = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
     each = prior * densities(r, tail)
     # A Cauchy density, over the uniform density of outliers.
-    half = half_width_of(MIXTURE, CLUTTER) / mixture.REPEATED_WIDTH_RATIO
+    half = half_width_of(MIXTURE, CLUTTER) / REPEATED_WIDTH_RATIO
     uniform = 0.5 / half_width_of(MIXTURE, CLUTTER)
     near = CLUTTER * repeated / (np.pi * half * (1.0 + (r / half) ** 2)) / uniform
     lost = CLUTTER * (1.0 - repeated) + near
@@ -158,7 +167,7 @@ def test_cost_weights_and_normal_equations_are_those_of_the_mixture(seed, repeat
 def densities(r: np.ndarray, tail: float = LONG_TAIL) -> np.ndarray:
     """Densities of core and tail, over the peak of a normal density of the core."""
     variance, _, tail_share, _ = MIXTURE
-    sigma = mixture.TAIL_RATIO ** np.arange(4.0)[:, None]
+    sigma = TAIL_RATIO ** np.arange(4.0)[:, None]
     return shares_of(tail_share, tail) * np.exp(-0.5 * r**2 / variance / sigma**2) / sigma
 
 
@@ -185,7 +194,7 @@ def test_backward_flow_lowers_the_density(seed):
     backward = Evaluated(view, prior, view.R, -view.t)
     np.testing.assert_allclose(backward.r, -forward.r, rtol=0.0, atol=1e-9)
     shift = backward.parallax / np.sqrt(MIXTURE[0])
-    penalty = mixture.CHEIRALITY_WEIGHT * np.minimum(shift + mixture.CHEIRALITY_SIGMA, 0.0) ** 2
+    penalty = CHEIRALITY_WEIGHT * np.minimum(shift + CHEIRALITY_SIGMA, 0.0) ** 2
     assume(penalty.max() > 1.0)
     density = densities(backward.r) * np.exp(-0.5 * penalty / 8.0 ** np.arange(4.0)[:, None])
     at = Linearized(view, prior, view.R, -view.t)
@@ -195,9 +204,9 @@ def test_backward_flow_lowers_the_density(seed):
 
 def test_the_cheirality_limit_is_exceeded_by_one_of_160():
     """Up to the limit, which one of 160 exceeds, no penalty; at 8.5 sigma that of the noise."""
-    assert norm.sf(mixture.CHEIRALITY_SIGMA) == pytest.approx(1.0 / 160.0, rel=0.02)
-    beyond = 8.5 - mixture.CHEIRALITY_SIGMA
-    assert mixture.CHEIRALITY_WEIGHT * beyond**2 == pytest.approx(8.5**2, rel=0.02)
+    assert norm.sf(CHEIRALITY_SIGMA) == pytest.approx(1.0 / 160.0, rel=0.02)
+    beyond = 8.5 - CHEIRALITY_SIGMA
+    assert CHEIRALITY_WEIGHT * beyond**2 == pytest.approx(8.5**2, rel=0.02)
 
 
 @quick
@@ -259,7 +268,7 @@ def test_the_maximum_of_the_likelihood_is_found_from_nearby():
 def noisy_views(seed: int, matches: int, outliers: int, in_tail: int = 0) -> View:
     """Two views with noise; the first ``in_tail`` matches in the tail, the last outliers."""
     rng = np.random.default_rng(seed)
-    sigma = np.where(np.arange(matches) < in_tail, mixture.TAIL_RATIO, 1.0)
+    sigma = np.where(np.arange(matches) < in_tail, TAIL_RATIO, 1.0)
     view = shaken(two_views(seed, matches, noise_rad=5e-4), seed, sigma)
     if outliers:
         view.rays1[-outliers:] = sphere.normalize(
@@ -281,11 +290,11 @@ def test_the_maximum_is_stationary_under_its_own_mixture():
     assert at.variance == pytest.approx(end.squares * at.variance / (end.inlier - 5.0), rel=0.01)
     assert at.outlier_share == pytest.approx(1.0 - end.inlier / 60, abs=0.01)
     # With the Beta prior of both shares.
-    of_all = end.trials + mixture.PRIOR_WEIGHT
-    share = (end.steps + mixture.PRIOR_SHARE * mixture.PRIOR_WEIGHT) / of_all
+    of_all = end.trials + PRIOR_WEIGHT
+    share = (end.steps + PRIOR_SHARE * PRIOR_WEIGHT) / of_all
     assert at.tail_share == pytest.approx(share, abs=0.01)
-    outlier_share = 60 - end.inlier + mixture.PRIOR_WEIGHT
-    share = (end.repeated + mixture.PRIOR_SHARE * mixture.PRIOR_WEIGHT) / outlier_share
+    outlier_share = 60 - end.inlier + PRIOR_WEIGHT
+    share = (end.repeated + PRIOR_SHARE * PRIOR_WEIGHT) / outlier_share
     assert at.repeated == pytest.approx(share, abs=0.01)
     lowest = cost(np.zeros(5))
     for axis in np.eye(5):

@@ -13,23 +13,21 @@ from numba.core.runtime.nrt import rtsys
 
 from farpoint._kernels import motion_refinement
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.covariance import MIN_SIGNAL, covariance_here, step_with_shrunk_flow
-from farpoint._kernels.design_effect import (
+from farpoint._kernels.constants import (
     CORRELATED_Z,
-    correlation_and_design_effect,
-    design_effect,
-)
-from farpoint._kernels.five_rays import SearchBudget
-from farpoint._kernels.hypothesis_comparison import MODE_MARGIN, is_secondary_mode
-from farpoint._kernels.likelihood import evaluate_residuals
-from farpoint._kernels.mixture import LONG_TAIL, SHORT_TAIL
-from farpoint._kernels.motion import fit_motion
-from farpoint._kernels.motion_refinement import (
+    LONG_TAIL,
     MAX_SEARCHED,
-    MotionBuffers,
-    MotionSummary,
-    refine_motion,
+    MIN_SIGNAL,
+    MODE_MARGIN,
+    SHORT_TAIL,
 )
+from farpoint._kernels.covariance import covariance_here, step_with_shrunk_flow
+from farpoint._kernels.design_effect import correlation_and_design_effect, design_effect
+from farpoint._kernels.five_rays import SearchBudget
+from farpoint._kernels.hypothesis_comparison import is_secondary_mode
+from farpoint._kernels.likelihood import evaluate_residuals
+from farpoint._kernels.motion import fit_motion
+from farpoint._kernels.motion_refinement import MotionBuffers, MotionSummary, refine_motion
 from farpoint._kernels.pose import LinearisationPoint, Pose
 from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.residual_correlation import patch_correlation

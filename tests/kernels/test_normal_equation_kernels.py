@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from farpoint._kernels import normal_equations
 from farpoint._kernels.compile import kernel
+from farpoint._kernels.constants import SUMS_OF_FIVE, SUMS_OF_SIX
 
 quick = settings(max_examples=60, deadline=None)
 seeds = st.integers(0, 2**32)
@@ -16,7 +17,7 @@ seeds = st.integers(0, 2**32)
 
 @kernel
 def gram_of_six(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
-    sums = normal_equations.SIX
+    sums = SUMS_OF_SIX
     for i in range(rows.shape[0]):
         row = rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3], rows[i, 4], rows[i, 5]
         sums = normal_equations.add_six(sums, weights[i], row)
@@ -25,7 +26,7 @@ def gram_of_six(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
 
 @kernel
 def gram_of_five(rows: np.ndarray, weights: np.ndarray, out: np.ndarray) -> None:
-    sums = normal_equations.FIVE
+    sums = SUMS_OF_FIVE
     for i in range(rows.shape[0]):
         row = rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3], rows[i, 4]
         sums = normal_equations.add_five(sums, weights[i], row)

@@ -9,9 +9,8 @@ import pytest
 from kernels_kit import UNIT, View, rays_only, two_views
 
 from farpoint._kernels.compile import kernel
+from farpoint._kernels.constants import LANES, PANEL
 from farpoint._kernels.pairs import (
-    LANES,
-    PANEL,
     address,
     flow_variance,
     is_finite,

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 from kernels_kit import View, packed, rays_only
 
-from farpoint._kernels.pairs import COVARIANCE0, FLOW, LANES, PANEL
-from farpoint._kernels.parallax_noise import LENGTHS, LONGEST_LENGTH, scale_noise_with_parallax
+from farpoint._kernels.constants import (
+    COVARIANCE0,
+    FLOW,
+    LANES,
+    LONGEST_PARALLAX_LENGTH,
+    PANEL,
+    PARALLAX_LENGTHS,
+)
+from farpoint._kernels.parallax_noise import scale_noise_with_parallax
 
 MATCHES = 400
 SIGMA = 0.3
@@ -120,4 +127,9 @@ def test_few_matches_and_exact_ones_show_nothing():
 
 
 def test_the_lengths_span_what_there_is():
-    assert LONGEST_LENGTH * 0.5 ** (LENGTHS - 1) < 0.02 < 1.0 < LONGEST_LENGTH
+    assert (
+        LONGEST_PARALLAX_LENGTH * 0.5 ** (PARALLAX_LENGTHS - 1)
+        < 0.02
+        < 1.0
+        < LONGEST_PARALLAX_LENGTH
+    )

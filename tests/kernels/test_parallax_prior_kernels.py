@@ -8,17 +8,16 @@ from scipy.stats import poisson
 
 from farpoint._kernels import parallax_prior
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.parallax_prior import (
-    BAND_SIGMA,
-    BIN,
-    BINS,
-    END,
-    FALL_OFF,
-    FALSE_ALARM_RATE,
-    MIN_TAIL,
+from farpoint._kernels.constants import (
+    GATE_SIGMA,
+    MIN_PRIOR_TAIL,
+    PARALLAX_BIN,
+    PARALLAX_BINS,
+    PARALLAX_FALSE_ALARM,
+    PRIOR_FALL_OFF,
     UNIFORM_COUNT,
-    fit_parallax_prior,
 )
+from farpoint._kernels.parallax_prior import fit_parallax_prior
 
 HALF_WIDTH = 300.0
 OUTLIERS = np.full(20, -100.0)
@@ -49,13 +48,15 @@ def prior_at(probes: np.ndarray, inlier: np.ndarray, sigma: float = 1.0) -> np.n
 def others_near(probes: np.ndarray, inlier: np.ndarray) -> np.ndarray:
     """Density of the inliers at each probe, times their number, by all pairs of both."""
     shares = shares_of(probes).T @ shares_of(inlier)
-    return np.sum(shares, axis=1) / (BIN * np.hypot(probes, BAND_SIGMA))
+    return np.sum(shares, axis=1) / (PARALLAX_BIN * np.hypot(probes, GATE_SIGMA))
 
 
 def shares_of(parallax: np.ndarray) -> np.ndarray:
     """Share (BINS, N) of each match in each bin."""
-    rank = (np.arcsinh(parallax / BAND_SIGMA) + np.arcsinh(1.0)) / BIN
-    return np.maximum(1.0 - abs(np.clip(rank, 0.0, BINS - 1.5) - np.arange(BINS)[:, None]), 0.0)
+    rank = (np.arcsinh(parallax / GATE_SIGMA) + np.arcsinh(1.0)) / PARALLAX_BIN
+    return np.maximum(
+        1.0 - abs(np.clip(rank, 0.0, PARALLAX_BINS - 1.5) - np.arange(PARALLAX_BINS)[:, None]), 0.0
+    )
 
 
 def test_the_kth_largest_of_some_values():
@@ -68,7 +69,7 @@ def test_the_kth_largest_of_some_values():
 @pytest.mark.parametrize("directions", [1.0, 45.0, 31125.0])
 def test_any_of_many_directions_has_more_matches_than_expected(expected, directions):
     most = most_by_chance(expected, directions)
-    level = FALSE_ALARM_RATE / directions
+    level = PARALLAX_FALSE_ALARM / directions
     # The bound on the tail may exceed its quantile by one.
     assert poisson.isf(level, expected) <= most <= poisson.isf(level, expected) + 1
     assert poisson.sf(most, expected) < level
@@ -86,7 +87,7 @@ def test_the_prior_is_the_density_of_inliers_over_that_of_outliers(sigma):
     inlier = np.random.default_rng(2).gamma(2.0, 12.0, 80)
     probes = np.linspace(-2.9, 0.8 * inlier.max(), 50)
     last, tail = beyond(inlier)
-    anywhere = UNIFORM_COUNT / (last + tail + BAND_SIGMA)
+    anywhere = UNIFORM_COUNT / (last + tail + GATE_SIGMA)
     expected = 2.0 * HALF_WIDTH * (anywhere + others_near(probes, inlier)) / (UNIFORM_COUNT + 80)
     np.testing.assert_allclose(prior_at(sigma * probes, sigma * inlier, sigma), expected, rtol=1e-5)
 
@@ -100,7 +101,7 @@ def test_the_prior_is_never_zero():
 def test_the_prior_integrates_to_one_match():
     inlier = np.random.default_rng(3).gamma(2.0, 12.0, 80)
     last, tail = beyond(inlier)
-    probes = np.linspace(-BAND_SIGMA, last + tail, 1500)
+    probes = np.linspace(-GATE_SIGMA, last + tail, 1500)
     # The remainder is outside: before the band, and in the fall-off.
     whole = np.trapezoid(prior_at(probes, inlier), probes) / (2.0 * HALF_WIDTH)
     assert whole == pytest.approx(0.99, abs=0.02)
@@ -131,7 +132,7 @@ def beyond(inlier: np.ndarray, captured: int = 4) -> tuple[float, float]:
     sizes = np.sort(inlier)[::-1]
     last = sizes[captured]
     nearer = max(sizes[2 * captured + 1] / last, np.sqrt(0.5))
-    return last, max(max(nearer**-2.0 - 1.0, MIN_TAIL) * last, BAND_SIGMA)
+    return last, max(max(nearer**-2.0 - 1.0, MIN_PRIOR_TAIL) * last, GATE_SIGMA)
 
 
 @pytest.mark.parametrize(
@@ -140,14 +141,14 @@ def beyond(inlier: np.ndarray, captured: int = 4) -> tuple[float, float]:
     # large, or less than half as large.
     [
         (np.arange(1.0, 61.0), 56.0, (56.0**2 / 51.0**2 - 1.0) * 56.0),
-        (np.full(60, 50.0), 50.0, MIN_TAIL * 50.0),
+        (np.full(60, 50.0), 50.0, MIN_PRIOR_TAIL * 50.0),
         (1.3 ** np.arange(60.0), 1.3**55, 1.3**55),
     ],
 )
 def test_the_end_of_the_prior_depends_on_the_fall_off_of_the_density(sizes, last, tail):
-    probes = last + tail * np.array([0.99, 1.0 + FALL_OFF, 1.0 + 5.0 * FALL_OFF])
+    probes = last + tail * np.array([0.99, 1.0 + PRIOR_FALL_OFF, 1.0 + 5.0 * PRIOR_FALL_OFF])
     assert beyond(sizes) == pytest.approx((last, tail))
-    flat = UNIFORM_COUNT / (last + tail + BAND_SIGMA) + others_near(probes, sizes)
+    flat = UNIFORM_COUNT / (last + tail + GATE_SIGMA) + others_near(probes, sizes)
     fading = prior_at(probes, sizes) / (flat / (UNIFORM_COUNT + 60) * 2.0 * HALF_WIDTH)
     np.testing.assert_allclose(fading, np.exp([0.0, -0.5, -12.5]), rtol=1e-3)
 
@@ -158,7 +159,9 @@ def test_the_prior_is_minimal_beyond_its_end(sigma):
     parallax, inlier = sigma * np.r_[sizes, OUTLIERS], np.r_[np.ones(60), np.zeros(20)]
     end = fit_parallax_prior(parallax, inlier, 80, sigma, HALF_WIDTH * sigma, np.empty(80))
     last, tail = beyond(sizes)
-    assert end == pytest.approx((last + (1.0 + END * FALL_OFF) * tail) * sigma, rel=1e-5)
+    assert end == pytest.approx(
+        (last + (1.0 + GATE_SIGMA * PRIOR_FALL_OFF) * tail) * sigma, rel=1e-5
+    )
 
 
 def test_without_outliers_the_last_match_is_supported():

@@ -9,7 +9,6 @@ import pytest
 from kernels_kit import View, matches_of, packed, pose_of, shaken, shares_of, two_views
 
 from farpoint._kernels import (
-    hypothesis_comparison,
     likelihood,
     mixture,
     parallax_prior,
@@ -17,6 +16,18 @@ from farpoint._kernels import (
     refinement,
 )
 from farpoint._kernels.compile import kernel
+from farpoint._kernels.constants import (
+    CHEIRALITY_SIGMA,
+    CHEIRALITY_WEIGHT,
+    COARSE_TOLERANCE,
+    EM_ROUNDS,
+    LONG_TAIL,
+    MAX_SEARCHED,
+    OFF_PLANE_MATCHES,
+    OFF_PLANE_PRIOR_MATCHES,
+    PLANAR_MARGIN,
+    RELIEF_PRIOR_MATCHES,
+)
 from farpoint._kernels.pose import LinearisationPoint, Pose
 from farpoint.geometry import so3, sphere
 
@@ -75,7 +86,7 @@ def evaluate(view: View, R: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.n
     """Parallax of each match for unit noise, and its inlier probability."""
     computed, prior = np.empty((3, len(packed(np.ones(view.size))))), packed(np.ones(view.size))
     likelihood.evaluate_residuals(
-        LinearisationPoint(view.pairs, prior, R, t, MIXTURE, HALF_WIDTH, mixture.LONG_TAIL),
+        LinearisationPoint(view.pairs, prior, R, t, MIXTURE, HALF_WIDTH, LONG_TAIL),
         *computed,
     )
     return computed[1, : view.size], computed[2, : view.size]
@@ -93,7 +104,7 @@ def off_plane(view: View, R: np.ndarray, t: np.ndarray) -> np.ndarray:
     traces = np.sum(view.noise0**2, axis=(1, 2)) + np.sum(view.noise1**2, axis=(1, 2))
     precision = 1.0 / (0.5 * traces * MIXTURE[0])
     weight, off = inlier.astype(float), still
-    for _ in range(plane.PLANE_ROUNDS):
+    for _ in range(EM_ROUNDS):
         M = np.einsum("n,nki,nkj->ij", weight * precision, moved, moved)
         v = np.einsum("n,nki,nk->i", weight * precision, moved, still)
         n = -np.linalg.solve(M + (1e-9 * np.trace(M) + 1e-300) * np.eye(3), v)
@@ -140,25 +151,25 @@ def likelihood_by(
     clutter = anywhere + near
     peak = 2.0 * HALF_WIDTH / np.sqrt(2.0 * np.pi * MIXTURE[0])
     across = along = 1.0
-    found, off = -np.inf, plane.OFF_PLANE / plane.OFF_PLANE_OF
-    for _ in range(plane.RELIEF_ROUNDS):
-        beyond = np.minimum(shift / np.sqrt(across) + mixture.CHEIRALITY_SIGMA, 0.0)
-        penalty = mixture.CHEIRALITY_WEIGHT * beyond**2
+    found, off = -np.inf, OFF_PLANE_MATCHES / OFF_PLANE_PRIOR_MATCHES
+    for _ in range(EM_ROUNDS):
+        beyond = np.minimum(shift / np.sqrt(across) + CHEIRALITY_SIGMA, 0.0)
+        penalty = CHEIRALITY_WEIGHT * beyond**2
         exponent = -0.5 * (c2 / across + penalty) / variance
         kinds = shares * np.exp(exponent) / np.sqrt(variance * across)
         about = (1.0 - off) * peak * np.exp(-0.5 * a2 / along) / np.sqrt(along)
         density = kinds.sum(axis=0) * (off + about) + clutter
         before, found = found, np.log(density).sum()
-        if abs(found - before) < plane.FINE_TOLERANCE:
+        if abs(found - before) < COARSE_TOLERANCE:
             break
         w = kinds[0] * about / density
-        sums = w.sum(), np.sum(w * c2) + plane.PRIOR_MATCHES, np.sum(w * a2)
-        across, along = sums[1] / (sums[0] + plane.PRIOR_MATCHES), sums[2] / max(sums[0], 1.0)
+        sums = w.sum(), np.sum(w * c2) + RELIEF_PRIOR_MATCHES, np.sum(w * a2)
+        across, along = sums[1] / (sums[0] + RELIEF_PRIOR_MATCHES), sums[2] / max(sums[0], 1.0)
         if along < across:
-            across = along = (sums[1] + sums[2]) / (2.0 * sums[0] + plane.PRIOR_MATCHES)
+            across = along = (sums[1] + sums[2]) / (2.0 * sums[0] + RELIEF_PRIOR_MATCHES)
         lines = kinds.sum(axis=0) / density
-        off = (plane.OFF_PLANE + off * lines.sum()) / (
-            plane.OFF_PLANE_OF + np.sum((off + about) * lines)
+        off = (OFF_PLANE_MATCHES + off * lines.sum()) / (
+            OFF_PLANE_PRIOR_MATCHES + np.sum((off + about) * lines)
         )
     return Relief(found, across, along)
 
@@ -222,9 +233,7 @@ def test_the_other_motion_is_a_minimum_of_its_own_and_nearly_as_low():
         refinement.refine_pose(matches_of(view, HALF_WIDTH, soft_cheirality=False), 1e-6, 50, pose)
         costs.append(pose.cost[0])
         np.testing.assert_allclose(pose.t, start[1], rtol=0.0, atol=0.05)
-    near = hypothesis_comparison.PLANAR_MARGIN * np.sqrt(
-        60.0 / hypothesis_comparison.PLANAR_MATCHES
-    )
+    near = PLANAR_MARGIN * np.sqrt(60.0 / MAX_SEARCHED)
     assert abs(costs[1] - costs[0]) < near
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from kernels_kit import packed, shaken, two_views
 
+from farpoint._kernels.constants import FAR_SHARES
 from farpoint._kernels.pure_rotation import (
-    FAR_SHARES,
     MatchProbabilities,
     fit_rotation,
     flow_beside_rotation,

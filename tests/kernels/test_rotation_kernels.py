@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from kernels_kit import View, gradient, packed, shares_of, two_views
 
 from farpoint._kernels import rotation, rotation_residual, rotation_search
-from farpoint._kernels.mixture import TAIL_RATIO
+from farpoint._kernels.constants import TAIL_RATIO
 from farpoint._kernels.pairs import packed_length
 from farpoint.geometry import so3, sphere
 

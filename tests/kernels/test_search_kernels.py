@@ -12,8 +12,8 @@ from kernels_kit import View, moved, packed, rays_only, two_views
 
 from farpoint._kernels import ambiguous_motions, five_rays, search
 from farpoint._kernels.compile import kernel
+from farpoint._kernels.constants import RELATED_CONSENSUS, SHORT_TAIL, START_FAILURE_RATE
 from farpoint._kernels.hypothesis_comparison import default_noise, initial_noise
-from farpoint._kernels.mixture import SHORT_TAIL
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry import so3, sphere
 
@@ -197,7 +197,7 @@ def test_the_stop_rule_keeps_its_confidence(outliers, known, confidence):
     # A sample succeeds if it has no outliers and converges. Consistent matches have fewer outliers,
     # if a pose is consistent with more matches than chance.
     inlier = 1.0 - outliers
-    among = min(inlier / known, 1.0) * min(inlier / five_rays.MIN_CONSENSUS, 1.0)
+    among = min(inlier / known, 1.0) * min(inlier / RELATED_CONSENSUS, 1.0)
     hit = 0.25 * 0.5 * (inlier**5 + among**5)
     needed = iterations_needed(outliers, confidence, most=10**7, known=known)
     assert 1.0 - (1.0 - hit) ** needed >= confidence - 1e-9
@@ -238,7 +238,7 @@ def test_long_flow_needs_more_hypotheses():
 
 def test_a_start_without_a_competing_mode_needs_fewer_samples():
     for outliers in (0.2, 0.5):
-        failure = five_rays.START_FAILURE / (1.0 - outliers) ** 2
+        failure = START_FAILURE_RATE / (1.0 - outliers) ** 2
         hit = 0.5 / (1.0 + failure) * (1.0 - outliers) ** 5
         needed = iterations_needed(outliers, 0.999, has_competing_mode=False)
         # Start and samples together miss the pose with one minus the confidence.

@@ -9,12 +9,13 @@ import pytest
 from kernels_kit import View, matches_of, packed, pose_of, shaken, two_views
 
 from farpoint._kernels.compile import kernel
-from farpoint._kernels.covariance import MEASURED_FLOW, MIN_SIGNAL_NEARBY, covariance_here
-from farpoint._kernels.pairs import LANES, PANEL, packed_length, take_pairs
+from farpoint._kernels.constants import LANES, MAX_SPLIT_RATIO, MIN_SIGNAL_NEARBY, PANEL
+from farpoint._kernels.covariance import MEASURED_FLOW, covariance_here
+from farpoint._kernels.pairs import packed_length, take_pairs
 from farpoint._kernels.patches import split_patches
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.refinement import refine_pose
-from farpoint._kernels.split_halves import MAX_RATIO, pose_difference_ratio
+from farpoint._kernels.split_halves import pose_difference_ratio
 from farpoint.geometry import so3, sphere
 
 MIXTURE = np.array([1.0, 0.02, 0.02, 0.02])
@@ -155,7 +156,7 @@ def test_the_ratio_of_one_split_is_bounded():
         pose_of(view.R, view.t, MIXTURE),
     )
     refine_pose(matches, 1e-6, 30, pose)
-    assert computed(matches, pose, np.arange(1600) // 800) == MAX_RATIO
+    assert computed(matches, pose, np.arange(1600) // 800) == MAX_SPLIT_RATIO
     assert computed(matches, pose, each_by_itself(1600)) < 2.0
 
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from farpoint._kernels import five_rays, hypothesis_comparison, search
-from farpoint._kernels.hypothesis_comparison import MODE_MARGIN
-from farpoint._kernels.mixture import SHORT_TAIL
+from farpoint._kernels.constants import MODE_MARGIN, SHORT_TAIL
 from farpoint._kernels.pose import PackedMatches, Pose
 
 FLOW, CONFIDENCE, MATCHES = 0.01, 0.99, 60

@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint._kernels.cholesky import eliminate_points, point_variances
-from farpoint._kernels.window import (
-    UNSEEN_PX,
-    gather_information,
-    locate,
-    point_steps,
-    robust_cost,
-)
+from farpoint._kernels.constants import UNSEEN_PX
+from farpoint._kernels.window import gather_information, locate, point_steps, robust_cost
 from farpoint.geometry import so3
 
 NOISE = np.array([0.5, 0.5, 1e-3, 1.3])

@@ -7,8 +7,8 @@ import pytest
 from pose_kit import estimate, point_scene
 
 from farpoint import PoseStatus, TrackLabel
+from farpoint._kernels.constants import LONG_TAIL
 from farpoint._kernels.likelihood import evaluate_residuals
-from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.pose import LinearisationPoint
 from farpoint.geometry import so3, sphere
 from farpoint.pose.matches import matches_from_points

@@ -21,9 +21,10 @@ from farpoint import (
 from farpoint.camera import Pinhole
 from farpoint.geometry import so3
 from farpoint.pose import failed_pose, pure_rotation_conclusion
+from farpoint.pose.constants import INDEPENDENT_TESTS
 from farpoint.pose.general_motion import fit_general_motion
 from farpoint.pose.matches import matches_from_points
-from farpoint.pose.model_selection import DIRECTIONS, is_motion, is_static, translation_evidence
+from farpoint.pose.model_selection import is_motion, is_static, translation_evidence
 from farpoint.synthetic import PointScene, paper_camera
 
 STILL = (0.0, 0.0, 0.0)
@@ -215,7 +216,7 @@ def test_flow_shows_a_translation_by_the_digits_of_its_false_alarms(ratio, shown
     found = translation_evidence(
         SimpleNamespace(misspecification=1.0, min_variance=1e-6), fit, turning, 1e-3
     )
-    false_alarms = DIRECTIONS * f_distribution.sf(ratio, 20, 17)
+    false_alarms = INDEPENDENT_TESTS * f_distribution.sf(ratio, 20, 17)
     digits = -math.log10(false_alarms) / 3.0
     assert found == pytest.approx(min(max(digits, 0.0), 1.0))
     assert found == pytest.approx(shown, abs=0.05)

@@ -19,6 +19,7 @@ from farpoint import (
 from farpoint.geometry import so3
 from farpoint.metrics import chi2_quantile
 from farpoint.pose import general_motion, two_motions, two_views
+from farpoint.pose.constants import MERGED_MODE_CORRELATION, SEARCH_SAMPLES
 from farpoint.pose.covariance import inflation_between_patches
 from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches, matches_from_points
@@ -140,7 +141,7 @@ def test_smooth_errors_lead_to_no_other_motion():
         scene = traffic(seed, 0.0, 0.0)
         points1 = scene.points1 + smooth_field(seed, scene.points1, 1.0, 60.0)
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += fit.neighbours.correlation > two_motions.CORRELATED
+        were_smooth += fit.neighbours.correlation > MERGED_MODE_CORRELATION
         assert dominant_of(matches, fit) is fit
     assert were_smooth >= 20
 
@@ -155,7 +156,7 @@ def test_wrong_matches_do_not_make_smooth_errors_look_apart(share):
         wrong = rng.uniform(size=len(points1)) < share
         points1[wrong] = rng.uniform((0.0, 0.0), CAMERA.size, (np.count_nonzero(wrong), 2))
         matches, fit = fit_of(scene.points0, points1)
-        were_smooth += fit.neighbours.correlation > two_motions.CORRELATED
+        were_smooth += fit.neighbours.correlation > MERGED_MODE_CORRELATION
         assert dominant_of(matches, fit) is fit
     assert were_smooth >= 10
 
@@ -185,7 +186,7 @@ def test_wrong_matches_of_a_wide_image_are_no_other_motion(wrong_px, least):
         matches = matches_from_points(scene.points0, points1, camera, camera)
         state = np.array([1], np.uint64)
         fit = general_motion.fit_general_motion(matches, 1.5, DEFAULTS, state)
-        were_alike += fit.neighbours.correlation > two_motions.CORRELATED
+        were_alike += fit.neighbours.correlation > MERGED_MODE_CORRELATION
         assert dominant_of(matches, fit) is fit
     assert were_alike >= least
 
@@ -219,7 +220,7 @@ def test_the_dominant_motion_inflates_by_the_correlation_of_the_likelier_one():
         0.0,
         fit.neighbours.correlation,
     )
-    assert fit.neighbours.correlation > two_motions.CORRELATED > found.neighbours.correlation
+    assert fit.neighbours.correlation > MERGED_MODE_CORRELATION > found.neighbours.correlation
     assert inflation_between_patches(found) == 1.0 + 4.0 * (fit.neighbours.correlation - 0.25)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
     assert "moving objects" in pose.reason
@@ -234,7 +235,7 @@ def test_neighbours_may_be_off_by_more_than_each_match():
 
 def test_many_samples_may_be_asked_for():
     scene = traffic(2, 0.4, 6.0)
-    options = RelativePoseOptions(min_iterations=two_motions.SAMPLES + 200)
+    options = RelativePoseOptions(min_iterations=SEARCH_SAMPLES + 200)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA, options=options)
     assert pose.status is PoseStatus.OK
 
@@ -285,5 +286,5 @@ def test_correlated_residuals_of_neighbours_are_reported(monkeypatch):
     monkeypatch.setattr(two_views, "dominant_motion", lambda _matches, fit, *_: fit)
     scene = traffic(2, 0.4, 6.0)
     pose = estimate_relative_pose(scene.points0, scene.points1, CAMERA)
-    assert fit_of(scene.points0, scene.points1)[1].neighbours.correlation > two_motions.CORRELATED
+    assert fit_of(scene.points0, scene.points1)[1].neighbours.correlation > MERGED_MODE_CORRELATION
     assert "Residuals of neighbouring matches are correlated" in pose.reason

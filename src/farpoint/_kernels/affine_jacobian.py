@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, step_kernel, sum_kernel
+from farpoint._kernels.constants import AFFINE_PARAMETERS
 from farpoint._kernels.windows import Window, blank_values, blank_window, line_px
 
 __all__ = [
-    "PARAMETERS",
     "Template",
     "blank_template",
     "jacobian_products",
@@ -25,8 +25,6 @@ __all__ = [
     "normal_matrix",
 ]
 
-# Displacement (2), warp (4), gain and offset.
-PARAMETERS = 8
 
 Nine = tuple[float, float, float, float, float, float, float, float, float]
 
@@ -177,6 +175,6 @@ def normal_matrix(template: Template, normal: np.ndarray) -> None:
 @inner_kernel
 def _fill(sums: Nine, a: int, sign: float, normal: np.ndarray) -> None:
     """Set row and column ``a``."""
-    for b in range(PARAMETERS):
+    for b in range(AFFINE_PARAMETERS):
         normal[a, b] = sign * sums[b]
         normal[b, a] = normal[a, b]

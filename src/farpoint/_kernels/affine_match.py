@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.affine_jacobian import (
-    PARAMETERS,
     Nine,
     Template,
     blank_template,
@@ -29,6 +28,7 @@ from farpoint._kernels.affine_jacobian import (
 )
 from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import kernel, step_kernel
+from farpoint._kernels.constants import AFFINE_PARAMETERS
 from farpoint._kernels.warped_window import Around, blank_around, residual_of
 from farpoint._kernels.window_covariance import (
     Influence,
@@ -113,7 +113,7 @@ def blank_workspace(half: int) -> Workspace:
     patch_line = line_px(width + 3)
     template = blank_template(half)
     size = len(template.u)
-    square = (PARAMETERS, PARAMETERS)
+    square = (AFFINE_PARAMETERS, AFFINE_PARAMETERS)
     return Workspace(
         pixels=blank_values(room_px(width + 3, patch_line)),
         patch=blank_values(room_px(width + 2, patch_line)),
@@ -124,9 +124,9 @@ def blank_workspace(half: int) -> Workspace:
         predicted=blank_values(size),
         normal=np.zeros(square),
         factor=np.zeros(square),
-        expected=np.zeros(PARAMETERS),
-        theta=np.zeros(PARAMETERS),
-        step=np.zeros(PARAMETERS),
+        expected=np.zeros(AFFINE_PARAMETERS),
+        theta=np.zeros(AFFINE_PARAMETERS),
+        step=np.zeros(AFFINE_PARAMETERS),
         influence=blank_influence(half),
     )
 
@@ -222,12 +222,12 @@ def _fit(
         if not _factorise(normal, precision, variance, factor):
             return -1.0, 0.0
         correlation = _correlation(normal[6, 6], sums, theta[6], count)
-        for a in range(PARAMETERS):
+        for a in range(AFFINE_PARAMETERS):
             step[a] = sums[a] + variance * precision[a] * (theta[a] - expected[a])
         solve(factor, step)
         share = relaxed_share(share, step[0], step[1], before_x, before_y)
         before_x, before_y = step[0], step[1]
-        for a in range(PARAMETERS):
+        for a in range(AFFINE_PARAMETERS):
             theta[a] -= share * step[a]
         if step[0] * step[0] + step[1] * step[1] < termination.tolerance * termination.tolerance:
             break
@@ -246,7 +246,7 @@ def _factorise(
 
     The diagonal is inverted, because it is only used for divisions.
     """
-    for a in range(PARAMETERS):
+    for a in range(AFFINE_PARAMETERS):
         for b in range(a + 1):
             total = normal[a, b] + (variance * precision[a] if a == b else 0.0)
             for c in range(b):

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from farpoint._kernels.constants import LEAST_INFORMATION
+
 __all__ = ["eliminate_points", "factorise", "invert", "point_variances", "solve"]
 
-# Information of an unknown that no observation constrains, in place of zero, whose inverse would
-# overflow: a standard deviation of 1e12 rad or units.
-_LEAST_INFORMATION = 1e-24
 
 _loop: Any = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 
@@ -32,7 +31,7 @@ def factorise(H, damping, unit, L):
     """
     n = len(H)
     for i in range(n):
-        unit[i] = 1.0 / math.sqrt(max(H[i, i], _LEAST_INFORMATION))
+        unit[i] = 1.0 / math.sqrt(max(H[i, i], LEAST_INFORMATION))
     for i in range(n):
         for j in range(i + 1):
             total = H[i, j] * unit[i] * unit[j]

@@ -13,22 +13,18 @@ import numpy as np
 
 from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
-from farpoint._kernels.hypothesis_comparison import (
+from farpoint._kernels.constants import (
+    COARSE_STEPS,
+    COS_SAME_MODE,
+    GOLDEN_ANGLE,
     MODE_MARGIN,
-    REFINEMENTS,
-    refine,
-    refine_if_competitive,
+    START_DIRECTIONS,
 )
+from farpoint._kernels.hypothesis_comparison import refine, refine_if_competitive
 from farpoint._kernels.pose import PackedMatches, Pose, copy_pose
 from farpoint._kernels.vectors import dot, vector
 
 __all__ = ["compare_with_mode", "likeliest_other_mode"]
-
-# Number of initial directions, evenly over the sphere.
-STARTS = 12
-GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-# Cosine of the angle between two directions, above which they are the same mode.
-MAX_COSINE = math.cos(math.radians(30.0))
 
 
 @kernel
@@ -38,8 +34,8 @@ def likeliest_other_mode(
     """Log-likelihood ratio of a pose to the likeliest mode in another direction.
 
     Both likelihoods are averaged over the poses nearby (Laplace). Local searches start at the
-    rotation ``start_R`` (3, 3), from `STARTS` directions, with the noise of ``pose``. ``mode``
-    receives the likeliest mode; the ratio is infinite if no mode is within the margin of
+    rotation ``start_R`` (3, 3), from `START_DIRECTIONS` directions, with the noise of ``pose``.
+    ``mode`` receives the likeliest mode; the ratio is infinite if no mode is within the margin of
     `hypothesis_comparison.refine_if_competitive`. ``pose`` stays unchanged.
     """
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
@@ -47,7 +43,7 @@ def likeliest_other_mode(
     _refine_from(matches, pose.R, pose.t, pose.mixture, own)
     mode.cost[0] = math.inf
     start_t = np.empty(3)
-    for k in range(STARTS):
+    for k in range(START_DIRECTIONS):
         _lattice_direction(k, start_t)
         _start_from(start_R, start_t, pose.mixture, other)
         competes, _ = refine_if_competitive(matches, other, own, MODE_MARGIN)
@@ -74,7 +70,7 @@ def _refine_from(
 ) -> None:
     """Local maximum of the likelihood from this start, with its noise parameters."""
     _start_from(R, t, mixture, pose)
-    refine(matches, REFINEMENTS, pose)
+    refine(matches, COARSE_STEPS, pose)
 
 
 @inner_kernel
@@ -86,12 +82,12 @@ def _start_from(R: np.ndarray, t: np.ndarray, mixture: np.ndarray, pose: Pose) -
 
 @inner_kernel
 def _has_other_direction(mode: Pose, pose: Pose) -> bool:
-    return dot(vector(mode.t), vector(pose.t)) < MAX_COSINE
+    return dot(vector(mode.t), vector(pose.t)) < COS_SAME_MODE
 
 
 @step_kernel
 def _lattice_direction(k: int, t: np.ndarray) -> None:
-    """Write the k-th of `STARTS` evenly spaced directions (Fibonacci lattice)."""
-    z, angle = (2.0 * k + 1.0) / STARTS - 1.0, k * GOLDEN_ANGLE
+    """Write the k-th of `START_DIRECTIONS` evenly spaced directions (Fibonacci lattice)."""
+    z, angle = (2.0 * k + 1.0) / START_DIRECTIONS - 1.0, k * GOLDEN_ANGLE
     radius = math.sqrt(1.0 - z * z)
     t[0], t[1], t[2] = radius * math.cos(angle), radius * math.sin(angle), z

@@ -13,6 +13,8 @@ from typing import Any
 
 import numba
 
+from farpoint._kernels.constants import COMPILE_NOTICE_S
+
 __all__ = [
     "AnnouncedCompilation",
     "forget_stale",
@@ -76,8 +78,6 @@ inlined_sum: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_IN
 # neighbours in memory, which changes the last digits of sums.
 sum_kernel: _Decorator = partial(_njit, **_SUM_OPTIONS, **_INNER)
 
-_NOTICE_AFTER_S = 2.0  # s; loading compiled kernels takes less
-
 
 # Kernels that this process has called, which are compiled.
 _called: set[Any] = set()
@@ -94,7 +94,7 @@ class AnnouncedCompilation:
         if self._loop in _called or os.environ.get("NUMBA_DISABLE_JIT") == "1":
             return
         self._notice = threading.Timer(
-            _NOTICE_AFTER_S,
+            COMPILE_NOTICE_S,
             lambda: print(
                 "farpoint: compiling for this machine, once", file=sys.stderr, flush=True
             ),

@@ -8,6 +8,15 @@ import numpy as np
 
 from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
+from farpoint._kernels.constants import (
+    MAX_COVARIANCE_EXCESS,
+    MAX_DIRECTION_VARIANCE,
+    MIN_SIGNAL_NEARBY,
+    MODEL_VARIANCE_WEIGHT,
+    OUTER_ROUNDS,
+    POSE_PARAMETERS,
+    REPEAT_AVERAGE_ABOVE,
+)
 from farpoint._kernels.hypothesis_comparison import laplace_factor
 from farpoint._kernels.information import information
 from farpoint._kernels.likelihood import linearize
@@ -17,8 +26,6 @@ from farpoint._kernels.pose import LinearisationPoint, apply_step, take_step
 
 __all__ = [
     "MEASURED_FLOW",
-    "MIN_SIGNAL",
-    "MIN_SIGNAL_NEARBY",
     "SHRUNK_FLOW",
     "covariance_around",
     "covariance_beside",
@@ -30,23 +37,6 @@ __all__ = [
 # Measured flow, or flow shrunk by its BLUP. NumPy booleans: numba would compile the kernels twice
 # for literals.
 MEASURED_FLOW, SHRUNK_FLOW = np.bool_(False), np.bool_(True)
-# Least share of signal in the measured flow, along any axis, without shrinkage.
-MIN_SIGNAL = 0.85
-# Least share of signal at a pose nearby; below it that pose has no covariance.
-MIN_SIGNAL_NEARBY = 0.25
-# Weight of the model variance of the gradient, in effective matches, against that of the scatter,
-# which is uncertain for few of them.
-MODEL_WEIGHT = 120.0
-# Effective matches per one that dominates a given axis of the pose.
-MATCHES_PER_AXIS = 5.0
-# Upper bound of the relative excess of the average over the covariance at the pose.
-MAX_EXCESS = 8.0
-# The average is repeated, up to `ROUNDS` times in all, while the variance of the direction grows by
-# more than this factor and is below `MAX_DIRECTION_VARIANCE`, rad^2, the limit of the second-order
-# expansion.
-REPEAT_ABOVE = 1.1
-ROUNDS = 3
-MAX_DIRECTION_VARIANCE = math.radians(12.0) ** 2
 
 
 @kernel
@@ -102,7 +92,7 @@ def step_with_shrunk_flow(point: LinearisationPoint) -> None:
 @inlined_kernel
 def _scatter_weight(effective: float) -> float:
     """Weight of the scatter, 0 to 1, for this effective number of matches."""
-    return effective / (effective + MODEL_WEIGHT)
+    return effective / (effective + MODEL_VARIANCE_WEIGHT)
 
 
 @inlined_kernel
@@ -110,12 +100,12 @@ def _estimated_noise_factor(inliers: float, effective: float) -> float:
     """Factor on the information for the estimated noise variance and the estimated scatter.
 
     The noise variance costs the inverse of `finite_sample_inflation`. Along one axis the scatter is
-    that of effective / `MATCHES_PER_AXIS` matches; its relative variance, 2 over that number, adds
+    that of effective / `POSE_PARAMETERS` matches; its relative variance, 2 over that number, adds
     to the inverse by the square of the scatter's weight.
     """
     scatter_weight = _scatter_weight(effective)
     scattered = (
-        2.0 * MATCHES_PER_AXIS * scatter_weight * scatter_weight / max(effective, MATCHES_PER_AXIS)
+        2.0 * POSE_PARAMETERS * scatter_weight * scatter_weight / max(effective, POSE_PARAMETERS)
     )
     return 1.0 / finite_sample_inflation(max(inliers - 5.0, 4.0)) - scattered
 
@@ -151,16 +141,16 @@ def covariance_around(
 
     To second order: the ``covariance`` at this pose plus the mean excess at the poses one sigma to
     either side along each principal axis, weighted by their likelihood. Along any axis the excess
-    is between 0 and `MAX_EXCESS` times the covariance. If the variance of the direction grows by
-    more than `REPEAT_ABOVE`, the average is repeated over the larger covariance.
+    is between 0 and `MAX_COVARIANCE_EXCESS` times the covariance. If the variance of the direction
+    grows by more than `REPEAT_AVERAGE_ABOVE`, the average is repeated over the larger covariance.
     """
     allowed = np.empty((5, 5))
     copy(covariance, out)
-    for _ in range(ROUNDS):
+    for _ in range(OUTER_ROUNDS):
         copy(out, allowed)
         _average(point, inliers, shrunk_flow, covariance, allowed, out)
         if (
-            not REPEAT_ABOVE * (allowed[3, 3] + allowed[4, 4])
+            not REPEAT_AVERAGE_ABOVE * (allowed[3, 3] + allowed[4, 4])
             < out[3, 3] + out[4, 4]
             < MAX_DIRECTION_VARIANCE
         ):
@@ -191,7 +181,7 @@ def _average(
     eigen_five(excess, half)
     clear(out)
     for k in range(5):
-        more = 1.0 + min(max(excess[k, k], 0.0), MAX_EXCESS)
+        more = 1.0 + min(max(excess[k, k], 0.0), MAX_COVARIANCE_EXCESS)
         for i in range(5):
             for j in range(5):
                 out[i, j] += more * _along(half, steps, k, i) * _along(half, steps, k, j)
@@ -262,7 +252,7 @@ def _add_beside(
     shows = covariance_beside(point, inliers, shrunk_flow, step, there)
     for i in range(5):
         for j in range(5):
-            value = there[i, j] if shows else (1.0 + MAX_EXCESS) * covariance[i, j]
+            value = there[i, j] if shows else (1.0 + MAX_COVARIANCE_EXCESS) * covariance[i, j]
             out[i, j] += weight * value
 
 

@@ -8,23 +8,19 @@ import numpy as np
 
 from farpoint._kernels.arrays import clear
 from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
+from farpoint._kernels.constants import (
+    CORRELATED_Z,
+    IMAGE_PARTS,
+    IMAGE_SPLITS,
+    MAX_NEIGHBOUR_QUERIES,
+    MIN_CORRELATED_MATCHES,
+    POSE_PARAMETERS,
+)
 from farpoint._kernels.pairs import address, ray0
 from farpoint._kernels.patches import split_image
 from farpoint._kernels.residual_correlation import bounded, patch_correlation
 
-__all__ = ["CORRELATED_Z", "MAX_QUERIED", "PARTS", "correlation_and_design_effect", "design_effect"]
-
-# Maximum number of inliers whose neighbour is searched for; least number of inliers for a result.
-MAX_QUERIED, MIN_MATCHES = 400, 50
-# Limit of the correlation of neighbouring residuals times the square root of their number. For
-# independent noise its standard deviation is 1.1, and 1 % of cases exceed the limit.
-CORRELATED_Z = 2.5
-
-# Number of times that every part of the image is split in two; number of parts.
-SPLITS = np.int64(4)
-PARTS = 2 ** int(SPLITS)
-# Degrees of freedom of the pose.
-POSE_DEGREES = 5.0
+__all__ = ["correlation_and_design_effect", "design_effect"]
 
 
 @kernel
@@ -37,12 +33,12 @@ def correlation_and_design_effect(
     too. 0, 0 and 1 for few inliers; the design effect is 1 if the correlation is not significant.
     """
     rows = _right(inlier, count)
-    if rows.size < MIN_MATCHES:
+    if rows.size < MIN_CORRELATED_MATCHES:
         return 0.0, 0.0, 1.0
     correlation = patch_correlation(
-        pairs, residual, rows, _each_by_itself(count), sigma, MAX_QUERIED
+        pairs, residual, rows, _each_by_itself(count), sigma, MAX_NEIGHBOUR_QUERIES
     )
-    correlation_z = math.sqrt(min(rows.size, MAX_QUERIED)) * correlation
+    correlation_z = math.sqrt(min(rows.size, MAX_NEIGHBOUR_QUERIES)) * correlation
     if correlation_z < CORRELATED_Z:
         return correlation, correlation_z, 1.0
     return correlation, correlation_z, design_effect(pairs, residual, rows, sigma)
@@ -79,7 +75,7 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
     16 - 5 times the mean square if residuals are independent; 5 is the number of degrees of freedom
     of the pose (Kish, "Survey Sampling", 1965). Only the matches in ``rows`` count.
     """
-    parts, sums, sizes = _parts(pairs, rows), np.empty(PARTS), np.empty(PARTS)
+    parts, sums, sizes = _parts(pairs, rows), np.empty(IMAGE_PARTS), np.empty(IMAGE_PARTS)
     clear(sums)
     clear(sizes)
     square = 0.0
@@ -89,13 +85,13 @@ def design_effect(pairs: np.ndarray, residual: np.ndarray, rows: np.ndarray, sig
         sizes[parts[k]] += 1.0
         square += own * own
     scatter, used = 0.0, 0.0
-    for part in range(PARTS):
+    for part in range(IMAGE_PARTS):
         if sizes[part] > 0.0:
             scatter += sums[part] * sums[part] / sizes[part]
             used += 1.0
-    if not (square > 0.0 and used > POSE_DEGREES):
+    if not (square > 0.0 and used > POSE_PARAMETERS):
         return 1.0
-    return scatter * rows.size / (square * (used - POSE_DEGREES))
+    return scatter * rows.size / (square * (used - POSE_PARAMETERS))
 
 
 @step_kernel
@@ -106,5 +102,5 @@ def _parts(pairs: np.ndarray, rows: np.ndarray) -> np.ndarray:
         ray = ray0(pairs, address(rows[k]))
         for i in range(3):
             rays[3 * k + i] = ray[i]
-    split_image(rays, SPLITS, parts)
+    split_image(rays, IMAGE_SPLITS, parts)
     return parts

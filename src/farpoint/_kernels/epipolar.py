@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.constants import TINY
 from farpoint._kernels.pairs import noise0, noise1, ray0, ray1
 from farpoint._kernels.scalars import fma
 from farpoint._kernels.vectors import (
@@ -37,9 +38,6 @@ __all__ = [
     "shift_jacobian",
     "variances",
 ]
-
-# Prevents 0 / 0 for a match at the epipole, which satisfies any epipolar plane (e = g = 0).
-TINY = 1e-300
 
 
 @inlined_kernel

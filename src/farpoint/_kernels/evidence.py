@@ -7,6 +7,12 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import kernel, step_kernel
+from farpoint._kernels.constants import (
+    GATE_SIGMA,
+    MAX_SIGN_PROBABILITY,
+    MIN_OUTLIER_PROBABILITY,
+    UNIFORM_WEIGHTS_VARIANCE,
+)
 from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.normal_equations import solve_three_spd
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
@@ -14,17 +20,7 @@ from farpoint._kernels.rotation import rotation_linearize
 from farpoint._kernels.rotation_residual import count_beyond
 from farpoint._kernels.vectors import axpby, dot
 
-__all__ = ["NEAR_SIGMA", "count_beyond_rotation", "find_stationary", "label_matches"]
-
-# Parallax in sigma, up to which a point is far.
-NEAR_SIGMA = 3.0
-
-# Upper bound of the inlier probability, for the odds of the sign.
-MAX_PROBABILITY = 0.99
-# Lower bound of the outlier probability, for logarithms: rounding.
-MIN_COMPLEMENT = 1e-16
-# Variance, in units of the noise, with which all matches have the same weight.
-UNIFORM_WEIGHTS_VARIANCE = 1e20
+__all__ = ["count_beyond_rotation", "find_stationary", "label_matches"]
 
 
 @step_kernel
@@ -39,7 +35,7 @@ def label_matches(
 
     The log odds of the motion are relative to the hypothesis that all matches are outliers;
     ``outlier_share`` is the share of outliers under the motion. ``labels`` (N,) receives 0 for an
-    outlier, 2 for an inlier with a parallax above `NEAR_SIGMA`, else 1.
+    outlier, 2 for an inlier with a parallax above `GATE_SIGMA`, else 1.
 
     A match of inlier probability P and parallax s, in sigma, contributes ``log((P Phi(s) + (1 - P)
     / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
@@ -48,16 +44,16 @@ def label_matches(
     sign_log_odds = log_odds = 0.0
     for i in range(labels.size):
         p = parallax[i] / sigma
-        agrees = inlier[i] > 0.5 and p > -NEAR_SIGMA
+        agrees = inlier[i] > 0.5 and p > -GATE_SIGMA
         agreeing += 1 if agrees else 0
-        labels[i] = 0 if not agrees else 2 if p > NEAR_SIGMA else 1
-        bounded = min(inlier[i], MAX_PROBABILITY)
+        labels[i] = 0 if not agrees else 2 if p > GATE_SIGMA else 1
+        bounded = min(inlier[i], MAX_SIGN_PROBABILITY)
         complement = 0.5 * (1.0 - bounded)
         backward = 0.5 * math.erfc(p / math.sqrt(2.0)) if abs(p) < 8.0 else 0.0 if p > 0.0 else 1.0
         sign_log_odds += math.log(
             (bounded * (1.0 - backward) + complement) / (bounded * backward + complement)
         )
-        log_odds += math.log(outlier_share / max(1.0 - inlier[i], MIN_COMPLEMENT))
+        log_odds += math.log(outlier_share / max(1.0 - inlier[i], MIN_OUTLIER_PROBABILITY))
     return agreeing, sign_log_odds, log_odds
 
 

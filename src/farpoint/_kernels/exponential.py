@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.constants import LN2, SQRT2
 from farpoint._kernels.scalars import exponent_and_mantissa, fma
 
 __all__ = ["exp_and_roots", "lane_log"]
-
-_LN2 = 0.6931471805599453
-_SQRT2 = 1.4142135623730951
 
 
 @inlined_kernel
@@ -43,7 +41,7 @@ def _to_the_eighth(x: float) -> float:
 def lane_log(x: float) -> float:
     """``log(x)`` of a positive normal number, to 1e-8."""
     exponent, mantissa = exponent_and_mantissa(x)
-    z = (mantissa - _SQRT2) / (mantissa + _SQRT2)
+    z = (mantissa - SQRT2) / (mantissa + SQRT2)
     y = z * z
     series = fma(y, fma(y, fma(y, fma(y, 2.0 / 9.0, 2.0 / 7.0), 0.4), 2.0 / 3.0), 2.0)
-    return fma(exponent + 0.5, _LN2, z * series)
+    return fma(exponent + 0.5, LN2, z * series)

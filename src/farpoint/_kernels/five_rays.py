@@ -9,15 +9,29 @@ import numpy as np
 
 from farpoint._kernels.arrays import clear
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
+from farpoint._kernels.constants import (
+    CONVERGENCE_RATE,
+    FIVE_RAY_STEPS,
+    LANES,
+    LINEAR_STEP_RAD,
+    LONG_FLOW_RAD,
+    LONGEST_FIVE_RAY_STEP,
+    MAX_RESTART_FACTOR,
+    PANEL,
+    RELATED_CONSENSUS,
+    SAMPLE_SIZE,
+    START_FAILURE_RATE,
+    SUMS_OF_SIX,
+    VECTOR_LANES,
+)
 from farpoint._kernels.epipolar import flow_along, sampson
 from farpoint._kernels.normal_equations import (
-    SIX,
     add_six,
     predicted_decrease,
     solve_five_spd,
     write_six,
 )
-from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
+from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
 from farpoint._kernels.pose import apply_step
 from farpoint._kernels.scalars import where
 from farpoint._kernels.vectors import (
@@ -31,29 +45,8 @@ from farpoint._kernels.vectors import (
     vector,
 )
 
-__all__ = ["LONG_FLOW", "SearchBudget", "iterations_needed", "score_pose", "solve_five"]
+__all__ = ["SearchBudget", "iterations_needed", "score_pose", "solve_five"]
 
-# Median flow after the far rotation, rad, beyond which Newton's method does not converge reliably
-# from that rotation.
-LONG_FLOW = 0.05
-# Upper bound of the factor on the number of samples for a long flow: samples then start from
-# rotations of their own.
-MAX_RESTART_FACTOR = 2.0
-# Probability that the initial pose leads to a wrong mode, without outliers and with a short flow;
-# measured on synthetic and real pairs.
-START_FAILURE = 0.02
-# Share of outlier-free samples that converge to the right mode, where the initial pose is reliable.
-CONVERGENCE_RATE = 0.5
-# Share of consistent matches above which a pose is related to the right one.
-MIN_CONSENSUS = 0.4
-# Newton's method: maximum number of steps.
-NEWTON_STEPS = 7
-# Lanes for the five rays of a sample, three of them filler; size of the array. Length of the
-# longest step; length of a step after which the next one, its square, is within the noise.
-SAMPLE_LANES = 8
-PADDED_SIZE = 6 * SAMPLE_LANES
-LONGEST_STEP = 0.5
-LAST_STEP = 0.01
 
 Row = tuple[float, float, float, float, float, float]
 
@@ -126,8 +119,8 @@ def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np
     weight.
     """
     rotation, direction = matrix(R), vector(t)
-    sums = SIX
-    for lane in range(SAMPLE_LANES):
+    sums = SUMS_OF_SIX
+    for lane in range(VECTOR_LANES):
         weight, row = _row(rays, lane, rotation, direction)
         sums = add_six(sums, weight, row)
     write_six(sums, normal)
@@ -136,11 +129,11 @@ def _newton_equations(rays: np.ndarray, R: np.ndarray, t: np.ndarray, normal: np
 @inlined_kernel
 def _row(rays: np.ndarray, lane: int, R: Matrix, t: Vector) -> tuple[float, Row]:
     """Weight and row of the pair in this lane; the last element is the constraint itself."""
-    a = rays[lane], rays[SAMPLE_LANES + lane], rays[2 * SAMPLE_LANES + lane]
+    a = rays[lane], rays[VECTOR_LANES + lane], rays[2 * VECTOR_LANES + lane]
     b = (
-        rays[3 * SAMPLE_LANES + lane],
-        rays[4 * SAMPLE_LANES + lane],
-        rays[5 * SAMPLE_LANES + lane],
+        rays[3 * VECTOR_LANES + lane],
+        rays[4 * VECTOR_LANES + lane],
+        rays[5 * VECTOR_LANES + lane],
     )
     m = rotate(R, a)
     first, second = tangent_columns(t)
@@ -158,13 +151,13 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
     Iterative five-point solver on the manifold (Lui and Drummond, BMVC 2013, DOI 10.5244/C.27.116).
     Converged when the next step would be within the noise of five rays; False otherwise.
     """
-    rays, normal, x = np.empty(PADDED_SIZE), np.empty((6, 6)), np.empty(5)
+    rays, normal, x = np.empty(SAMPLE_SIZE), np.empty((6, 6)), np.empty(5)
     clear(rays)
     for s in range(5):
         at = address(sample[s])
         for row in range(6):
-            rays[row * SAMPLE_LANES + s] = pairs[at + row * LANES]
-    for _ in range(NEWTON_STEPS):
+            rays[row * VECTOR_LANES + s] = pairs[at + row * LANES]
+    for _ in range(FIVE_RAY_STEPS):
         _newton_equations(rays, R, t, normal)
         if not solve_five_spd(normal, 0.0, x):
             return False
@@ -172,11 +165,11 @@ def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarr
         size = math.sqrt(size2)
         if not size < 1e3:
             return False
-        scale = -LONGEST_STEP / size if size > LONGEST_STEP else -1.0
+        scale = -LONGEST_FIVE_RAY_STEP / size if size > LONGEST_FIVE_RAY_STEP else -1.0
         for k in range(5):
             x[k] *= scale
         apply_step(R, t, x)
-        if size < LAST_STEP:
+        if size < LINEAR_STEP_RAD:
             return True
     return False
 
@@ -203,10 +196,10 @@ def iterations_needed(
     """
     inlier_share = max(1.0 - outlier_share, 0.0)
     square = inlier_share * inlier_share
-    away = 1.0 + flow / LONG_FLOW * flow / LONG_FLOW
-    start_failure = min(START_FAILURE * away / (square + 1e-9), 1.0)
+    away = 1.0 + flow / LONG_FLOW_RAD * flow / LONG_FLOW_RAD
+    start_failure = min(START_FAILURE_RATE * away / (square + 1e-9), 1.0)
     failure = 1.0 if has_competing_mode else start_failure
-    among_known = min(inlier_share / known, 1.0) * min(inlier_share / MIN_CONSENSUS, 1.0)
+    among_known = min(inlier_share / known, 1.0) * min(inlier_share / RELATED_CONSENSUS, 1.0)
     clean = 0.5 * (inlier_share**5 + among_known**5)
     hit = CONVERGENCE_RATE / (1.0 + failure) / min(away, MAX_RESTART_FACTOR) * clean
     if hit <= 0.0:

@@ -8,28 +8,35 @@ import numpy as np
 
 from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel
+from farpoint._kernels.constants import (
+    CHANCE_MATCHES,
+    COARSE_STEPS,
+    COARSE_TOLERANCE,
+    COS_DIFFERENT_MODE,
+    GATE_SIGMA,
+    KEPT_SIZE,
+    LANES,
+    MAX_SEARCHED,
+    MIN_SHARE,
+    MODE_MARGIN,
+    PANEL,
+    PLANAR_MARGIN,
+    REMAINING_GAIN_FACTOR,
+    SAME_MODE_LOG_RATIO,
+    START_OUTLIER_SHARE,
+    START_REPEATED_SHARE,
+    START_TAIL_SHARE,
+    STATE_PREDICTED_DECREASE,
+)
 from farpoint._kernels.epipolar import sampson
 from farpoint._kernels.normal_equations import determinant_beside_one
-from farpoint._kernels.pairs import LANES, PANEL, address, ray0, ray1
+from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.pose import PackedMatches, Pose, copy_pose, linearisation_point
-from farpoint._kernels.refinement import (
-    KEPT,
-    PREDICTED_DECREASE,
-    advance,
-    begin,
-    finish,
-    refine_pose,
-)
+from farpoint._kernels.refinement import advance, begin, finish, refine_pose
 from farpoint._kernels.scalars import where
 from farpoint._kernels.vectors import dot, matrix, rotate, tangent_columns, vector
 
 __all__ = [
-    "COARSE_TOLERANCE",
-    "GATE_SIGMA",
-    "MODE_MARGIN",
-    "REFINEMENTS",
-    "START_OUTLIER_SHARE",
-    "START_TAIL_SHARE",
     "compare_hypothesis",
     "default_noise",
     "initial_noise",
@@ -43,32 +50,6 @@ __all__ = [
     "refine",
     "refine_if_competitive",
 ]
-
-# Residual, in sigma, beyond which a match does not support a hypothesis.
-GATE_SIGMA = 3.0
-# Predicted decrease of the cost, in log likelihood, at which the refinement of a hypothesis ends;
-# and margin in log likelihood within which two modes count as close.
-COARSE_TOLERANCE = 0.1
-MODE_MARGIN = 30.0
-# Margin in log likelihood between the two motions of a plane, which differ by chance: it is 100 for
-# 160 matches and grows with the square root of their number.
-PLANAR_MARGIN, PLANAR_MATCHES = 100.0, 160.0
-# Cosine of the angle (20 deg) beyond which two directions are different modes.
-MAX_COSINE = 0.94
-# Upper bound of the remaining gain: 4 x predicted decrease + last decrease.
-GAIN_FACTOR = 4.0
-# Maximum number of steps. A NumPy integer: numba would compile the kernel again for a literal.
-REFINEMENTS = np.int64(10)
-# Difference in log likelihood within which two hypotheses are the same mode.
-SAME_MODE = 2.0
-# Number of matches that fit a pose by chance: the five of the sample, and one more.
-CHANCE_LIMIT = 6.5
-# Share of inliers below which a pose counts as having none.
-MIN_INLIER_SHARE = 0.1
-# Initial shares of EM: outliers, tail, repeated structure.
-START_OUTLIER_SHARE = 0.2
-START_TAIL_SHARE = 0.1
-START_REPEATED_SHARE = 0.05
 
 
 @step_kernel
@@ -106,8 +87,8 @@ def _add_laplace_factor(matches: PackedMatches, pose: Pose) -> None:
 
 @step_kernel
 def _has_inliers(pose: Pose) -> bool:
-    """Whether the share of inliers exceeds `MIN_INLIER_SHARE`."""
-    return 1.0 - pose.mixture[1] > MIN_INLIER_SHARE
+    """Whether the share of inliers exceeds `MIN_SHARE`."""
+    return 1.0 - pose.mixture[1] > MIN_SHARE
 
 
 @step_kernel
@@ -129,7 +110,7 @@ def initial_noise(
     inliers with a large variance, from which EM does not converge to another minimum.
     """
     default_noise(tolerance, mixture)
-    has_sample = (1.0 - best.mixture[1]) * matches.total > CHANCE_LIMIT
+    has_sample = (1.0 - best.mixture[1]) * matches.total > CHANCE_MATCHES
     if has_sample and best.mixture[0] < mixture[0]:
         copy(best.mixture, mixture)
 
@@ -172,7 +153,7 @@ def is_same_mode(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
     if not _has_inliers(best) or dot(vector(t), vector(best.t)) < 0.5:
         return False
     trace, distance2 = _apart(R, t, best.R, best.t, best.normal)
-    return trace > 2.0 and distance2 < 2.0 * SAME_MODE
+    return trace > 2.0 and distance2 < 2.0 * SAME_MODE_LOG_RATIO
 
 
 @inlined_kernel
@@ -230,16 +211,16 @@ def refine_if_competitive(
     """
     limit, normal, reached, shares = best.cost[0] + within, pose.normal, pose.cost, np.empty(4)
     point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
-    state, kept = np.empty(5), np.empty(KEPT)
+    state, kept = np.empty(5), np.empty(KEPT_SIZE)
     begin(matches, point.mixture, state)
     cost, was_close = math.inf, False
-    for step in range(REFINEMENTS):
+    for step in range(COARSE_STEPS):
         before = cost
         goes_on = advance(matches, point, COARSE_TOLERANCE, normal, reached, shares, state, kept)
         cost = reached[0] + laplace_factor(normal)
         if step == 0:
             before, was_close = cost, cost < limit
-        gain_bound = GAIN_FACTOR * state[PREDICTED_DECREASE] + before - cost
+        gain_bound = REMAINING_GAIN_FACTOR * state[STATE_PREDICTED_DECREASE] + before - cost
         if not cost - gain_bound < limit or is_same_mode(point.R, point.t, best):
             return False, was_close
         if not goes_on:
@@ -286,7 +267,7 @@ def compare_hypothesis(
 @step_kernel
 def planar_margin(count: int) -> float:
     """Margin in log likelihood between the two motions of a plane, of ``count`` matches."""
-    return max(MODE_MARGIN, PLANAR_MARGIN * math.sqrt(count / PLANAR_MATCHES))
+    return max(MODE_MARGIN, PLANAR_MARGIN * math.sqrt(count / MAX_SEARCHED))
 
 
 @step_kernel
@@ -303,7 +284,7 @@ def is_secondary_mode(secondary: Pose, best: Pose) -> bool:
 
 @step_kernel
 def _has_other_direction(pose: Pose, best: Pose) -> bool:
-    return dot(vector(pose.t), vector(best.t)) < MAX_COSINE
+    return dot(vector(pose.t), vector(best.t)) < COS_DIFFERENT_MODE
 
 
 @step_kernel

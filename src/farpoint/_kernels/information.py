@@ -7,6 +7,27 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
+from farpoint._kernels.constants import (
+    DEPTH_CONVERGED,
+    EPIPOLE_DISTANCE_SIGMA,
+    LANES,
+    MAX_ITERATIONS,
+    MAX_LEVERAGE,
+    PANEL,
+    SUMS_OF_FIVE,
+    SUMS_OF_SIX,
+    TERM_CHANGE,
+    TERM_DEPTH,
+    TERM_DEPTH_VARIANCE,
+    TERM_JACOBIAN,
+    TERM_KNOWN,
+    TERM_MISSING,
+    TERM_RESIDUAL,
+    TERM_SCATTER,
+    TERM_SHARE,
+    TERM_WEIGHT,
+    TERMS,
+)
 from farpoint._kernels.epipolar import flow_along, sampson_jacobian, variances
 from farpoint._kernels.mixture import (
     Clutter,
@@ -18,8 +39,6 @@ from farpoint._kernels.mixture import (
     weight_of,
 )
 from farpoint._kernels.normal_equations import (
-    FIVE,
-    SIX,
     add_five,
     add_six,
     inverse_square,
@@ -27,7 +46,7 @@ from farpoint._kernels.normal_equations import (
     write_five,
     write_six,
 )
-from farpoint._kernels.pairs import LANES, PANEL, flow_variance, ray0, ray1
+from farpoint._kernels.pairs import flow_variance, ray0, ray1
 from farpoint._kernels.pose import LinearisationPoint
 from farpoint._kernels.scalars import where
 from farpoint._kernels.vectors import (
@@ -43,24 +62,6 @@ from farpoint._kernels.vectors import (
 )
 
 __all__ = ["information"]
-
-# Distance to the epipole, in sigma of the flow, below which a match is left out.
-EPIPOLE_SIGMA = 8.0
-# Upper bound of the leverage in the correction of the scatter.
-MAX_LEVERAGE = 0.9
-# Estimation of mean and variance of the inverse depths: maximum number of rounds, and relative
-# change of the variance at convergence.
-DEPTH_ROUNDS = 20
-CONVERGED = 1e-3
-# Rows of a panel of per-match terms: Jacobian (5), residual, derivative of the Jacobian by the
-# inverse depth (5); weight of Jacobian and residual, weight of that derivative, weight of the
-# residual, information missing of it, square of the weighted residual; inverse depth and its
-# variance.
-JACOBIAN, RESIDUAL, CHANGE, WEIGHT, SHARE, KNOWN, MISSING, SCATTER, DEPTH, DEPTH_VARIANCE = (
-    np.int64(row) for row in (0, 5, 6, 11, 12, 13, 14, 15, 16, 17)
-)
-# Length of a panel.
-TERMS = 18 * LANES
 
 
 @inner_kernel
@@ -104,9 +105,9 @@ def information(
     _normal_equations(terms, normal)
     effective = _weigh_by_leverage(terms, normal)
     _normal_equations(terms, normal)
-    _gram(terms, CHANGE, SHARE, noise)
-    _gram(terms, JACOBIAN, SCATTER, scatter)
-    known, missing = _total(terms, KNOWN), _total(terms, MISSING)
+    _gram(terms, TERM_CHANGE, TERM_SHARE, noise)
+    _gram(terms, TERM_JACOBIAN, TERM_SCATTER, scatter)
+    known, missing = _total(terms, TERM_KNOWN), _total(terms, TERM_MISSING)
     return 1.0 - missing / known if known > 0.0 else 1.0, effective
 
 
@@ -114,7 +115,7 @@ def information(
 def _shrink_depths(terms: np.ndarray) -> None:
     """Replace inverse depths by their BLUP, and the Jacobians with them."""
     mean, variance = 0.0, 0.0
-    for k in range(DEPTH_ROUNDS):
+    for k in range(MAX_ITERATIONS):
         total, weighted, weight2, excess = _depth_moments(
             terms, mean, variance, 1.0 if k == 0 else 0.0
         )
@@ -123,16 +124,19 @@ def _shrink_depths(terms: np.ndarray) -> None:
         before = variance
         mean = weighted / total if k > 0 else 0.0
         variance = max(excess / weight2, 0.0)
-        if k > 1 and abs(variance - before) <= CONVERGED * variance:
+        if k > 1 and abs(variance - before) <= DEPTH_CONVERGED * variance:
             break
     for panel in range(terms.size // TERMS):
         for lane in range(LANES):
             at = panel * TERMS + lane
-            depth, depth_variance = terms[at + DEPTH * LANES], terms[at + DEPTH_VARIANCE * LANES]
+            depth, depth_variance = (
+                terms[at + TERM_DEPTH * LANES],
+                terms[at + TERM_DEPTH_VARIANCE * LANES],
+            )
             own = variance / (variance + depth_variance + 1e-300)
-            terms[at + SHARE * LANES] *= own * own
+            terms[at + TERM_SHARE * LANES] *= own * own
             for row in range(5):
-                change = terms[at + (CHANGE + row) * LANES]
+                change = terms[at + (TERM_CHANGE + row) * LANES]
                 terms[at + row * LANES] += (1.0 - own) * (mean - depth) * change
 
 
@@ -150,9 +154,12 @@ def _depth_moments(
     for panel in range(terms.size // TERMS):
         for lane in range(LANES):
             at = panel * TERMS + lane
-            depth, depth_variance = terms[at + DEPTH * LANES], terms[at + DEPTH_VARIANCE * LANES]
+            depth, depth_variance = (
+                terms[at + TERM_DEPTH * LANES],
+                terms[at + TERM_DEPTH_VARIANCE * LANES],
+            )
             over = 1.0 / (variance + depth_variance + 1e-300)
-            w = terms[at + KNOWN * LANES] * over
+            w = terms[at + TERM_KNOWN * LANES] * over
             each = w * (first + (1.0 - first) * over)
             total += w
             weighted += w * depth
@@ -201,7 +208,7 @@ def _fill_match(
     across = cross(m, t)
     each = densities(pairs, at, R, t, r, precision, tail_share, prior, long_tail)
     flow, square = flow_along(m, ray1(pairs, at), t)
-    elsewhere = square > EPIPOLE_SIGMA**2 / precision * flow_variance(pairs, at)
+    elsewhere = square > EPIPOLE_DISTANCE_SIGMA**2 / precision * flow_variance(pairs, at)
     outlier, _ = clutter_at(clutter, r)
     over = where(elsewhere, 1.0 / (sum_of(each) + outlier), 0.0)
     w, w2 = weight_of(each) * over, weight2_of(each) * over
@@ -215,8 +222,8 @@ def _fill_match(
     missing, scatter = r * r * precision * (w2 - w * w), weight * r * weight * r
     weights = weight, weight * depth_variance, w, missing, scatter, depth, depth_variance
     _write_rows(terms, to, jacobian)
-    _write_rows(terms, to + CHANGE * LANES, change)
-    _write_rows(terms, to + WEIGHT * LANES, weights)
+    _write_rows(terms, to + TERM_CHANGE * LANES, change)
+    _write_rows(terms, to + TERM_WEIGHT * LANES, weights)
 
 
 @inlined_kernel
@@ -239,20 +246,20 @@ def _weigh_by_leverage(terms: np.ndarray, whole: np.ndarray) -> float:
     for panel in range(terms.size // TERMS):
         for lane in range(LANES):
             at = panel * TERMS + lane
-            leverage = min(terms[at + WEIGHT * LANES] * size2(inverse, _five(terms, at)), 1.0)
+            leverage = min(terms[at + TERM_WEIGHT * LANES] * size2(inverse, _five(terms, at)), 1.0)
             total += leverage
             squares += leverage * leverage
             kept = 1.0 - leverage * leverage * leverage
-            terms[at + WEIGHT * LANES] *= kept
-            terms[at + SHARE * LANES] *= kept
-            terms[at + SCATTER * LANES] *= kept / (1.0 - min(leverage, MAX_LEVERAGE))
+            terms[at + TERM_WEIGHT * LANES] *= kept
+            terms[at + TERM_SHARE * LANES] *= kept
+            terms[at + TERM_SCATTER * LANES] *= kept / (1.0 - min(leverage, MAX_LEVERAGE))
     return total * total / max(squares, 1e-300)
 
 
 @sum_kernel
 def _gram(terms: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
     """``A diag(w) A^T`` (5, 5) of five rows A and one row w of the terms."""
-    sums = FIVE
+    sums = SUMS_OF_FIVE
     for panel in range(terms.size // TERMS):
         for lane in range(LANES):
             at = panel * TERMS + lane
@@ -263,13 +270,13 @@ def _gram(terms: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
 @sum_kernel
 def _normal_equations(terms: np.ndarray, out: np.ndarray) -> None:
     """``A diag(w) A^T`` (6, 6) of Jacobian and residual A and their weight w."""
-    sums = SIX
+    sums = SUMS_OF_SIX
     for panel in range(terms.size // TERMS):
         for lane in range(LANES):
             at = panel * TERMS + lane
             x, y, z, u, v = _five(terms, at)
-            row = x, y, z, u, v, terms[at + RESIDUAL * LANES]
-            sums = add_six(sums, terms[at + WEIGHT * LANES], row)
+            row = x, y, z, u, v, terms[at + TERM_RESIDUAL * LANES]
+            sums = add_six(sums, terms[at + TERM_WEIGHT * LANES], row)
     write_six(sums, out)
 
 

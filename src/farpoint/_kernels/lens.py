@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
+from farpoint._kernels.constants import LENS_TOLERANCE, MAX_ITERATIONS
 from farpoint._kernels.scalars import where
 from farpoint._kernels.vectors import Vector
 
@@ -22,10 +23,6 @@ __all__ = [
     "straight_ray_jacobian",
     "undistort",
 ]
-
-# Newton's method: relative length of the last step, and maximum number of steps.
-NEWTON_TOLERANCE = 1e-10
-NEWTON_ITERATIONS = 20
 
 
 @kernel
@@ -119,7 +116,7 @@ def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> fl
 @step_kernel
 def _undistort_point(k: np.ndarray, a: float, b: float, x: float, y: float) -> tuple[float, float]:
     """Newton's method from (x, y); NaN where it does not converge."""
-    for _ in range(NEWTON_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         at_a, at_b, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
         inverse = 1.0 / (a_x * b_y - a_y * b_x)
         step_x = (b_y * (a - at_a) - a_y * (b - at_b)) * inverse
@@ -127,7 +124,7 @@ def _undistort_point(k: np.ndarray, a: float, b: float, x: float, y: float) -> t
         x += step_x
         y += step_y
         # NaN counts as converged: it stays NaN.
-        if not abs(step_x) + abs(step_y) > NEWTON_TOLERANCE * (1.0 + abs(x) + abs(y)):
+        if not abs(step_x) + abs(step_y) > LENS_TOLERANCE * (1.0 + abs(x) + abs(y)):
             return x, y
     return np.nan, np.nan
 

@@ -7,6 +7,15 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel, sum_kernel
+from farpoint._kernels.constants import (
+    CHEIRALITY_SIGMA,
+    CHEIRALITY_WEIGHT,
+    LANES,
+    MAX_CHEIRALITY_PENALTY,
+    MIN_PENALISED_INLIERS,
+    PANEL,
+    SUMS_OF_SIX,
+)
 from farpoint._kernels.epipolar import (
     flow_along,
     parallax_variance,
@@ -16,8 +25,6 @@ from farpoint._kernels.epipolar import (
 )
 from farpoint._kernels.exponential import lane_log
 from farpoint._kernels.mixture import (
-    CHEIRALITY_SIGMA,
-    CHEIRALITY_WEIGHT,
     cheirality_penalty,
     clutter_at,
     clutter_of,
@@ -28,23 +35,13 @@ from farpoint._kernels.mixture import (
     tail_trials_of,
     weight_of,
 )
-from farpoint._kernels.normal_equations import (
-    SIX,
-    add_six,
-    add_to_square,
-    write_six,
-)
-from farpoint._kernels.pairs import LANES, PANEL, ray0, ray1
+from farpoint._kernels.normal_equations import add_six, add_to_square, write_six
+from farpoint._kernels.pairs import ray0, ray1
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.scalars import where
 from farpoint._kernels.vectors import Matrix, Vector, matrix, rotate, tangent_columns, vector
 
 __all__ = ["evaluate_pose", "evaluate_residuals", "linearize"]
-
-# Expected number of inliers with a cheirality penalty, below which the penalty is no residual.
-MIN_PENALISED = 0.01
-# Cheirality penalty beyond which the penalty is no residual of a match.
-MAX_PENALTY = 64.0
 
 
 @sum_kernel
@@ -68,7 +65,7 @@ def linearize(
     basis = tangent_columns(direction)
     precision, tail_share = 1.0 / point.mixture[0], point.mixture[2]
     cost = inlier = steps = trials = repeated = penalised = 0.0
-    sums = SIX
+    sums = SUMS_OF_SIX
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
@@ -99,7 +96,7 @@ def linearize(
             penalised += where(penalty > 0.0, whole * over, 0.0)
             sums = add_six(sums, precision * weight_of(each) * over, row)
     write_six(sums, normal)
-    if soft_cheirality and penalised > MIN_PENALISED:
+    if soft_cheirality and penalised > MIN_PENALISED_INLIERS:
         _add_cheirality_residuals(point, normal)
     shares[0], shares[1], shares[2], shares[3] = inlier, steps, trials, repeated
     return cost
@@ -126,7 +123,7 @@ def _add_cheirality_residuals(point: LinearisationPoint, normal: np.ndarray) -> 
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]
-            if not 0.0 < beyond2[panel * LANES + lane] < MAX_PENALTY:
+            if not 0.0 < beyond2[panel * LANES + lane] < MAX_CHEIRALITY_PENALTY:
                 continue
             residual = sampson(pairs, at, rotation, direction)
             each = densities(

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel, sum_kernel
+from farpoint._kernels.constants import VECTOR_LANES, WINDOW_SLACK_PX
 from farpoint._kernels.windows import (
-    LANES,
     Image,
     Termination,
     Weights,
@@ -36,9 +36,6 @@ from farpoint._kernels.windows import (
 )
 
 __all__ = ["Levels", "Workspace", "blank_workspace", "border_px", "follow_windows"]
-
-# px to each side that a window may move before the image is read again
-_SLACK = np.int64(1)  # a literal would be of another numba type
 
 
 class Levels(NamedTuple):
@@ -64,7 +61,7 @@ class Workspace(NamedTuple):
 def blank_workspace(half: int) -> Workspace:
     """Buffers for windows of ``2 half + 1`` pixels."""
     width = 2 * half + 1
-    reach = width + 1 + 2 * int(_SLACK)
+    reach = width + 1 + 2 * int(WINDOW_SLACK_PX)
     line = line_px(reach)
     return Workspace(
         blank_values(room_px(reach, line)),
@@ -75,7 +72,7 @@ def blank_workspace(half: int) -> Workspace:
 
 def border_px(half: int) -> int:
     """Least width of the border around each level for windows of ``2 half + 1`` pixels."""
-    return 2 * half + LANES + 4
+    return 2 * half + VECTOR_LANES + 4
 
 
 @kernel
@@ -183,10 +180,12 @@ def _descend(
             return x, y, False
         whole_x, whole_y = math.floor(x), math.floor(y)
         beside, below = whole_x - half - left, whole_y - half - top
-        if step == 0 or not (0 <= beside <= 2 * _SLACK and 0 <= below <= 2 * _SLACK):
-            beside, below = _SLACK, _SLACK
+        if step == 0 or not (
+            0 <= beside <= 2 * WINDOW_SLACK_PX and 0 <= below <= 2 * WINDOW_SLACK_PX
+        ):
+            beside, below = WINDOW_SLACK_PX, WINDOW_SLACK_PX
             left, top = whole_x - half - beside, whole_y - half - below
-            read(image, left, top, 2 * (half + 1 + _SLACK), line, pixels)
+            read(image, left, top, 2 * (half + 1 + WINDOW_SLACK_PX), line, pixels)
         weights = weights_of(x - whole_x, y - whole_y)
         bx, by = _mismatch(pixels, below * line + beside, weights, window)
         step_x = (yy * bx - xy * by) / determinant

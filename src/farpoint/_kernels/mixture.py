@@ -24,6 +24,16 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
+from farpoint._kernels.constants import (
+    CHEIRALITY_SIGMA,
+    CHEIRALITY_WEIGHT,
+    MAX_OVER_RELAXATION,
+    OVER_RELAXATION,
+    PRIOR_SHARE,
+    PRIOR_WEIGHT,
+    REPEATED_WIDTH_RATIO,
+    TAIL_RATIO,
+)
 from farpoint._kernels.epipolar import flow_along, parallax_variance
 from farpoint._kernels.exponential import exp_and_roots
 from farpoint._kernels.pairs import ray0, ray1
@@ -34,12 +44,6 @@ Clutter = tuple[float, float, float]
 Densities = tuple[float, float, float, float]
 
 __all__ = [
-    "CHEIRALITY_SIGMA",
-    "CHEIRALITY_WEIGHT",
-    "LONG_TAIL",
-    "REPEATED_WIDTH_RATIO",
-    "SHORT_TAIL",
-    "TAIL_RATIO",
     "Densities",
     "cheirality_penalty",
     "clutter_at",
@@ -57,27 +61,6 @@ __all__ = [
     "weight2_of",
     "weight_of",
 ]
-
-# Number of components of the tail: 3 with a long tail, 2 with a short one.
-LONG_TAIL, SHORT_TAIL = 1.0, 0.0
-# Ratio of sigma between one component of the tail and the next: variances grow 8-fold.
-TAIL_RATIO = math.sqrt(8.0)
-# Mean and weight, in matches, of the Beta prior of two shares: that of the tail among inliers and
-# that of repeated structure among outliers. Among few matches chance alone produces some residuals
-# of the tail.
-PRIOR_SHARE = 0.01
-PRIOR_WEIGHT = 20.0
-# Over-relaxation of EM: factor on the share of the tail, and upper bound.
-OVER_RELAXATION = 3.0
-MAX_OVER_RELAXATION = 0.7
-# Flow away from the direction, in sigma, that noise causes for a far point: exceeded by one of 160.
-# Factor on the exponent of the density beyond that limit: at 8.5 sigma the density equals that of
-# the noise.
-CHEIRALITY_SIGMA = 2.5
-CHEIRALITY_WEIGHT = 2.0
-# Half-width of the outlier strip over the scale of the Cauchy distribution of repeated structure,
-# within which half of it lies.
-REPEATED_WIDTH_RATIO = 32.0
 
 
 @inlined_kernel

@@ -6,9 +6,16 @@ import numpy as np
 
 from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import kernel, step_kernel
+from farpoint._kernels.constants import (
+    FAR_START_SAMPLES,
+    MAX_SEARCHED,
+    MIN_MATCHES,
+    ROTATION_SAMPLE,
+    TOLERANCE_WIDENING,
+    TOLERANCE_WIDENINGS,
+)
 from farpoint._kernels.five_rays import SearchBudget
 from farpoint._kernels.motion_refinement import (
-    MAX_SEARCHED,
     MotionBuffers,
     MotionSummary,
     refine_and_evaluate,
@@ -20,16 +27,6 @@ from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
 from farpoint._kernels.search import search_pose
 
 __all__ = ["fit_motion"]
-
-# Maximum number of samples for the far rotation.
-START_SAMPLES = np.int64(50)
-# Least number of matches beyond the far rotation for them alone to be candidates.
-MIN_CANDIDATES = 8
-# Size of a sample for a rotation, whose matches fit it by construction.
-SAMPLE_SIZE = 3
-# Factor on the tolerance where no other match is consistent, and maximum number of times.
-WIDENING = 4.0
-WIDENINGS = 8
 
 
 def fit_motion(
@@ -85,15 +82,15 @@ def find_candidates(
 ) -> np.ndarray:
     """Rotation of the far matches into ``R_far``; indices of the candidates for translation."""
     consistent = np.empty(count)
-    search_rotation(pairs, count, tolerance, START_SAMPLES, state, R_far)
+    search_rotation(pairs, count, tolerance, FAR_START_SAMPLES, state, R_far)
     enlarge_rotation(pairs, count, tolerance, R_far, consistent)
     flowing = 0
     for i in range(count):
         flowing += 0 if consistent[i] else 1
-    has_no_far = count - flowing <= SAMPLE_SIZE
+    has_no_far = count - flowing <= ROTATION_SAMPLE
     if has_no_far:
         _widen(pairs, count, tolerance, state, R_far, consistent)
-    few = has_no_far or flowing < MIN_CANDIDATES
+    few = has_no_far or flowing < MIN_MATCHES
     candidates = np.empty(count if few else flowing, np.int64)
     taken = 0
     for i in range(count):
@@ -118,8 +115,8 @@ def _widen(
     arbitrary.
     """
     within = tolerance
-    for _ in range(WIDENINGS):
-        within *= WIDENING
-        search_rotation(pairs, count, within, START_SAMPLES, state, R_far)
+    for _ in range(TOLERANCE_WIDENINGS):
+        within *= TOLERANCE_WIDENING
+        search_rotation(pairs, count, within, FAR_START_SAMPLES, state, R_far)
         if 2 * enlarge_rotation(pairs, count, within, R_far, consistent) > count:
             break

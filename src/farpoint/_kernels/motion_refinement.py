@@ -8,26 +8,35 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import kernel, step_kernel
+from farpoint._kernels.constants import (
+    ALTERNATIONS,
+    COARSE_TOLERANCE,
+    FINE_TOLERANCE,
+    GATE_SIGMA,
+    LANES,
+    MAX_ITERATIONS,
+    MAX_SEARCHED,
+    MIN_SIGNAL,
+    PANEL,
+    SHORT_TAIL,
+)
 from farpoint._kernels.covariance import (
     MEASURED_FLOW,
-    MIN_SIGNAL,
     SHRUNK_FLOW,
     covariance_here,
     step_with_shrunk_flow,
 )
-from farpoint._kernels.evidence import NEAR_SIGMA, count_beyond_rotation, label_matches
-from farpoint._kernels.hypothesis_comparison import COARSE_TOLERANCE, laplace_factor
+from farpoint._kernels.evidence import count_beyond_rotation, label_matches
+from farpoint._kernels.hypothesis_comparison import laplace_factor
 from farpoint._kernels.likelihood import evaluate_residuals
-from farpoint._kernels.mixture import SHORT_TAIL, mean_variance
-from farpoint._kernels.pairs import LANES, PANEL, take_pairs
+from farpoint._kernels.mixture import mean_variance
+from farpoint._kernels.pairs import take_pairs
 from farpoint._kernels.parallax_noise import scale_noise_with_parallax
 from farpoint._kernels.parallax_prior import fit_parallax_prior
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.refinement import refine_pose
 
 __all__ = [
-    "MAX_REFINEMENTS",
-    "MAX_SEARCHED",
     "MotionBuffers",
     "MotionSummary",
     "evenly_drawn",
@@ -35,15 +44,6 @@ __all__ = [
     "refine_motion",
     "searched_matches",
 ]
-
-# Maximum number of matches in the search: more take longer without improving the result.
-MAX_SEARCHED = 160
-# Predicted decrease, in log likelihood, at which the refinement ends: 1/30 sigma. Maximum number of
-# steps.
-FINE_TOLERANCE = 1e-3
-MAX_REFINEMENTS = np.int64(20)
-# Maximum number of alternations between the prior of the parallax and the refinement.
-MAX_ROUNDS = 4
 
 
 class MotionSummary(NamedTuple):
@@ -246,8 +246,8 @@ def _label_and_count(
     total = min(count, MAX_SEARCHED)
     for j in range(prior.size):
         prior[j] = 1.0 if j < total and inlier[j * count // total] > 0.5 else 0.0
-    # The motion explains a part of the flow by translation: the limit is twice `NEAR_SIGMA`.
-    distance = 2.0 * NEAR_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
+    # The motion explains a part of the flow by translation: the limit is twice `GATE_SIGMA`.
+    distance = 2.0 * GATE_SIGMA * math.sqrt(mean_variance(mixture[0], mixture[2]))
     beyond, supporting = count_beyond_rotation(some, prior, R, R_far, distance)
     return agreeing, sign_log_odds, log_odds, beyond, supporting
 
@@ -298,9 +298,9 @@ def _refine(
     Repeated while inliers lie beyond the end of the prior, from which the prior is 0.
     """
     pose = Pose(buffers.R, buffers.t, buffers.mixture, normal, np.empty(1))
-    for _ in range(MAX_ROUNDS):
+    for _ in range(ALTERNATIONS):
         end = _update_prior(matches, buffers)
-        refine_pose(matches, precision, MAX_REFINEMENTS, pose)
+        refine_pose(matches, precision, MAX_ITERATIONS, pose)
         _evaluate_residuals(matches, buffers)
         if not _beyond(end, buffers.per_match[2], buffers.per_match[3]):
             break

@@ -14,9 +14,6 @@ import numpy as np
 from farpoint._kernels.compile import inlined_kernel, inlined_sum, inner_kernel, step_kernel
 
 __all__ = [
-    "FIVE",
-    "FOUR",
-    "SIX",
     "add_five",
     "add_four",
     "add_six",
@@ -33,10 +30,6 @@ __all__ = [
 ]
 
 Sums = tuple[float, ...]
-# Empty sums for rows of 4, 5 and 6 numbers.
-FOUR: Sums = (0.0,) * 10
-FIVE: Sums = (0.0,) * 15
-SIX: Sums = (0.0,) * 21
 
 
 @inlined_sum

@@ -12,16 +12,21 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
+from farpoint._kernels.constants import (
+    COVARIANCE0,
+    COVARIANCE1,
+    FLOW,
+    LANES,
+    MIN_VARIANCE_RAD2,
+    NO_INFORMATION_VARIANCE,
+    PANEL,
+    RAY0,
+    RAY1,
+)
 from farpoint._kernels.scalars import fma
 from farpoint._kernels.vectors import Vector, axpby, dot
 
 __all__ = [
-    "FLOW",
-    "LANES",
-    "MIN_VARIANCE_RAD2",
-    "PANEL",
-    "RAY0",
-    "RAY1",
     "address",
     "flow_variance",
     "is_finite",
@@ -33,15 +38,6 @@ __all__ = [
     "ray1",
     "take_pairs",
 ]
-
-LANES = 16  # as the shift and mask of `address`
-# Rows of a panel: two rays, their covariances (upper triangles), mean variance of the flow.
-RAY0, RAY1, COVARIANCE0, COVARIANCE1, FLOW = 0, 3, 6, 12, 18
-PANEL = 19 * LANES
-# Lower bound of the mean variance, rad^2: rounding of the rays.
-MIN_VARIANCE_RAD2 = 1e-30
-# Variance of filler, rad^2: consistent with any pose.
-FILLER_VARIANCE = 1e12
 
 
 def packed_length(count: int) -> int:
@@ -225,8 +221,8 @@ def _put_filler(pairs: np.ndarray, at: int) -> None:
         pairs[at + row * LANES] = 1.0
     for row in (COVARIANCE0, COVARIANCE1):
         for diagonal in (0, 3, 5):
-            pairs[at + (row + diagonal) * LANES] = FILLER_VARIANCE
-    pairs[at + FLOW * LANES] = FILLER_VARIANCE
+            pairs[at + (row + diagonal) * LANES] = NO_INFORMATION_VARIANCE
+    pairs[at + FLOW * LANES] = NO_INFORMATION_VARIANCE
 
 
 @kernel

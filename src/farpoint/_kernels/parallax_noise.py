@@ -16,23 +16,21 @@ import numpy as np
 
 from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel, sum_kernel
+from farpoint._kernels.constants import (
+    COVARIANCE0,
+    FLOW,
+    LANES,
+    LONGEST_PARALLAX_LENGTH,
+    MIN_LOG_RESIDUAL,
+    MIN_NOISE_MATCHES,
+    MIN_SHARE,
+    PARALLAX_LENGTHS,
+    SCALING_NOISE_LIMIT,
+)
 from farpoint._kernels.exponential import lane_log
-from farpoint._kernels.pairs import COVARIANCE0, FLOW, LANES, address, flow_variance
+from farpoint._kernels.pairs import address, flow_variance
 
 __all__ = ["scale_noise_with_parallax"]
-
-# Longest length over the mean parallax; each further one is half of the previous. Number of
-# lengths.
-LONGEST_LENGTH = 4.0
-LENGTHS = 9
-# Least share of inliers with a parallax below the length, from which the noise below is estimated.
-MIN_SHARE_WITHIN = 0.1
-# Limit of twice the log-likelihood ratio, which chance exceeds in 1 of 2000 cases; least number of
-# inliers.
-CHANCE_LIMIT = 11.0
-MIN_INLIERS = 30.0
-# Lower bound of the absolute residual over sigma, for its logarithm.
-MIN_RESIDUAL = 0.1
 
 
 class NoiseSamples(NamedTuple):
@@ -96,7 +94,7 @@ def _collect_samples(
         if i < count:
             flows[i] = parallax[i] * parallax[i] * flow_variance(pairs, address(i))
             square = residual[i] * residual[i] / variance
-            logs[i] = math.log(max(square, MIN_RESIDUAL * MIN_RESIDUAL))
+            logs[i] = math.log(max(square, MIN_LOG_RESIDUAL * MIN_LOG_RESIDUAL))
     return total
 
 
@@ -104,20 +102,20 @@ def _collect_samples(
 def _fit_steepness(samples: NoiseSamples, total: float) -> float:
     """Inverse squared length, rad^-2, of the best fit to the residuals; 0 for constant noise."""
     mean = _parallax(samples) / max(total, 1.0)
-    if total < MIN_INLIERS or not mean > 0.0:
+    if total < MIN_NOISE_MATCHES or not mean > 0.0:
         return 0.0
     even = _residual_sum(samples, total, 0.0)
     if not even > 0.0:
         return 0.0
     least, steepness = even, 0.0
-    for k in range(LENGTHS):
-        length = LONGEST_LENGTH * mean * 0.5**k
+    for k in range(PARALLAX_LENGTHS):
+        length = LONGEST_PARALLAX_LENGTH * mean * 0.5**k
         left = _residual_sum(samples, total, 1.0 / (length * length))
-        if not left < least or _within(samples, length) < MIN_SHARE_WITHIN * total:
+        if not left < least or _within(samples, length) < MIN_SHARE * total:
             break
         least, steepness = left, 1.0 / (length * length)
     log_ratio = total * math.log(even / max(least, 1e-300))
-    return steepness if log_ratio > CHANCE_LIMIT else 0.0
+    return steepness if log_ratio > SCALING_NOISE_LIMIT else 0.0
 
 
 @step_kernel

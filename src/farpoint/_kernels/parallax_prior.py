@@ -8,31 +8,20 @@ import numpy as np
 
 from farpoint._kernels.arrays import clear
 from farpoint._kernels.compile import inner_kernel, step_kernel
+from farpoint._kernels.constants import (
+    FIRST_RANK,
+    GATE_SIGMA,
+    MIN_PARALLAX_PRIOR,
+    MIN_PRIOR_TAIL,
+    PARALLAX_BIN,
+    PARALLAX_BINS,
+    PARALLAX_FALSE_ALARM,
+    PRIOR_FALL_OFF,
+    UNIFORM_COUNT,
+)
 from farpoint._kernels.exponential import lane_log
 
-__all__ = ["BAND_SIGMA", "END", "FALL_OFF", "MIN_TAIL", "fit_parallax_prior", "kth_largest"]
-
-# Half-width of the band about its epipolar line in which a match is consistent, in sigma.
-BAND_SIGMA = 3.0
-# Probability that more outliers than assumed lie on the epipolar lines of any direction by chance.
-FALSE_ALARM_RATE = 0.05
-# End of the prior beyond the last supported parallax: at least this share of that parallax. Sigma
-# of its fall-off, as a share of the distance.
-MIN_TAIL = 0.1
-FALL_OFF = 0.3
-# Sigmas of the fall-off after which the prior is taken as 0.
-END = 3.0
-# Histogram of the parallax: number of bins and their width in `_rank`; beyond the noise a bin spans
-# a factor of 1.5.
-BINS = 64
-BIN = 0.4
-# Uniform pseudo-count of inliers up to the end of the prior: 0.5 (Krichevsky and Trofimov, IEEE
-# Trans. Inf. Theory 27, 1981, DOI 10.1109/TIT.1981.1056331).
-UNIFORM_COUNT = 0.5
-# Lower bound of the prior: a match without support is an outlier with a finite cost.
-MIN_PRIOR = 1e-30
-# Rank of the first bin, at the end of the band.
-FIRST = math.asinh(-1.0)
+__all__ = ["fit_parallax_prior", "kth_largest"]
 
 
 @inner_kernel
@@ -80,25 +69,25 @@ def fit_parallax_prior(
     inliers = _inlier_parallaxes(parallax, inlier, sigma, sizes)
     outliers = count - inliers
     # Half of the outliers on the lines by chance flow backwards; without outliers there are none.
-    by_chance = 0.5 * outliers * BAND_SIGMA * sigma / half_width
+    by_chance = 0.5 * outliers * GATE_SIGMA * sigma / half_width
     captured = min(outliers, 2 + _chance_count(by_chance, 0.5 * outliers * (outliers - 1)))
     if inliers <= captured:
         for i in range(count):
             prior[i] = 1.0
         return math.inf
     last, tail = _reach(sizes, captured)
-    ranks, bins = np.empty(count), np.empty(BINS)
+    ranks, bins = np.empty(count), np.empty(PARALLAX_BINS)
     total = _count(parallax, inlier, sizes, sigma, ranks, bins)
     for i in range(count):
         p, own = parallax[i] / sigma, inlier[i] if sizes[i] >= 0.0 else 0.0
         there = _at(bins, ranks[i], own) * _slope(p)
-        density = (UNIFORM_COUNT / (last + tail + BAND_SIGMA) + there) / (
+        density = (UNIFORM_COUNT / (last + tail + GATE_SIGMA) + there) / (
             UNIFORM_COUNT + total - own
         )
         beyond = (p - last) / tail - 1.0
-        fading = math.exp(-0.5 * (beyond / FALL_OFF) ** 2) if beyond > 0.0 else 1.0
-        prior[i] = max(2.0 * half_width / sigma * density * fading, MIN_PRIOR)
-    return (last + (1.0 + END * FALL_OFF) * tail) * sigma
+        fading = math.exp(-0.5 * (beyond / PRIOR_FALL_OFF) ** 2) if beyond > 0.0 else 1.0
+        prior[i] = max(2.0 * half_width / sigma * density * fading, MIN_PARALLAX_PRIOR)
+    return (last + (1.0 + GATE_SIGMA * PRIOR_FALL_OFF) * tail) * sigma
 
 
 @step_kernel
@@ -109,7 +98,7 @@ def _inlier_parallaxes(
     inliers = 0
     for i in range(sizes.size):
         p = parallax[i] / sigma
-        belongs = inlier[i] > 0.5 and p > -BAND_SIGMA
+        belongs = inlier[i] > 0.5 and p > -GATE_SIGMA
         sizes[i] = abs(p) if belongs else -1.0
         inliers += 1 if belongs else 0
     return inliers
@@ -118,22 +107,23 @@ def _inlier_parallaxes(
 @step_kernel
 def _reach(sizes: np.ndarray, captured: int) -> tuple[float, float]:
     """Last supported parallax, and distance of the end of the prior beyond it, in sigma."""
-    last = max(kth_largest(sizes, captured + 1), BAND_SIGMA)
+    last = max(kth_largest(sizes, captured + 1), GATE_SIGMA)
     nearer = max(kth_largest(sizes, 2 * (captured + 1)) / last, math.sqrt(0.5))
-    return last, max(max(1.0 / (nearer * nearer) - 1.0, MIN_TAIL) * last, BAND_SIGMA)
+    return last, max(max(1.0 / (nearer * nearer) - 1.0, MIN_PRIOR_TAIL) * last, GATE_SIGMA)
 
 
 @step_kernel
 def _chance_count(expected: float, directions: float) -> int:
     """Upper bound of the number of outliers on the lines of any direction.
 
-    The number that chance exceeds with a probability of at most `FALSE_ALARM_RATE`: the tail of the
-    Poisson distribution of mean ``expected``, bounded by a geometric series, times the number of
-    ``directions``.
+    The number that chance exceeds with a probability of at most `PARALLAX_FALSE_ALARM`: the tail of
+    the Poisson distribution of mean ``expected``, bounded by a geometric series, times the number
+    of ``directions``.
     """
     k, chance = 0, math.exp(-expected)
     while (
-        k <= expected or directions * chance * (k + 1.0) / (k + 1.0 - expected) > FALSE_ALARM_RATE
+        k <= expected
+        or directions * chance * (k + 1.0) / (k + 1.0 - expected) > PARALLAX_FALSE_ALARM
     ):
         k += 1
         chance *= expected / k
@@ -183,12 +173,12 @@ def _rank(p: float) -> float:
     Inverse hyperbolic sine (Burbidge, Magee and Robb, J. Am. Stat. Assoc. 83, 1988, DOI
     10.1080/01621459.1988.10478575), starting at the end of the band.
     """
-    u = max(p / BAND_SIGMA, -1.0)
-    rank = (lane_log(u + math.sqrt(u * u + 1.0)) - FIRST) / BIN
-    return min(max(rank, 0.0), BINS - 1.5)
+    u = max(p / GATE_SIGMA, -1.0)
+    rank = (lane_log(u + math.sqrt(u * u + 1.0)) - FIRST_RANK) / PARALLAX_BIN
+    return min(max(rank, 0.0), PARALLAX_BINS - 1.5)
 
 
 @step_kernel
 def _slope(p: float) -> float:
     """Derivative of `_rank` by the parallax."""
-    return 1.0 / (BIN * math.sqrt(p * p + BAND_SIGMA * BAND_SIGMA))
+    return 1.0 / (PARALLAX_BIN * math.sqrt(p * p + GATE_SIGMA * GATE_SIGMA))

@@ -15,14 +15,25 @@ import numpy as np
 from farpoint._kernels.ambiguous_motions import second_planar_motion
 from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel, sum_kernel
+from farpoint._kernels.constants import (
+    COARSE_TOLERANCE,
+    EM_ROUNDS,
+    GATE_SIGMA,
+    LANES,
+    MAX_ITERATIONS,
+    MEDIAN_SQUARE,
+    OFF_PLANE_MATCHES,
+    OFF_PLANE_PRIOR_MATCHES,
+    PANEL,
+    RELIEF_PRIOR_MATCHES,
+)
 from farpoint._kernels.exponential import exp_and_roots, lane_log
-from farpoint._kernels.hypothesis_comparison import GATE_SIGMA, is_same_mode, planar_margin
+from farpoint._kernels.hypothesis_comparison import is_same_mode, planar_margin
 from farpoint._kernels.likelihood import evaluate_pose, evaluate_residuals
 from farpoint._kernels.linear import add, add_outer
 from farpoint._kernels.mixture import clutter_at, clutter_of, densities, sum_of
-from farpoint._kernels.motion_refinement import MAX_REFINEMENTS
 from farpoint._kernels.normal_equations import solve_three_spd
-from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, noise0, noise1, ray0, ray1
+from farpoint._kernels.pairs import address, flow_variance, noise0, noise1, ray0, ray1
 from farpoint._kernels.parallax_prior import kth_largest
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.refinement import refine_pose
@@ -40,19 +51,6 @@ from farpoint._kernels.vectors import (
 )
 
 __all__ = ["other_motion"]
-
-# Log likelihood: predicted decrease of the refinement and change of EM at convergence.
-FINE_TOLERANCE = 0.1
-# Prior of the share of matches anywhere on their lines, off the plane: 4 of 40 matches. An outlier
-# or two lie on the lines of any motion.
-OFF_PLANE, OFF_PLANE_OF = 4.0, 40.0
-# Weight of the prior variance across the lines, in matches.
-PRIOR_MATCHES = 60.0
-# Rounds of the robust fit of the plane, and of EM.
-PLANE_ROUNDS = 8
-RELIEF_ROUNDS = 8
-# Median of the sum of two squared normal errors of unit variance.
-MEDIAN = 2.0 * math.log(2.0)
 
 
 @kernel
@@ -72,9 +70,9 @@ def other_motion(
         return False, 0.0
     own = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
     _set_pose(own, pose.R, pose.t, pose.mixture)
-    refine_pose(matches, FINE_TOLERANCE, MAX_REFINEMENTS, own)
+    refine_pose(matches, COARSE_TOLERANCE, MAX_ITERATIONS, own)
     _set_pose(other, other_R, other_t, pose.mixture)
-    refine_pose(matches, FINE_TOLERANCE, MAX_REFINEMENTS, other)
+    refine_pose(matches, COARSE_TOLERANCE, MAX_ITERATIONS, other)
     if is_same_mode(other.R, other.t, own):
         # The second motion may by chance be no local maximum, with nearly the same likelihood.
         _set_pose(other, other_R, other_t, own.mixture)
@@ -134,19 +132,23 @@ def _log_likelihood(
         matches.pairs, matches.prior, pose.R, pose.t, mixture, half_width, long_tail
     )
     relief, sums, likelihood = np.empty(3), np.empty(5), -math.inf
-    across, along, off_share = 1.0, 1.0, OFF_PLANE / OFF_PLANE_OF
-    for _ in range(RELIEF_ROUNDS):
+    across, along, off_share = 1.0, 1.0, OFF_PLANE_MATCHES / OFF_PLANE_PRIOR_MATCHES
+    for _ in range(EM_ROUNDS):
         relief[0], relief[1], relief[2] = across, along, off_share
         before, likelihood = likelihood, _relief_log_likelihood(point, parts, peak, relief, sums)
-        if abs(likelihood - before) < FINE_TOLERANCE:
+        if abs(likelihood - before) < COARSE_TOLERANCE:
             break
-        on_line, off_plane, weight = OFF_PLANE_OF + sums[0], OFF_PLANE + sums[1], sums[2]
+        on_line, off_plane, weight = (
+            OFF_PLANE_PRIOR_MATCHES + sums[0],
+            OFF_PLANE_MATCHES + sums[1],
+            sums[2],
+        )
         squares_across, squares_along = sums[3], sums[4]
-        across = (squares_across + PRIOR_MATCHES) / (weight + PRIOR_MATCHES)
+        across = (squares_across + RELIEF_PRIOR_MATCHES) / (weight + RELIEF_PRIOR_MATCHES)
         along = squares_along / max(weight, 1.0)
         if along < across:
-            along = (squares_across + squares_along + PRIOR_MATCHES) / (
-                2.0 * weight + PRIOR_MATCHES
+            along = (squares_across + squares_along + RELIEF_PRIOR_MATCHES) / (
+                2.0 * weight + RELIEF_PRIOR_MATCHES
             )
             across = along
         off_share = off_plane / on_line
@@ -267,8 +269,8 @@ def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> No
     M, v, n = np.empty((3, 3)), np.empty(3), np.empty(3)
     rotation, direction, variance = matrix(point.R), vector(point.t), point.mixture[0]
     clear(square)
-    typical = MEDIAN
-    for _ in range(PLANE_ROUNDS):
+    typical = MEDIAN_SQUARE
+    for _ in range(EM_ROUNDS):
         clear(M)
         clear(v)
         for i in range(count):
@@ -276,7 +278,7 @@ def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> No
         _solve(M, v, variance, n)
         for i in range(count):
             square[i] = _write_offset(point.pairs, i, rotation, direction, variance, n, off)
-        typical = max(_median(square, inlier, sizes), MEDIAN)
+        typical = max(_median(square, inlier, sizes), MEDIAN_SQUARE)
 
 
 @inlined_kernel
@@ -303,7 +305,7 @@ def _add_to_plane(
 ) -> None:
     """Add a match to the normal equations of the plane, with a robust weight."""
     a, still, moved = _apart(pairs, address(i), R, t)
-    discount = 1.0 + square[i] / (9.0 / MEDIAN * typical)
+    discount = 1.0 + square[i] / (9.0 / MEDIAN_SQUARE * typical)
     precision = 1.0 / (discount * discount * flow_variance(pairs, address(i)))
     weight = where(inlier[i] > 0.5, precision, 0.0)
     add_outer(a, a, weight * dot(moved, moved), M)

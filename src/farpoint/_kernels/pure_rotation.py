@@ -8,19 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel, step_kernel
+from farpoint._kernels.constants import FAR_SHARES, MIN_KNOWN_SHARE, MIN_MODEL_PROBABILITY, ROUNDING
 from farpoint._kernels.rotation import evaluate_rotation, refine_rotation
 from farpoint._kernels.vectors import matrix
 
 __all__ = ["MatchProbabilities", "fit_rotation", "flow_beside_rotation", "translation_log_ratio"]
-
-# Lower bound of the share of information that remains although outliers are unknown.
-MIN_KNOWN = 0.1
-# Prior share of far points under the motion model: 0.5 or 0.9, the better one counts.
-FAR_SHARES = (0.5, 0.9)
-# Lower bound of inlier and outlier probabilities.
-MIN_COMPLEMENT = 1e-15
-# Lower bound of the prior of the parallax.
-MIN_PRIOR = 1e-12
 
 
 @kernel
@@ -70,7 +62,7 @@ def _determinant_beside_one(H: np.ndarray) -> float:
 @step_kernel
 def _keep_known(known: float, supporting: float, information: np.ndarray) -> None:
     freedom = max(2.0 * supporting - 3.0, 4.0)
-    share = max(known, MIN_KNOWN) * (freedom - 2.0) / freedom
+    share = max(known, MIN_KNOWN_SHARE) * (freedom - 2.0) / freedom
     for i in range(3):
         for j in range(3):
             information[i, j] *= share
@@ -184,13 +176,13 @@ def _log_ratio(
     for i in range(matches.parallax.size):
         p = matches.parallax[i] / sigma - middle
         far = share * lift * math.exp(-0.5 * p * p / variance) / math.sqrt(variance)
-        far /= max(matches.prior[i], MIN_PRIOR)
+        far /= max(matches.prior[i], ROUNDING)
         inlier, rotation_inlier = matches.inlier[i], matches.rotation_inlier[i]
-        odds = inlier / max(1.0 - inlier, MIN_COMPLEMENT) * (1.0 - share + far)
+        odds = inlier / max(1.0 - inlier, MIN_MODEL_PROBABILITY) * (1.0 - share + far)
         gain = (
             outlier_log_ratio
             + math.log1p(odds)
-            + math.log(max(1.0 - rotation_inlier, MIN_COMPLEMENT))
+            + math.log(max(1.0 - rotation_inlier, MIN_MODEL_PROBABILITY))
         )
         if odds > 1.0 and rotation_inlier > 0.5:
             both += gain

@@ -12,22 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
-from farpoint._kernels.scene_arrays import (
-    BOX,
-    ELLIPSOID,
-    FIRST_RING,
-    GROUND,
-    NOTHING,
-    SKY,
-    Blocks,
-    Hills,
-)
+from farpoint._kernels.constants import BOX, ELLIPSOID, FIRST_RING, GROUND, NOTHING, SKY, TOP_FACE
+from farpoint._kernels.scene_arrays import Blocks, Hills
 from farpoint._kernels.vectors import Vector
 
-__all__ = ["TOP_FACE", "Hit", "Ray", "cast_rays", "trace"]
-
-# Number of the top face of a box; the bottom is the next one.
-TOP_FACE = 4
+__all__ = ["Hit", "Ray", "cast_rays", "trace"]
 
 
 class Ray(NamedTuple):

@@ -7,6 +7,21 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, step_kernel
+from farpoint._kernels.constants import (
+    KEPT_COST,
+    KEPT_MIXTURE,
+    KEPT_NORMAL,
+    KEPT_SHARES,
+    KEPT_SIZE,
+    KEPT_T,
+    MAX_COST_INCREASE,
+    NO_TAIL_SHARE,
+    STATE_DAMPING,
+    STATE_LOWEST,
+    STATE_OVER_RELAXED,
+    STATE_PREDICTED_DECREASE,
+    STATE_SQUARE,
+)
 from farpoint._kernels.likelihood import linearize
 from farpoint._kernels.mixture import mixture_cost, repeated_share, share_prior_cost, update_mixture
 from farpoint._kernels.normal_equations import predicted_decrease, solve_five_spd
@@ -18,24 +33,7 @@ from farpoint._kernels.pose import (
     take_step,
 )
 
-__all__ = ["PREDICTED_DECREASE", "advance", "begin", "finish", "refine_pose"]
-
-# Increase of the cost, in log likelihood, up to which a step is kept: EM with an unbiased variance
-# may raise the cost a little.
-MAX_INCREASE = 0.5
-
-# Share of the tail where the noise variance is bounded; its logarithm must exist.
-NONE = 1e-9
-
-# State between steps: lowest cost, mean weighted squared residual of the inliers at that cost,
-# Levenberg damping, over-relaxation of EM (1 or 0), predicted decrease of the last step in log
-# likelihood.
-LOWEST, SQUARE, DAMPING, OVER_RELAXED, PREDICTED_DECREASE = range(5)
-
-
-# Layout of the array that keeps the likeliest pose: rotation, direction, mixture, normal equations,
-# cost, and the shares as of `likelihood.linearize`.
-AT_T, AT_MIXTURE, AT_NORMAL, AT_COST, AT_SHARES, KEPT = 9, 12, 16, 52, 53, 57
+__all__ = ["advance", "begin", "finish", "refine_pose"]
 
 
 @inner_kernel
@@ -49,7 +47,7 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
     """
     normal, cost, shares = pose.normal, pose.cost, np.empty(4)
     point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
-    state, kept = np.empty(5), np.empty(KEPT)
+    state, kept = np.empty(5), np.empty(KEPT_SIZE)
     begin(matches, point.mixture, state)
     for _ in range(max_iterations):
         if not advance(matches, point, precision, normal, cost, shares, state, kept):
@@ -61,8 +59,8 @@ def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, p
 def begin(matches: PackedMatches, mixture: np.ndarray, state: np.ndarray) -> None:
     """Initialise the state; bound the noise of the initial mixture."""
     bound_noise(matches.max_variance, mixture)
-    state[LOWEST] = state[SQUARE] = math.inf
-    state[DAMPING], state[OVER_RELAXED], state[PREDICTED_DECREASE] = 0.0, 1.0, 0.0
+    state[STATE_LOWEST] = state[STATE_SQUARE] = math.inf
+    state[STATE_DAMPING], state[STATE_OVER_RELAXED], state[STATE_PREDICTED_DECREASE] = 0.0, 1.0, 0.0
 
 
 @step_kernel
@@ -80,24 +78,24 @@ def advance(
 
     ``point`` is updated in place; ``normal`` and ``cost`` are those before the step. ``kept`` (57,)
     holds the likeliest pose, ``state`` (5,) the state between steps. A step that raises the cost by
-    more than `MAX_INCREASE` is taken back.
+    more than `MAX_COST_INCREASE` is taken back.
     """
     R, t, mixture = point.R, point.t, point.mixture
     variance = mixture[0]
     cost[0] = linearize(point, matches.soft_cheirality, normal, shares)
     cost[0] += matches.total * mixture_cost(variance, mixture[1])
     penalised_cost = cost[0] + share_prior_cost(mixture[2]) + share_prior_cost(mixture[3])
-    if penalised_cost > state[LOWEST] + MAX_INCREASE:
+    if penalised_cost > state[STATE_LOWEST] + MAX_COST_INCREASE:
         restore(kept, R, t, mixture, normal, cost, shares)
         # First without over-relaxation, then with damping.
-        if state[OVER_RELAXED] == 0.0:
-            state[DAMPING] = max(100.0 * state[DAMPING], 1e-2)
-        state[OVER_RELAXED] = 0.0
+        if state[STATE_OVER_RELAXED] == 0.0:
+            state[STATE_DAMPING] = max(100.0 * state[STATE_DAMPING], 1e-2)
+        state[STATE_OVER_RELAXED] = 0.0
     else:
         keep(R, t, mixture, normal, cost, shares, kept)
-        state[LOWEST] = penalised_cost
-        state[SQUARE] = normal[5, 5] * variance / max(shares[0] - 5.0, 1.0)
-        state[DAMPING] *= 0.1
+        state[STATE_LOWEST] = penalised_cost
+        state[STATE_SQUARE] = normal[5, 5] * variance / max(shares[0] - 5.0, 1.0)
+        state[STATE_DAMPING] *= 0.1
     return _take_step(matches, precision, variance, R, t, mixture, normal, shares, state)
 
 
@@ -115,16 +113,18 @@ def _take_step(
 ) -> bool:
     """One step of EM and one of Gauss-Newton from the likeliest pose; False at convergence."""
     x, count = np.empty(5), float(matches.total)
-    update_mixture(state[SQUARE], shares, count, matches.min_variance, state[OVER_RELAXED], mixture)
+    update_mixture(
+        state[STATE_SQUARE], shares, count, matches.min_variance, state[STATE_OVER_RELAXED], mixture
+    )
     mixture[3] = repeated_share(shares[3], count - shares[0])
     bound_noise(matches.max_variance, mixture)
-    while not solve_five_spd(normal, state[DAMPING], x) and state[DAMPING] < 1e6:
-        state[DAMPING] = max(10.0 * state[DAMPING], 1e-9)
-    if not state[DAMPING] < 1e6:
+    while not solve_five_spd(normal, state[STATE_DAMPING], x) and state[STATE_DAMPING] < 1e6:
+        state[STATE_DAMPING] = max(10.0 * state[STATE_DAMPING], 1e-9)
+    if not state[STATE_DAMPING] < 1e6:
         return False
-    state[PREDICTED_DECREASE], size2 = predicted_decrease(normal, x)
+    state[STATE_PREDICTED_DECREASE], size2 = predicted_decrease(normal, x)
     has_converged = abs(mixture[0] - variance) < max(0.01, precision) * variance
-    if has_converged and state[PREDICTED_DECREASE] < precision:
+    if has_converged and state[STATE_PREDICTED_DECREASE] < precision:
         return False
     take_step(R, t, x, size2)
     return True
@@ -134,7 +134,7 @@ def _take_step(
 def bound_noise(max_variance: float, mixture: np.ndarray) -> None:
     """Bound the noise variance."""
     if max_variance < math.inf:
-        mixture[0], mixture[2] = min(mixture[0], max_variance), NONE
+        mixture[0], mixture[2] = min(mixture[0], max_variance), NO_TAIL_SHARE
 
 
 @step_kernel
@@ -149,7 +149,7 @@ def finish(
 ) -> None:
     """Restore the likeliest pose, with the mixture of one more EM step."""
     for k in range(4):
-        kept[AT_MIXTURE + k] = mixture[k]
+        kept[KEPT_MIXTURE + k] = mixture[k]
     restore(kept, R, t, mixture, normal, cost, shares)
 
 
@@ -165,16 +165,16 @@ def keep(
 ) -> None:
     """Keep a pose as the likeliest one."""
     for i in range(3):
-        kept[AT_T + i] = t[i]
+        kept[KEPT_T + i] = t[i]
         for j in range(3):
             kept[3 * i + j] = R[i, j]
     for i in range(6):
         for j in range(6):
-            kept[AT_NORMAL + 6 * i + j] = normal[i, j]
+            kept[KEPT_NORMAL + 6 * i + j] = normal[i, j]
     for k in range(4):
-        kept[AT_MIXTURE + k] = mixture[k]
-        kept[AT_SHARES + k] = shares[k]
-    kept[AT_COST] = cost[0]
+        kept[KEPT_MIXTURE + k] = mixture[k]
+        kept[KEPT_SHARES + k] = shares[k]
+    kept[KEPT_COST] = cost[0]
 
 
 @inner_kernel
@@ -189,13 +189,13 @@ def restore(
 ) -> None:
     """Restore the pose that `keep` has stored."""
     for i in range(3):
-        t[i] = kept[AT_T + i]
+        t[i] = kept[KEPT_T + i]
         for j in range(3):
             R[i, j] = kept[3 * i + j]
     for i in range(6):
         for j in range(6):
-            normal[i, j] = kept[AT_NORMAL + 6 * i + j]
+            normal[i, j] = kept[KEPT_NORMAL + 6 * i + j]
     for k in range(4):
-        mixture[k] = kept[AT_MIXTURE + k]
-        shares[k] = kept[AT_SHARES + k]
-    cost[0] = kept[AT_COST]
+        mixture[k] = kept[KEPT_MIXTURE + k]
+        shares[k] = kept[KEPT_SHARES + k]
+    cost[0] = kept[KEPT_COST]

@@ -11,8 +11,15 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
+from farpoint._kernels.constants import (
+    EDGE_FOOTPRINT,
+    EDGE_HALF_WIDTH_PX,
+    EDGE_SAMPLES,
+    NOTHING,
+    PIXEL_CENTRE,
+)
 from farpoint._kernels.raycast import Hit, Ray, trace
-from farpoint._kernels.scene_arrays import NOTHING, Scene
+from farpoint._kernels.scene_arrays import Scene
 from farpoint._kernels.surfaces import RayDifferential, ray_grey
 from farpoint._kernels.vectors import Vector
 
@@ -31,10 +38,7 @@ def tent_offsets(count: int, half_width: float) -> np.ndarray:
     return np.where(share < 0.5, -tail, tail)
 
 
-# Width of the filter of the textures: sigma 1.25 / sqrt(6) = 0.51 px.
-EDGE_OFFSETS = tent_offsets(16, 1.25)
-CENTRE = np.zeros((1, 2))
-EDGE_FOOTPRINT = 0.4  # footprint of one sample over that of the pixel
+EDGE_OFFSETS = tent_offsets(EDGE_SAMPLES, EDGE_HALF_WIDTH_PX)
 
 
 @inlined_kernel
@@ -120,7 +124,7 @@ def render(
     """
     rows, columns = depth.shape
     for sweep in range(2):  # all pixels by one ray, then the edges again by many
-        offsets, footprint = (CENTRE, 1.0) if sweep == 0 else (EDGE_OFFSETS, EDGE_FOOTPRINT)
+        offsets, footprint = (PIXEL_CENTRE, 1.0) if sweep == 0 else (EDGE_OFFSETS, EDGE_FOOTPRINT)
         for row in range(rows):
             pose = world_from_row[row]
             for column in range(columns):

@@ -7,15 +7,11 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel
+from farpoint._kernels.constants import GATE_SIGMA, ROUNDING
 from farpoint._kernels.pairs import address, ray0, ray1
 from farpoint._kernels.vectors import axpby, dot
 
 __all__ = ["bounded", "patch_correlation"]
-
-# Bound of the absolute residual, in sigma.
-MAX_SIGMA = 3.0
-# Least width of the image, rad, for the division into strips.
-MIN_WIDTH = 1e-12
 
 
 @kernel
@@ -57,7 +53,7 @@ def _sort(pairs: np.ndarray, rows: np.ndarray, in_order: np.ndarray) -> None:
         places[k] = ray0(pairs, address(rows[k]))[0]
         low, high = min(low, places[k]), max(high, places[k])
         ends[k] = 0
-    over = (count - 1.0) / max(high - low, MIN_WIDTH)
+    over = (count - 1.0) / max(high - low, ROUNDING)
     for k in range(count):
         ends[int((places[k] - low) * over)] += 1
     for s in range(1, count):
@@ -103,5 +99,5 @@ def _distances2(pairs: np.ndarray, at: int, other: int) -> tuple[float, float]:
 
 @inlined_kernel
 def bounded(residual: float, sigma: float) -> float:
-    """Residual over sigma, clipped to `MAX_SIGMA`."""
-    return min(max(residual / sigma, -MAX_SIGMA), MAX_SIGMA)
+    """Residual over sigma, clipped to `GATE_SIGMA`."""
+    return min(max(residual / sigma, -GATE_SIGMA), GATE_SIGMA)

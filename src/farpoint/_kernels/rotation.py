@@ -7,11 +7,10 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
+from farpoint._kernels.constants import LANES, LONG_TAIL, PANEL, SUMS_OF_FOUR, TAIL_RATIO
 from farpoint._kernels.exponential import lane_log
 from farpoint._kernels.linear import apply_rotation_step
 from farpoint._kernels.mixture import (
-    LONG_TAIL,
-    TAIL_RATIO,
     Densities,
     densities_of,
     sum_of,
@@ -21,8 +20,7 @@ from farpoint._kernels.mixture import (
     weight2_of,
     weight_of,
 )
-from farpoint._kernels.normal_equations import FOUR, add_four, solve_three_spd
-from farpoint._kernels.pairs import LANES, PANEL
+from farpoint._kernels.normal_equations import add_four, solve_three_spd
 from farpoint._kernels.rotation_residual import rotation_distance2, whitened_residual
 from farpoint._kernels.vectors import matrix
 
@@ -62,7 +60,7 @@ def rotation_linearize(
     rotation = matrix(R)
     precision, tail_share = 1.0 / mixture[0], mixture[2]
     cost = used = inlier = steps = trials = 0.0
-    normal = FOUR
+    normal = SUMS_OF_FOUR
     for panel in range(prior.size // LANES):
         for lane in range(LANES):
             at, share = panel * PANEL + lane, prior[panel * LANES + lane]

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, sum_kernel
-from farpoint._kernels.pairs import LANES, PANEL, noise0, noise1, ray0, ray1
+from farpoint._kernels.constants import LANES, PANEL
+from farpoint._kernels.pairs import noise0, noise1, ray0, ray1
 from farpoint._kernels.vectors import (
     Matrix,
     Vector,

@@ -8,8 +8,9 @@ import numpy as np
 
 from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inlined_sum, kernel, sum_kernel
+from farpoint._kernels.constants import LANES, PANEL
 from farpoint._kernels.linear import add_outer, draw_index, kabsch
-from farpoint._kernels.pairs import LANES, PANEL, address, flow_variance, ray0, ray1
+from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
 from farpoint._kernels.vectors import Matrix, Vector, axpby, dot, matrix, rotate
 
 __all__ = ["enlarge_rotation", "search_rotation"]

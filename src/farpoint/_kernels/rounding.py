@@ -7,18 +7,9 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inner_kernel, kernel
+from farpoint._kernels.constants import GRID_SIGMA, MIN_SHARE, PIXEL_GRIDS
 
 __all__ = ["rounding_variance"]
-
-# Share of matches on a grid in both images, above which all were rounded: detectors round some to
-# the coarser grids of their pyramids. Sub-pixel measurements lie on no grid.
-MIN_ON_GRID = 0.1
-# Number of grids: 1, 1/2 and 1/4 px.
-GRIDS = np.int64(3)
-# Lower bound of the noise sigma of a coordinate, over the grid step: the displacement between two
-# rounded places has an error of up to one step. With less noise, matches that jump to the next
-# pixel would be outliers, and all others would prove that the camera stands still.
-SIGMA = 0.5
 
 
 @kernel
@@ -28,12 +19,12 @@ def rounding_variance(points0: np.ndarray, points1: np.ndarray) -> float:
     The grid is the coarsest one on which more than 10 % of the matches lie in both images.
     """
     step = 1.0
-    for _ in range(GRIDS):
+    for _ in range(PIXEL_GRIDS):
         kept = 0
         for i in range(len(points0)):
             kept += 1 if _is_on_grid(points0, i, step) and _is_on_grid(points1, i, step) else 0
-        if kept > MIN_ON_GRID * len(points0):
-            return SIGMA * SIGMA * step * step
+        if kept > MIN_SHARE * len(points0):
+            return GRID_SIGMA * GRID_SIGMA * step * step
         step *= 0.5
     return 0.0
 

@@ -7,29 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 __all__ = [
-    "BOX",
-    "CYLINDER",
-    "ELLIPSOID",
-    "FIRST_RING",
-    "GROUND",
-    "NOTHING",
-    "SKY",
     "Blocks",
     "Finish",
     "Hills",
     "Scene",
 ]
-
-# Kinds of shapes.
-BOX = 0
-CYLINDER = 1
-ELLIPSOID = 2
-
-# Surfaces other than shapes; shapes are numbered from 0, rings of hills downwards from FIRST_RING.
-GROUND = -1
-SKY = -2
-NOTHING = -3
-FIRST_RING = -4
 
 
 class Blocks(NamedTuple):

@@ -9,18 +9,19 @@ import numpy as np
 from farpoint._kernels.ambiguous_motions import bas_relief_motion, second_planar_motion
 from farpoint._kernels.arrays import clear, copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel, step_kernel
-from farpoint._kernels.direction import intersect_circles
-from farpoint._kernels.five_rays import (
-    LONG_FLOW,
-    SearchBudget,
-    iterations_needed,
-    score_pose,
-    solve_five,
-)
-from farpoint._kernels.hypothesis_comparison import (
+from farpoint._kernels.constants import (
+    COARSE_STEPS,
     GATE_SIGMA,
+    INITIAL_PAIRS,
+    LONG_FLOW_RAD,
+    MAX_SCORE_RATIO,
+    MIN_MATCHES,
+    MIN_SUPPORT_RATIO,
     MODE_MARGIN,
-    REFINEMENTS,
+)
+from farpoint._kernels.direction import intersect_circles
+from farpoint._kernels.five_rays import SearchBudget, iterations_needed, score_pose, solve_five
+from farpoint._kernels.hypothesis_comparison import (
     compare_hypothesis,
     default_noise,
     initial_noise,
@@ -45,15 +46,6 @@ from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint._kernels.vectors import Vector, axpby, dot, matrix, rotate
 
 __all__ = ["search_direction", "search_pose"]
-
-# A hypothesis is refined if its truncated squares are below 2 times the lowest so far, and its
-# support (limit minus truncated squares) is at least 0.5 of the highest so far.
-MAX_SCORE_RATIO = 2.0
-MIN_SUPPORT = 0.5
-# Number of pairs of matches whose intersections are the initial directions.
-DIRECTIONS = np.int64(16)
-# Least number of matches consistent with a mode for samples among them alone.
-MIN_KNOWN = 8
 
 
 @kernel
@@ -104,13 +96,13 @@ def _draw_distinct(sample: np.ndarray, among: np.ndarray, n: int, state: np.ndar
 def _mark_known(matches: PackedMatches, pose: Pose, tolerance: float, known: np.ndarray) -> float:
     """Mark the matches consistent with a pose as ``known``; returns the share of known matches.
 
-    1 if fewer than `MIN_KNOWN`: samples among them would hardly differ.
+    1 if fewer than `MIN_MATCHES`: samples among them would hardly differ.
     """
     mark_consistent(matches.pairs, pose.R, pose.t, tolerance, known)
     count = 0
     for i in range(matches.total):
         count += 1 if known[i] > 0.0 else 0
-    return count / matches.total if count >= MIN_KNOWN else 1.0
+    return count / matches.total if count >= MIN_MATCHES else 1.0
 
 
 @inlined_kernel
@@ -197,7 +189,8 @@ def search_pose(
         if not _solve_sample(pairs, sample, start_kind, start, flow, state, best, other):
             continue
         most = min(
-            MAX_SCORE_RATIO * lowest, MIN_SUPPORT * lowest + (1.0 - MIN_SUPPORT) * limit * count
+            MAX_SCORE_RATIO * lowest,
+            MIN_SUPPORT_RATIO * lowest + (1.0 - MIN_SUPPORT_RATIO) * limit * count,
         )
         raw = score_pose(pairs, prior, other.R, other.t, limit, most)
         if raw >= most:
@@ -233,9 +226,9 @@ def _start(
     """
     default_noise(tolerance, best.mixture)
     search_direction(
-        matches.pairs, matches.prior, candidates, tolerance, DIRECTIONS, state, best.R, best.t
+        matches.pairs, matches.prior, candidates, tolerance, INITIAL_PAIRS, state, best.R, best.t
     )
-    refine(matches, REFINEMENTS, best)
+    refine(matches, COARSE_STEPS, best)
     initial_noise(matches, best, tolerance, other.mixture)
     limit = GATE_SIGMA * GATE_SIGMA * other.mixture[0]
     copy(best.t, other.t)
@@ -286,7 +279,7 @@ def _solve_sample(
     if start_kind == 0:
         copy(best.R, other.R)
         copy(best.t, other.t)
-    elif flow > LONG_FLOW and _aligning_rotation(pairs, sample, other.R):
+    elif flow > LONG_FLOW_RAD and _aligning_rotation(pairs, sample, other.R):
         _longest_flow_first(pairs, other.R, sample)
         _direction_of_flow(pairs, sample[0], other.R, other.t)
     else:
@@ -321,7 +314,7 @@ def _direction_of_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) 
 @step_kernel
 def _nearby_rotation(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
     """The initial rotation, or a random one at about the distance of the flow it leaves."""
-    if flow < 0.2 * LONG_FLOW:
+    if flow < 0.2 * LONG_FLOW_RAD:
         copy(start, R)
         return
     x = flow * (2.0 * draw_unit(state) - 1.0)

@@ -6,22 +6,23 @@ import numpy as np
 
 from farpoint._kernels.arrays import copy
 from farpoint._kernels.compile import inlined_kernel, inner_kernel, kernel
-from farpoint._kernels.covariance import MIN_SIGNAL_NEARBY, covariance_here
+from farpoint._kernels.constants import (
+    COARSE_STEPS,
+    HALF_TOLERANCE,
+    LANES,
+    MAX_SPLIT_RATIO,
+    MIN_SIGNAL_NEARBY,
+    PANEL,
+)
+from farpoint._kernels.covariance import covariance_here
 from farpoint._kernels.normal_equations import inverse_square, size2
-from farpoint._kernels.pairs import LANES, PANEL, take_pairs
+from farpoint._kernels.pairs import take_pairs
 from farpoint._kernels.patches import split_patches
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
 from farpoint._kernels.refinement import refine_pose
 from farpoint._kernels.vectors import Matrix, axpby, dot, matrix, tangent_columns, vector
 
 __all__ = ["pose_difference_ratio"]
-
-# Upper bound of the ratio of one split.
-MAX_RATIO = 50.0
-# Predicted decrease, in log likelihood, at which the refinement of a half ends: far below its
-# noise. Maximum number of steps.
-FINE_TOLERANCE = 1e-2
-MAX_REFINEMENTS = np.int64(10)
 
 
 @kernel
@@ -61,7 +62,7 @@ def pose_difference_ratio(
         if not positive:
             continue
         square = size2(inverse, _apart(one.R, one.t, other.R, other.t, pose.t))
-        total += min(square / 5.0, MAX_RATIO)
+        total += min(square / 5.0, MAX_SPLIT_RATIO)
         counted += 1
     return total / counted if counted > 0 else 1.0
 
@@ -113,7 +114,7 @@ def _refine_by(
     some = PackedMatches(
         pairs, prior, rows.size, half_width, long_tail, least, most, soft_cheirality
     )
-    refine_pose(some, FINE_TOLERANCE, MAX_REFINEMENTS, pose)
+    refine_pose(some, HALF_TOLERANCE, COARSE_STEPS, pose)
     return True
 
 

@@ -12,30 +12,27 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, step_kernel
-from farpoint._kernels.raycast import TOP_FACE, Hit, Ray
-from farpoint._kernels.scene_arrays import (
+from farpoint._kernels.constants import (
     BOX,
+    CLOUD_GAIN,
+    CLOUD_TEXEL,
+    COARSE_TEXEL_M,
     ELLIPSOID,
+    FACE_SHIFT_M,
+    FINE_TEXEL_M,
     FIRST_RING,
     GROUND,
+    MIN_INCIDENCE_COSINE,
+    NOISE_TEXTURE,
     SKY,
-    Blocks,
-    Finish,
-    Hills,
+    TOP_FACE,
 )
+from farpoint._kernels.raycast import Hit, Ray
+from farpoint._kernels.scene_arrays import Blocks, Finish, Hills
 from farpoint._kernels.texture import Footprint, filtered, footprint_of, scaled
 from farpoint._kernels.vectors import Vector
 
 __all__ = ["RayDifferential", "ray_grey"]
-
-NOISE = 0  # index of the noise texture on every surface, at two scales
-FINE_M = 0.011  # m per texel of the fine scale
-COARSE_M = 0.23  # m per texel of the coarse scale
-CLOUD = 0.012  # of the height of the clouds per texel
-CLOUD_GAIN = 9.0  # amplitude of the clouds, grey levels
-FACE_SHIFT_M = 7.3  # m; offset of the noise texture between faces
-# Lower bound of the cosine of the angle of incidence: footprints stay finite at silhouettes.
-_LEAST_COSINE = 0.02
 
 
 class RayDifferential(NamedTuple):
@@ -138,7 +135,7 @@ def wall_footprint(
     """Footprint on a surface, m."""
     normal, along_u, along_v = frame.normal, frame.along_u, frame.along_v
     facing = dot(normal, direction)
-    facing = math.copysign(max(abs(facing), _LEAST_COSINE), facing)
+    facing = math.copysign(max(abs(facing), MIN_INCIDENCE_COSINE), facing)
     # A step of the ray moves the point hit by t (step - direction (normal.step / facing)).
     slide_x, slide_y = (
         dot(normal, differential.right) / facing,
@@ -156,7 +153,9 @@ def wall_footprint(
 def sky_grey(finish: Finish, direction: Vector, differential: RayDifferential) -> float:
     """Grey value of the sky: a gradient, and coarse noise."""
     footprint = sky_footprint(direction, differential)
-    clouds = filtered(finish, NOISE, scaled(footprint, footprint.u, footprint.v, 1.0 / CLOUD))
+    clouds = filtered(
+        finish, NOISE_TEXTURE, scaled(footprint, footprint.u, footprint.v, 1.0 / CLOUD_TEXEL)
+    )
     return 205.0 + 25.0 * (direction[1] + 0.3) + CLOUD_GAIN * clouds
 
 
@@ -186,10 +185,15 @@ def ray_grey(
     # Layers: the pattern, fine noise, coarse noise.
     first = 1 if pattern_gain == 0.0 or hit.face >= TOP_FACE else 0
     for layer in range(first, 3):
-        index, gain, scale, shift = NOISE, noise_gain, 1.0 / COARSE_M, FACE_SHIFT_M * hit.face
+        index, gain, scale, shift = (
+            NOISE_TEXTURE,
+            noise_gain,
+            1.0 / COARSE_TEXEL_M,
+            FACE_SHIFT_M * hit.face,
+        )
         if layer == 0:
             index, gain, scale, shift = pattern, pattern_gain, 1.0 / pattern_m, 0.0
         elif layer == 1:
-            scale = 1.0 / FINE_M
+            scale = 1.0 / FINE_TEXEL_M
         grey += gain * filtered(finish, index, scaled(footprint, u + shift, v - shift, scale))
     return grey

@@ -12,15 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel
+from farpoint._kernels.constants import MAX_TEXTURE_LOOKUPS, TEXEL_WIDTH_PX
 from farpoint._kernels.scene_arrays import Finish
 
 __all__ = ["Footprint", "filtered", "footprint_of", "scaled"]
-
-# Maximum number of lookups along the major axis of a footprint.
-MAX_TAPS = 12
-# Width of the texels that are read, px, at the minor axis. Each level is blurred by 0.8 of its
-# texels and interpolation adds 0.4: a filter of 0.6 sqrt(0.8^2 + 0.4^2) = 0.54 px.
-_TEXEL_PX = 0.6
 
 
 class Footprint(NamedTuple):
@@ -94,8 +89,8 @@ def filtered(finish: Finish, index: int, footprint: Footprint) -> float:
     start, log2_width = texture[index, 0], texture[index, 1]
     u, v, major_u, major_v, minor = footprint
     major = math.sqrt(major_u * major_u + major_v * major_v)
-    width = max(minor, major / MAX_TAPS)
-    level = math.log2(max(width * _TEXEL_PX, 1.0))
+    width = max(minor, major / MAX_TEXTURE_LOOKUPS)
+    level = math.log2(max(width * TEXEL_WIDTH_PX, 1.0))
     taps = max(1, math.ceil(major / width - 0.25))
     if taps == 1:
         return trilinear(texels, start, log2_width, level, u, v)

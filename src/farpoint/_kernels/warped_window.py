@@ -8,14 +8,13 @@ import numpy as np
 
 from farpoint._kernels.affine_jacobian import Template
 from farpoint._kernels.compile import inlined_kernel, step_kernel
+from farpoint._kernels.constants import MAX_WINDOW_STRETCH, PIXELS_AT_ONCE
 from farpoint._kernels.scalars import fma
 from farpoint._kernels.windows import Image, blank_values, line_px, read, room_px
 
 __all__ = ["Around", "blank_around", "residual_of"]
 
-_STEP = 16  # pixels of a line that are read at once
-_WIDE = np.int64(_STEP)  # a literal would be of another numba type
-_MAX_STRETCH = 2.0  # upper bound of the stretch of a window
+_WIDE = np.int64(PIXELS_AT_ONCE)  # a literal would be of another numba type
 
 
 class Around(NamedTuple):
@@ -29,9 +28,9 @@ class Around(NamedTuple):
 
 def blank_around(half: int) -> Around:
     """Buffer for the surroundings of a window of ``2 half + 1`` pixels."""
-    span = int(2.0 * _MAX_STRETCH * half) + 5
+    span = int(2.0 * MAX_WINDOW_STRETCH * half) + 5
     line = line_px(span)
-    return Around(blank_values(room_px(span, line) + _STEP), line)
+    return Around(blank_values(room_px(span, line) + PIXELS_AT_ONCE), line)
 
 
 @step_kernel
@@ -54,7 +53,7 @@ def residual_of(
     # In this form False for NaN.
     if not (reach_x <= x < image.width - 1 - reach_x and reach_y <= y < image.height - 1 - reach_y):
         return False
-    if max(reach_x, reach_y) > _MAX_STRETCH * half:
+    if max(reach_x, reach_y) > MAX_WINDOW_STRETCH * half:
         return False
     left, top = int(x - reach_x) - 1, int(y - reach_y) - 1
     read(image, left, top, int(2.0 * reach_y) + 5, around.line, around.pixels)
@@ -78,8 +77,8 @@ def _warp(
     """Interpolated values of a warped window around (x, y); undefined beyond its lines.
 
     Relative to an unwarped grid, adjacent pixels have the same 3 x 3 neighbours as long as the warp
-    displaces them by at most one pixel. That many are read in one step; `_STEP` are written each
-    time, and the surplus is overwritten by the next step.
+    displaces them by at most one pixel. That many are read in one step; `PIXELS_AT_ONCE` are
+    written each time, and the surplus is overwritten by the next step.
     """
     pixels, pixel_line = around.pixels, around.line
     xu, xv, yu, yv = theta[2], theta[3], theta[4], theta[5]
@@ -118,7 +117,7 @@ def _warp_part(
     (x, y), (slope_x, slope_y) = begin, slope
     o = np.uintp(to)
     k, m = i + np.uintp(line), i + np.uintp(2 * line)
-    for j in range(np.uintp(_STEP)):
+    for j in range(np.uintp(PIXELS_AT_ONCE)):
         u = np.float32(np.int32(j))
         to_x, to_y = fma(slope_x, u, x), fma(slope_y, u, y)
         a, b = min(to_x, one), max(to_x - one, zero)

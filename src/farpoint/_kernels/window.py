@@ -18,8 +18,15 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from farpoint._kernels.constants import (
+    MIN_FACING_COSINE,
+    STUDENT_FREEDOM,
+    UNSEEN_COST,
+    UNSEEN_PX,
+    WINDOW_RIDGE,
+)
+
 __all__ = [
-    "UNSEEN_PX",
     "by_sigmas",
     "expected_rays",
     "gather_information",
@@ -29,15 +36,6 @@ __all__ = [
     "robust_cost",
 ]
 
-UNSEEN_PX = 1e9
-"""Residual, px, of a point that is not in front of the camera."""
-
-UNSEEN_COST = 50.0
-"""Cost, in log likelihood, of a point behind the camera: as a residual of many sigma."""
-
-DOF = 5.0  # degrees of freedom of Student's t, which has the tails of residuals of tracks
-_RIDGE = 1e-9  # relative ridge on the diagonal, for poses that no point constrains
-_FACING = 0.2  # least cosine between a point and its prediction
 
 _loop: Any = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 _inline: Any = njit(error_model="numpy", fastmath={"reassoc", "contract", "nsz"}, inline="always")
@@ -188,7 +186,7 @@ def pixel_residuals(
         vx, vy, vz = phase * vx, phase * vy, phase * vz
         cx, cy, cz = _rotated_back(R[k], dx - readout * vx, dy - readout * vy, dz - readout * vz)
         depth = expected[o, 0] * cx + expected[o, 1] * cy + expected[o, 2] * cz
-        if not depth > _FACING * math.sqrt(cx * cx + cy * cy + cz * cz):
+        if not depth > MIN_FACING_COSINE * math.sqrt(cx * cx + cy * cy + cz * cz):
             residuals[o, 0] = residuals[o, 1] = UNSEEN_PX
             continue
         inverse = 1.0 / depth
@@ -300,7 +298,7 @@ def gather_information(
         uu, uv, vv, square = _whitened(noise, last[o], travelled[o], travelled[b], e[0], e[1])
         if not uu > 0.0:
             continue
-        weight = (DOF + 2.0) / (DOF + square)
+        weight = (STUDENT_FREEDOM + 2.0) / (STUDENT_FREEDOM + square)
         squares += weight * square
         count += 1
         # Root of the weighted inverse covariance: both rows have unit variance.
@@ -352,7 +350,7 @@ def robust_cost(point, last, travelled, anchor, used, noise, residuals, before):
         before[j] = o
         du, dv = residuals[o, 0] - residuals[b, 0], residuals[o, 1] - residuals[b, 1]
         square = _whitened(noise, last[o], travelled[o], travelled[b], du, dv)[3]
-        cost += 0.5 * (DOF + 2.0) * math.log(1.0 + square / DOF)
+        cost += 0.5 * (STUDENT_FREEDOM + 2.0) * math.log(1.0 + square / STUDENT_FREEDOM)
     return cost
 
 
@@ -398,7 +396,7 @@ def _solved(H, g, x):
     L = np.zeros((n, n))
     for i in range(n):
         for j in range(i + 1):
-            total = H[i, j] * (1.0 + _RIDGE) if i == j else H[i, j]
+            total = H[i, j] * (1.0 + WINDOW_RIDGE) if i == j else H[i, j]
             for k in range(j):
                 total -= L[i, k] * L[j, k]
             if i == j:
@@ -473,7 +471,7 @@ def locate(
             vx, vy, vz = _lag(twist, dx, dy, dz, sj)
             cx, cy, cz = _rotated_back(R, dx - late * vx, dy - late * vy, dz - late * vz)
             depth = expected[o, 0] * cx + expected[o, 1] * cy + expected[o, 2] * cz
-            if not depth > _FACING * math.sqrt(cx * cx + cy * cy + cz * cz):
+            if not depth > MIN_FACING_COSINE * math.sqrt(cx * cx + cy * cy + cz * cz):
                 continue
             inverse = 1.0 / depth
             for q in range(2):
@@ -504,8 +502,8 @@ def locate(
             uu, uv, vv = vv / det, -uv / det, uu / det
             square = uu * e[0] * e[0] + 2.0 * uv * e[0] * e[1] + vv * e[1] * e[1]
             squares[o] = square
-            weight = (DOF + 2.0) / (DOF + square)
-            cost += 0.5 * (DOF + 2.0) * math.log(1.0 + square / DOF)
+            weight = (STUDENT_FREEDOM + 2.0) / (STUDENT_FREEDOM + square)
+            cost += 0.5 * (STUDENT_FREEDOM + 2.0) * math.log(1.0 + square / STUDENT_FREEDOM)
             count += 1
             for i in range(6):
                 w0 = weight * (uu * J[0, i] + uv * J[1, i])

@@ -7,18 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.affine_jacobian import PARAMETERS, Template, jacobian_times
+from farpoint._kernels.affine_jacobian import Template, jacobian_times
 from farpoint._kernels.compile import inner_kernel, step_kernel, sum_kernel
-from farpoint._kernels.windows import LANES, line_px
+from farpoint._kernels.constants import (
+    AFFINE_PARAMETERS,
+    GRADIENT_NOISE_RATIO,
+    RESIDUAL_BLOCK_PX,
+    VECTOR_LANES,
+)
+from farpoint._kernels.windows import line_px
 
 __all__ = ["Influence", "blank_influence", "covary", "find_influence", "quadratic_bias", "solve"]
-
-# Variance of the noise of Scharr's gradients over that of the residual, for white noise s^2
-# interpolated between pixels: 0.23 s^2 shrunk to 0.13 s^2, over 0.88 s^2 of both images.
-_GRADIENT_NOISE = 0.15
-# px: residuals count as independent from this distance on (see `covary`); `_block_moments` writes
-# the sums out.
-_BLOCK = 3
 
 
 class Influence(NamedTuple):
@@ -37,22 +36,22 @@ class Influence(NamedTuple):
 
 def blank_influence(half: int) -> Influence:
     """Buffers for the influence of a window of ``2 half + 1`` pixels."""
-    width, around = 2 * half + 1, 2 * half + 1 + 2 * (_BLOCK - 1)
+    width, around = 2 * half + 1, 2 * half + 1 + 2 * (RESIDUAL_BLOCK_PX - 1)
     line = line_px(around)
     pixels = np.zeros((2, width * line_px(width)), np.float32)
-    moves = np.zeros((2, around * line + LANES), np.float32)
-    return Influence(np.zeros((2, PARAMETERS)), pixels, moves, line)
+    moves = np.zeros((2, around * line + VECTOR_LANES), np.float32)
+    return Influence(np.zeros((2, AFFINE_PARAMETERS)), pixels, moves, line)
 
 
 @inner_kernel
 def solve(factor: np.ndarray, vector: np.ndarray) -> None:
     """Solve ``F @ F.T @ x = vector`` in place; the factor F has its diagonal inverted."""
-    for a in range(PARAMETERS):
+    for a in range(AFFINE_PARAMETERS):
         for b in range(a):
             vector[a] -= factor[a, b] * vector[b]
         vector[a] *= factor[a, a]
-    for a in range(PARAMETERS - 1, -1, -1):
-        for b in range(a + 1, PARAMETERS):
+    for a in range(AFFINE_PARAMETERS - 1, -1, -1):
+        for b in range(a + 1, AFFINE_PARAMETERS):
             vector[a] -= factor[b, a] * vector[b]
         vector[a] *= factor[a, a]
 
@@ -117,7 +116,7 @@ def covary(
     """
     half, line = template.window.half, template.window.line
     rows, pixels, moves = influence.rows, influence.pixels, influence.moves
-    width, margin, moves_line = 2 * half + 1, _BLOCK - 1, influence.line
+    width, margin, moves_line = 2 * half + 1, RESIDUAL_BLOCK_PX - 1, influence.line
     for a in range(2):
         for v in range(width):
             i, out = np.uintp(v * line), np.uintp((v + margin) * moves_line + margin)
@@ -126,15 +125,15 @@ def covary(
     xx, xy, yy = _block_moments(moves, moves_line, (width + margin) * moves_line)
     # Degrees of freedom: of the count / block^2 independent blocks the parameters take their share.
     count = width * width
-    blocks = count / _BLOCK**2
-    scale = blocks / (blocks - PARAMETERS / 2.0)
+    blocks = count / RESIDUAL_BLOCK_PX**2
+    scale = blocks / (blocks - AFFINE_PARAMETERS / 2.0)
     covariance[0, 0] = scale * xx
     covariance[0, 1] = scale * xy
     covariance[1, 1] = scale * yy
     # The prior of M, gain and offset contributes to the displacement.
     for a in range(2):
         for b in range(a, 2):
-            for c in range(PARAMETERS):
+            for c in range(AFFINE_PARAMETERS):
                 covariance[a, b] += rows[a, c] * rows[b, c] * variance * prior[c]
     covariance[1, 0] = covariance[0, 1]
     _undo_attenuation(rows, variance * count, covariance)
@@ -157,7 +156,11 @@ def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, floa
         xx += x * x
         xy += x * y
         yy += y * y
-    return float(xx) / _BLOCK**2, float(xy) / _BLOCK**2, float(yy) / _BLOCK**2
+    return (
+        float(xx) / RESIDUAL_BLOCK_PX**2,
+        float(xy) / RESIDUAL_BLOCK_PX**2,
+        float(yy) / RESIDUAL_BLOCK_PX**2,
+    )
 
 
 @step_kernel
@@ -171,7 +174,7 @@ def _undo_attenuation(rows: np.ndarray, power: float, covariance: np.ndarray) ->
     # inv(D) is the displacement's block of the inverse normal matrix.
     mean = 0.5 * (rows[0, 0] + rows[1, 1])
     kth_largest = mean + math.hypot(0.5 * (rows[0, 0] - rows[1, 1]), rows[0, 1])
-    nu = min(_GRADIENT_NOISE * power, 1.0 / (3.0 * kth_largest))
+    nu = min(GRADIENT_NOISE_RATIO * power, 1.0 / (3.0 * kth_largest))
     # S = inv(I - nu inv(D))
     a, b, c = 1.0 - nu * rows[0, 0], -nu * rows[0, 1], 1.0 - nu * rows[1, 1]
     scale = 1.0 / (a * c - b * b)

@@ -1,8 +1,8 @@
 """Windows of an image at sub-pixel positions, for Lucas-Kanade and the affine refinement.
 
 An image is a flat array of bytes with a border, so that a window may extend beyond it. Lines of a
-window have a multiple of `LANES` pixels, for vector instructions; pixels beyond the window have no
-weight. Floats are float32: a window holds a few hundred 8-bit values.
+window have a multiple of `VECTOR_LANES` pixels, for vector instructions; pixels beyond the window
+have no weight. Floats are float32: a window holds a few hundred 8-bit values.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, inner_kernel
+from farpoint._kernels.constants import VECTOR_LANES
 
 __all__ = [
-    "LANES",
     "Image",
     "Termination",
     "Weights",
@@ -32,8 +32,6 @@ __all__ = [
     "weights_of",
 ]
 
-# Lines of a window have a multiple of this number of pixels, for vector instructions.
-LANES = 8
 
 Weights = tuple[np.floating, np.floating, np.floating, np.floating]
 
@@ -81,12 +79,12 @@ class Termination(NamedTuple):
 
 def line_px(width: int) -> int:
     """Pixels from one line of a window to the next."""
-    return -(-width // LANES) * LANES
+    return -(-width // VECTOR_LANES) * VECTOR_LANES
 
 
 def room_px(rows: int, line: int) -> int:
     """Size of a buffer for this number of lines, with what is read beyond the last one."""
-    return (rows + 1) * line + LANES
+    return (rows + 1) * line + VECTOR_LANES
 
 
 def blank_values(size: int) -> np.ndarray:

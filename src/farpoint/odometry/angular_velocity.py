@@ -7,12 +7,11 @@ from collections import deque
 import numpy as np
 
 from farpoint.geometry import so3
+from farpoint.odometry.constants import AVERAGED_CHANGES
 from farpoint.pose import RelativePose
 from farpoint.pose.shutter import AngularVelocityPrior
 
 __all__ = ["AngularVelocity"]
-
-_FRAMES = 30  # whose changes are averaged: a second of most videos
 
 
 class AngularVelocity:
@@ -20,7 +19,7 @@ class AngularVelocity:
 
     def __init__(self) -> None:
         self._rates: list[np.ndarray] = []  # the last two, rad/s, in the axes of the last frame
-        self._squares: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
+        self._squares: deque[tuple[float, float]] = deque(maxlen=AVERAGED_CHANGES)
 
     def add(self, motion: RelativePose, seconds: float) -> None:
         """Add the motion from the last reference frame to the next one."""

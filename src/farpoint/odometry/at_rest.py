@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from farpoint.geometry import so3
+from farpoint.path.constants import CHI2_P99_OF_3
 from farpoint.path.point import Rest
 from farpoint.pose import PoseStatus, RelativePose
 
 __all__ = ["at_rest"]
-
-_TURN_CHI2 = 11.3  # 0.99 quantile, 3 degrees of freedom
 
 
 def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
@@ -29,7 +28,7 @@ def at_rest(pose: RelativePose, rest: Rest | None) -> RelativePose:
         return pose
     turn = so3.log(rest.rotation_cam1_from_cam0)
     squared = turn @ np.linalg.pinv(rest.rotation_covariance, hermitian=True) @ turn
-    is_rotating = bool(squared > _TURN_CHI2)
+    is_rotating = bool(squared > CHI2_P99_OF_3)
     return replace(
         pose,
         status=PoseStatus.ROTATION_ONLY if is_rotating else PoseStatus.STATIC,

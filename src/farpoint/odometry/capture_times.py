@@ -6,14 +6,16 @@ from collections import deque
 
 import numpy as np
 
-__all__ = ["CaptureTimes"]
+from farpoint.odometry.constants import (
+    MAX_DEPARTURE_RATIO,
+    MAX_INTERVAL_CORRELATION,
+    MAX_INTERVAL_DEPARTURE,
+    MAX_STAMPS,
+    MIN_STAMPS,
+    NO_JITTER,
+)
 
-_FRAMES, _FEWEST = 60, 15  # that a line is fitted to, at most; and that tell its period varies
-_SAME = 1e-6  # jitter over the period: none
-_LARGEST = 0.35  # departure of an interval from a multiple of the period, over it
-# Between constant and varying periods: root mean square of the departures from the line, over that
-# of intervals (0.71, and above 1), and correlation of successive intervals (-0.5, and 0).
-_MOST_RATIO, _MOST_CORRELATION = 0.85, -0.25
+__all__ = ["CaptureTimes"]
 
 
 class CaptureTimes:
@@ -27,7 +29,7 @@ class CaptureTimes:
     """
 
     def __init__(self) -> None:
-        self._stamps: deque[float] = deque(maxlen=_FRAMES)
+        self._stamps: deque[float] = deque(maxlen=MAX_STAMPS)
         self._last_s: float | None = None
 
     def restart(self) -> None:
@@ -57,11 +59,14 @@ class CaptureTimes:
         period = float(x @ stamps / (x @ x))
         residuals, off = stamps - stamps.mean() - period * x, intervals - period * counts
         square = float(off @ off) / len(off)
-        if not (_SAME * period) ** 2 < square or np.abs(off).max() > _LARGEST * period:
+        if (
+            not (NO_JITTER * period) ** 2 < square
+            or np.abs(off).max() > MAX_INTERVAL_DEPARTURE * period
+        ):
             return last
         ratio = np.sqrt(residuals @ residuals / (len(x) - 2) / square)
         correlation = float(np.mean(off[1:] * off[:-1])) / square
-        is_constant = ratio < _MOST_RATIO and correlation < _MOST_CORRELATION
-        if len(stamps) >= _FEWEST and not is_constant:
+        is_constant = ratio < MAX_DEPARTURE_RATIO and correlation < MAX_INTERVAL_CORRELATION
+        if len(stamps) >= MIN_STAMPS and not is_constant:
             return last
         return last - float(residuals[-1])

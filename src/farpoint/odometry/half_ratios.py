@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
+from farpoint.odometry.constants import FIRST_RATIO_PAIRS, MAX_RATIO_PAIRS
 from farpoint.pose.covariance import mean_split_half_ratio
 
 __all__ = ["HalfRatios"]
-
-# Weight of the initial ratio, in pairs of frames.
-BEFORE = 2
-# Largest weight, in pairs: older pairs are forgotten exponentially.
-MEMORY = 100
 
 
 class HalfRatios:
@@ -31,16 +27,16 @@ class HalfRatios:
     mean : float
         Squared differences of halves over their expectation by the covariances.
     pairs : int
-        Number of pairs in the mean, up to `MEMORY`, with the weight of ``expected``.
+        Number of pairs in the mean, up to `MAX_RATIO_PAIRS`, with the weight of ``expected``.
     """
 
-    def __init__(self, expected: float, pairs: int = BEFORE) -> None:
+    def __init__(self, expected: float, pairs: int = FIRST_RATIO_PAIRS) -> None:
         self.mean = expected
         self.pairs = pairs
 
     def add(self, ratio: float | None) -> None:
         """Add the ratio of a pair; None is ignored."""
         if ratio is not None:
-            before = min(self.pairs, MEMORY - 1)
+            before = min(self.pairs, MAX_RATIO_PAIRS - 1)
             self.mean = mean_split_half_ratio(ratio, self.mean, before)
             self.pairs = before + 1

@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
+from farpoint._kernels.constants import GATE_SIGMA
 from farpoint.camera import Camera
+from farpoint.odometry.constants import LENS_CHANGE_FALSE_ALARM
 from farpoint.path.lens import LensEstimate
 from farpoint.path.options import LensRefinementOptions
 
 __all__ = ["LensInUse"]
-
-_SIGNIFICANT_SIGMAS = 3.0  # deviation of the read-out time from 0 that makes it one
-_SIGNIFICANCE = 0.0027  # false-alarm rate of a change of the lens: that of 3 sigma (convention)
 
 
 class LensInUse:
@@ -55,7 +54,7 @@ class LensInUse:
             covariance = lens.factor @ covariance @ lens.factor.T
             self.camera = self.camera.with_parameter_covariance(covariance)
         sigma_s = lens.readout_sigma_s
-        if not self._is_shutter_known and lens.readout_s > _SIGNIFICANT_SIGMAS * sigma_s:
+        if not self._is_shutter_known and lens.readout_s > GATE_SIGMA * sigma_s:
             self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
 
     def interval_s(self, seconds: float) -> float | None:
@@ -68,4 +67,4 @@ class LensInUse:
 def _is_significant(moved: np.ndarray, covariance: np.ndarray) -> bool:
     """Whether a change (r,) is larger than its covariance explains."""
     distance2 = float(moved @ np.linalg.solve(covariance, moved))
-    return distance2 > float(scipy.special.chdtri(len(moved), _SIGNIFICANCE))
+    return distance2 > float(scipy.special.chdtri(len(moved), LENS_CHANGE_FALSE_ALARM))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-__all__ = ["RisingTime"]
+from farpoint.odometry.constants import FIRST_INTERVAL_S
 
-_INTERVAL_S = 0.1
-"""Interval of two frames before the first one is known, s (10 frames per second, as elsewhere)."""
+__all__ = ["RisingTime"]
 
 
 class RisingTime:
@@ -22,7 +21,7 @@ class RisingTime:
 
     def __init__(self) -> None:
         self.falls = 0
-        self._shift_s, self._interval_s = 0.0, _INTERVAL_S
+        self._shift_s, self._interval_s = 0.0, FIRST_INTERVAL_S
         self._last_s: float | None = None
 
     def update(self, timestamp: float) -> tuple[float, bool]:

@@ -15,6 +15,7 @@ from farpoint.metrics import SplitHalf, image_cells, split_half
 from farpoint.odometry.angular_velocity import AngularVelocity
 from farpoint.odometry.at_rest import at_rest
 from farpoint.odometry.capture_times import CaptureTimes
+from farpoint.odometry.constants import FRAMES_PER_SEED
 from farpoint.odometry.half_ratios import HalfRatios
 from farpoint.odometry.lens_in_use import LensInUse
 from farpoint.odometry.mask import checked_mask, tracked_region
@@ -39,8 +40,6 @@ from farpoint.pose.views import Views, estimate_views, rough_motion, search_view
 from farpoint.tracks import Tracker, Tracks, grey_size
 
 __all__ = ["Odometry"]
-
-_FRAMES = 1_000_000  # frames per seed with different random splits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -270,7 +269,7 @@ class Odometry:
         return split_half(
             (tracks.points0, tracks.points1, tracks.covariance_px2),
             estimate_half,
-            seed=result.frame1 + _FRAMES * seed,
+            seed=result.frame1 + FRAMES_PER_SEED * seed,
             groups=groups,
         )
 

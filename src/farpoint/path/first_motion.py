@@ -9,6 +9,7 @@ import numpy as np
 
 from farpoint.geometry import so3
 from farpoint.geometry.sphere import tangent_basis
+from farpoint.path.constants import CHI2_P999_OF_5, DECISIVE_LOG_RATIO, FIRST_ITERATIONS
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import inverse
 from farpoint.path.selection import select_tracks
@@ -16,10 +17,6 @@ from farpoint.path.window import Window
 from farpoint.pose import PoseStatus, RelativePose
 
 __all__ = ["WindowView", "contradicting_motion"]
-
-_ITERATIONS = 6
-_EVIDENCE = 2.0  # log-likelihood ratio that decides between two motions
-_AGREE_CHI2 = 20.5  # 0.999 quantile, 5 degrees of freedom
 
 
 class WindowView(NamedTuple):
@@ -67,7 +64,7 @@ def contradicting_motion(
         p=first.p + length * (first.R @ motion.heading_cam0),
     )
     current, alternative = (_optimised(first, view, new_window(), most) for view in (now, other))
-    if alternative.cost > current.cost + _EVIDENCE or _is_consistent(alternative, now):
+    if alternative.cost > current.cost + DECISIVE_LOG_RATIO or _is_consistent(alternative, now):
         return None
     return alternative
 
@@ -78,7 +75,7 @@ def _optimised(first: WindowView, now: WindowView, window: Window, most: int) ->
         window.observe(select_tracks(tracks, window.landmarks, most))
     window.set_unit()
     window.triangulate()
-    window.solve(_ITERATIONS)
+    window.solve(FIRST_ITERATIONS)
     return window
 
 
@@ -91,4 +88,4 @@ def _is_consistent(views: Window, now: WindowView) -> bool:
     across = np.zeros((5, 6))
     across[:3, :3], across[3:, 3:] = np.eye(3), tangent_basis(motion[:3, 3] / length).T
     off = across @ np.concatenate([turn, away])
-    return bool(off @ inverse(across @ covariance @ across.T) @ off < _AGREE_CHI2)
+    return bool(off @ inverse(across @ covariance @ across.T) @ off < CHI2_P999_OF_5)

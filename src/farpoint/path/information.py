@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.cholesky import factorise, invert, solve
+from farpoint._kernels.constants import ROUNDING
 
 __all__ = ["System", "inverse", "solution"]
-
-_RIDGE = 1e-12  # relative to the diagonal: rounding error of zero
 
 
 class System(NamedTuple):
@@ -35,9 +34,9 @@ def inverse(H: np.ndarray) -> np.ndarray:
     What has no information, or less than none by rounding, has a large variance.
     """
     unit, factor, found = np.empty(len(H)), np.empty_like(H), np.empty_like(H)
-    if factorise(H, _RIDGE, unit, factor):
+    if factorise(H, ROUNDING, unit, factor):
         invert(factor, unit, np.empty_like(H), found)
         return found
     eigenvalues, axes = np.linalg.eigh(np.nan_to_num(H * np.outer(unit, unit)))
-    least = _RIDGE * max(float(eigenvalues[-1]), 1.0)
+    least = ROUNDING * max(float(eigenvalues[-1]), 1.0)
     return (axes / np.maximum(eigenvalues, least)) @ axes.T * np.outer(unit, unit)

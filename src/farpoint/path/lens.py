@@ -10,21 +10,16 @@ from farpoint._kernels.window import by_sigmas
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.vectors import products
+from farpoint.path.constants import (
+    EXACT_READOUT_SIGMA_S,
+    FARTHEST_PIXEL,
+    LENS_GRID,
+    STALE_LENS_PX,
+    UNKNOWN_READOUT_SIGMA,
+)
 from farpoint.path.options import LensRefinementOptions
 
 __all__ = ["LensEstimate", "LensReport", "given_lens", "with_prior"]
-
-# Pixel displacement beyond which derivatives are recomputed: the linearisation error is its square
-# over the focal length, about 0.01 px.
-_STALE_PX = 2.0
-# 1-sigma of an unknown read-out time, in units of the time between frames, its upper limit.
-_READOUT_SIGMA = 0.5
-# 1-sigma of a known read-out time, s: small, for regular equations.
-_EXACT_S = 1e-9
-# Largest distance of a pixel from the centre, in widths and heights of the image: a whole image
-# beside the image (`LensEstimate.pixels_of`).
-_FARTHEST = 1.5
-_GRID = (9, 7)  # columns and rows of pixels at which displacements are computed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,12 +141,12 @@ class LensEstimate:
     def step(self, change: np.ndarray) -> None:
         """Change lens and read-out time; the lens by at most 10 px, for its linearisation."""
         lens = change[:-1]
-        share = min(1.0, 5.0 * _STALE_PX / max(self.moved_px(lens), 1e-12))
+        share = min(1.0, 5.0 * STALE_LENS_PX / max(self.moved_px(lens), 1e-12))
         self.z, self.readout_s = self.z + share * lens, self.readout_s + float(change[-1])
 
     def is_stale(self) -> bool:
         """Whether the lens is more than 2 px from its linearisation point."""
-        return self.moved_px(self.change) > _STALE_PX
+        return self.moved_px(self.change) > STALE_LENS_PX
 
     def relinearise(self) -> None:
         """Move the linearisation point to the current lens; an invalid lens is reset."""
@@ -185,7 +180,9 @@ class LensEstimate:
         pixels, by_ray = self._model.project(rays), self._model.project_jacobian(rays)
         center = 0.5 * (np.array(self.given.size) - 1.0)
         with np.errstate(invalid="ignore"):
-            far = ~(np.abs(pixels - center) < _FARTHEST * np.array(self.given.size)).all(axis=1)
+            far = ~(np.abs(pixels - center) < FARTHEST_PIXEL * np.array(self.given.size)).all(
+                axis=1
+            )
         pixels[far] = np.nan
         if not self.size:
             return pixels, by_ray, np.zeros((len(rays), 2, 0))
@@ -228,7 +225,7 @@ class LensEstimate:
         assert self.given.size is not None
         width, height = self.given.size
         u, v = np.meshgrid(
-            np.linspace(0, width - 1, _GRID[0]), np.linspace(0, height - 1, _GRID[1])
+            np.linspace(0, width - 1, LENS_GRID[0]), np.linspace(0, height - 1, LENS_GRID[1])
         )
         rays = self._refinable.unproject(np.column_stack([u.ravel(), v.ravel()]))
         rays = rays[np.isfinite(rays).all(axis=1)]
@@ -243,9 +240,9 @@ def _shutter(
 ) -> tuple[float, float]:
     """Prior read-out time and its 1-sigma, s."""
     if options.readout_ms is not None:
-        return 1e-3 * options.readout_ms, _EXACT_S
+        return 1e-3 * options.readout_ms, EXACT_READOUT_SIGMA_S
     if camera.readout_s is not None:
-        return camera.readout_s, camera.readout_sigma_s or _EXACT_S
+        return camera.readout_s, camera.readout_sigma_s or EXACT_READOUT_SIGMA_S
     if not options.refine or interval_s <= 0.0:
-        return 0.0, _EXACT_S
-    return 0.0, _READOUT_SIGMA * interval_s
+        return 0.0, EXACT_READOUT_SIGMA_S
+    return 0.0, UNKNOWN_READOUT_SIGMA * interval_s

@@ -11,6 +11,15 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.geometry import so3
+from farpoint.path.constants import (
+    CHI2_P99_OF_3,
+    CHI2_P999_OF_2,
+    FIRST_ITERATIONS,
+    LATER_ITERATIONS,
+    NEXT_ATTEMPT_FLOW_RATIO,
+    RELIABLE_FLOW_SHARE,
+    UNKNOWN_LENGTH_SIGMA,
+)
 from farpoint.path.first_motion import WindowView, contradicting_motion
 from farpoint.path.history import TrackHistory, TrackObservations
 from farpoint.path.keyframe import Keyframe
@@ -28,16 +37,6 @@ from farpoint.tracks import Tracks
 __all__ = ["Pair", "PathBuilder"]
 
 Estimate = Callable[[np.ndarray, np.ndarray, np.ndarray, float], RelativePose]
-
-_FIRST_ITERATIONS = 6  # of the first solutions, initialised from two views
-_ITERATIONS = 1  # of later solutions: a new keyframe changes the others little
-_UNKNOWN_LENGTH = (
-    2.0  # 1-sigma of a displacement before initialisation, in units of the first length
-)
-_RELIABLE_FLOW = 0.5  # of the keyframe flow: the first motion is tested at this flow
-_MORE_FLOW = 1.25  # over one from which no direction was observable: the next attempt (convention)
-_FIT_CHI2 = 13.8  # 0.999 quantile, 2 degrees of freedom
-_REST_CHI2 = 11.3  # 0.99 quantile, 3 degrees of freedom
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,7 +241,7 @@ class PathBuilder:
         rotation = motion.rotation_covariance
         self._own[:3, :3] += R @ (np.zeros((3, 3)) if rotation is None else rotation) @ R.T
         if self._has_scale:
-            if not self._has_moved(self._key_tracks, now, _RELIABLE_FLOW):
+            if not self._has_moved(self._key_tracks, now, RELIABLE_FLOW_SHARE):
                 assert self._key_tracks is not None
                 self._first = key, self._key_tracks
             self._add_keyframe(window, inliers, pair)
@@ -251,10 +250,10 @@ class PathBuilder:
             self._solve(window, motion)
         elif motion.status is not PoseStatus.STATIC:
             # The displacement is unknown.
-            self._own[3:, 3:] += (_UNKNOWN_LENGTH * self._unit(pair.seconds)) ** 2 * np.eye(3)
+            self._own[3:, 3:] += (UNKNOWN_LENGTH_SIGMA * self._unit(pair.seconds)) ** 2 * np.eye(3)
         if not self._has_scale and self._has_moved(self._key_tracks, now, 2.0):
             self._add_keyframe(window, inliers, pair)
-            window.add_rest_prior(_UNKNOWN_LENGTH)
+            window.add_rest_prior(UNKNOWN_LENGTH_SIGMA)
         return self._point(pair, motion, None, last_p)
 
     def _since_keyframe(self, step: _Step, seconds: float) -> RelativePose | None:
@@ -262,7 +261,10 @@ class PathBuilder:
         before, now = self._key_tracks, step.inliers
         assert before is not None
         flow = self._flow(before, now)
-        if step.motion.status is not PoseStatus.OK and flow < _MORE_FLOW * self._unobservable_flow:
+        if (
+            step.motion.status is not PoseStatus.OK
+            and flow < NEXT_ATTEMPT_FLOW_RATIO * self._unobservable_flow
+        ):
             return None
         self._unobservable_flow = flow
         return self._since(before, now, seconds)
@@ -342,7 +344,7 @@ class PathBuilder:
             fits = (
                 is_inlier
                 if located is None
-                else is_inlier | np.isin(now.ids, located.fitting(_FIT_CHI2))
+                else is_inlier | np.isin(now.ids, located.fitting(CHI2_P999_OF_2))
             )
             self._add_keyframe(window, now.select(fits), pair)
             if located is None:
@@ -354,7 +356,7 @@ class PathBuilder:
         else:
             self._own = self._dead_reckoned(motion, pair.seconds)
         last_p = last[1]
-        if self._first is not None and self._has_moved(self._first[1], now, _RELIABLE_FLOW):
+        if self._first is not None and self._has_moved(self._first[1], now, RELIABLE_FLOW_SHARE):
             last_p = last_p + self._restart(window, step)
         point = self._point(pair, motion, located, last_p)
         return point if rest is None else replace(point, rest=rest, scale=None, scale_sigma=None)
@@ -399,11 +401,11 @@ class PathBuilder:
         spread = 2.0 / window.design_effect * located.covariance
         if (
             displacement @ np.linalg.pinv(spread[3:, 3:], hermitian=True) @ displacement
-            > _REST_CHI2
+            > CHI2_P99_OF_3
         ):
             return None
         near = now.ids[motion.labels[self._history.order] == TrackLabel.NEAR]
-        fitting = located.fitting(_FIT_CHI2)
+        fitting = located.fitting(CHI2_P999_OF_2)
         if (
             not len(near)
             or np.isin(near, fitting).mean() > 0.5
@@ -461,7 +463,7 @@ class PathBuilder:
         self._key_tracks = fresh
 
     def _solve(self, window: Window, motion: RelativePose) -> None:
-        window.solve(_ITERATIONS if window.has_marginalised else _FIRST_ITERATIONS)
+        window.solve(LATER_ITERATIONS if window.has_marginalised else FIRST_ITERATIONS)
         newest = window.frames[-1]
         seconds = newest.timestamp - window.frames[-2].timestamp
         displacement, is_significant = window.last_length()
@@ -510,7 +512,7 @@ class PathBuilder:
             segment=self._segment,
             scale=scale,
             scale_sigma=sigma,
-            fitting=None if located is None else located.fitting(_FIT_CHI2),
+            fitting=None if located is None else located.fitting(CHI2_P999_OF_2),
         )
 
     def _covariance(self) -> np.ndarray:

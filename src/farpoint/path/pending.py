@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint.geometry import so3
+from farpoint.path.constants import MAX_PENDING_FRAMES
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.point import FinalPose
 
 __all__ = ["Correction", "PendingPoses", "pose_matrix"]
-
-_MAX_PENDING = 150  # frames kept until their keyframes leave the window
 
 
 @dataclass(kw_only=True, eq=False)
@@ -119,7 +118,9 @@ class PendingPoses:
     def final_poses(self) -> list[FinalPose]:
         """Final poses in the order of their frames, each returned once."""
         found = []
-        while self._poses and (self._poses[0].keyframe is None or len(self._poses) > _MAX_PENDING):
+        while self._poses and (
+            self._poses[0].keyframe is None or len(self._poses) > MAX_PENDING_FRAMES
+        ):
             pose = self._poses.popleft()
             pose.freeze()
             found.append(

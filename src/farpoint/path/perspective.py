@@ -9,22 +9,19 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.geometry.vectors import products, solutions
+from farpoint.path.constants import (
+    MAX_CORRECTION_PX,
+    MAX_WARP_MISFIT,
+    MIN_TANGENT_METRIC,
+    PX_PER_WARP_MISFIT,
+    SLOPE_SIGMA,
+    WARP_SIGMA,
+)
 from farpoint.path.prediction import inverse_depths
 from farpoint.tracks import Tracks
+from farpoint.tracks.constants import WARP_STEP_PX
 
 __all__ = ["without_perspective"]
-
-_STEP_PX = 4.0  # step of the motion's second differences: half a window
-# 1-sigma of the elements of a warp, without occlusion.
-_WARP_SIGMA = 0.01
-# Prior 1-sigma of surface slope: derivative of log distance by angle, 1 / rad.
-_SLOPE = 2.0
-_LEAST_METRIC = 1e-15  # rad^2 / px^2
-_LARGEST_SHIFT_PX = 0.2  # larger corrections are discarded
-# 1-sigma of a match, px, per unit of warp misfit to a plane: measured on rendered streets through
-# four lenses.
-_PX_PER_MISFIT = 1.2
-_LARGEST_MISFIT = 0.2  # limit: the window has passed the correlation test
 
 
 def without_perspective(
@@ -62,8 +59,8 @@ def without_perspective(
     planes, misfit = _planes(tracks, camera, motion)
     quadratic = _quadratic_coefficients(tracks.points0, camera, motion, planes)
     shift = np.einsum("nabc,nbc->na", tracks.windows.quadratic_bias, quadratic)
-    shift[~(np.abs(shift).max(axis=1, initial=0.0) < _LARGEST_SHIFT_PX)] = 0.0
-    misfit_px2 = (_PX_PER_MISFIT * misfit) ** 2
+    shift[~(np.abs(shift).max(axis=1, initial=0.0) < MAX_CORRECTION_PX)] = 0.0
+    misfit_px2 = (PX_PER_WARP_MISFIT * misfit) ** 2
     return replace(
         tracks,
         points1=tracks.points1 - shift,
@@ -86,7 +83,7 @@ def _quadratic_coefficients(
     points: np.ndarray, camera: Camera, motion: _Motion, planes: np.ndarray
 ) -> np.ndarray:
     """Coefficients (N, 2, 3) of ``u^2``, ``u v``, ``v^2`` in the motion around each pixel."""
-    h = _STEP_PX
+    h = WARP_STEP_PX
     steps = h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1]])
     rays = camera.unproject((points + steps[:, None]).reshape(-1, 2))
     nearness = np.sum(np.tile(planes, (len(steps), 1)) * rays, axis=1)
@@ -119,10 +116,10 @@ def _planes(tracks: Tracks, camera: Camera, motion: _Motion) -> tuple[np.ndarray
     length = np.linalg.norm(along, axis=1)
     misfit = np.linalg.norm(across, axis=1) / np.where(length > 0.0, length, np.inf)
     # Regularised for pixels whose ray has no derivative.
-    metric = products(tangents.transpose(0, 2, 1), tangents) + _LEAST_METRIC * np.eye(2)
-    prior = (_SLOPE * nearness) ** 2 * 0.5 * np.trace(metric, axis1=1, axis2=2)
-    gain = prior / (prior * np.sum(along**2, axis=1) + _WARP_SIGMA**2)
+    metric = products(tangents.transpose(0, 2, 1), tangents) + MIN_TANGENT_METRIC * np.eye(2)
+    prior = (SLOPE_SIGMA * nearness) ** 2 * 0.5 * np.trace(metric, axis1=1, axis2=2)
+    gain = prior / (prior * np.sum(along**2, axis=1) + WARP_SIGMA**2)
     slopes = solutions(metric, gain[:, None] * excess)
     planes = nearness[:, None] * rays0 + np.einsum("nib,nb->ni", tangents, slopes)
     # NaN, where the lens has no derivatives, becomes the largest misfit.
-    return planes, np.fmin(misfit, _LARGEST_MISFIT)
+    return planes, np.fmin(misfit, MAX_WARP_MISFIT)

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from farpoint._kernels.constants import ROUNDING
 from farpoint.geometry import so3
 from farpoint.path.information import System
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.residuals import Poses
 
 __all__ = ["Prior", "by_position_change"]
-
-_RANK = 1e-12  # relative to the largest eigenvalue: rounding error of zero
 
 
 class Prior:
@@ -76,7 +75,7 @@ class Prior:
         rest = np.delete(np.arange(len(g)), out)
         block = H[np.ix_(out, out)]
         unit = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-300))
-        inverse = np.linalg.pinv(block * np.outer(unit, unit), rcond=_RANK, hermitian=True)
+        inverse = np.linalg.pinv(block * np.outer(unit, unit), rcond=ROUNDING, hermitian=True)
         gain = H[np.ix_(rest, out)] @ (inverse * np.outer(unit, unit))
         reduced = H[np.ix_(rest, rest)] - gain @ H[np.ix_(out, rest)]
         self._H, self._g = 0.5 * (reduced + reduced.T), g[rest] - gain @ g[out]

@@ -7,25 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.window import DOF, locate
+from farpoint._kernels.constants import MIN_MATCHES, NO_INFORMATION_VARIANCE, STUDENT_FREEDOM
+from farpoint._kernels.window import locate
 from farpoint.geometry import so3
 from farpoint.geometry.vectors import cross
+from farpoint.path.constants import RESIDUAL_INFLATIONS
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import inverse
 from farpoint.path.window import Window
 
 __all__ = ["Located", "locate_frame"]
-
-FEWEST_POINTS = 8
-"""Least number of landmarks for a pose, which has six unknowns."""
-
-# Factors on the residual variances, iteration by iteration, for convergence from 10 sigma. The lens
-# is relinearised between the two parts.
-_INFLATIONS = (
-    (np.array([100.0, 100.0, 25.0, 9.0]), False),
-    (np.array([4.0, 1.0, 1.0, 1.0]), True),
-)
-_LARGEST_VARIANCE = 1e12  # of an inverse distance without information
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +83,7 @@ def locate_frame(
     rows = marks.rows_of(observed.ids)
     known = rows >= 0
     known[known] = marks.is_reliable[rows[known]]
-    if known.sum() < FEWEST_POINTS:
+    if known.sum() < MIN_MATCHES:
         return None
     points = _Points.of(window, rows[known], observed.select(known))
     return points.pose_from(window, last, R, start, seconds)
@@ -131,7 +122,7 @@ class _Points:
             homogeneous_points=homogeneous_points,
             base=base,
             s=s,
-            s_variance=np.minimum(marks.s_variance[rows], _LARGEST_VARIANCE),
+            s_variance=np.minimum(marks.s_variance[rows], NO_INFORMATION_VARIANCE),
             pixels=observed.pixels,
             row_phase=window.row_phase(observed.pixels),
             before=marks.residuals[since],
@@ -151,7 +142,7 @@ class _Points:
         R, p, (R0, p0) = R.copy(), start.copy(), last
         H, squares = np.empty((6, 6)), np.empty(len(self.s))
         expected = self._linearise(window, R, p)
-        for inflations, relinearises in _INFLATIONS:
+        for inflations, relinearises in RESIDUAL_INFLATIONS:
             if relinearises:
                 expected = self._linearise(window, R, p)
             _, count = locate(
@@ -160,7 +151,7 @@ class _Points:
                 self.homogeneous_points, self.s, self.s_variance, self.base, self.before_by_s,
                 H, squares,
             )  # fmt: skip
-            if count < FEWEST_POINTS:
+            if count < MIN_MATCHES:
                 return None
         twist = np.zeros(6)
         if seconds > 0.0:
@@ -235,7 +226,9 @@ class _Points:
         determinant += self.s_variance * (uu * v * v - 2.0 * uv * u * v + vv * u * u)
         used = np.isfinite(squares)
         weight = np.zeros(len(squares))
-        weight[used] = (DOF + 2.0) / ((DOF + squares[used]) * determinant[used])
+        weight[used] = (STUDENT_FREEDOM + 2.0) / (
+            (STUDENT_FREEDOM + squares[used]) * determinant[used]
+        )
         uu, uv, vv = (
             uu + self.s_variance * u * u,
             uv + self.s_variance * u * v,

@@ -20,14 +20,13 @@ from farpoint._kernels.window import (
     pixel_residuals,
     robust_cost,
 )
+from farpoint.path.constants import PATCHES_PER_IMAGE
 from farpoint.path.information import System
 from farpoint.path.keyframe import Keyframe
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.lens import LensEstimate
 
 __all__ = ["NOISE", "Linear", "Normal", "Poses", "Residuals", "WindowNoise", "row_phase"]
-
-_PATCHES = 4  # along the longer side of an image
 
 
 class WindowNoise(NamedTuple):
@@ -205,7 +204,7 @@ class Residuals:
     def _patches(self) -> tuple[int, np.ndarray]:
         """Number of patches in all images, and the patch of each observation (N,)."""
         width, height = self._size
-        side = max(width, height) / _PATCHES
+        side = max(width, height) / PATCHES_PER_IMAGE
         across, down = math.ceil(width / side), math.ceil(height / side)
         column, row = (self._marks.pixels / side).astype(np.int64).T
         place = np.clip(row, 0, down - 1) * across + np.clip(column, 0, across - 1)

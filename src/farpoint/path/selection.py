@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from farpoint.path.constants import GOLDEN_SHARE, MIN_SHARE_IN_VIEW, NEWEST_KEYFRAMES, SAME_PLACE
 from farpoint.path.history import TrackObservations
 from farpoint.path.landmarks import Landmarks
 from farpoint.path.window import Window
 
 __all__ = ["redundant_keyframe", "select_tracks"]
-
-_GOLDEN = 0.6180339887498949  # reciprocal of the golden ratio: low-discrepancy sampling
-_LEAST_SHARE = 0.05  # least share of a keyframe's points still in view
-_NEWEST = 2  # newest keyframes, never removed
-# Added to keyframe distances, in units of the points' median distance.
-_SAME_PLACE = 0.02
 
 
 def select_tracks(
@@ -25,7 +20,7 @@ def select_tracks(
     free_slots = max(most - int(known.sum()), 0)
     fresh = np.flatnonzero(~known)
     if len(fresh) > free_slots:
-        order = np.argsort((observed.ids[fresh] * _GOLDEN) % 1.0, kind="stable")
+        order = np.argsort((observed.ids[fresh] * GOLDEN_SHARE) % 1.0, kind="stable")
         known[fresh[order[:free_slots]]] = True
         return observed.select(known)
     return observed
@@ -45,15 +40,15 @@ def redundant_keyframe(window: Window, alive: np.ndarray) -> int:
     alive : ndarray of int64, shape (N,)
         Tracks in view.
     """
-    marks, count = window.landmarks, len(window.frames) - _NEWEST
+    marks, count = window.landmarks, len(window.frames) - NEWEST_KEYFRAMES
     in_view = np.isin(marks.ids, alive)[marks.point]
     for slot in range(count):
         mine = marks.slot == slot
-        if not mine.any() or in_view[mine].mean() < _LEAST_SHARE:
+        if not mine.any() or in_view[mine].mean() < MIN_SHARE_IN_VIEW:
             return slot
     p = np.array([frame.p for frame in window.frames])
     known = marks.s[marks.has_depth]
     nearness = float(np.median(known)) if len(known) else 1.0
-    distances = nearness * np.linalg.norm(p[:, None] - p, axis=2) + _SAME_PLACE
+    distances = nearness * np.linalg.norm(p[:, None] - p, axis=2) + SAME_PLACE
     density = np.sum(1.0 / distances[:count, :count], axis=1)
     return int(np.argmax(np.sqrt(distances[:count, -1]) * density))

@@ -8,9 +8,30 @@ from __future__ import annotations
 import numpy as np
 
 from farpoint._kernels.cholesky import point_variances
-from farpoint._kernels.window import UNSEEN_PX, point_steps
+from farpoint._kernels.constants import GATE_SIGMA, UNSEEN_PX
+from farpoint._kernels.window import point_steps
 from farpoint.geometry import so3
 from farpoint.geometry.vectors import cross, products
+from farpoint.path.constants import (
+    DAMPING_FACTOR,
+    DEPTH_DAMPING,
+    DESIGN_EFFECT_BOUNDS,
+    FAR_DEPTH_SIGMA,
+    FIRST_DAMPING,
+    FIRST_DESIGN_EFFECT,
+    LINEARISATION_EFFECT,
+    MAX_DEPTH_STEP_RATIO,
+    MAX_TRIES,
+    MIN_INVERSE_DEPTH,
+    MIN_RESIDUALS,
+    NEW_DEPTH_SIGMA,
+    POSE_GAUGE_SIGMA,
+    RELIABLE_DEPTH_SIGMA,
+    SCALE_GAUGE_SIGMA,
+    SIGNIFICANT_PARALLAX_SIGMA,
+    SMOOTHING,
+    VARIANCE_FACTOR_BOUNDS,
+)
 from farpoint.path.history import TrackObservations
 from farpoint.path.information import System, inverse, solution
 from farpoint.path.keyframe import Keyframe
@@ -20,29 +41,6 @@ from farpoint.path.prior import Prior, by_position_change
 from farpoint.path.residuals import NOISE, Linear, Normal, Poses, Residuals, row_phase
 
 __all__ = ["Window"]
-
-LEAST_INVERSE_DEPTH = 1e-6
-"""Least inverse distance of points, in inverse units of the path."""
-
-_GAUGE_SIGMA = 1e-4  # relative, of the baseline that fixes the scale gauge
-_POSE_SIGMA = 1e-6  # of the first pose, the pose gauge
-_MAX_STEP_RATIO = 10.0  # of an inverse distance in one step
-_FACTOR_RANGE = (0.1, 100.0)  # of the variance factor
-_EFFECT_RANGE = (1.0, 50.0)  # of the design effect
-_FIRST_EFFECT = 1.5  # initial value: recordings have 1 to 4
-# Spurious information from linearising at noisy estimates: ratio of squared errors to variances of
-# lens, shutter and path, for tracks with independent errors (`farpoint bench --tables lens`).
-_LINEARISATION_EFFECT = 2.0
-_MEMORY = 0.8  # exponential smoothing from keyframe to keyframe
-_FEWEST_RESIDUALS = 50  # for an update of the variance factor
-_FIRST_DAMPING, _DAMPING_STEP, _TRIES = 1e-6, 100.0, 3
-_DEPTH_DAMPING = 1e-3  # of a point's information, relative to the median inverse distance^-2
-# Prior 1-sigma of a new point's inverse distance, in units of the median.
-_DEPTH_SIGMA = 2.0
-_SIGNIFICANT_PARALLAX = 5.0  # sigma
-_SIGNIFICANT_SIGMAS = 3.0  # threshold of a significant displacement
-_RELIABLE_SIGMA = 0.25  # relative, largest of a reliable point's inverse distance
-_FAR_SIGMA = 0.1  # largest of a far point's, in units of the median
 
 
 class Window:
@@ -91,7 +89,7 @@ class Window:
         self.lens, self.landmarks = lens, Landmarks(lens)
         self.frames: list[Keyframe] = []
         self.variance_factor = 1.0
-        self.design_effect = _LINEARISATION_EFFECT * _FIRST_EFFECT
+        self.design_effect = LINEARISATION_EFFECT * FIRST_DESIGN_EFFECT
         self._prior = Prior(lens.common, lens.covariance)
         self.origin = np.zeros(3)
         self.covariance = lens.covariance
@@ -119,7 +117,7 @@ class Window:
     def _append(self, keyframe: Keyframe) -> None:
         self._prior.add_pose(keyframe)
         if not self.frames:  # the first keyframe of the window fixes the gauge
-            self._prior.fix_first(_POSE_SIGMA)
+            self._prior.fix_first(POSE_GAUGE_SIGMA)
             self.origin = keyframe.p
         self.frames.append(keyframe)
         self._linear = None
@@ -244,18 +242,18 @@ class Window:
             estimate = -np.sum(slope * residual, axis=1) / np.sum(slope**2, axis=1)
         estimate = np.where(information > 0.0, estimate, 0.0)
         typical = self._typical_inverse_depth(estimate, information)
-        ridge = 1.0 / (_DEPTH_SIGMA * typical) ** 2
+        ridge = 1.0 / (NEW_DEPTH_SIGMA * typical) ** 2
         found = (information * estimate + ridge * typical) / (information + ridge)
-        marks.s[rows] = np.maximum(found, LEAST_INVERSE_DEPTH)
+        marks.s[rows] = np.maximum(found, MIN_INVERSE_DEPTH)
         marks.s_variance[rows] = 1.0 / (information + ridge)
         marks.has_depth[rows] = True
 
     def _typical_inverse_depth(self, estimate: np.ndarray, information: np.ndarray) -> float:
         marks = self.landmarks
-        known = marks.s[marks.has_depth & (marks.s > LEAST_INVERSE_DEPTH)]
+        known = marks.s[marks.has_depth & (marks.s > MIN_INVERSE_DEPTH)]
         if len(known) < 20:
             known = estimate[
-                (estimate > 0.0) & (estimate**2 * information > _SIGNIFICANT_PARALLAX**2)
+                (estimate > 0.0) & (estimate**2 * information > SIGNIFICANT_PARALLAX_SIGMA**2)
             ]
         if len(known) >= 8:
             return float(np.median(known))
@@ -283,11 +281,11 @@ class Window:
         linear, deviation = residuals.linear(poses), self._prior.deviation(poses, self.lens.common)
         cost = residuals.cost(linear) + self._prior.cost(deviation)
         normal, system = self._equations(residuals, linear, deviation)
-        damping = _FIRST_DAMPING
+        damping = FIRST_DAMPING
         for iteration in range(iterations):
             if iteration:
                 normal, system = self._equations(residuals, linear, deviation)
-            for _ in range(_TRIES):
+            for _ in range(MAX_TRIES):
                 before = self._state()
                 self._move(solution(system, damping), normal)
                 poses = Poses.of(self.frames)
@@ -303,7 +301,7 @@ class Window:
                     )
                     break
                 self._restore(before)
-                damping *= _DAMPING_STEP
+                damping *= DAMPING_FACTOR
         self.cost = cost
         self._store_solution(linear, normal, system)
         self._find_scale()
@@ -363,7 +361,7 @@ class Window:
                 variance = float(row @ self.covariance @ row)
                 if variance < least:
                     least, self._by_scale = variance, row
-        if least < 1.0 / _SIGNIFICANT_SIGMAS**2:
+        if least < 1.0 / GATE_SIGMA**2:
             self._scale_variance = least
         else:
             self._by_scale = np.zeros(count)
@@ -377,7 +375,7 @@ class Window:
         row = by_position_change(
             self.frames, last - 1, last, displacement / length, len(self.covariance)
         )
-        return length, length**2 > _SIGNIFICANT_SIGMAS**2 * float(row @ self.covariance @ row)
+        return length, length**2 > GATE_SIGMA**2 * float(row @ self.covariance @ row)
 
     def _variance_of_unit(self) -> float:
         """Variance of the log length of the unit baseline, given the gauge."""
@@ -416,13 +414,13 @@ class Window:
         marks.s_by_state = -normal.coupling / np.maximum(normal.point_h, 1e-300)[:, None]
         self._mark_reliable(normal)
         free = 2 * normal.residuals - len(normal.g) - int(marks.has_depth.sum())
-        if normal.residuals > _FEWEST_RESIDUALS:
-            ratio = normal.squares / max(free, _FEWEST_RESIDUALS)
-            factor = self.variance_factor * (_MEMORY + (1.0 - _MEMORY) * ratio)
-            self.variance_factor = float(np.clip(factor, *_FACTOR_RANGE))
-            seen = _LINEARISATION_EFFECT * normal.design_effect
-            effect = _MEMORY * self.design_effect + (1.0 - _MEMORY) * seen
-            self.design_effect = float(np.clip(effect, *_EFFECT_RANGE))
+        if normal.residuals > MIN_RESIDUALS:
+            ratio = normal.squares / max(free, MIN_RESIDUALS)
+            factor = self.variance_factor * (SMOOTHING + (1.0 - SMOOTHING) * ratio)
+            self.variance_factor = float(np.clip(factor, *VARIANCE_FACTOR_BOUNDS))
+            seen = LINEARISATION_EFFECT * normal.design_effect
+            effect = SMOOTHING * self.design_effect + (1.0 - SMOOTHING) * seen
+            self.design_effect = float(np.clip(effect, *DESIGN_EFFECT_BOUNDS))
 
     def _mark_reliable(self, normal: Normal) -> None:
         """Mark points in view with a small error of the inverse distance.
@@ -437,14 +435,16 @@ class Window:
             # Condition on the longest baseline to the newest keyframe.
             row = self._by_log_length((int(np.argmax(lengths)), newest))
             by_length = spread @ row
-            spread = spread - np.outer(by_length, by_length) / (_GAUGE_SIGMA**2 + row @ by_length)
+            spread = spread - np.outer(by_length, by_length) / (
+                SCALE_GAUGE_SIGMA**2 + row @ by_length
+            )
         rows = marks.point[marks.observations_of(newest)]
         rows = rows[normal.point_h[rows] > 0.0]
         variances = np.empty(len(rows))
         point_variances(rows, normal.coupling, normal.point_h, spread, variances)
         known = marks.s[marks.has_depth]
         typical = float(np.median(known)) if len(known) else 0.0
-        largest = np.maximum(_RELIABLE_SIGMA * marks.s[rows], _FAR_SIGMA * typical)
+        largest = np.maximum(RELIABLE_DEPTH_SIGMA * marks.s[rows], FAR_DEPTH_SIGMA * typical)
         marks.is_reliable[:] = False
         marks.is_reliable[rows] = variances / self.design_effect < largest**2
 
@@ -455,7 +455,7 @@ class Window:
         known = self._prior.at(deviation)
         H = system.H + known.H
         if gauge is not None:
-            row = self._by_log_length(gauge) / _GAUGE_SIGMA
+            row = self._by_log_length(gauge) / SCALE_GAUGE_SIGMA
             H += np.outer(row, row)
         return System(H, system.g + known.g)
 
@@ -469,7 +469,7 @@ class Window:
 
     def _depth_damping(self) -> float:
         known = self.landmarks.s[self.landmarks.has_depth]
-        return _DEPTH_DAMPING / float(np.median(known)) ** 2 if len(known) else 1.0
+        return DEPTH_DAMPING / float(np.median(known)) ** 2 if len(known) else 1.0
 
     def _move(self, step: np.ndarray, normal: Normal) -> None:
         marks, poses = self.landmarks, step[: 6 * len(self.frames)].reshape(-1, 6)
@@ -485,8 +485,8 @@ class Window:
             normal.coupling, normal.point_h, normal.point_g, step, self._depth_damping(), changes
         )
         typical = float(np.median(marks.s[marks.has_depth]))
-        largest = _MAX_STEP_RATIO * np.maximum(marks.s, typical)
-        updated = np.clip(marks.s + changes, LEAST_INVERSE_DEPTH, largest)
+        largest = MAX_DEPTH_STEP_RATIO * np.maximum(marks.s, typical)
+        updated = np.clip(marks.s + changes, MIN_INVERSE_DEPTH, largest)
         marks.s = np.where(marks.has_depth, updated, marks.s)
 
     def _state(self) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray, np.ndarray, float]:
@@ -546,7 +546,7 @@ class Window:
         base = poses.p[at] + self._row_delay_s(new)[:, None] * poses.twist[at, 3:]
         away = X - marks.s[rows, None] * base
         length = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
-        marks.s[rows] = np.maximum(marks.s[rows] / length, LEAST_INVERSE_DEPTH)
+        marks.s[rows] = np.maximum(marks.s[rows] / length, MIN_INVERSE_DEPTH)
         marks.s_variance[rows] /= length**2
         marks.anchor[rows], marks.rays[rows], marks.ray_by_lens[rows] = (
             new,

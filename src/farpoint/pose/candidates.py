@@ -16,8 +16,16 @@ from operator import attrgetter
 
 import numpy as np
 
-from farpoint._kernels.hypothesis_comparison import GATE_SIGMA
+from farpoint._kernels.constants import GATE_SIGMA
 from farpoint._kernels.search import search_direction
+from farpoint.pose.constants import (
+    CANDIDATE_SAMPLES,
+    CHANCE_DIRECTIONS,
+    CLEAR_MARGIN,
+    LARGE_NOISE_RATIO,
+    MIN_REJECTED,
+    REJECTED_TOLERANCE_RATIO,
+)
 from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.general_motion import (
     GeneralMotionFit,
@@ -29,24 +37,7 @@ from farpoint.pose.model_selection import is_consensus
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.two_motions import is_correlated
 
-__all__ = ["CLEAR", "likeliest_motion"]
-
-# Pairs of rejected matches whose directions are tried: where 1/4 of them has the direction,
-# 100 pairs miss it with a probability of (1 - 1/16)^100 = 0.002.
-PAIRS = 100
-# Least number of rejected matches that test a direction: two of them fix it.
-FEWEST = 6
-# Distance of rejected matches from an epipolar line, over the tolerance; larger than 1 because the
-# far rotation may not be the rotation of their motion.
-WIDER = 2.0
-# A direction is tried if outliers are expected to have fewer directions with such a consensus.
-BY_CHANCE = 1.0
-# Least noise, over the tolerance, with which candidates are searched for.
-LARGE_NOISE = 0.4
-# Samples of a search with bounded noise.
-SAMPLES = 100
-# Margin of the log-likelihood ratio; additional margin if the flow is mostly noise.
-CLEAR, OF_NOISE = 8.0, 8.0
+__all__ = ["likeliest_motion"]
 
 
 def likeliest_motion(
@@ -60,7 +51,7 @@ def likeliest_motion(
 
     If the noise is large, the likeliest other candidate becomes ``candidate_mode`` of the fit.
     """
-    is_noisy = fit.noise.sigma >= LARGE_NOISE * tolerance
+    is_noisy = fit.noise.sigma >= LARGE_NOISE_RATIO * tolerance
     starts = [*_from_rejected(matches, fit, tolerance, state)]
     if is_noisy or is_correlated(fit, tolerance):
         starts += _with_bounded_noise(matches, fit, tolerance, options, state)
@@ -80,7 +71,7 @@ def likeliest_motion(
 
 def _is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool:
     """Whether a motion is likelier than another by the margin of candidates."""
-    margin = CLEAR + OF_NOISE if fit.has_shrunk_flow else CLEAR
+    margin = 2.0 * CLEAR_MARGIN if fit.has_shrunk_flow else CLEAR_MARGIN
     return fit.log_likelihood - other.log_likelihood > margin * other.matches.misspecification
 
 
@@ -93,14 +84,14 @@ def _from_rejected(
     points are rejected.
     """
     rejected = fit.probability < 0.5
-    count, within = int(np.count_nonzero(rejected)), WIDER * tolerance
-    if not fit.has_shrunk_flow or count < FEWEST:
+    count, within = int(np.count_nonzero(rejected)), REJECTED_TOLERANCE_RATIO * tolerance
+    if not fit.has_shrunk_flow or count < MIN_REJECTED:
         return
     t = np.empty(3)
     R, apart = fit.far_rotation_cam1_from_cam0.copy(), matches.select(rejected)
-    arguments = apart.pairs, apart.weights(), np.arange(count), within, PAIRS, state
+    arguments = apart.pairs, apart.weights(), np.arange(count), within, CANDIDATE_SAMPLES, state
     agreeing = count - int(search_direction(*arguments, R, t) / within**2)
-    if is_consensus(agreeing, count, 2, within / matches.outlier_half_width, BY_CHANCE):
+    if is_consensus(agreeing, count, 2, within / matches.outlier_half_width, CHANCE_DIRECTIONS):
         yield fit.at(R, t)
 
 
@@ -113,7 +104,7 @@ def _with_bounded_noise(
 ) -> Iterator[GeneralMotionFit]:
     """A search with the noise bounded by its initial value, and the secondary modes of both."""
     found = fit_with_bounded_noise(
-        matches, (tolerance / GATE_SIGMA) ** 2, SAMPLES, tolerance, options, state
+        matches, (tolerance / GATE_SIGMA) ** 2, CANDIDATE_SAMPLES, tolerance, options, state
     )
     yield found
     yield from (
@@ -127,9 +118,16 @@ def _from_far_points(
     """The closed form of 2008: the rotation of the far points, the epipole of the other flow."""
     rotation = far_rotation(matches, tolerance, state)
     others = matches.select(~rotation.consistent)
-    if len(others) < FEWEST:
+    if len(others) < MIN_REJECTED:
         return
     R, t = rotation.R_cam1_from_cam0.copy(), np.empty(3)
-    arguments = others.pairs, others.weights(), np.arange(len(others)), tolerance, PAIRS, state
+    arguments = (
+        others.pairs,
+        others.weights(),
+        np.arange(len(others)),
+        tolerance,
+        CANDIDATE_SAMPLES,
+        state,
+    )
     search_direction(*arguments, R, t)
     yield fit.at(R, t)

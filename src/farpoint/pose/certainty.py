@@ -6,12 +6,9 @@ import math
 
 import numpy as np
 
-__all__ = ["MAX_DIRECTION_SIGMA", "direction_sigma", "fixes_rotation", "largest_sigma"]
+from farpoint.pose.constants import MAX_ROTATION_SIGMA
 
-# Largest 1-sigma, rad, of an observable rotation.
-MAX_ROTATION_SIGMA = 0.2
-# Largest 1-sigma, rad, of an observable direction.
-MAX_DIRECTION_SIGMA = math.radians(20.0)
+__all__ = ["direction_sigma", "fixes_rotation", "largest_sigma"]
 
 
 def largest_sigma(covariance: np.ndarray) -> float:

@@ -12,6 +12,7 @@ from farpoint._kernels.search import search_direction
 from farpoint.pose import conclusion
 from farpoint.pose.certainty import fixes_rotation, largest_sigma
 from farpoint.pose.conclusion import Diagnostics, label_matches
+from farpoint.pose.constants import DIRECTION_SAMPLES, MAX_EPIPOLE_SIGMA
 from farpoint.pose.epipole import mean_epipole
 from farpoint.pose.far_rotation import FarRotation
 from farpoint.pose.information import positive, symmetric_inverse
@@ -21,10 +22,6 @@ from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.result import PoseStatus, RelativePose
 
 __all__ = ["estimate_closed_form"]
-
-DIRECTION_SAMPLES = 200
-# Largest 1-sigma, rad, of a mean epipole.
-MAX_EPIPOLE_SIGMA = 0.5
 
 
 def estimate_closed_form(

@@ -9,12 +9,26 @@ from typing import NamedTuple
 import numpy as np
 
 from farpoint._kernels.competing_modes import compare_with_mode, likeliest_other_mode
-from farpoint._kernels.motion_refinement import MAX_SEARCHED
+from farpoint._kernels.constants import COS_SAME_MODE, MAX_SEARCHED, OUTER_ROUNDS
 from farpoint._kernels.plane import other_motion
 from farpoint._kernels.pose import PackedMatches, Pose
 from farpoint.geometry.so3 import rotation_vector
 from farpoint.geometry.sphere import tangent_basis
-from farpoint.pose.certainty import MAX_DIRECTION_SIGMA, direction_sigma
+from farpoint.pose.certainty import direction_sigma
+from farpoint.pose.constants import (
+    ALONG_DIFFERENCE_SHARE,
+    CLEAR_MARGIN,
+    COS_NEARBY,
+    EFFECTIVE_PER_ROOT,
+    EVALUATED_LOG_RATIO_PER_MATCH,
+    LINEAR_DIRECTION_SIGMA,
+    LOG_RATIO_TEMPERING,
+    MAX_DIRECTION_SIGMA,
+    MAX_EVALUATED_LOG_RATIO,
+    PLANE_TEMPERING,
+    UNDECIDED_LOG_RATIO,
+    UNDECIDED_MATCHES,
+)
 from farpoint.pose.covariance import general_motion_covariance
 from farpoint.pose.general_motion import GeneralMotionFit, packed_pose, refit_general_motion
 from farpoint.pose.pure_rotation import PureRotationFit
@@ -29,35 +43,6 @@ __all__ = [
     "likelier_of_search",
 ]
 
-# 1-sigma of a direction, rad, above which a secondary mode is searched for.
-UNCERTAIN_SIGMA = math.radians(2.5)
-
-# Largest number of moves to a likelier mode in another direction.
-ROUNDS = 3
-# Log-likelihood ratio of a part of the matches below which more matches are evaluated.
-UNDECIDED = 20.0
-MORE = 4 * MAX_SEARCHED
-
-# Two motions whose directions differ by less count as one motion with a larger covariance.
-COS_NEARBY = math.cos(math.radians(10.0))
-# Up to this angle the second motion of a plane adds to the covariance, even if it is unlikely.
-COS_IN_REACH = math.cos(math.radians(30.0))
-
-# Largest log-likelihood ratio by residuals with which a motion is evaluated further, in total and
-# per match; margin of the log-likelihood ratio if parallax has less information.
-MAX_LOG_RATIO, PER_MATCH, CLEAR = 60.0, 0.25, 8.0
-# Effective sample size of the parallax prior: min(n, 5 sqrt n), because matches on one surface are
-# correlated.
-SURFACES = 5.0
-
-# Tempering exponent of the likelihood ratio of two motions. Each has its own epipolar lines and so
-# its own part of the noise: a secondary mode with a log-likelihood ratio of 5 to 7 is the true one
-# in 3 of 100 simulated scenes, not in 1 of 400.
-TEMPERING = 0.5
-# Tempering exponent for the two motions of a plane and all motions between them.
-PLANE_TEMPERING = 0.3
-# Share of the covariance between two motions along the axis on which they differ.
-ALONG = 0.9
 
 PLANE = "Planar ambiguity: a plane explains the matches and allows two motions"
 ELSEWHERE = "Secondary mode: two motions explain the matches"
@@ -96,7 +81,7 @@ class CompetingMotion(NamedTuple):
         The squared difference of the two motions times a probability; a share of 0.1 is rotated by
         90 degrees about the direction. Zero if the directions are far apart.
         """
-        if _cosine(self, fit) < COS_IN_REACH:
+        if _cosine(self, fit) < COS_SAME_MODE:
             return np.zeros((5, 5))
         direction, turn = fit.direction_cam1_from_cam0, self._turn_from(fit)
         basis = tangent_basis(direction)
@@ -104,14 +89,16 @@ class CompetingMotion(NamedTuple):
         aside = np.cross(direction, turn) + (direction @ turn) * direction
         along = np.concatenate([turn, basis.T @ tilt])
         across = np.concatenate([aside, basis.T @ np.cross(direction, tilt)])
-        mixed = ALONG * np.outer(along, along) + (1.0 - ALONG) * np.outer(across, across)
+        mixed = ALONG_DIFFERENCE_SHARE * np.outer(along, along) + (
+            1.0 - ALONG_DIFFERENCE_SHARE
+        ) * np.outer(across, across)
         return self.probability(fit.matches.tempering, PLANE_TEMPERING) * mixed
 
     def rotation_covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
         """Covariance (3, 3), rad^2, of a rotation that may be that of this motion."""
         return covariance_between(self._turn_from(fit), self.probability(fit.matches.tempering))
 
-    def probability(self, misspecification: float, tempering: float = TEMPERING) -> float:
+    def probability(self, misspecification: float, tempering: float = LOG_RATIO_TEMPERING) -> float:
         """Probability of this motion: ``1 / (1 + exp(tempering * log_ratio / factor))``.
 
         A ``misspecification`` factor of the noise variance divides the log-likelihood ratio.
@@ -129,7 +116,9 @@ def covariance_between(apart: np.ndarray, probability: float) -> np.ndarray:
     of 0.9 along the vector, and 0.1 isotropic for a third rotation.
     """
     isotropic = float(apart @ apart) / 3.0 * np.eye(3)
-    return probability * (ALONG * np.outer(apart, apart) + (1.0 - ALONG) * isotropic)
+    return probability * (
+        ALONG_DIFFERENCE_SHARE * np.outer(apart, apart) + (1.0 - ALONG_DIFFERENCE_SHARE) * isotropic
+    )
 
 
 def _cosine(
@@ -183,7 +172,7 @@ def compare_modes(
     if best is fit and mode is None and of_plane is not None:
         covariance += of_plane.covariance_beside(fit)
     has_direction = mode is None and best.shows_direction
-    if has_direction and UNCERTAIN_SIGMA < direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
+    if has_direction and LINEAR_DIRECTION_SIGMA < direction_sigma(covariance) < MAX_DIRECTION_SIGMA:
         likelier, other = likelier_in_other_direction(best, pure_rotation)
         mode = _within(limit, other)
         if likelier is not best:
@@ -218,7 +207,7 @@ def likelier_of_search(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, Competi
         return fit, None
     R, t = (each.copy() for each in fit.secondary_mode)
     mode = Pose(R, t, np.empty(4), np.empty((6, 6)), np.empty(1))
-    log_ratio = compare_with_mode(_packed_subsample(fit, MORE), packed_pose(fit), mode)
+    log_ratio = compare_with_mode(_packed_subsample(fit, UNDECIDED_MATCHES), packed_pose(fit), mode)
     return _likelier(fit, _competing(mode, log_ratio, ELSEWHERE) if log_ratio < np.inf else None)
 
 
@@ -231,7 +220,7 @@ def likelier_in_other_direction(
     """
     # Two modes that exchange translation and rotation have the pure rotation half-way between them.
     middle, other = pure_rotation().R_cam1_from_cam0, None
-    for _ in range(ROUNDS):
+    for _ in range(OUTER_ROUNDS):
         found = _in_other_direction(fit, middle)
         if found is None or found.log_ratio >= 0.0:
             return fit, found
@@ -256,7 +245,9 @@ def _likelier(
     Parallax has less information if the flow is mostly noise, and for a plane, because a plane is
     one surface.
     """
-    limit = fit.matches.misspecification * min(MAX_LOG_RATIO, PER_MATCH * len(fit.matches))
+    limit = fit.matches.misspecification * min(
+        MAX_EVALUATED_LOG_RATIO, EVALUATED_LOG_RATIO_PER_MATCH * len(fit.matches)
+    )
     if other is None or other.log_ratio >= limit:
         return fit, other
     R, t = fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0
@@ -266,13 +257,13 @@ def _likelier(
         return fit, other._replace(log_ratio=max(other.log_ratio, 0.0))
     gain = _tempered_log_likelihood(found) - _tempered_log_likelihood(fit)
     if other.log_ratio >= 0.0:
-        margin = CLEAR if found.has_shrunk_flow else 0.0
+        margin = CLEAR_MARGIN if found.has_shrunk_flow else 0.0
         is_ambiguous = gain > margin
-        margin += CLEAR if other.cause == PLANE else 0.0
-        is_likelier = gain > margin + TEMPERING * other.log_ratio
+        margin += CLEAR_MARGIN if other.cause == PLANE else 0.0
+        is_likelier = gain > margin + LOG_RATIO_TEMPERING * other.log_ratio
     else:
         is_agreed = found.log_likelihood > fit.log_likelihood
-        is_likelier = is_agreed or (other.cause == PLANE and gain > -CLEAR)
+        is_likelier = is_agreed or (other.cause == PLANE and gain > -CLEAR_MARGIN)
         is_ambiguous = True
     if is_likelier:
         return found, CompetingMotion(R, t, max(-other.log_ratio, 0.0), other.cause)
@@ -289,7 +280,7 @@ def _tempered_log_likelihood(fit: GeneralMotionFit) -> float:
     n = len(fit.matches)
     by_prior = float(fit.probability @ np.log(fit.per_match[0, :n]))
     by_sign = -float(np.logaddexp(0.0, -fit.sign_log_odds))
-    redundant = 1.0 - min(SURFACES / math.sqrt(n), 1.0)
+    redundant = 1.0 - min(EFFECTIVE_PER_ROOT / math.sqrt(n), 1.0)
     return fit.log_likelihood + by_sign - redundant * by_prior
 
 
@@ -297,8 +288,8 @@ def _in_other_direction(fit: GeneralMotionFit, R_start: np.ndarray) -> Competing
     pose, mode = packed_pose(fit), _empty_pose()
     packed = _packed_subsample(fit, MAX_SEARCHED)
     log_ratio = likeliest_other_mode(packed, pose, R_start, mode)
-    if log_ratio < UNDECIDED and len(fit.matches) > MAX_SEARCHED:
-        log_ratio = compare_with_mode(_packed_subsample(fit, MORE), pose, mode)
+    if log_ratio < UNDECIDED_LOG_RATIO and len(fit.matches) > MAX_SEARCHED:
+        log_ratio = compare_with_mode(_packed_subsample(fit, UNDECIDED_MATCHES), pose, mode)
     return _competing(mode, log_ratio, ELSEWHERE) if log_ratio < np.inf else None
 
 
@@ -307,8 +298,8 @@ def _other_of_plane(fit: GeneralMotionFit) -> CompetingMotion | None:
     has_given_noise = fit.matches.misspecification > 1.0
     packed = _packed_subsample(fit, MAX_SEARCHED)
     competes, log_ratio = other_motion(packed, pose, other, has_given_noise)
-    if competes and log_ratio < UNDECIDED and len(fit.matches) > MAX_SEARCHED:
-        packed = _packed_subsample(fit, MORE)
+    if competes and log_ratio < UNDECIDED_LOG_RATIO and len(fit.matches) > MAX_SEARCHED:
+        packed = _packed_subsample(fit, UNDECIDED_MATCHES)
         competes, log_ratio = other_motion(packed, pose, other, has_given_noise)
     return _competing(other, log_ratio, PLANE) if competes else None
 

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from farpoint._kernels.constants import CORRELATED_Z, GATE_SIGMA
 from farpoint._kernels.covariance import finite_sample_inflation
-from farpoint._kernels.design_effect import CORRELATED_Z
+from farpoint.pose.constants import DESIGN_EFFECT_FREEDOM, SMOOTH_ERROR_FACTOR
 from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches
 
 __all__ = ["count_residual_correlation"]
-
-# z-score of the residual correlation beyond which the noise counts as misspecified: independent
-# noise exceeds it with a probability of 0.003.
-SIGNIFICANT = 3.0
-# Factor for errors that are smooth over more than 1/4 of the image's width and height, which
-# parts of the image cannot show; from rendered streets with OpenCV's Lucas-Kanade tracker.
-BEYOND_PARTS = 1.5
-# Degrees of freedom of a design effect from few parts, by its scatter on these streets.
-FREEDOM = 12.0
 
 
 def count_residual_correlation(
@@ -28,14 +20,16 @@ def count_residual_correlation(
 
     Only for matches without given covariances. N matches of a few surfaces carry less information
     than N independent ones: without the design effect the covariance, the evidence for translation
-    and the odds of two motions are overconfident. Above `SIGNIFICANT` the noise counts as
+    and the odds of two motions are overconfident. Above `GATE_SIGMA` the noise counts as
     misspecified.
     """
     if matches.misspecification > 1.0 or fit.neighbours.z_score < CORRELATED_Z:
         return matches, fit
     _, z_score, by_parts = fit.neighbours
-    effect = max(finite_sample_inflation(FREEDOM) * BEYOND_PARTS * by_parts, 1.0)
-    is_misspecified = z_score > SIGNIFICANT
+    effect = max(
+        finite_sample_inflation(DESIGN_EFFECT_FREEDOM) * SMOOTH_ERROR_FACTOR * by_parts, 1.0
+    )
+    is_misspecified = z_score > GATE_SIGMA
     fitted = fit.matches.with_design_effect(effect, is_misspecified=is_misspecified)
     counted = matches.with_design_effect(effect, is_misspecified=is_misspecified)
     return counted, replace(fit, matches=fitted)

@@ -6,14 +6,29 @@ import math
 
 import numpy as np
 
+from farpoint._kernels.constants import (
+    GATE_SIGMA,
+    MAX_NEIGHBOUR_QUERIES,
+    MAX_SPLIT_RATIO,
+    MIN_MATCHES,
+)
 from farpoint._kernels.covariance import covariance_around
-from farpoint._kernels.design_effect import MAX_QUERIED
-from farpoint._kernels.hypothesis_comparison import GATE_SIGMA
 from farpoint._kernels.patches import split_patches
 from farpoint._kernels.residual_correlation import patch_correlation
-from farpoint._kernels.split_halves import MAX_RATIO, pose_difference_ratio
+from farpoint._kernels.split_halves import pose_difference_ratio
 from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose.certainty import fixes_rotation
+from farpoint.pose.constants import (
+    EXPECTED_RATIO_FREEDOM,
+    HALVES_CORRELATION,
+    HALVES_CORRELATION_SLOPE,
+    INDEPENDENT_SPLIT_RATIO,
+    LINEAR_DIRECTION_SIGMA,
+    MAX_COMPRESSION_EXCESS,
+    MAX_RATIO_OVER_MEAN,
+    MIN_SPLIT_MATCHES,
+    UNCOMPRESSED_SPLIT_RATIO,
+)
 from farpoint.pose.general_motion import GeneralMotionFit, linearisation_point, packed_pose
 from farpoint.pose.information import positive
 from farpoint.pose.matches import Matches
@@ -33,29 +48,6 @@ __all__ = [
     "split_half_ratio_of_rotation",
 ]
 
-# Sigma of the direction over both axes, rad, up to which the information is the same at all poses
-# within the covariance.
-LINEAR_SIGMA = math.radians(2.5)
-# Degrees of freedom of the expected split-half ratio, beside those of the measured one.
-EXPECTED = 40.0
-# Least number of matches for splits: with 24 to 48 matches of independent noise the ratio is 0.65
-# to 0.9.
-LEAST_MATCHES = 60
-# Least number of matches of a half: two fix a rotation, the others its noise.
-LEAST_HALF = 8
-# Split-half ratio of matches with independent noise.
-OF_NOISE = 0.95
-# Correlation of residuals in neighbouring patches above which halves underestimate the variance,
-# and slope of the factor above it: most recordings need 2; one with many reflections and moving
-# objects, and simulated surfaces with a common error of 3 sigma, a little more than 4.
-CORRELATED, SLOPE = 0.25, 4.0
-# Upper bound of a pair's split-half ratio in the mean, over the mean: halves refined to two
-# different modes are no measure of the tracks' errors.
-MOST_OVER_MEAN = 3.0
-# Upper bound of the mean split-half ratio of uncompressed video (rendered: 0.91 to 1.07), and the
-# largest excess over it that was measured, with strong compression.
-UNCOMPRESSED, MOST_EXCESS = 1.08, 1.0
-
 
 def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
     """Covariance (5, 5) of ``[dtheta, dbeta]``, rad^2, in the `tangent_basis` of the direction.
@@ -71,7 +63,7 @@ def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
     one sigma.
     """
     covariance = fit.covariance
-    if LINEAR_SIGMA**2 < covariance[3, 3] + covariance[4, 4] < math.inf:
+    if LINEAR_DIRECTION_SIGMA**2 < covariance[3, 3] + covariance[4, 4] < math.inf:
         covariance = _averaged(fit, covariance)
     return positive(covariance)
 
@@ -92,7 +84,10 @@ def split_half_ratio(fit: GeneralMotionFit, splits: int) -> float | None:
     packed = matches.packed(fit.per_match[0], soft_cheirality=True)
     inliers, patch = float(np.add.reduce(fit.probability)), patches_of(matches.rays0)
     pose, is_shrunk = packed_pose(fit), fit.has_shrunk_flow
-    return pose_difference_ratio(packed, pose, inliers, is_shrunk, splits, patch, state) / OF_NOISE
+    return (
+        pose_difference_ratio(packed, pose, inliers, is_shrunk, splits, patch, state)
+        / INDEPENDENT_SPLIT_RATIO
+    )
 
 
 def split_half_ratio_of_rotation(
@@ -107,7 +102,7 @@ def split_half_ratio_of_rotation(
     n, patch, tolerance = len(matches), patches_of(matches.rays0), GATE_SIGMA * fit.noise.sigma
     state, half, squares = np.zeros(1, np.uint64), np.empty(n, np.int64), []
     for _ in range(splits):
-        if not LEAST_HALF <= split_patches(patch, state, half) <= n - LEAST_HALF:
+        if not MIN_MATCHES <= split_patches(patch, state, half) <= n - MIN_MATCHES:
             continue
         one, other = (
             fit_pure_rotation(matches.select(half == k), fit.R_cam1_from_cam0, tolerance)
@@ -116,13 +111,13 @@ def split_half_ratio_of_rotation(
         expected = one.covariance + other.covariance
         if fixes_rotation(expected):
             apart = rotation_vector(one.R_cam1_from_cam0 @ other.R_cam1_from_cam0.T)
-            squares.append(min(size2(apart, expected) / 3.0, MAX_RATIO))
+            squares.append(min(size2(apart, expected) / 3.0, MAX_SPLIT_RATIO))
     return float(np.mean(squares)) if squares else 1.0
 
 
 def _can_split(matches: Matches, splits: int) -> bool:
     """Whether splits are requested and there are enough matches."""
-    return splits > 0 and len(matches) >= LEAST_MATCHES
+    return splits > 0 and len(matches) >= MIN_SPLIT_MATCHES
 
 
 def inflation_by_halves(ratio: float | None, expected: float, freedom: int) -> float:
@@ -133,14 +128,16 @@ def inflation_by_halves(ratio: float | None, expected: float, freedom: int) -> f
     """
     if ratio is None:
         return expected
-    return (EXPECTED * expected + freedom * ratio) / (EXPECTED + freedom)
+    return (EXPECTED_RATIO_FREEDOM * expected + freedom * ratio) / (
+        EXPECTED_RATIO_FREEDOM + freedom
+    )
 
 
 def mean_split_half_ratio(ratio: float | None, expected: float, pairs: int) -> float:
     """Mean of the `split_half_ratio` of a pair and the ``expected`` one of ``pairs`` before it."""
     if ratio is None:
         return expected
-    return expected + (min(ratio, MOST_OVER_MEAN * expected) - expected) / (pairs + 1)
+    return expected + (min(ratio, MAX_RATIO_OVER_MEAN * expected) - expected) / (pairs + 1)
 
 
 def inflation_beyond_patches(ratio: float | None, options: RelativePoseOptions) -> float:
@@ -153,8 +150,8 @@ def inflation_beyond_patches(ratio: float | None, options: RelativePoseOptions) 
     because the ratio of one pair has a large sampling error.
     """
     expected, pairs = options.expected_half_ratio, options.expected_half_ratio_pairs
-    excess = mean_split_half_ratio(ratio, expected, pairs) - UNCOMPRESSED
-    return 1.0 + options.sharing_beyond_patches * min(max(excess, 0.0), MOST_EXCESS)
+    excess = mean_split_half_ratio(ratio, expected, pairs) - UNCOMPRESSED_SPLIT_RATIO
+    return 1.0 + options.sharing_beyond_patches * min(max(excess, 0.0), MAX_COMPRESSION_EXCESS)
 
 
 def inflation_between_patches(fit: GeneralMotionFit) -> float:
@@ -167,10 +164,10 @@ def inflation_between_patches(fit: GeneralMotionFit) -> float:
     matches, inlier = fit.matches, np.flatnonzero(fit.probability > 0.5)
     patch = patches_of(matches.rays0)
     correlation = patch_correlation(
-        matches.pairs, fit.residual, inlier, patch, fit.noise.sigma, MAX_QUERIED
+        matches.pairs, fit.residual, inlier, patch, fit.noise.sigma, MAX_NEIGHBOUR_QUERIES
     )
     correlation = max(correlation, fit.merged_mode_correlation)
-    return 1.0 + SLOPE * max(correlation - CORRELATED, 0.0)
+    return 1.0 + HALVES_CORRELATION_SLOPE * max(correlation - HALVES_CORRELATION, 0.0)
 
 
 def _averaged(fit: GeneralMotionFit, covariance: np.ndarray) -> np.ndarray:

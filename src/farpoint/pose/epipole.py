@@ -8,9 +8,8 @@ import numpy as np
 
 from farpoint._kernels.direction import pairwise_direction
 from farpoint.geometry.sphere import tangent_basis
+from farpoint.pose.constants import EPIPOLE_ROUNDING_RAD
 from farpoint.pose.matches import Matches
-
-ROUNDING_RAD = 1e-8
 
 __all__ = ["EpipoleEstimate", "mean_epipole"]
 
@@ -81,5 +80,5 @@ def mean_epipole(
     left_out = others @ basis / along[:, None]
     deviation = left_out - left_out.mean(axis=0)
     # Rounding bounds the covariance of coinciding intersections.
-    covariance = (n - 1) / n * deviation.T @ deviation + ROUNDING_RAD**2 * np.eye(2)
+    covariance = (n - 1) / n * deviation.T @ deviation + EPIPOLE_ROUNDING_RAD**2 * np.eye(2)
     return EpipoleEstimate(direction_cam1_from_cam0=direction, basis=basis, covariance=covariance)

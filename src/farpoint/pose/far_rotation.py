@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from farpoint._kernels.rotation_search import enlarge_rotation, search_rotation
+from farpoint.pose.constants import IDENTITY, SEARCH_SAMPLES
 from farpoint.pose.matches import Matches
 
 __all__ = ["FarRotation", "far_rotation"]
-
-MAX_ITERATIONS = 300
-IDENTITY = np.eye(3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,7 +32,7 @@ class FarRotation:
 
 
 def far_rotation(
-    matches: Matches, tolerance: float, state: np.ndarray, max_iterations: int = MAX_ITERATIONS
+    matches: Matches, tolerance: float, state: np.ndarray, max_iterations: int = SEARCH_SAMPLES
 ) -> FarRotation:
     """Rotation of the far points among ``matches``.
 

@@ -13,26 +13,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from farpoint._kernels.design_effect import correlation_and_design_effect
-from farpoint._kernels.five_rays import SearchBudget
-from farpoint._kernels.hypothesis_comparison import (
+from farpoint._kernels.constants import (
+    GATE_SIGMA,
+    LANES,
+    LN2,
+    LONG_TAIL,
+    MAX_SEARCHED,
     MODE_MARGIN,
+    PANEL,
     START_REPEATED_SHARE,
     START_TAIL_SHARE,
 )
+from farpoint._kernels.design_effect import correlation_and_design_effect
+from farpoint._kernels.five_rays import SearchBudget
 from farpoint._kernels.likelihood import evaluate_residuals
-from farpoint._kernels.mixture import LONG_TAIL
 from farpoint._kernels.motion import fit_motion
-from farpoint._kernels.motion_refinement import (
-    MAX_SEARCHED,
-    MotionBuffers,
-    MotionSummary,
-    refine_motion,
-)
-from farpoint._kernels.pairs import LANES, PANEL, packed_length
-from farpoint._kernels.parallax_prior import BAND_SIGMA
+from farpoint._kernels.motion_refinement import MotionBuffers, MotionSummary, refine_motion
+from farpoint._kernels.pairs import packed_length
 from farpoint._kernels.pose import LinearisationPoint, PackedMatches, Pose
-from farpoint.pose.far_rotation import IDENTITY
+from farpoint.pose.constants import IDENTITY, MAX_FLOW_NOISE_SHARE
 from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise
 from farpoint.pose.options import RelativePoseOptions
@@ -51,13 +50,6 @@ __all__ = [
     "refit_general_motion",
     "start_at",
 ]
-
-# With few matches, samples over the number of distinct samples of five: half of these are drawn, so
-# that k samples without an outlier are all missed with a probability of 2^-k.
-HALF_DRAWN = math.log(2.0)
-# Largest share of noise in the shrunk flow, along any axis, with which a direction is observable:
-# where all points are far the share is larger, and half of the directions are wrong.
-MOST_NOISE = 0.55
 
 
 class ResidualCorrelation(NamedTuple):
@@ -229,7 +221,7 @@ def fit_general_motion(
     """
     n = len(matches)
     found = _empty_buffers(n)
-    samples = max(options.min_iterations, math.ceil(HALF_DRAWN * math.comb(n, 5)))
+    samples = max(options.min_iterations, math.ceil(LN2 * math.comb(n, 5)))
     budget = SearchBudget(
         tolerance=tolerance,
         confidence=options.confidence,
@@ -287,7 +279,7 @@ def is_likelier(fit: GeneralMotionFit, other: GeneralMotionFit, by: float = 0.0)
 
 def _log_ratios(fit: GeneralMotionFit) -> float:
     """Logarithm of the ratio of two densities: of all parallax, and of the ratios of parallax."""
-    return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, BAND_SIGMA)))
+    return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, GATE_SIGMA)))
 
 
 def refit_general_motion(matches: Matches, fit: GeneralMotionFit | Start) -> GeneralMotionFit:
@@ -355,7 +347,7 @@ def _least_signal(matches: Matches) -> float:
     Larger if the noise may be misspecified: 50 % of the factor on sigma is allowed for.
     """
     sigma = 0.5 * (1.0 + math.sqrt(matches.misspecification))
-    return 1.0 - MOST_NOISE / (sigma * sigma)
+    return 1.0 - MAX_FLOW_NOISE_SHARE / (sigma * sigma)
 
 
 def _packed(matches: Matches, found: MotionBuffers) -> PackedMatches:

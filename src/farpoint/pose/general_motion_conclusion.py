@@ -18,6 +18,7 @@ from farpoint.pose.competing_motions import (
     likelier_of_plane,
 )
 from farpoint.pose.conclusion import Diagnostics, full_labels
+from farpoint.pose.constants import UNOBSERVABLE_NOISE_SHARE
 from farpoint.pose.covariance import (
     inflation_between_patches,
     inflation_beyond_patches,
@@ -35,9 +36,6 @@ from farpoint.pose.result import PoseStatus, RelativePose
 
 __all__ = ["conclude_general_motion"]
 
-# Below the direction threshold noise explains about 50 % of the flow; the rotation may be wrong by
-# this share of its distance to the pure rotation.
-NOISE_SHARE = 0.5
 ONE_OBJECT = (
     "Independently moving object possible: all matches with parallax lie on one compact part of "
     "the image, so a pure rotation and a moving object explain them as well."
@@ -148,7 +146,7 @@ def _unobservable_direction(
         else MOSTLY_NOISE
     )
     apart = np.array(rotation_vector(pure_rotation().R_cam1_from_cam0 @ fit.R_cam1_from_cam0.T))
-    return Unobservable(reason, covariance_between(apart, NOISE_SHARE**2))
+    return Unobservable(reason, covariance_between(apart, UNOBSERVABLE_NOISE_SHARE**2))
 
 
 def _ambiguity(modes: ComparedModes) -> str:

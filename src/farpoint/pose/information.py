@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from farpoint._kernels.constants import POSE_PARAMETERS, ROTATION_PARAMETERS, ROUNDING
 from farpoint.pose.small import inverse_three
 
 __all__ = ["inverse_root", "positive", "symmetric_inverse"]
 
-_LOADED_DIAGONAL = {n: np.ones((n, n)) + 1e-12 * np.eye(n) for n in (3, 5)}
+_LOADED_DIAGONAL = {
+    n: np.ones((n, n)) + ROUNDING * np.eye(n) for n in (ROTATION_PARAMETERS, POSE_PARAMETERS)
+}
 
 
 def symmetric_inverse(information: np.ndarray) -> np.ndarray:

@@ -16,43 +16,24 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from farpoint._kernels.constants import COARSE_STEPS, LINEAR_STEP_RAD, ROUNDING, STUDENT_FREEDOM
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry import so3
 from farpoint.geometry.sphere import tangent_basis
 from farpoint.geometry.vectors import cross, products
 from farpoint.pose.conclusion import with_covariance
+from farpoint.pose.constants import (
+    IDENTITY,
+    LENS_CONVERGED_SIGMA,
+    LENS_INLIERS,
+    LENS_LINEAR_SIGMA,
+    SHUTTER_ERRORS,
+)
 from farpoint.pose.result import PoseStatus, RelativePose, TrackLabel
 from farpoint.pose.shutter import Shutter
 
 __all__ = ["View", "with_lens_uncertainty"]
-
-_MOST = 200
-"""Inliers that J is taken from, spread over all: J is a ratio of two sums over the same matches."""
-
-_STEPS = 10
-"""Gauss-Newton steps, at most."""
-
-_NEGLIGIBLE = 0.01
-"""Step of an error of the lens, in its sigmas, that ends them (convention)."""
-
-_OF_SHUTTER = 4
-"""Errors of a shutter: its read-out, and the derivative of the angular velocity (3)."""
-
-_LINEAR = 0.5
-"""Change of an error of the lens, in its sigmas, up to which rays are linear in it."""
-
-_SMALL_ROTATION = 0.01
-"""Rotation, rad, up to which a ray is linear in it: the second order is 5e-5 rad."""
-
-_SKEW = ((0, 1, 2, 1), (0, 2, 1, -1), (1, 0, 2, -1), (1, 2, 0, 1), (2, 0, 1, 1), (2, 1, 0, -1))
-"""Row, column, coordinate and sign of the elements of ``e_k x a``."""
-
-_DAMPING = 1e-12
-"""Of the trace of the information: inliers at one point do not fix the rotation."""
-
-_DOF = 5.0
-"""Degrees of freedom of the t distribution of what a rotation leaves: heavy tails (convention)."""
 
 
 class View(NamedTuple):
@@ -118,7 +99,7 @@ def with_lens_uncertainty(
     assert pose.rotation_cam1_from_cam0 is not None
     theta = so3.log(pose.rotation_cam1_from_cam0)
     inliers = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
-    inliers = inliers[:: max(-(-len(inliers) // _MOST), 1)]
+    inliers = inliers[:: max(-(-len(inliers) // LENS_INLIERS), 1)]
     lenses = _Lenses.of(view0.select(inliers), view1.select(inliers), shutter, inliers, theta)
     rays = lenses.rays()
     if pose.status is PoseStatus.OK:
@@ -170,7 +151,7 @@ class _Lenses(NamedTuple):
     @property
     def size(self) -> int:
         """Number of errors."""
-        return self.factors[0].shape[1] + _OF_SHUTTER
+        return self.factors[0].shape[1] + SHUTTER_ERRORS
 
     def rays(self, z: np.ndarray | None = None) -> tuple[_Rays, _Rays]:
         """Rays of both images, by the given lenses or by those with the errors z."""
@@ -190,13 +171,13 @@ class _Lenses(NamedTuple):
         """Exact cameras with these errors of the lenses, halved until the lens is valid."""
         shutter = self.shutter
         if shutter is not None:
-            readout, derivative = float(z[-_OF_SHUTTER]), z[1 - _OF_SHUTTER :]
+            readout, derivative = float(z[-SHUTTER_ERRORS]), z[1 - SHUTTER_ERRORS :]
             shutter = shutter._replace(
                 share=shutter.share + readout * shutter.sigma,
                 derivative=shutter.derivative + derivative * shutter.angular_prior_sigma,
             )
         (camera0, camera1), (factor0, factor1) = (v.camera for v in self.views), self.factors
-        of_lens = z[:-_OF_SHUTTER]
+        of_lens = z[:-SHUTTER_ERRORS]
         first = _with_error(camera0, factor0 @ of_lens)
         if camera0 is camera1:
             return first, first, shutter
@@ -206,8 +187,8 @@ class _Lenses(NamedTuple):
 def _rays_of(view: View, factor: np.ndarray) -> _Rays:
     """By the implicit function theorem, as `CameraModel.unproject_parameter_jacobian`."""
     pixel_by_lens = view.camera.refinable.project_parameter_jacobian(view.rays) @ factor
-    by_lens = np.zeros((len(view.rays), 3, factor.shape[1] + _OF_SHUTTER))
-    by_lens[:, :, :-_OF_SHUTTER] = -products(view.by_pixel, pixel_by_lens)
+    by_lens = np.zeros((len(view.rays), 3, factor.shape[1] + SHUTTER_ERRORS))
+    by_lens[:, :, :-SHUTTER_ERRORS] = -products(view.by_pixel, pixel_by_lens)
     return _Rays(view.rays, view.by_pixel, by_lens)
 
 
@@ -216,22 +197,19 @@ def _unrolled(rays: _Rays, image: int, shutter: Shutter, theta: np.ndarray) -> _
     unrolled, by_pixel = shutter.unrolled(theta, image, rays.rays, rays.by_pixel)
     by_lens = shutter.columns_unrolled(theta, image, rays.by_lens)
     phases = shutter.phases(image)[:, None]
-    by_lens[:, :, -_OF_SHUTTER] = cross(
+    by_lens[:, :, -SHUTTER_ERRORS] = cross(
         (-shutter.sigma * phases) * shutter.rate(theta, image), unrolled
     )
     if shutter.angular_prior is not None:
         rate = shutter.angular_prior.by_derivative[image] * shutter.angular_prior.sigma
         rotated = -shutter.share * rate * phases[:, :, None] * _crossed_by_axes(unrolled)
-        by_lens[:, :, 1 - _OF_SHUTTER :] = rotated
+        by_lens[:, :, 1 - SHUTTER_ERRORS :] = rotated
     return _Rays(unrolled, by_pixel, by_lens)
 
 
 def _crossed_by_axes(a: np.ndarray) -> np.ndarray:
     """Columns (N, 3, 3) ``e_k x a`` for the three axes: the derivative of ``Exp(dtheta) a``."""
-    columns = np.zeros((len(a), 3, 3))
-    for row, column, source, sign in _SKEW:
-        columns[:, row, column] = sign * a[:, source]
-    return columns
+    return np.ascontiguousarray(cross(IDENTITY, a[:, None]).transpose(0, 2, 1))
 
 
 def _with_error(camera: Camera, error: np.ndarray) -> Camera:
@@ -331,21 +309,21 @@ def _explained_by_a_rotation(
     contradicts2 = float(scipy.special.chdtri(2.0, rate))
     x = x0 = np.zeros(size)  # [dtheta, z], and where the flow is linearised
     flow0, by_x = _Flow.of(R, *rays).per_sigma(noise_px)
-    for _ in range(_STEPS):
+    for _ in range(COARSE_STEPS):
         rows, flow = by_x.reshape(-1, size), flow0 + by_x @ (x - x0)
-        weight = (_DOF + 2.0) / (_DOF + np.sum(flow**2, axis=1))
+        weight = (STUDENT_FREEDOM + 2.0) / (STUDENT_FREEDOM + np.sum(flow**2, axis=1))
         weighted = rows * np.repeat(weight, 2)[:, None]
         H = weighted.T @ rows + np.diag(prior)
-        H += _DAMPING * np.trace(H) * np.eye(size)
+        H += ROUNDING * np.trace(H) * np.eye(size)
         step = -np.linalg.solve(H, weighted.T @ flow.reshape(-1) + prior * x)
         if np.median(np.sum((flow + by_x @ step) ** 2, axis=1)) > contradicts2:
             return None
         x = x + step
         x[3:] *= min(1.0, np.sqrt(farthest2 / max(float(x[3:] @ x[3:]), 1e-300)))
-        if float(np.abs(step[3:]).max()) < _NEGLIGIBLE:
+        if float(np.abs(step[3:]).max()) < LENS_CONVERGED_SIGMA:
             break
         moved = np.abs(x - x0)
-        if moved[:3].max() > _SMALL_ROTATION or moved[3:].max() > _LINEAR:
+        if moved[:3].max() > LINEAR_STEP_RAD or moved[3:].max() > LENS_LINEAR_SIGMA:
             R = so3.exp(x[:3]) @ R
             x = x0 = np.concatenate([np.zeros(3), x[3:]])
             flow0, by_x = _Flow.of(R, *lenses.rays(x[3:])).per_sigma(noise_px)

@@ -9,36 +9,29 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from farpoint._kernels.mixture import LONG_TAIL
-from farpoint._kernels.pairs import (
+from farpoint._kernels.constants import (
     FLOW,
     LANES,
+    LONG_TAIL,
     MIN_VARIANCE_RAD2,
     PANEL,
     RAY0,
     RAY1,
-    is_finite,
-    pack_pairs,
-    packed_length,
-    take_pairs,
+    ROUNDING,
 )
+from farpoint._kernels.pairs import is_finite, pack_pairs, packed_length, take_pairs
 from farpoint._kernels.pose import PackedMatches
 from farpoint._kernels.rounding import rounding_variance
 from farpoint.camera import Camera
 from farpoint.errors import InputError
 from farpoint.geometry.sphere import normalize, tangent_basis
-from farpoint.pose.noise import MIN_VARIANCE
-
-# Least angle of a pixel, rad: far out in an image the next pixel may be the same direction.
-LEAST_RAD_PER_PX = 1e-12
-ISOTROPIC = np.eye(2)[None]
-# Bounds of given variances, px^2; and over their median.
-_VARIANCE_BOUNDS_PX2 = (1e-60, 1e60)
-_RATIO_BOUNDS = (1e-12, 1e12)
-# Misspecification factor of given covariances, and of noise with correlated residuals: the ratio of
-# the sigmas in two directions is known to a factor of 2. A tracker's covariance lacks its errors
-# along the motion of the track (twice the variance on rendered images without translation).
-MISSPECIFICATION = 4.0
+from farpoint.pose.constants import (
+    ISOTROPIC,
+    MIN_NOISE_VARIANCE,
+    MISSPECIFIED_FACTOR,
+    VARIANCE_BOUNDS_PX2,
+    VARIANCE_RATIO_BOUNDS,
+)
 
 __all__ = [
     "Matches",
@@ -105,7 +98,7 @@ class Matches:
     misspecification: float
     design_effect: float = 1.0
     given_noise: GivenNoise | None = None
-    min_variance: float = MIN_VARIANCE
+    min_variance: float = MIN_NOISE_VARIANCE
     max_variance: float = math.inf
 
     def __len__(self) -> int:
@@ -148,7 +141,7 @@ class Matches:
 
     def with_design_effect(self, design_effect: float, *, is_misspecified: bool) -> Matches:
         """The matches with correlated residuals, whose noise may be misspecified."""
-        factor = MISSPECIFICATION if is_misspecified else self.misspecification
+        factor = MISSPECIFIED_FACTOR if is_misspecified else self.misspecification
         return replace(self, misspecification=factor, design_effect=design_effect)
 
     def with_noise_up_to(self, variance: float) -> Matches:
@@ -243,7 +236,7 @@ class PixelMatches:
             rays=(rays0, rays1),
             by_pixel=(by_pixel0, by_pixel1),
             covariances=covariances,
-            min_variance=max(rounding_variance(points0, points1), MIN_VARIANCE),
+            min_variance=max(rounding_variance(points0, points1), MIN_NOISE_VARIANCE),
         )
 
     def matches(self, unrolled: Unrolled | None = None) -> Matches:
@@ -254,10 +247,10 @@ class PixelMatches:
         (rays0, by_pixel0), (rays1, by_pixel1) = images
 
         def packed(first: np.ndarray, second: np.ndarray) -> Matches:
-            noise, least = (first, second), LEAST_RAD_PER_PX**2
+            noise, least = (first, second), ROUNDING**2
             matches = _pack(rays0, rays1, by_pixel0, by_pixel1, noise, least, "px")
             # A copy only for matches on a pixel grid, which are rare.
-            same = self.min_variance == MIN_VARIANCE
+            same = self.min_variance == MIN_NOISE_VARIANCE
             return matches if same else replace(matches, min_variance=self.min_variance)
 
         def with_floor(floor: float) -> Matches:
@@ -336,7 +329,9 @@ def _pack(
         total=total,
         unit=unit,
         outlier_half_width=half_width,
-        misspecification=1.0 if covariances[0] is covariances[1] is ISOTROPIC else MISSPECIFICATION,
+        misspecification=1.0
+        if covariances[0] is covariances[1] is ISOTROPIC
+        else MISSPECIFIED_FACTOR,
     )
 
 
@@ -382,14 +377,14 @@ def _covariances(
     given = [
         None
         if covariance is None
-        else _bounded(_checked_covariance(name, covariance, count), *_VARIANCE_BOUNDS_PX2)
+        else _bounded(_checked_covariance(name, covariance, count), *VARIANCE_BOUNDS_PX2)
         for name, covariance in zip(names, (covariance0_px2, covariance1_px2), strict=True)
     ]
     # The median, because one huge variance would make all others exact after division by a mean.
     traces = [np.trace(c, axis1=1, axis2=2) for c in given if c is not None]
     typical = max(float(np.median(traces)) / 2.0 if count else 1.0, 1e-300)
     first, second = (
-        ISOTROPIC if c is None else _bounded(c / typical, *_RATIO_BOUNDS) for c in given
+        ISOTROPIC if c is None else _bounded(c / typical, *VARIANCE_RATIO_BOUNDS) for c in given
     )
     return first, second
 

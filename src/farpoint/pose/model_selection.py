@@ -18,15 +18,14 @@ import math
 import numpy as np
 import scipy  # its parts load on first use
 
-from farpoint._kernels.evidence import NEAR_SIGMA
-from farpoint._kernels.motion_refinement import MAX_SEARCHED
+from farpoint._kernels.constants import GATE_SIGMA, MAX_SEARCHED, MIN_MATCHES, POSE_PARAMETERS
 from farpoint._kernels.pure_rotation import (
     MatchProbabilities,
     flow_beside_rotation,
     translation_log_ratio,
 )
 from farpoint.geometry.so3 import rotation_vector
-from farpoint.pose.certainty import MAX_DIRECTION_SIGMA
+from farpoint.pose.constants import INDEPENDENT_TESTS, MAX_DIRECTION_SIGMA
 from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches
 from farpoint.pose.pure_rotation import PureRotationFit
@@ -40,16 +39,6 @@ __all__ = [
     "is_vague",
     "translation_evidence",
 ]
-
-# Half-width of the band in which a match counts as agreeing, in sigma.
-BAND_SIGMA = 3.0
-# Number of independent tests: the search maximises over direction and rotation, and the tail of the
-# maximum is this many times that of one test (simulated with 20 to 500 matches).
-DIRECTIONS = 300
-# Number of matches that fix a motion.
-MINIMAL = 5
-# Least number of matches for the F test.
-MIN_BULK = 8
 
 
 def is_consensus(agreeing: int, total: int, minimal: int, chance: float, rate: float) -> bool:
@@ -78,7 +67,7 @@ def is_motion(fit: GeneralMotionFit, rate: float) -> bool:
     The ratio is averaged over all motions (Laplace factor), because a motion fitted to five matches
     has a sharp mode.
     """
-    return fit.agreeing > MINIMAL and fit.log_odds - fit.laplace_factor > -math.log(rate)
+    return fit.agreeing > POSE_PARAMETERS and fit.log_odds - fit.laplace_factor > -math.log(rate)
 
 
 def is_clearly_translating(fit: GeneralMotionFit) -> bool:
@@ -88,7 +77,7 @@ def is_clearly_translating(fit: GeneralMotionFit) -> bool:
     than 8 plus 4 times the outliers expected on their epipolar lines by chance.
     """
     outliers = min(len(fit.matches), MAX_SEARCHED) - fit.supporting
-    chance = min(NEAR_SIGMA * fit.noise.sigma / fit.matches.outlier_half_width, 1.0)
+    chance = min(GATE_SIGMA * fit.noise.sigma / fit.matches.outlier_half_width, 1.0)
     return fit.beyond_rotation > max(8.0 + 4.0 * outliers * chance, 0.1 * fit.supporting)
 
 
@@ -105,7 +94,7 @@ def translation_evidence(
     Between 0 and 1 if a test passes only at a higher rate or only under the given noise, or if the
     general motion is likelier by less than ``1 / rate``.
     """
-    band = BAND_SIGMA * fit.noise.mean_sigma
+    band = GATE_SIGMA * fit.noise.mean_sigma
     unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(
         fit.residual, fit.parallax, pure_rotation.distance2, pure_rotation.probability, band
     )
@@ -122,7 +111,7 @@ def _log_ratio_to_rotation(fit: GeneralMotionFit, pure_rotation: PureRotationFit
     The ratio is averaged over the poses nearby. Matches that both models explain count only against
     the general motion.
     """
-    if fit.agreeing <= MINIMAL:
+    if fit.agreeing <= POSE_PARAMETERS:
         return 0.0
     sigma, half_width = fit.noise.sigma, fit.matches.outlier_half_width
     gain = translation_log_ratio(
@@ -151,12 +140,12 @@ def _bulk_beyond_noise(n: int, across: float, flow: float, matches: Matches, rat
     noise for flow:
     ``min(2 ratio / misspecification - 1, 1)^4``.
     """
-    if n < MIN_BULK:
+    if n < MIN_MATCHES:
         return 0.0
     # Without noise, rounding remains.
     across = max(across, n * matches.min_variance)
     ratio = max(flow - across, 0.0) / n / (across / (n - 3))
-    false_alarms = DIRECTIONS * scipy.special.fdtrc(float(n), n - 3.0, ratio)
+    false_alarms = INDEPENDENT_TESTS * scipy.special.fdtrc(float(n), n - 3.0, ratio)
     if false_alarms >= 1.0:
         return 0.0
     digits = 1.0 if false_alarms < rate else math.log(false_alarms) / math.log(rate)

@@ -9,10 +9,7 @@ import numpy as np
 
 from farpoint._kernels.mixture import mean_variance
 
-__all__ = ["MIN_VARIANCE", "Noise"]
-
-# Noise below 0.001 px is rounding, not information.
-MIN_VARIANCE = 1e-6
+__all__ = ["Noise"]
 
 
 class Noise(NamedTuple):

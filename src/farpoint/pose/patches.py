@@ -7,12 +7,9 @@ import math
 import numpy as np
 
 from farpoint._kernels.patches import split_image
+from farpoint.pose.constants import PATCH_MATCHES
 
 __all__ = ["patches_of"]
-
-# Least mean number of matches of a patch; the largest is twice as much. With 6, the coverage on
-# rendered sequences is the same.
-PATCH_MATCHES = 3.0
 
 
 def patches_of(rays: np.ndarray) -> np.ndarray:

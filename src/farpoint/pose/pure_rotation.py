@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from farpoint._kernels.hypothesis_comparison import (
+from farpoint._kernels.constants import (
     GATE_SIGMA,
+    MAX_ITERATIONS,
     START_OUTLIER_SHARE,
     START_TAIL_SHARE,
 )
@@ -23,8 +24,6 @@ from farpoint.pose.matches import Matches
 from farpoint.pose.noise import Noise
 
 __all__ = ["PureRotationFit", "fit_pure_rotation", "lazy_pure_rotation"]
-
-MAX_REFINEMENTS = 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,7 +66,7 @@ def fit_pure_rotation(matches: Matches, R_start: np.ndarray, tolerance: float) -
         n,
         matches.outlier_half_width,
         matches.min_variance,
-        MAX_REFINEMENTS,
+        MAX_ITERATIONS,
         R,
         mixture,
         information,

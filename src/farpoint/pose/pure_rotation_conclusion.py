@@ -10,6 +10,7 @@ from farpoint.geometry.so3 import rotation_vector
 from farpoint.pose import conclusion
 from farpoint.pose.certainty import fixes_rotation
 from farpoint.pose.conclusion import Diagnostics, label_matches
+from farpoint.pose.constants import FAR_LESS_NOISE_RATIO, IDENTITY
 from farpoint.pose.covariance import (
     general_motion_covariance,
     inflation_beyond_patches,
@@ -17,7 +18,6 @@ from farpoint.pose.covariance import (
     shared_covariance,
     split_half_ratio_of_rotation,
 )
-from farpoint.pose.far_rotation import IDENTITY
 from farpoint.pose.general_motion import GeneralMotionFit
 from farpoint.pose.matches import Matches
 from farpoint.pose.model_selection import is_consensus, is_static
@@ -26,10 +26,6 @@ from farpoint.pose.pure_rotation import PureRotationFit
 from farpoint.pose.result import PoseStatus, RelativePose
 
 __all__ = ["conclude_pure_rotation"]
-
-# Noise of a general motion over that of the pure rotation below which the general motion may be
-# true whatever the evidence for it.
-FAR_LESS_NOISE = 0.5
 
 
 def conclude_pure_rotation(
@@ -54,7 +50,7 @@ def conclude_pure_rotation(
     diagnostics.cost = fit.cost
     covariance = _inflated_covariance(matches, fit, options, diagnostics)
     stands_still = is_static(fit.R_cam1_from_cam0, covariance, rate)
-    if general.noise.mean_sigma < FAR_LESS_NOISE * fit.noise.mean_sigma:
+    if general.noise.mean_sigma < FAR_LESS_NOISE_RATIO * fit.noise.mean_sigma:
         evidence = 1.0
     if evidence > 0.0:
         covariance += evidence * _covariance_if_general(fit, general)

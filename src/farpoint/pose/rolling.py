@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from farpoint._kernels.constants import ALTERNATIONS
 from farpoint.geometry import so3
+from farpoint.pose.constants import ROWS_CONVERGED_SIGMA
 from farpoint.pose.general_motion import GeneralMotionFit, refit_general_motion
 from farpoint.pose.matches import Matches, PixelMatches
 from farpoint.pose.options import RelativePoseOptions
@@ -17,9 +19,6 @@ from farpoint.pose.shutter import Shutter
 from farpoint.pose.two_views import estimate, search
 
 __all__ = ["Searched", "estimate_rolling", "search_rolling"]
-
-_MOST_PASSES = 4
-_CLOSE = 0.1  # sigma; converged
 
 
 class Searched(NamedTuple):
@@ -84,7 +83,7 @@ def estimate_rolling(
         used = np.flatnonzero(pose.labels != TrackLabel.OUTLIER)
         before, (theta, time_between) = theta, _unrolled(shutter, R, used, theta)
         remaining = _remaining(shutter, matches, theta - before, pose.noise_px)
-        if remaining <= _CLOSE or passes == _MOST_PASSES:
+        if remaining <= ROWS_CONVERGED_SIGMA or passes == ALTERNATIONS:
             # The time between a match's rows is not that between the middle rows.
             by_time = np.diag([1.0 / time_between] * 3 + [1.0, 1.0])
             return replace(
@@ -111,7 +110,7 @@ def _closer_to(
 ) -> tuple[GeneralMotionFit, np.ndarray]:
     """A motion and its rotation, refitted until the rest is within its noise."""
     theta, _ = _unrolled(shutter, fit.R_cam1_from_cam0, fit.matches.used(fit.labels), theta)
-    for _ in range(_MOST_PASSES):
+    for _ in range(ALTERNATIONS):
         matches = pixels.matches(partial(shutter.unrolled, theta))
         fit = refit_general_motion(matches, fit)
         used = matches.used(fit.labels)

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-__all__ = ["inverse_three", "size2"]
+from farpoint.pose.constants import MIN_RELATIVE_DETERMINANT
 
-# Determinant over the product of the diagonal below which rounding dominates.
-LEAST_DETERMINANT = 1e-6
+__all__ = ["inverse_three", "size2"]
 
 
 def inverse_three(A: np.ndarray) -> np.ndarray | None:
@@ -41,8 +40,8 @@ def _inverse(A: np.ndarray) -> tuple[float, float, float, float, float, float] |
     first = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     determinant = xx * first[0] + xy * first[1] + xz * first[2]
     plane = xx * yy - xy * xy
-    sure = xx > 0.0 and plane > LEAST_DETERMINANT * xx * yy
-    if not (sure and LEAST_DETERMINANT * plane * zz < determinant < math.inf):
+    sure = xx > 0.0 and plane > MIN_RELATIVE_DETERMINANT * xx * yy
+    if not (sure and MIN_RELATIVE_DETERMINANT * plane * zz < determinant < math.inf):
         return None
     over = 1.0 / determinant
     a, b, c = first[0] * over, first[1] * over, first[2] * over

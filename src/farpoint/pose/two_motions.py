@@ -15,10 +15,32 @@ from operator import attrgetter
 
 import numpy as np
 
+from farpoint._kernels.constants import COARSE_STEPS, GATE_SIGMA, MIN_MATCHES, MIN_SHARE
 from farpoint._kernels.evidence import find_stationary
-from farpoint._kernels.parallax_prior import BAND_SIGMA
 from farpoint.geometry.sphere import tangent_basis
 from farpoint.geometry.vectors import cross
+from farpoint.pose.constants import (
+    DISC_CENTERS,
+    DISC_MATCHES,
+    DISC_SHARES,
+    DOMINANT_SHARE,
+    GAP_OF_AGREEING,
+    GAP_OF_MOVED,
+    MAD_TO_SIGMA,
+    MAX_LEFT_BY_SPLIT,
+    MAX_STATIONARY_SHARE,
+    MERGED_MODE_CORRELATION,
+    MERGED_MODE_CORRELATION_REPEATED,
+    MERGED_MODE_NOISE_RATIO,
+    MIN_INDEPENDENT_SHARE,
+    MIN_PART_MATCHES,
+    MIN_STATIONARY_SHARE,
+    NEAR_EPIPOLE_RAD,
+    REFINED_NOISE_BOUNDS,
+    SEARCH_NOISE_BOUND,
+    SEARCH_SAMPLES,
+    SUSPECT_CORRELATION,
+)
 from farpoint.pose.general_motion import (
     GeneralMotionFit,
     evaluate_matches,
@@ -31,43 +53,7 @@ from farpoint.pose.matches import Matches
 from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.patches import patches_of
 
-__all__ = ["CORRELATED", "dominant_motion", "is_correlated", "without_stationary"]
-
-# Distance, in sigma of the noise, within which a match stands still in the image.
-STILL_SIGMA = 3.0
-# Least number and share of stationary matches, else they are ordinary outliers; and their largest
-# share, above which the camera itself is stationary.
-FEWEST, LEAST_SHARE, MOST_SHARE = 8, 0.05, 0.5
-# Residual correlation from which on a motion may be a merged mode; and that where more than this
-# share of the matches is repeated structure, so that many of the other motion are rejected.
-CORRELATED, BESIDE_REPEATED, MANY_REPEATED = 0.6, 0.4, 0.1
-# Noise over the tolerance below which trackers alone correlate neighbouring residuals.
-LEAST_NOISE = 0.1
-# Standard deviation of a normal distribution over its median absolute deviation.
-MAD_TO_SIGMA = 1.4826
-# Least independent share of the variance: two matches of one point have none.
-LEAST_INDEPENDENT = 0.05
-# Bounds of the noise variance over the independent one: in the search, and in the refinements.
-NARROW, BOUNDS = 0.2, (1.0, 0.5, 0.25, 0.125)
-# Samples of the search: enough where half of the matches are of the dominant motion.
-SAMPLES = 300
-# Least share of the matches that the dominant motion has.
-DOMINANT_SHARE = 1.0 / 3.0
-# A second motion leaves a gap in the distribution of residuals: the number between one and two
-# bounds is below these shares of those beyond one bound, and within it.
-OF_MOVED, OF_AGREEING = 1.0 / 3.0, 0.2
-# Largest share of the residual correlation that a split leaves: smooth errors, of a shutter or a
-# lens, stay correlated on both sides of any split.
-EXPLAINED = 0.5
-# Residual correlation from which on a part of the image may have its own motion; number of centers
-# of the discs tried, their shares of all matches, and the least number of matches.
-SUSPECT, CENTERS, SHARES, LEAST_SPLIT = 0.3, 16, (0.1, 0.2, 0.3, 0.4, 0.5), 40
-SCREENED = 100  # matches, about, that compare discs
-# Largest sum of squares with two motions over that with one.
-MOST_LEFT = 0.5
-# Exchanges of patches between two parts, at most; matches that a part has, at least.
-EXCHANGES, MIN_PART = 10, 20
-NEAR_EPIPOLE = 1e-3  # rad
+__all__ = ["dominant_motion", "is_correlated", "without_stationary"]
 
 
 def without_stationary(
@@ -84,10 +70,10 @@ def without_stationary(
     contradict nothing.
     """
     stationary = np.empty(len(matches), bool)
-    within = min(STILL_SIGMA * fit.noise.sigma, tolerance)
+    within = min(GATE_SIGMA * fit.noise.sigma, tolerance)
     count = find_stationary(matches.pairs, within, stationary)
-    least, most = LEAST_SHARE * len(matches), MOST_SHARE * len(matches)
-    if count < FEWEST or not least <= count <= most:
+    least, most = MIN_STATIONARY_SHARE * len(matches), MAX_STATIONARY_SHARE * len(matches)
+    if count < MIN_MATCHES or not least <= count <= most:
         return matches, fit
     others = matches.select(~stationary)
     found = fit_general_motion(others, tolerance, options, state)
@@ -99,9 +85,12 @@ def without_stationary(
 
 def is_correlated(fit: GeneralMotionFit, tolerance: float) -> bool:
     """Whether residuals are so correlated between neighbours that the fit may be a merged mode."""
-    many_repeated = fit.noise.outlier_share * fit.noise.repeated_share > MANY_REPEATED
-    limit = BESIDE_REPEATED if many_repeated else CORRELATED
-    return fit.neighbours.correlation >= limit and fit.noise.sigma >= LEAST_NOISE * tolerance
+    many_repeated = fit.noise.outlier_share * fit.noise.repeated_share > MIN_SHARE
+    limit = MERGED_MODE_CORRELATION_REPEATED if many_repeated else MERGED_MODE_CORRELATION
+    return (
+        fit.neighbours.correlation >= limit
+        and fit.noise.sigma >= MERGED_MODE_NOISE_RATIO * tolerance
+    )
 
 
 def dominant_motion(
@@ -118,14 +107,22 @@ def dominant_motion(
     motions and are independent; else the fit stays, unless the search with bounded noise found a
     motion that is clearly likelier.
     """
-    if fit.neighbours.correlation < SUSPECT or fit.noise.sigma < LEAST_NOISE * tolerance:
+    if (
+        fit.neighbours.correlation < SUSPECT_CORRELATION
+        or fit.noise.sigma < MERGED_MODE_NOISE_RATIO * tolerance
+    ):
         return fit
     splits = [_split(matches, fit, part) for part in _of_two_parts(matches, fit)]
     found = max(filter(None, splits), key=attrgetter("agreeing"), default=None)
     if found is not None or not is_correlated(fit, tolerance):
         return found or fit
     narrow = fit_with_bounded_noise(
-        matches, NARROW * _independent_variance(fit), SAMPLES, tolerance, options, state
+        matches,
+        SEARCH_NOISE_BOUND * _independent_variance(fit),
+        SEARCH_SAMPLES,
+        tolerance,
+        options,
+        state,
     )
     split = _split(matches, fit, narrow)
     if split is not None:
@@ -140,7 +137,7 @@ def _independent_variance(fit: GeneralMotionFit) -> float:
     Of core and heavy tail: matches of a second motion may be in the tail.
     """
     sigma = MAD_TO_SIGMA * float(np.median(np.abs(fit.residual[fit.probability > 0.5])))
-    return max(1.0 - fit.neighbours.correlation, LEAST_INDEPENDENT) * sigma**2
+    return max(1.0 - fit.neighbours.correlation, MIN_INDEPENDENT_SHARE) * sigma**2
 
 
 def _split(
@@ -149,12 +146,12 @@ def _split(
     """The motion near a start, if most matches have it, and others have their own."""
     variance = _independent_variance(fit)
     residual = np.abs(evaluate_matches(matches, start)[0, fit.probability > 0.5])
-    for bound in BOUNDS:
-        if _has_gap(residual, BAND_SIGMA * math.sqrt(bound * variance)):
+    for bound in REFINED_NOISE_BOUNDS:
+        if _has_gap(residual, GATE_SIGMA * math.sqrt(bound * variance)):
             found = refit_general_motion(matches.with_noise_up_to(bound * variance), start)
             is_dominant = found.agreeing > DOMINANT_SHARE * fit.agreeing
-            if is_dominant and found.neighbours.correlation < EXPLAINED * min(
-                fit.neighbours.correlation, CORRELATED
+            if is_dominant and found.neighbours.correlation < MAX_LEFT_BY_SPLIT * min(
+                fit.neighbours.correlation, MERGED_MODE_CORRELATION
             ):
                 return replace(found, merged_mode_correlation=fit.neighbours.correlation)
             return None
@@ -165,7 +162,7 @@ def _has_gap(residual: np.ndarray, bound: float) -> bool:
     """Whether residuals beyond a bound are no tail of those within."""
     agreeing, near = np.count_nonzero(residual < bound), np.count_nonzero(residual < 2.0 * bound)
     tail, moved = near - agreeing, residual.size - agreeing
-    return bool(tail < min(OF_MOVED * moved, OF_AGREEING * agreeing))
+    return bool(tail < min(GAP_OF_MOVED * moved, GAP_OF_AGREEING * agreeing))
 
 
 def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMotionFit]:
@@ -175,13 +172,13 @@ def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMo
     ``r + J x`` with ``x = -H^-1 g``, the gradient g and the information H at the fit. From the best
     of some discs and the rest on, each patch goes to the part that it fits better.
     """
-    if len(matches) < LEAST_SPLIT:
+    if len(matches) < 2 * MIN_PART_MATCHES:
         return
     r, J = _linearised(matches, fit)
     rows = np.concatenate([r[:, None], J], axis=1) * np.sqrt(fit.probability)[:, None]
     total, patch = rows.T @ rows, patches_of(matches.rays0)
     moved = _best_disc(matches.rays0, rows, total)
-    for _ in range(EXCHANGES):
+    for _ in range(COARSE_STEPS):
         within = rows[moved].T @ rows[moved]
         apart = (r + _own_steps(np.stack([total - within, within])) @ J.T) ** 2
         gain = np.bincount(patch, fit.probability * (apart[0] - apart[1]))
@@ -190,20 +187,20 @@ def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMo
             break
     within = rows[moved].T @ rows[moved]
     left = float(np.sum(_left_over(np.stack([total - within, within]))))
-    if left > MOST_LEFT * total[0, 0]:
+    if left > MAX_LEFT_BY_SPLIT * total[0, 0]:
         return
     for part in (moved, ~moved):
-        if np.count_nonzero(part) >= MIN_PART:
+        if np.count_nonzero(part) >= MIN_PART_MATCHES:
             yield refit_general_motion(matches.select(part), fit)
 
 
 def _best_disc(rays: np.ndarray, rows: np.ndarray, total: np.ndarray) -> np.ndarray:
     """Mask (N,) of a disc, around one of the rays, that leaves the least with two motions."""
-    some = np.arange(0, len(rays), max(len(rays) // SCREENED, 1))
+    some = np.arange(0, len(rays), max(len(rays) // DISC_MATCHES, 1))
     n, scale = len(some), len(rays) / len(some)
-    cosines = rays[some[np.arange(CENTERS) * n // CENTERS]] @ rays[some].T
+    cosines = rays[some[np.arange(DISC_CENTERS) * n // DISC_CENTERS]] @ rays[some].T
     nearest = np.argsort(-cosines, axis=1)
-    counts = np.array([round(share * n) for share in SHARES])
+    counts = np.array([round(share * n) for share in DISC_SHARES])
     products = rows[some, :, None] * rows[some, None, :]  # (n, 6, 6)
     within = scale * np.cumsum(products[nearest], axis=1)[:, counts - 1].reshape(-1, 6, 6)
     left = _left_over(within) + _left_over(total - within)
@@ -229,6 +226,8 @@ def _linearised(matches: Matches, fit: GeneralMotionFit) -> tuple[np.ndarray, np
     """Residuals (N,) in units of the noise, and their derivatives (N, 5) by ``[dtheta, dbeta]``."""
     t, a, b = fit.direction_cam1_from_cam0, matches.rays0 @ fit.R_cam1_from_cam0.T, matches.rays1
     normal = cross(t, a)
-    scale = np.sqrt(matches.precision) / np.maximum(np.linalg.norm(normal, axis=1), NEAR_EPIPOLE)
+    scale = np.sqrt(matches.precision) / np.maximum(
+        np.linalg.norm(normal, axis=1), NEAR_EPIPOLE_RAD
+    )
     by_pose = np.hstack([cross(a, cross(b, t)), cross(a, b) @ tangent_basis(t)])
     return scale * np.sum(normal * b, axis=1), scale[:, None] * by_pose

@@ -9,12 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from farpoint._kernels.compile import AnnouncedCompilation
+from farpoint._kernels.constants import MIN_MATCHES
 from farpoint._kernels.motion import fit_motion
 from farpoint.errors import InputError
 from farpoint.pose.candidates import likeliest_motion
 from farpoint.pose.certainty import direction_sigma
 from farpoint.pose.closed_form import estimate_closed_form
 from farpoint.pose.conclusion import Diagnostics, failed_pose
+from farpoint.pose.constants import MERGED_MODE_CORRELATION
 from farpoint.pose.correlated_residuals import count_residual_correlation
 from farpoint.pose.far_rotation import far_rotation
 from farpoint.pose.general_motion import (
@@ -31,12 +33,9 @@ from farpoint.pose.options import RelativePoseOptions
 from farpoint.pose.pure_rotation import fit_pure_rotation, lazy_pure_rotation
 from farpoint.pose.pure_rotation_conclusion import conclude_pure_rotation
 from farpoint.pose.result import RelativePose
-from farpoint.pose.two_motions import CORRELATED, dominant_motion, without_stationary
+from farpoint.pose.two_motions import dominant_motion, without_stationary
 
 __all__ = ["estimate", "search", "shows_direction"]
-
-# Five matches fix a motion; a consensus needs a few more.
-MIN_MATCHES = 8
 
 
 def search(matches: Matches, options: RelativePoseOptions, seed: int) -> GeneralMotionFit | None:
@@ -119,7 +118,10 @@ def _find(
             "with the camera, as dirt on its lens does."
         )
     general = dominant_motion(matches, general, tolerance, options, state)
-    if max(general.neighbours.correlation, general.merged_mode_correlation) > CORRELATED:
+    if (
+        max(general.neighbours.correlation, general.merged_mode_correlation)
+        > MERGED_MODE_CORRELATION
+    ):
         diagnostics.note(
             "Residuals of neighbouring matches are correlated: lens model, rolling shutter, moving "
             "objects or repeated structure."

@@ -9,8 +9,7 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.geometry import so3
-from farpoint.pose.candidates import CLEAR
-from farpoint.pose.competing_motions import COS_NEARBY
+from farpoint.pose.constants import CLEAR_MARGIN, COS_NEARBY
 from farpoint.pose.general_motion import refit_general_motion
 from farpoint.pose.lens_uncertainty import View, with_lens_uncertainty
 from farpoint.pose.matches import PixelMatches
@@ -107,7 +106,7 @@ def search_views(
     if shutter is not None:  # compared after correction of the rows, each with its own rotation
         return searched._replace(other=near)
     near = refit_general_motion(fit.matches, near)
-    is_likelier = near.log_likelihood > fit.log_likelihood + CLEAR
+    is_likelier = near.log_likelihood > fit.log_likelihood + CLEAR_MARGIN
     return searched._replace(fit=near) if is_likelier else searched
 
 

@@ -10,23 +10,22 @@ from scipy.spatial import KDTree
 
 from farpoint._kernels.spacing import cover
 from farpoint.errors import optional_import
+from farpoint.tracks.constants import (
+    DEFECT_REACH_PX,
+    DEFECT_RING_PX,
+    DETECTION_RATE,
+    FALSE_DETECTIONS,
+    FIRST_IMAGES,
+    LATER_EVERY,
+    MAX_MISSES,
+    MIN_DEFECT_CONTRAST,
+    MIN_MOTION_PX,
+    MOTION_NEIGHBOURS,
+    SUSPECT_PULL_PX,
+)
 from farpoint.tracks.tracks import Tracks
 
 __all__ = ["DefectivePixels"]
-
-# px: demosaicing and compression spread a defect to its neighbours.
-_REACH = 1
-_RING = _REACH + 1  # px, distance of the ring of pixels for comparison and interpolation
-_MIN_CONTRAST = 6  # grey levels beyond all of the ring: less hardly biases a match
-# All of the first 20 images are tested, then every 4th: sensors age slowly.
-_FIRST_IMAGES, _LATER_EVERY = 20, 4
-# px: after this image motion, extreme pixels of the scene occur independently of the last test.
-_MIN_MOTION_PX = 1.0
-_PULL_PX = 5  # distance along either axis within which a track may lock onto a suspect
-_NEIGHBOURS = 5  # nearest tracks, whose median displacement is the local image motion
-_DETECTION_RATE = 0.8  # probability that a defect stands out in one image
-_FALSE_ALARMS = 0.01  # expected false detections over a whole image
-_MOST_MISSES = 6  # tested images without detection after which a defect is dropped
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,7 +92,7 @@ class DefectivePixels:
             self._near_suspects = np.empty(image.shape, bool)
             self._images = 0
         self._images += 1
-        if self._images > _FIRST_IMAGES and self._images % _LATER_EVERY:
+        if self._images > FIRST_IMAGES and self._images % LATER_EVERY:
             return
         outstanding = _outstanding(image).reshape(-1)
         indices = np.flatnonzero(outstanding)
@@ -106,17 +105,17 @@ class DefectivePixels:
         known = self._scored(known, seen, rate, tracks)
         outstanding[known.indices] = False
         new = indices[outstanding[indices]]
-        self._suspects = _merged(known, new, math.log(_DETECTION_RATE / rate))
+        self._suspects = _merged(known, new, math.log(DETECTION_RATE / rate))
 
     def _scored(self, known: _Suspects, seen: np.ndarray, rate: float, tracks: Tracks) -> _Suspects:
         """The suspects with the log likelihood ratios of this image, where it has moved enough."""
         displacements = known.displacements + self._motion_at(known.indices, tracks)
-        tested = np.hypot(*displacements.T) >= _MIN_MOTION_PX
-        miss = math.log((1.0 - _DETECTION_RATE) / (1.0 - rate))
-        gains = np.where(seen, math.log(_DETECTION_RATE / rate), miss)
-        enough = math.log(math.prod(self._shape) / _FALSE_ALARMS)
+        tested = np.hypot(*displacements.T) >= MIN_MOTION_PX
+        miss = math.log((1.0 - DETECTION_RATE) / (1.0 - rate))
+        gains = np.where(seen, math.log(DETECTION_RATE / rate), miss)
+        enough = math.log(math.prod(self._shape) / FALSE_DETECTIONS)
         scores = known.scores + np.where(tested, gains, 0.0)
-        defective = (known.defective | (scores >= enough)) & (scores > enough + _MOST_MISSES * miss)
+        defective = (known.defective | (scores >= enough)) & (scores > enough + MAX_MISSES * miss)
         return _Suspects(
             indices=known.indices,
             scores=np.minimum(scores, enough),
@@ -129,21 +128,21 @@ class DefectivePixels:
 
         Tracks within 5 px of a suspect are excluded: they may have locked onto it.
         """
-        if len(indices) == 0 or len(tracks) < _NEIGHBOURS:
+        if len(indices) == 0 or len(tracks) < MOTION_NEIGHBOURS:
             return np.zeros((len(indices), 2))
         pixels = np.stack(np.divmod(indices, self._shape[1])[::-1], axis=1)
         near_suspects = self._near_suspects
         near_suspects.fill(False)
-        cover(pixels, near_suspects, _PULL_PX)
+        cover(pixels, near_suspects, SUSPECT_PULL_PX)
         columns, rows = np.rint(tracks.points1).astype(np.int64).T
         height, width = self._shape
         free = ~near_suspects[rows.clip(0, height - 1), columns.clip(0, width - 1)]
         points, moves = tracks.points1[free], (tracks.points1 - tracks.points0)[free]
-        if len(points) < _NEIGHBOURS:
+        if len(points) < MOTION_NEIGHBOURS:
             return np.zeros((len(indices), 2))
         # For one query an unbalanced tree is three times as fast.
         tree = KDTree(points, balanced_tree=False, compact_nodes=False)
-        near = tree.query(pixels, _NEIGHBOURS)[1]
+        near = tree.query(pixels, MOTION_NEIGHBOURS)[1]
         return np.median(moves[near], axis=1)
 
     def repaired(self, image: np.ndarray) -> np.ndarray:
@@ -182,13 +181,13 @@ def _merged(known: _Suspects, new: np.ndarray, score: float) -> _Suspects:
 def _outstanding(image: np.ndarray) -> np.ndarray:
     """Mask (H, W) of pixels brighter or darker than all of the ring around them."""
     cv2 = optional_import("cv2", extra="video", purpose="tracking")
-    kernel = np.ones((2 * _RING + 1, 2 * _RING + 1), np.uint8)
+    kernel = np.ones((2 * DEFECT_RING_PX + 1, 2 * DEFECT_RING_PX + 1), np.uint8)
     kernel[1:-1, 1:-1] = 0
     above = cv2.subtract(image, cv2.dilate(image, kernel))  # saturates at 0
     below = cv2.subtract(cv2.erode(image, kernel), image)
-    out = cv2.max(above, below) >= _MIN_CONTRAST
-    out[:_RING] = out[-_RING:] = False
-    out[:, :_RING] = out[:, -_RING:] = False
+    out = cv2.max(above, below) >= MIN_DEFECT_CONTRAST
+    out[:DEFECT_RING_PX] = out[-DEFECT_RING_PX:] = False
+    out[:, :DEFECT_RING_PX] = out[:, -DEFECT_RING_PX:] = False
     return out
 
 
@@ -202,12 +201,18 @@ def _interpolation() -> np.ndarray:
     weights = np.zeros((len(_RING_AT), len(_INNER_AT)))
     at = {(int(v), int(u)): k for k, (v, u) in enumerate(_RING_AT)}
     for k, (v, u) in enumerate(_INNER_AT.tolist()):
-        for end in (-_RING, _RING):
-            weights[at[v, end], k] += 0.5 * (_RING + math.copysign(u, u * end)) / (2 * _RING)
-            weights[at[end, u], k] += 0.5 * (_RING + math.copysign(v, v * end)) / (2 * _RING)
+        for end in (-DEFECT_RING_PX, DEFECT_RING_PX):
+            weights[at[v, end], k] += (
+                0.5 * (DEFECT_RING_PX + math.copysign(u, u * end)) / (2 * DEFECT_RING_PX)
+            )
+            weights[at[end, u], k] += (
+                0.5 * (DEFECT_RING_PX + math.copysign(v, v * end)) / (2 * DEFECT_RING_PX)
+            )
     return weights
 
 
-_INNER_AT = _offsets(_REACH)
-_RING_AT = np.array([at for at in _offsets(_RING).tolist() if max(map(abs, at)) == _RING])
+_INNER_AT = _offsets(DEFECT_REACH_PX)
+_RING_AT = np.array(
+    [at for at in _offsets(DEFECT_RING_PX).tolist() if max(map(abs, at)) == DEFECT_RING_PX]
+)
 _INTERPOLATION = _interpolation()

@@ -6,18 +6,17 @@ import numpy as np
 
 from farpoint._kernels.lucas_kanade import Levels, blank_workspace, follow_windows
 from farpoint._kernels.windows import Termination
+from farpoint.tracks.constants import (
+    MIN_FOUND_SHARE,
+    MIN_PROBES,
+    PROBE_QUANTILE,
+    PROBES,
+    REACH_MARGIN,
+)
 from farpoint.tracks.options import LucasKanadeOptions
 from farpoint.tracks.pyramid import Pyramid
 
 __all__ = ["track_points"]
-
-_PROBES = 40  # points tracked first, evenly spaced: their displacement sets the start level
-_MIN_PROBES = 10
-_MIN_FOUND = 0.5  # share of the probes that must be found
-_INLIER_QUANTILE = 0.9  # of the probes' displacements, which the start level must reach
-# Reach of the start level over that quantile: Lucas-Kanade converges reliably only within a part of
-# its window.
-_MARGIN = 4.0
 
 
 def track_points(
@@ -56,7 +55,7 @@ def track_points(
     """
     points1 = np.full(points0.shape, np.nan)
     every = np.arange(len(points0))
-    first = np.s_[:: max(len(points0) // _PROBES, 1)]
+    first = np.s_[:: max(len(points0) // PROBES, 1)]
     probes, others = every[first], np.delete(every, first)
     coarsest = len(image0.layout) - 1
     points1[probes] = _forward_backward(
@@ -73,9 +72,9 @@ def _start_level(offsets: np.ndarray, coarsest: int, options: LucasKanadeOptions
     """Pyramid level whose window covers the displacements (N, 2) of the probes; NaN where lost."""
     offset_px = np.linalg.norm(offsets, axis=1)
     offset_px = offset_px[~np.isnan(offset_px)]
-    if len(offset_px) < max(_MIN_PROBES, _MIN_FOUND * len(offsets)):
+    if len(offset_px) < max(MIN_PROBES, MIN_FOUND_SHARE * len(offsets)):
         return coarsest
-    windows = _MARGIN * np.quantile(offset_px, _INLIER_QUANTILE) / (options.window_px / 2)
+    windows = REACH_MARGIN * np.quantile(offset_px, PROBE_QUANTILE) / (options.window_px / 2)
     return min(coarsest, max(0, int(np.ceil(np.log2(max(windows, 1.0))))))
 
 

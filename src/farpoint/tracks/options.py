@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 
 from farpoint.errors import InputError
 from farpoint.options import coerce_float, coerce_int, coerce_positive
+from farpoint.tracks.constants import MAX_WINDOW_PX
 
 __all__ = ["CornerOptions", "LucasKanadeOptions", "RefinementOptions", "TrackerOptions"]
-
-_LARGEST_WINDOW_PX = 255  # time and memory are quadratic in it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +36,7 @@ class CornerOptions:
     def __post_init__(self) -> None:
         coerce_int(self, 4, "cell_px")
         coerce_int(self, 1, "min_distance_px")
-        coerce_int(self, 2, "block_px", most=_LARGEST_WINDOW_PX)
+        coerce_int(self, 2, "block_px", most=MAX_WINDOW_PX)
         coerce_positive(self, "min_slope")
 
 
@@ -66,7 +65,7 @@ class LucasKanadeOptions:
     forward_backward_px: float = 1.0
 
     def __post_init__(self) -> None:
-        coerce_int(self, 5, "window_px", most=_LARGEST_WINDOW_PX)
+        coerce_int(self, 5, "window_px", most=MAX_WINDOW_PX)
         coerce_int(self, 0, "levels")
         coerce_int(self, 1, "max_iterations")
         _check_odd(self, "window_px")
@@ -111,7 +110,7 @@ class RefinementOptions:
     min_correlation: float = 0.7
 
     def __post_init__(self) -> None:
-        coerce_int(self, 9, "window_px", most=_LARGEST_WINDOW_PX)
+        coerce_int(self, 9, "window_px", most=MAX_WINDOW_PX)
         coerce_int(self, 1, "max_iterations")
         _check_odd(self, "window_px")
         coerce_positive(self, "tolerance_px", "affine_sigma", "gain_sigma", "offset_sigma")

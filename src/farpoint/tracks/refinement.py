@@ -6,15 +6,12 @@ import numpy as np
 
 from farpoint._kernels.affine_match import Matched, ParameterPrior, blank_workspace, match_windows
 from farpoint._kernels.windows import Termination
+from farpoint.tracks.constants import INTERPOLATION_SIGMA_PX
 from farpoint.tracks.options import RefinementOptions
 from farpoint.tracks.pyramid import Pyramid
 from farpoint.tracks.tracks import Windows
 
 __all__ = ["refine", "window_reach"]
-
-# 1-sigma error of 8-bit quantisation and bilinear interpolation, px: measured on noise-free images
-# of known sub-pixel shift. The residual underestimates this error.
-_INTERPOLATION_SIGMA_PX = 0.01
 
 
 def window_reach(options: RefinementOptions) -> int:
@@ -82,7 +79,7 @@ def refine(
     )
     found = (correlation >= options.min_correlation) & np.isfinite(covariance_px2[:, 0, 0])
     found &= np.linalg.norm(matched - points1, axis=1) <= options.max_shift_px
-    covariance_px2 += _INTERPOLATION_SIGMA_PX**2 * np.eye(2)
+    covariance_px2 += INTERPOLATION_SIGMA_PX**2 * np.eye(2)
     return matched, covariance_px2, found, windows
 
 

@@ -6,12 +6,11 @@ import numpy as np
 
 from farpoint.camera import Camera
 from farpoint.errors import optional_import
+from farpoint.tracks.constants import FIELD_STEP_PX
 from farpoint.tracks.options import TrackerOptions
 from farpoint.tracks.refinement import window_reach
 
 __all__ = ["trackable_region", "unmasked_region"]
-
-_STEP_PX = 4  # sampling of the field: 16 times faster than 1 px, and the region is 4 px narrower
 
 
 def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> np.ndarray | None:
@@ -33,16 +32,18 @@ def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> n
     """
     assert camera.size is not None
     width, height = camera.size
-    columns, rows = (np.arange(-_STEP_PX, n + _STEP_PX, _STEP_PX) for n in (width, height))
+    columns, rows = (
+        np.arange(-FIELD_STEP_PX, n + FIELD_STEP_PX, FIELD_STEP_PX) for n in (width, height)
+    )
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
     within = pixels.clip(0, np.array(camera.size) - 1)  # the image border is not the field's border
     seen = np.isfinite(camera.unproject(within.reshape(-1, 2))[:, 0]).reshape(pixels.shape[:2])
     if seen.all():
         return None
-    blind = (~seen).astype(np.uint8).repeat(_STEP_PX, axis=0).repeat(_STEP_PX, axis=1)
+    blind = (~seen).astype(np.uint8).repeat(FIELD_STEP_PX, axis=0).repeat(FIELD_STEP_PX, axis=1)
     # Each sample covers the 4 px after it; dilation by 4 px covers those before it.
-    apart = _apart_from(blind, _window_px(options) + _STEP_PX)
-    return apart[_STEP_PX : _STEP_PX + height, _STEP_PX : _STEP_PX + width]
+    apart = _apart_from(blind, _window_px(options) + FIELD_STEP_PX)
+    return apart[FIELD_STEP_PX : FIELD_STEP_PX + height, FIELD_STEP_PX : FIELD_STEP_PX + width]
 
 
 def unmasked_region(mask: np.ndarray, options: TrackerOptions | None = None) -> np.ndarray:

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
+from farpoint.tracks.constants import (
+    BRIGHTNESS_LEVEL,
+    DARK_GREY,
+    MAX_LOG_GAIN,
+    MAX_UNEXPLAINED,
+    MIN_ROW_DEVIATION,
+    MIN_ROW_TRACKS,
+    ROW_INLIER_RATIO,
+    ROW_KNOTS,
+    ROW_NEIGHBOURS,
+    ROW_PENALTIES,
+)
 from farpoint.tracks.pyramid import Pyramid
 from farpoint.tracks.tracks import Tracks
 
 __all__ = ["normalize_rows", "remove_row_gains", "row_gains"]
-
-_LEVEL = 1  # pyramid level whose grey values are compared
-_NEIGHBOURS = 9  # tracks in neighbouring rows, whose median predicts a track's change
-_MIN_TRACKS = 4 * _NEIGHBOURS
-_MIN_DEVIATION = 0.02  # median deviation of log ratios: a window's gain absorbs less
-_MAX_UNEXPLAINED = 0.6  # largest residual deviation over the total deviation
-_INLIER_FACTOR = 4.0  # inlier threshold, in median residuals
-_DARK = 8.0  # grey levels, below which ratios are unreliable
-_KNOTS = 80  # of the curve over the rows
-_PENALTIES = 10.0 ** np.arange(-2, 5)
-_LARGEST = 1.0  # magnitude of a log gain
 
 
 def normalize_rows(image: np.ndarray) -> np.ndarray:
@@ -36,30 +37,30 @@ def row_gains(before: Pyramid, after: Pyramid, tracks: Tracks) -> np.ndarray | N
     Each track gives a log ratio of local means. Row gains are fitted where the median of tracks in
     neighbouring rows predicts the log ratio with less than 0.6 of its total median deviation.
     """
-    if len(tracks) < _MIN_TRACKS:
+    if len(tracks) < MIN_ROW_TRACKS:
         return None
     grey0, grey1 = _means(before, tracks.points0), _means(after, tracks.points1)
-    bright = np.minimum(grey0, grey1) > _DARK
+    bright = np.minimum(grey0, grey1) > DARK_GREY
     order = np.argsort(tracks.points1[bright, 1], kind="stable")
     rows = tracks.points1[bright, 1][order]
     changes = np.log(grey1[bright] / grey0[bright])[order]
-    if len(rows) < _MIN_TRACKS:
+    if len(rows) < MIN_ROW_TRACKS:
         return None
     changes = changes - np.median(changes)
     deviation = np.median(np.abs(changes))
-    if deviation < _MIN_DEVIATION:
+    if deviation < MIN_ROW_DEVIATION:
         return None
-    half = _NEIGHBOURS // 2
-    neighbours = np.lib.stride_tricks.sliding_window_view(changes, _NEIGHBOURS)
+    half = ROW_NEIGHBOURS // 2
+    neighbours = np.lib.stride_tricks.sliding_window_view(changes, ROW_NEIGHBOURS)
     rows, changes = rows[half:-half], changes[half:-half]
     errors = np.abs(changes - np.median(np.delete(neighbours, half, axis=1), axis=1))
     remainder = np.median(errors)
-    if remainder > _MAX_UNEXPLAINED * deviation:
+    if remainder > MAX_UNEXPLAINED * deviation:
         return None
-    inliers = errors <= _INLIER_FACTOR * remainder
+    inliers = errors <= ROW_INLIER_RATIO * remainder
     rows, changes = rows[inliers], changes[inliers]
     height = after.image.shape[0]
-    return np.exp(_smoothed(rows, changes, height).clip(-_LARGEST, _LARGEST))
+    return np.exp(_smoothed(rows, changes, height).clip(-MAX_LOG_GAIN, MAX_LOG_GAIN))
 
 
 def remove_row_gains(image: np.ndarray, gains: np.ndarray) -> np.ndarray:
@@ -69,7 +70,7 @@ def remove_row_gains(image: np.ndarray, gains: np.ndarray) -> np.ndarray:
 
 def _means(pyramid: Pyramid, points: np.ndarray) -> np.ndarray:
     """Bilinear grey values (N,) of level 1 at points (N, 2) of level 0."""
-    level = min(_LEVEL, len(pyramid.layout) - 1)
+    level = min(BRIGHTNESS_LEVEL, len(pyramid.layout) - 1)
     origin, stride, width, height = pyramid.layout[level].tolist()
     at = points / 2**level
     corner = np.floor(at).astype(np.int64).clip(0, [width - 1, height - 1])  # a border follows
@@ -87,14 +88,14 @@ def _smoothed(rows: np.ndarray, changes: np.ndarray, height: int) -> np.ndarray:
     The penalty is selected by generalised cross-validation (P. Eilers, B. Marx, "Flexible Smoothing
     with B-splines and Penalties", 1996, doi:10.1214/ss/1038425655).
     """
-    knots = np.linspace(rows[0], rows[-1], _KNOTS)
+    knots = np.linspace(rows[0], rows[-1], ROW_KNOTS)
     at = (rows - knots[0]) / (knots[1] - knots[0])
-    basis = np.maximum(1.0 - np.abs(at[:, None] - np.arange(_KNOTS)), 0.0)
-    second_differences = np.diff(np.eye(_KNOTS), 2, axis=0)
+    basis = np.maximum(1.0 - np.abs(at[:, None] - np.arange(ROW_KNOTS)), 0.0)
+    second_differences = np.diff(np.eye(ROW_KNOTS), 2, axis=0)
     penalty = second_differences.T @ second_differences
     normal, rhs = basis.T @ basis, basis.T @ changes
-    best, values = np.inf, np.zeros(_KNOTS)
-    for weight in _PENALTIES:
+    best, values = np.inf, np.zeros(ROW_KNOTS)
+    for weight in ROW_PENALTIES:
         solutions = np.linalg.solve(normal + weight * penalty, np.column_stack([normal, rhs]))
         remainder = np.sum((changes - basis @ solutions[:, -1]) ** 2)
         score = remainder / (len(rows) - np.trace(solutions)) ** 2

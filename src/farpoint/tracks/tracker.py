@@ -8,6 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from farpoint.errors import InputError
+from farpoint.tracks.constants import (
+    MAX_AVERAGED_IMAGES,
+    MAX_PREDICTED_WARP,
+    ROW_GAIN_ROUNDS,
+    WARP_STEP_PX,
+)
 from farpoint.tracks.corners import find_corners, thin_out
 from farpoint.tracks.defects import DefectivePixels
 from farpoint.tracks.lucas_kanade import track_points
@@ -20,11 +26,6 @@ from farpoint.tracks.tracks import Tracks
 __all__ = ["Tracker", "grey_size"]
 
 Predict = Callable[[np.ndarray], np.ndarray]
-
-_WARP_STEP_PX = 4.0  # step of central differences: half a window
-_ROUNDS = 2  # alternations of estimating row gains and matching
-_MAX_AVERAGED = 20  # images over which row gains are averaged
-_LARGEST_WARP = 0.5  # larger deviations from identity occur at a seam or the field's border
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,7 +132,7 @@ class Tracker:
         tracks = found = self._match_with_fallback(reference, pyramid, predict)
         if 2 * len(tracks) < len(reference.ids):
             found = self._match_normalized_rows(reference, pyramid, predict)
-        for _ in range(_ROUNDS):
+        for _ in range(ROW_GAIN_ROUNDS):
             gains = row_gains(reference.pyramid, pyramid, found)
             if gains is None:
                 break
@@ -212,7 +213,7 @@ class Tracker:
         if gains is None:
             return pyramid
         # Averaging removes moving bands, and errors of the gains do not accumulate.
-        self._images_averaged = min(self._images_averaged + 1, _MAX_AVERAGED)
+        self._images_averaged = min(self._images_averaged + 1, MAX_AVERAGED_IMAGES)
         gains = gains ** (1.0 - 1.0 / self._images_averaged)
         return build_pyramid(remove_row_gains(image, gains), self.options.matching)
 
@@ -313,11 +314,11 @@ def _predicted(predict: Predict | None, points: np.ndarray) -> tuple[np.ndarray,
         return points, warps
     start = _checked_prediction(predict, points)
     for axis in range(2):
-        step = _WARP_STEP_PX * np.eye(2)[axis]
+        step = WARP_STEP_PX * np.eye(2)[axis]
         ahead, behind = (_checked_prediction(predict, points + sign * step) for sign in (1, -1))
-        warps[:, :, axis] = (ahead - behind) / (2.0 * _WARP_STEP_PX)
+        warps[:, :, axis] = (ahead - behind) / (2.0 * WARP_STEP_PX)
     with np.errstate(invalid="ignore"):
-        known = np.abs(warps - np.eye(2)).max(axis=(1, 2), initial=0.0) < _LARGEST_WARP
+        known = np.abs(warps - np.eye(2)).max(axis=(1, 2), initial=0.0) < MAX_PREDICTED_WARP
     warps[~known] = np.eye(2)
     return np.where(np.isfinite(start).all(axis=1, keepdims=True), start, points), warps
 

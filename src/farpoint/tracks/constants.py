@@ -1,0 +1,122 @@
+"""Every number of the tracker that has a name: unit, meaning and origin.
+
+Origin is "derived" (from what), "convention", "measured" (by what), or "chosen" where nothing more
+is known.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+# --- Windows and warps
+
+# Largest window, px: time and memory are quadratic in it. Chosen.
+MAX_WINDOW_PX = 255
+
+# Step of differences of a predicted motion, px: half a window. Chosen.
+WARP_STEP_PX = 4.0
+
+# Deviation of a predicted warp from identity beyond which it is not used. Chosen: larger ones occur
+# at a seam or the border of the field.
+MAX_PREDICTED_WARP = 0.5
+
+# 1-sigma error of 8-bit quantisation and bilinear interpolation, px. Measured on noise-free images
+# of known sub-pixel shift; the command is not recorded. The residual underestimates this error.
+INTERPOLATION_SIGMA_PX = 0.01
+
+# Sampling of the field of the lens, px. Chosen: 16 times faster than 1 px, and the region is 4 px
+# narrower.
+FIELD_STEP_PX = 4
+
+# --- Start level of Lucas-Kanade
+
+# Number of points tracked first, evenly spaced: their displacement sets the start level. Chosen.
+PROBES = 40
+
+# Least number of probes that are found. Chosen.
+MIN_PROBES = 10
+
+# Least share of the probes that are found. Chosen.
+MIN_FOUND_SHARE = 0.5
+
+# Quantile of the displacements of probes, which the start level must reach. Chosen.
+PROBE_QUANTILE = 0.9
+
+# Reach of the start level over that quantile. Chosen: Lucas-Kanade converges reliably only within
+# a part of its window.
+REACH_MARGIN = 4.0
+
+# --- Defective pixels
+
+# Distance, px, to which demosaicing and compression spread a defect. Chosen.
+DEFECT_REACH_PX = 1
+
+# Distance, px, of the ring of pixels for comparison and interpolation. Derived: the next one.
+DEFECT_RING_PX = DEFECT_REACH_PX + 1
+
+# Least contrast of a defect, grey levels beyond all of the ring. Chosen: less hardly biases a
+# match.
+MIN_DEFECT_CONTRAST = 6
+
+# Number of first images, all of which are tested. Chosen.
+FIRST_IMAGES = 20
+
+# Of later images every one of this number is tested. Chosen: sensors age slowly.
+LATER_EVERY = 4
+
+# Motion of the image, px, after which extreme pixels of the scene occur independently of the last
+# test. Chosen.
+MIN_MOTION_PX = 1.0
+
+# Distance along either axis, px, within which a track may lock onto a suspect. Chosen.
+SUSPECT_PULL_PX = 5
+
+# Number of nearest tracks, whose median displacement is the local image motion. Chosen.
+MOTION_NEIGHBOURS = 5
+
+# Probability that a defect stands out in one image. Chosen.
+DETECTION_RATE = 0.8
+
+# Expected false detections over a whole image. Chosen.
+FALSE_DETECTIONS = 0.01
+
+# Number of tested images without detection after which a defect is dropped. Chosen.
+MAX_MISSES = 6
+
+# --- Brightness of rows
+
+# Pyramid level whose grey values are compared. Chosen.
+BRIGHTNESS_LEVEL = 1
+
+# Number of tracks in neighbouring rows, whose median predicts the change of a track. Chosen.
+ROW_NEIGHBOURS = 9
+
+# Least number of tracks for the brightness of rows. Chosen.
+MIN_ROW_TRACKS = 4 * ROW_NEIGHBOURS
+
+# Least median deviation of log ratios. Chosen: the gain of a window absorbs less.
+MIN_ROW_DEVIATION = 0.02
+
+# Largest residual deviation over the total deviation. Chosen.
+MAX_UNEXPLAINED = 0.6
+
+# Threshold of inliers, in median residuals. Chosen.
+ROW_INLIER_RATIO = 4.0
+
+# Grey levels below which ratios are unreliable. Chosen.
+DARK_GREY = 8.0
+
+# Knots of the curve over the rows. Chosen.
+ROW_KNOTS = 80
+
+# Weights of the squared second differences of that curve that are tried. Chosen.
+ROW_PENALTIES = 10.0 ** np.arange(-2, 5)
+
+# Upper bound of the magnitude of a log gain. Chosen.
+MAX_LOG_GAIN = 1.0
+
+# Alternations of estimating row gains and matching. Chosen.
+ROW_GAIN_ROUNDS = 2
+
+# Number of images over which row gains are averaged, at most. Chosen.
+MAX_AVERAGED_IMAGES = 20
