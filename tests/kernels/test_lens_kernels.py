@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from farpoint._kernels.constants import LENS_TABLE_STEPS
 from farpoint._kernels.lens import (
     distort,
     invert_projection,
@@ -58,12 +59,16 @@ def test_distorts_as_opencv_does_and_back() -> None:
     radii = np.linspace(0.0, 2.0, 50)
     rim = np.empty((6, 50))
     distort(np.concatenate([K[:2], [0, 0], K[4:8], np.zeros(4)]), radii, np.zeros(50), rim)
-    back = np.empty((2, 200))
-    undistort(K, out[0], out[1], (rim[0], radii), 5.0, 1.2, back)
     visible = np.hypot(x, y) < 1.2
     assert 100 < visible.sum() < 200
-    np.testing.assert_allclose(back[:, visible], np.stack([x, y])[:, visible], rtol=0, atol=1e-10)
-    assert np.isnan(back[:, ~visible]).all()
+    even = np.arange(1, 400) / (LENS_TABLE_STEPS - np.arange(1, 400))
+    quotients = np.append(1.0, np.interp(even, rim[0], radii) / even)
+    for scales in (quotients, np.ones(2)):  # with the second, nearly all radii are searched for
+        back = np.empty((2, 200))
+        undistort(K, out[0], out[1], (rim[0], radii, scales), 5.0, 1.2, back)
+        found = back[:, visible]
+        np.testing.assert_allclose(found, np.stack([x, y])[:, visible], rtol=0, atol=1e-10)
+        assert np.isnan(back[:, ~visible]).all()
 
 
 def test_rays_of_a_pinhole() -> None:

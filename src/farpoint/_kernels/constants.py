@@ -144,6 +144,10 @@ JACOBI_SWEEPS = 30
 # ray's x and y. Chosen.
 LENS_TOLERANCE = 1e-10
 
+# Steps of the table of radii of a distorted plane, per unit of r / (1 + r). Chosen: Newton's method
+# then takes two steps for a lens with little distortion.
+LENS_TABLE_STEPS = 1024
+
 # --- Vector instructions and packed matches
 
 # Numbers that a vector instruction processes at once, at most: lanes of the five rays of a

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.compile import inlined_kernel, kernel, step_kernel
-from farpoint._kernels.constants import LENS_TOLERANCE, MAX_ITERATIONS
+from farpoint._kernels.constants import LENS_TABLE_STEPS, LENS_TOLERANCE, MAX_ITERATIONS
 from farpoint._kernels.scalars import where
 from farpoint._kernels.vectors import Vector
 
@@ -97,7 +97,7 @@ def distort(k: np.ndarray, x: np.ndarray, y: np.ndarray, out: np.ndarray) -> Non
         )
 
 
-@step_kernel
+@inlined_kernel
 def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> float:
     """Piecewise linear function by a table of increasing arguments, constant outside."""
     low, high = 0, len(arguments) - 1
@@ -113,20 +113,38 @@ def _interpolate(target: float, arguments: np.ndarray, values: np.ndarray) -> fl
     return values[low] + share * (values[high] - values[low])
 
 
-@step_kernel
-def _undistort_point(k: np.ndarray, a: float, b: float, x: float, y: float) -> tuple[float, float]:
-    """Newton's method from (x, y); NaN where it does not converge."""
-    for _ in range(MAX_ITERATIONS):
-        at_a, at_b, a_x, a_y, b_x, b_y = _distort_point(k, x, y)
+@inlined_kernel
+def _scale(radius: float, table: tuple[np.ndarray, np.ndarray, np.ndarray]) -> float:
+    """Undistorted over distorted radius of the radial part, approximately."""
+    place = radius / (1.0 + radius) * LENS_TABLE_STEPS
+    if place >= len(table[2]) - 1:
+        return _interpolate(radius, table[0], table[1]) / radius
+    low = int(place)
+    return table[2][low] + (place - low) * (table[2][low + 1] - table[2][low])
+
+
+@inlined_kernel
+def _newton_pass(
+    k: np.ndarray, a: np.ndarray, b: np.ndarray, x: np.ndarray, y: np.ndarray, steps: np.ndarray
+) -> int:
+    """One step of Newton's method for each point whose last of ``steps`` was long; their number.
+
+    ``steps`` (N,) is the length of the last step over its limit; NaN counts as short. The loop has
+    no branches: the compiler turns it into vector instructions.
+    """
+    moving = 0
+    for i in range(len(a)):
+        at_a, at_b, a_x, a_y, b_x, b_y = _distort_point(k, x[i], y[i])
         inverse = 1.0 / (a_x * b_y - a_y * b_x)
-        step_x = (b_y * (a - at_a) - a_y * (b - at_b)) * inverse
-        step_y = (a_x * (b - at_b) - b_x * (a - at_a)) * inverse
-        x += step_x
-        y += step_y
-        # NaN counts as converged: it stays NaN.
-        if not abs(step_x) + abs(step_y) > LENS_TOLERANCE * (1.0 + abs(x) + abs(y)):
-            return x, y
-    return np.nan, np.nan
+        step_x = (b_y * (a[i] - at_a) - a_y * (b[i] - at_b)) * inverse
+        step_y = (a_x * (b[i] - at_b) - b_x * (a[i] - at_a)) * inverse
+        moved_x, moved_y = x[i] + step_x, y[i] + step_y
+        limit = LENS_TOLERANCE * (1.0 + abs(moved_x) + abs(moved_y))
+        was_long = steps[i] > 1.0
+        x[i], y[i] = where(was_long, moved_x, x[i]), where(was_long, moved_y, y[i])
+        steps[i] = where(was_long, (abs(step_x) + abs(step_y)) / limit, steps[i])
+        moving += 1 if steps[i] > 1.0 else 0
+    return moving
 
 
 @kernel
@@ -134,26 +152,30 @@ def undistort(
     k: np.ndarray,
     a: np.ndarray,
     b: np.ndarray,
-    table: tuple[np.ndarray, np.ndarray],
+    table: tuple[np.ndarray, np.ndarray, np.ndarray],
     farthest: float,
     fold: float,
     out: np.ndarray,
 ) -> None:
     """Inverse of `distort`, rows x and y (2, N); NaN where nothing is imaged.
 
-    ``table`` holds radii of the distorted and the undistorted plane, where Newton's method starts;
-    ``farthest`` is the largest distorted radius that is reached, ``fold`` the largest undistorted.
+    ``table`` holds radii r of the distorted plane and of the undistorted one, and the second over
+    the first in even steps of ``r / (1 + r)``, where Newton's method starts. ``farthest`` is the
+    largest distorted radius that is reached, ``fold`` the largest undistorted.
     """
+    x, y = out[0], out[1]
     for i in range(len(a)):
-        target = np.sqrt(a[i] * a[i] + b[i] * b[i])
-        x = y = np.nan
+        radius = math.sqrt(a[i] * a[i] + b[i] * b[i])
         # Beyond the farthest radius there is no solution for Newton's method.
-        if target <= farthest and target < np.inf:
-            scale = _interpolate(target, table[0], table[1]) / target if target > 0.0 else 1.0
-            x, y = _undistort_point(k, a[i], b[i], a[i] * scale, b[i] * scale)
-        if not x * x + y * y < fold * fold:
-            x = y = np.nan
-        out[0, i], out[1, i] = x, y
+        is_reached = radius <= farthest and radius < math.inf
+        scale = _scale(radius, table) if is_reached else math.nan
+        x[i], y[i] = a[i] * scale, b[i] * scale
+    steps, passes = np.full(len(a), math.inf), 0
+    while passes < MAX_ITERATIONS and _newton_pass(k, a, b, x, y, steps) > 0:
+        passes += 1
+    for i in range(len(a)):
+        if steps[i] > 1.0 or not x[i] * x[i] + y[i] * y[i] < fold * fold:
+            x[i] = y[i] = np.nan
 
 
 @kernel

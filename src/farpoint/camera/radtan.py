@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from farpoint._kernels.constants import LENS_TABLE_STEPS
 from farpoint._kernels.lens import distort, undistort
 from farpoint.camera.curve import first_positive_root
 from farpoint.camera.plane_map import PlaneMap
@@ -39,6 +40,8 @@ ALLOWED_COUNTS = (0, 4, 5, 8, 12, 14)
 FARTHEST_RAD = np.deg2rad(89.99)
 RADIAL_NODES = 1024
 AZIMUTH_NODES = 181
+# Radius up to which radii are looked up without a search; the image of 89 degrees is there.
+FARTHEST_EVEN = 57.0
 # No lens comes near; beyond it the products of coefficients would overflow.
 LARGEST = 1e12
 
@@ -171,13 +174,22 @@ class RadialTangential:
         return float(np.hypot(rim.a, rim.b).max())
 
     @cached_property
-    def _radial_table(self) -> tuple[np.ndarray, np.ndarray]:
-        """Radii after and before the radial part alone, increasing, evenly spaced in angle."""
-        radius = np.tan(np.linspace(0.0, min(np.arctan(self.fold), FARTHEST_RAD), RADIAL_NODES))
+    def _radial_table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Radii r after the radial part alone and before it, and the second over the first.
+
+        Both radii increase, evenly spaced in the angle before the radial part; their quotient is
+        evenly spaced in ``r / (1 + r)``.
+        """
+        before = np.tan(np.linspace(0.0, min(np.arctan(self.fold), FARTHEST_RAD), RADIAL_NODES))
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
-        gain, _ = _even_polynomial(radius * radius, k1, k2, k3)
-        loss, _ = _even_polynomial(radius * radius, k4, k5, k6)
-        return radius * gain / loss, radius
+        gain, _ = _even_polynomial(before * before, k1, k2, k3)
+        loss, _ = _even_polynomial(before * before, k4, k5, k6)
+        after = before * gain / loss
+        farthest = min(after[-1], FARTHEST_EVEN)
+        count = max(int(farthest / (1.0 + farthest) * LENS_TABLE_STEPS), 1)
+        places = np.arange(1, count + 1)
+        r = places / (LENS_TABLE_STEPS - places)
+        return after, before, np.concatenate([[1.0], np.interp(r, after, before) / r])
 
     @cached_property
     def fold(self) -> float:
