@@ -19,7 +19,6 @@ __all__ = [
     "AnnouncedCompilation",
     "forget_stale",
     "inlined_kernel",
-    "inlined_sum",
     "inner_kernel",
     "kernel",
     "step_kernel",
@@ -71,12 +70,13 @@ step_kernel: _Decorator = partial(_njit, inline="always", **_OPTIONS)
 
 # Body of a loop: every operation as written, inlined by LLVM.
 inlined_kernel: _Decorator = partial(_njit, forceinline=True, **_OPTIONS, **_INNER)
-inlined_sum: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_INNER)
 
 # A loop over matches that adds several at once, for loops that write to no array: a loop that
 # writes checks at run time whether its arrays overlap, and takes matches one by one if they are
-# neighbours in memory, which changes the last digits of sums.
-sum_kernel: _Decorator = partial(_njit, **_SUM_OPTIONS, **_INNER)
+# neighbours in memory, which changes the last digits of sums. LLVM inlines it: compiled by itself
+# and once more within its caller, it could add in two orders, and a process that compiles would use
+# the one where a process that loads the compiled kernel uses the other.
+sum_kernel: _Decorator = partial(_njit, forceinline=True, **_SUM_OPTIONS, **_INNER)
 
 
 # Kernels that this process has called, which are compiled.

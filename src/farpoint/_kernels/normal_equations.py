@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from farpoint._kernels.compile import inlined_kernel, inlined_sum, inner_kernel, step_kernel
+from farpoint._kernels.compile import inlined_kernel, inner_kernel, step_kernel, sum_kernel
 
 __all__ = [
     "add_five",
@@ -32,7 +32,7 @@ __all__ = [
 Sums = tuple[float, ...]
 
 
-@inlined_sum
+@sum_kernel
 def add_four(sums: Sums, weight: float, row: Sums) -> Sums:
     """``sums + weight row row^T`` for rows of 4 numbers."""
     aa, ba, bb, ca, cb, cc, da, db, dc, dd = sums
@@ -52,7 +52,7 @@ def add_four(sums: Sums, weight: float, row: Sums) -> Sums:
     )
 
 
-@inlined_sum
+@sum_kernel
 def add_five(sums: Sums, weight: float, row: Sums) -> Sums:
     """``sums + weight row row^T`` for rows of 5 numbers."""
     ea, eb, ec, ed, ee = sums[10:]
@@ -62,7 +62,7 @@ def add_five(sums: Sums, weight: float, row: Sums) -> Sums:
     return add_four(sums[:10], weight, (a, b, c, d)) + last
 
 
-@inlined_sum
+@sum_kernel
 def add_six(sums: Sums, weight: float, row: Sums) -> Sums:
     """``sums + weight row row^T`` for rows of 6 numbers."""
     fa, fb, fc, fd, fe, ff = sums[15:]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from farpoint._kernels.arrays import clear, copy
-from farpoint._kernels.compile import inlined_kernel, inlined_sum, kernel, sum_kernel
+from farpoint._kernels.compile import inlined_kernel, kernel, sum_kernel
 from farpoint._kernels.constants import LANES, PANEL
 from farpoint._kernels.linear import add_outer, draw_index, kabsch
 from farpoint._kernels.pairs import address, flow_variance, ray0, ray1
@@ -100,7 +100,7 @@ def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) ->
     return inside
 
 
-@inlined_sum
+@sum_kernel
 def _add_product(sums: Matrix, weight: float, b: Vector, a: Vector) -> Matrix:
     """``sums + weight b a^T``, by rows."""
     by_x, by_y, by_z = sums
@@ -108,7 +108,7 @@ def _add_product(sums: Matrix, weight: float, b: Vector, a: Vector) -> Matrix:
     return _plus(by_x, x, a), _plus(by_y, y, a), _plus(by_z, z, a)
 
 
-@inlined_sum
+@sum_kernel
 def _plus(sums: Vector, s: float, a: Vector) -> Vector:
     """``sums + s a``."""
     return sums[0] + s * a[0], sums[1] + s * a[1], sums[2] + s * a[2]
