@@ -132,7 +132,7 @@ def _newton_pass(
     ``steps`` (N,) is the length of the last step over its limit; NaN counts as short. The loop has
     no branches: the compiler turns it into vector instructions.
     """
-    moving = 0
+    unconverged = 0
     for i in range(len(a)):
         at_a, at_b, a_x, a_y, b_x, b_y = _distort_point(k, x[i], y[i])
         inverse = 1.0 / (a_x * b_y - a_y * b_x)
@@ -143,8 +143,8 @@ def _newton_pass(
         was_long = steps[i] > 1.0
         x[i], y[i] = where(was_long, moved_x, x[i]), where(was_long, moved_y, y[i])
         steps[i] = where(was_long, (abs(step_x) + abs(step_y)) / limit, steps[i])
-        moving += 1 if steps[i] > 1.0 else 0
-    return moving
+        unconverged += 1 if steps[i] > 1.0 else 0
+    return unconverged
 
 
 @kernel
