@@ -101,23 +101,49 @@ def _find(
     general = start or fit_general_motion(matches, tolerance, options, state)
     diagnostics.iterations = general.iterations
     diagnostics.time_stage("search_s")
-    floor = noise_floor(matches, general)
-    if floor and matches.given_noise is not None:
-        matches = matches.given_noise.with_floor(floor)
-        # The search tested for a plane with noise that lacked the floor.
-        start = replace(general, is_planar=True)
+    matches, start = _with_noise_floor(matches, general, start)
     if start is not None:
         general = refit_general_motion(matches, start)
         diagnostics.time_stage("refinement_s")
-    general = likeliest_motion(matches, general, tolerance, options, state)
-    given = len(matches)
+    general, given = likeliest_motion(matches, general, tolerance, options, state), len(matches)
     matches, general = without_stationary(matches, general, tolerance, options, state)
-    if len(matches) < given:
+    general = dominant_motion(matches, general, tolerance, options, state)
+    _note_disturbances(given - len(matches), general, diagnostics)
+    if options.count_sharing:
+        matches, general = count_residual_correlation(matches, general)
+        diagnostics.design_effect = matches.design_effect
+    pure_rotation = lazy_pure_rotation(matches, general.far_rotation_cam1_from_cam0, tolerance)
+    evidence, rate = 1.0, options.false_alarm_rate
+    if not is_clearly_translating(general):
+        evidence = translation_evidence(matches, general, pure_rotation(), rate)
+    if evidence >= 1.0:
+        return conclude_general_motion(matches, general, pure_rotation, options, diagnostics)
+    return conclude_pure_rotation(matches, pure_rotation(), general, evidence, options, diagnostics)
+
+
+def _with_noise_floor(
+    matches: Matches, general: GeneralMotionFit, start: GeneralMotionFit | None
+) -> tuple[Matches, GeneralMotionFit | None]:
+    """The matches with the noise floor of their given noise, and the start of a refinement.
+
+    Without a floor, both are returned as they are.
+    """
+    floor = noise_floor(matches, general)
+    if not floor or matches.given_noise is None:
+        return matches, start
+    # The search tested for a plane with noise that lacked the floor.
+    return matches.given_noise.with_floor(floor), replace(general, is_planar=True)
+
+
+def _note_disturbances(
+    stationary: int, general: GeneralMotionFit, diagnostics: Diagnostics
+) -> None:
+    """Append to the reason what disturbed the estimate: stationary or correlated matches."""
+    if stationary:
         diagnostics.note(
-            f"Stationary matches: {given - len(matches)} matches stand still in the image and move "
+            f"Stationary matches: {stationary} matches stand still in the image and move "
             "with the camera, as dirt on its lens does."
         )
-    general = dominant_motion(matches, general, tolerance, options, state)
     if (
         max(general.neighbours.correlation, general.merged_mode_correlation)
         > MERGED_MODE_CORRELATION
@@ -126,16 +152,6 @@ def _find(
             "Residuals of neighbouring matches are correlated: lens model, rolling shutter, moving "
             "objects or repeated structure."
         )
-    if options.count_sharing:
-        matches, general = count_residual_correlation(matches, general)
-        diagnostics.design_effect = matches.design_effect
-    pure_rotation = lazy_pure_rotation(matches, general.far_rotation_cam1_from_cam0, tolerance)
-    if is_clearly_translating(general):
-        return conclude_general_motion(matches, general, pure_rotation, options, diagnostics)
-    evidence = translation_evidence(matches, general, pure_rotation(), options.false_alarm_rate)
-    if evidence >= 1.0:
-        return conclude_general_motion(matches, general, pure_rotation, options, diagnostics)
-    return conclude_pure_rotation(matches, pure_rotation(), general, evidence, options, diagnostics)
 
 
 def _random_state(seed: int) -> np.ndarray:
