@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 DOCS, PACKAGE = ROOT / "docs", ROOT / "src" / "farpoint"
 
 CODE_FILE = r"`((?:\w+/)+\w+\.py)`"
-MOST_LINES = {"method.md": 600, "trajectory.md": 173}
+MOST_LINES = {"method.md": 600, "trajectory.md": 180}
 PAGES = (*MOST_LINES, "conventions.md")
 
 # Words of the left column of the project's list of names, and fractions in words.
