@@ -35,7 +35,8 @@ def label_matches(
     outlier_share: float,
     labels: np.ndarray,
 ) -> tuple[int, float, float]:
-    """Label the matches; number of inliers, log odds of the sign, log odds of the motion.
+    """Label the matches; returns the number of inliers, the log odds of the sign, and the log odds
+    of the motion.
 
     The log odds of the motion are relative to the hypothesis that all matches are outliers;
     ``outlier_share`` is the share of outliers under the motion. ``labels`` (N,) receives 0 for an
@@ -65,7 +66,7 @@ def label_matches(
 def count_beyond_rotation(
     pairs: np.ndarray, inlier: np.ndarray, R: np.ndarray, other_R: np.ndarray, distance: float
 ) -> tuple[int, int]:
-    """Number of inliers beyond ``distance`` of every rotation tried, and number of inliers.
+    """Number of inliers beyond ``distance`` from every tested rotation, and number of all inliers.
 
     ``inlier`` (N,) is 1 or 0; ``distance`` is in units of the noise. The rotations are ``R``,
     ``other_R`` and the least-squares rotation, one step from ``R``; the one with most inliers

@@ -45,7 +45,7 @@ _FRAMES = 1_000_000  # frames per seed with different random splits
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Reference:
-    """The frame that the next one is compared with, and its motion."""
+    """The frame to which the next frame is compared, and its motion."""
 
     index: int
     timestamp: float
@@ -66,11 +66,11 @@ class _Reference:
 class Odometry:
     """Motion of a calibrated camera from frame to frame.
 
-    Each frame is compared with the last usable one. A window estimates the poses of the last
-    keyframes together with the distances of points, the lens and the shutter; motions are estimated
-    with that lens. An unusable frame (not decoded, of another size, without texture) gives a FAILED
-    result and is skipped. Where the matches of a textured frame have no consensus, as at a cut, a
-    new segment of the trajectory begins at that frame; a segment has one scale.
+    Each frame is compared with the last usable frame. A sliding window estimates the poses of the
+    last keyframes together with the distances of points, the lens and the shutter; two-view motions
+    use that lens. An unusable frame (not decoded, of another size, without texture) gives a FAILED
+    result and is skipped. If the matches of a textured frame have no consensus, as at a cut, a new
+    segment of the trajectory begins at that frame. Each segment has one scale.
 
     Parameters
     ----------
@@ -144,7 +144,8 @@ class Odometry:
     def final_poses(self) -> list[FinalPose]:
         """Poses that have left the window since the last call, in the order of their frames.
 
-        They change no more; `OdometryResult.world_from_cam` is the estimate at its frame.
+        These poses do not change any further. In contrast, `OdometryResult.world_from_cam` is the
+        estimate at the time of its frame.
         """
         return self._stamped(self._path.final_poses())
 
@@ -236,7 +237,7 @@ class Odometry:
         return self._compare(self._reference, image, index, timestamp)
 
     def split_half(self, result: OdometryResult, *, cell_px: float | None = None) -> SplitHalf:
-        """Estimate the motion of a pair from two halves of its tracks, and compare.
+        """Estimate the motion of a pair from two halves of its tracks, and compare the two motions.
 
         Over many pairs, `farpoint.metrics.evaluate_halves` tests the covariances without
         truth.
@@ -327,7 +328,7 @@ class Odometry:
     def _without_perspective(
         self, tracks: Tracks, seconds: float, reference: _Reference
     ) -> tuple[Tracks, Searched | None]:
-        """Tracks corrected for perspective by the motion of a search, and that motion."""
+        """Tracks corrected for perspective by the motion that a search finds, and this motion."""
         options = self.options.pose
         if not options.refine:
             return tracks, None

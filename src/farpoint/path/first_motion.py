@@ -1,4 +1,6 @@
-"""Whether a path began from the right mode of its first motion, by two views with larger flow."""
+"""Whether a path began with the right mode of its first motion, tested by two views with larger
+flow.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,7 @@ def contradicting_motion(
     new_window: Callable[[], Window],
     most: int,
 ) -> Window | None:
-    """Window of both views for a motion that contradicts the path; None without a contradiction.
+    """Window of two views for a motion that contradicts the path; None without a contradiction.
 
     Short flow may have two modes of the motion, and the path may have started from the wrong one.
     Two motions between the views are optimised with lens and shutter free: the motion of the path,

@@ -70,7 +70,9 @@ def given_lens(camera: Camera) -> LensReport:
 
 
 def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
-    """The camera with sigmas: of its calibration, or of the options if the calibration has none."""
+    """The camera with sigmas of its calibration, or with those of the options if the calibration
+    has none.
+    """
     if not options.refine:
         return camera.with_uncertainty()
     if camera.uncertainty is not None:
@@ -144,7 +146,9 @@ class LensEstimate:
         return float(np.sqrt(self.covariance[-1, -1]))
 
     def step(self, change: np.ndarray) -> None:
-        """Change lens and read-out time; the lens by at most 10 px, for its linearisation."""
+        """Change lens and read-out time. The lens changes by at most 10 px, because it is
+        linearised.
+        """
         lens = change[:-1]
         share = min(1.0, 5.0 * _STALE_PX / max(self.moved_px(lens), 1e-12))
         self.z, self.readout_s = self.z + share * lens, self.readout_s + float(change[-1])

@@ -1,4 +1,4 @@
-"""Covariance of a motion with known length, in the orders of other programs."""
+"""Covariance of a motion with known length, in the component order of other programs."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def pose_covariance_in(
 ) -> np.ndarray:
     """`twist_covariance` (6, 6) in the given order.
 
-    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``: in camera 0 both halves of the twist are
-    rotated by ``-R.T``.
+    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``. In camera 0, both halves of the twist are
+    therefore rotated by ``-R.T``.
     """
     if order is PoseOrder.COLMAP:
         return twist

@@ -25,7 +25,7 @@ FEWEST_NEAR, FEWEST_FAR = 4, 8
 
 
 def is_one_object(rays: np.ndarray, labels: np.ndarray) -> bool:
-    """Whether the near matches lie on one compact part of the image, and the far ones around it.
+    """Whether the near matches lie on one compact part of the image, surrounded by far matches.
 
     Parameters
     ----------

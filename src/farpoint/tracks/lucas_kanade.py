@@ -70,7 +70,9 @@ def track_points(
 
 
 def _start_level(offsets: np.ndarray, coarsest: int, options: LucasKanadeOptions) -> int:
-    """Pyramid level whose window covers the displacements (N, 2) of the probes; NaN where lost."""
+    """Pyramid level whose window covers the displacements (N, 2) of the probes; NaN rows are lost
+    probes.
+    """
     offset_px = np.linalg.norm(offsets, axis=1)
     offset_px = offset_px[~np.isnan(offset_px)]
     if len(offset_px) < max(_MIN_PROBES, _MIN_FOUND * len(offsets)):

@@ -15,7 +15,7 @@ _STEP_PX = 4  # sampling of the field: 16 times faster than 1 px, and the region
 
 
 def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> np.ndarray | None:
-    """Pixels whose matching window lies within the lens' field; None where all do.
+    """Pixels whose matching window lies within the lens' field; None if all pixels do.
 
     The rim of a fisheye's image circle is a strong edge fixed to the camera: windows across it
     measure no motion.
