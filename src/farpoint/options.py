@@ -72,7 +72,7 @@ def _coerce(
 
 
 def _number(value: object, kind: type, given_as: type) -> Any:
-    """Convert to Python's ``float`` or ``int``; None where the value is not of that kind."""
+    """The value as Python's ``float`` or ``int``; None if the value is not of that kind."""
     if isinstance(value, bool) or not isinstance(value, given_as):
         return None
     try:

@@ -65,7 +65,7 @@ def sampson(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> float:
 def _row(
     inv: float, by_theta: Vector, by_t: Vector, basis: tuple[Vector, Vector], value: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Derivative by ``[dtheta (3), dbeta (2)]`` and the value itself, both multiplied by ``inv``."""
+    """Derivative by ``[dtheta (3), dbeta (2)]`` and the value itself, both times ``inv``."""
     return (
         inv * by_theta[0],
         inv * by_theta[1],

@@ -182,7 +182,7 @@ def is_same_mode(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
 def _apart(
     R: np.ndarray, t: np.ndarray, other_R: np.ndarray, other_t: np.ndarray, normal: np.ndarray
 ) -> tuple[float, float]:
-    """Trace of the rotation between two poses, and the squared Mahalanobis distance of the poses."""
+    """Trace of the rotation between two poses, and the squared Mahalanobis distance."""
     A, B = matrix(R), matrix(other_R)
     trace = dot(A[0], B[0]) + dot(A[1], B[1]) + dot(A[2], B[2])
     # To first order, the rotation vector is half the difference of the off-diagonal elements.

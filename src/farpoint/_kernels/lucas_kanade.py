@@ -135,7 +135,7 @@ def _find(
     termination: Termination,
     space: Workspace,
 ) -> tuple[float, float, bool]:
-    """Position of the window around a point in the second image, and whether the window was found."""
+    """Position of the window around a point in the second image, and whether it was found."""
     window, layout = space.window, levels0.layout
     width, line = 2 * window.half + 3, window.line
     scale = 0.5 ** (len(layout) - 1)
@@ -170,7 +170,7 @@ def _within(image: Image, x: float, y: float) -> bool:
 def _descend(
     image: Image, x: float, y: float, termination: Termination, space: Workspace
 ) -> tuple[float, float, bool]:
-    """Gauss-Newton steps on one level from (x, y); returns whether all steps stayed in the image."""
+    """Gauss-Newton steps on one level from (x, y); returns whether all are in the image."""
     window, pixels = space.window, space.pixels
     half, line = window.half, window.line
     xx, xy, yy = _normal_matrix(window.gx, window.gy)

@@ -1,4 +1,4 @@
-"""Covariance of a matched window from its residual, and the bias of the match by quadratic motion."""
+"""Covariance of a matched window from its residual, and bias of the match by quadratic motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lines over an axis of powers of ten, as one self-contained SVG."""
+"""Line chart over an axis of powers of ten, as one self-contained SVG."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class LensTrial:
 def calibrated_wrong(
     true: Camera, error: LensError, rng: np.random.Generator, prior: LensRefinementOptions
 ) -> Camera:
-    """The camera as a calibration would give it that is as sure as the prior."""
+    """The camera with calibration errors drawn from the prior."""
     prior_camera = with_prior(true.with_uncertainty(), prior)
     lens, factor = prior_camera.refinable, prior_camera.parameter_factor
     values = np.array(list(lens.parameters.values()))
@@ -115,7 +115,9 @@ def try_lens(
 
 
 class _Motions:
-    """Motions of pairs by lens and shutter as given, and as found once they are plainly others."""
+    """Two-view motions by the given lens and shutter, and by the estimated ones once they differ
+    clearly.
+    """
 
     def __init__(self, given: Camera, options: LensRefinementOptions) -> None:
         self._lens = LensInUse(given, options)

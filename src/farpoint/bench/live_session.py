@@ -87,7 +87,8 @@ class LiveTrial:
 def try_live(
     duration_s: float, out: Path, *, seed: int = 0, output: OutputOptions | None = None
 ) -> LiveTrial:
-    """Watch a looped drive at 30 frames a second with stalls, black frames and disconnections.
+    """Run a live session on a looped drive at 30 frames a second, with stalls, black frames and
+    disconnections.
 
     Parameters
     ----------

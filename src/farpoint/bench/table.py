@@ -1,4 +1,4 @@
-"""A table as text for people, as CSV and JSON for programs."""
+"""A table: as text for people, and as CSV and JSON for programs."""
 
 from __future__ import annotations
 
@@ -95,9 +95,9 @@ class Table:
         return text.getvalue()
 
     def to_json(self, **run: str) -> str:
-        """An object with the attributes of the table but its chart, one row a line.
+        """JSON object with the attributes of the table except its chart; each row is on one line.
 
-        Figures that do not exist are null, infinite ones the word ``inf``.
+        A missing figure is null, and an infinite figure is the word ``inf``.
 
         Parameters
         ----------

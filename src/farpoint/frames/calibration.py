@@ -1,4 +1,4 @@
-"""Search for a calibration file near the images, for messages only: the file is not used."""
+"""Search for a calibration file near the images, to name it in messages; the file is not used."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _USUAL_NAMES = ("images", "image", "rgb", "frames", "data", "img", "imgs")
 
 
 def sequence_in(images_folder: Path, *, root: Path, fps: float | None) -> ImageSequence | None:
-    """The images directly in `images_folder`, named after `root`; None where there are none."""
+    """The images directly in `images_folder`, with the name of `root`; None without images."""
     images, pages = with_pages(list_images(images_folder))
     if not images:
         return None
@@ -32,7 +32,7 @@ def sequence_in(images_folder: Path, *, root: Path, fps: float | None) -> ImageS
 
 
 def open_folder(folder: Path, *, fps: float | None) -> ImageSequence:
-    """Images in `folder`, or in the one folder inside it that holds them.
+    """Images in `folder`, or in the only folder in it that has images.
 
     Raises
     ------

@@ -22,7 +22,9 @@ _STREAMS = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt"
 
 
 def is_remote(source: str) -> bool:
-    """Whether fsspec reads it: schemes unknown to FFmpeg, or web folders (``/``) and bags."""
+    """Whether fsspec reads the URL: schemes unknown to FFmpeg, or folders (``/``) and bags of the
+    web.
+    """
     scheme, mark, rest = source.partition("://")
     if not mark:
         return False
@@ -72,7 +74,7 @@ def open_remote(
     fps: float | None,
     follow_playlists: bool = False,
 ) -> FrameSource:
-    """Open a video, which is read as it is decoded, or a folder or bag, which is copied first.
+    """Open a remote source: a video is read as it is decoded; a folder or bag is copied first.
 
     Parameters
     ----------
@@ -108,7 +110,7 @@ def open_remote(
 
 
 class _Steady:
-    """A remote file that ends if its connection breaks, and raises the error when closed.
+    """A remote file that ends if the connection breaks, and raises the error when it is closed.
 
     FFmpeg does not pass on Python errors during a read.
     """

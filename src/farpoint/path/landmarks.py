@@ -105,7 +105,7 @@ class Landmarks:
         last: np.ndarray,
         accumulated: np.ndarray,
     ) -> None:
-        """Add the observations of the newest keyframe; a track without a point starts a new point."""
+        """Add the observations of the newest keyframe; an unknown track starts a new point."""
         rows = self.rows_of(ids)
         fresh = np.flatnonzero(rows < 0)
         rays, by_lens, seen = self.rays_at(pixels[fresh])

@@ -147,7 +147,7 @@ class _Points:
         start: np.ndarray,
         seconds: float,
     ) -> Located | None:
-        """Optimised pose from an initial pose; None with too few points in the field of the lens."""
+        """Optimised pose from an initial pose; None with too few points in the lens' field."""
         R, p, (R0, p0) = R.copy(), start.copy(), last
         H, squares = np.empty((6, 6)), np.empty(len(self.s))
         expected = self._linearise(window, R, p)

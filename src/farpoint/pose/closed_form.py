@@ -113,7 +113,7 @@ def _scatter_of_rotation(
 def _consistent_with(
     matches: Matches, R: np.ndarray, t: np.ndarray, tolerance: float
 ) -> np.ndarray:
-    """Mask (N,) of matches that flow towards ``t``, within the tolerance across their great circle."""
+    """Mask (N,) of matches that flow towards ``t``, within the tolerance across."""
     rays1, rotated = matches.rays1, matches.rays0 @ R.T
     across = np.einsum("ni,ni->n", rays1, np.cross(t, rotated))
     length = np.linalg.norm(np.cross(t, rotated), axis=1)

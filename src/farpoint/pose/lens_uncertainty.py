@@ -187,7 +187,9 @@ class _Lenses(NamedTuple):
         return _unrolled(first, 0, shutter, self.theta), _unrolled(second, 1, shutter, self.theta)
 
     def at(self, z: np.ndarray) -> tuple[Camera, Camera, Shutter | None]:
-        """Exact cameras with these errors of the lenses; errors are halved until the lens is valid."""
+        """Exact cameras with these errors of the lenses; the errors are halved until they are
+        valid.
+        """
         shutter = self.shutter
         if shutter is not None:
             readout, derivative = float(z[-_OF_SHUTTER]), z[1 - _OF_SHUTTER :]

@@ -127,7 +127,7 @@ def _closer_to(
 
 
 def _remaining(shutter: Shutter, matches: Matches, change: np.ndarray, noise: float) -> float:
-    """Error of the rotation (3,) that a change by the last pass leaves to the next pass, in sigmas."""
+    """Error of the rotation (3,) that the last change leaves to the next pass, in sigmas."""
     spread = abs(shutter.share) * float(np.std(shutter.phase1 - shutter.phase0))
     # Of a rotation by all matches: the stated sigma is larger where two modes compete.
     sigma = noise / float(np.sqrt(np.sum(matches.precision)))

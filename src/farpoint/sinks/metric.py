@@ -1,4 +1,4 @@
-"""Sink that converts a run's files to metres at its end, with aiding measurements."""
+"""Sink that converts the files of a run to metres at the end, by aiding measurements."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ NO_READING = (
 
 
 class MetricSink:
-    """Compares results with aiding measurements; at the end converts the text files to metres.
+    """Sink that compares results with aiding measurements, and finally converts text files to
+    metres.
 
     Parameters
     ----------

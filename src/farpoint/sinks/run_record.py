@@ -131,7 +131,7 @@ class RunRecord:
         self._save()
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Count one frame; update the file when the last update is old enough."""
+        """Count one frame; update the file if the last update is old enough."""
         self._frames += 1
         self._first_s = result.timestamp if self._first_s is None else self._first_s
         self._last_s = result.timestamp

@@ -1,4 +1,4 @@
-"""Accuracy against the Cramer-Rao bound and against every installed peer, cell by cell."""
+"""The table of accuracy: errors against the Cramer-Rao bound and against every installed peer."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ _COLUMNS = (
 
 
 def accuracy_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Cells of the paper's protocol, as they are filled: 110 matches, 20 wrong, noise 0.22 px."""
+    """The table, yielded after each cell, with the paper's protocol: 110 matches, 20 wrong, noise
+    0.22 px.
+    """
     rng = np.random.default_rng(options.seed)
     rows: list[tuple[Cell, ...]] = []
     for baseline_m in _BASELINES_M:

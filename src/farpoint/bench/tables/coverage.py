@@ -35,7 +35,7 @@ _OBSERVABLE = math.radians(5.0)
 
 
 def coverage_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each cell of the grid, as they are filled, and their summary."""
+    """The table with a row for each cell of the grid, yielded after each row, and the summary."""
     grid = CoverageGrid.whole() if options.full else options.grid
     cells = list(
         product(

@@ -1,4 +1,4 @@
-"""The table of coverage in few rows: cells of one kind of scene together, and the lowest cell."""
+"""Summary of the table of coverage: a row for all cells of one kind of scene."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ _Cell = dict[str, Any]
 
 
 def coverage_summary(coverage: Table) -> Table:
-    """A row for each kind of scene, share of outliers and number of matches in the table."""
+    """A row for each kind of scene, share of outliers and number of matches in the table of
+    coverage.
+    """
     names = [column.name for column in coverage.columns]
     groups: dict[tuple[Cell, ...], list[_Cell]] = {}
     for row in coverage.rows:
@@ -87,7 +89,9 @@ def _figures(cells: Sequence[_Cell]) -> tuple[Cell, ...]:
 
 
 def _shares(cells: Sequence[_Cell], kind: str, counts: Sequence[int]) -> tuple[Cell, ...]:
-    """Shares in 68 % and 95 % of all estimates together, and the lowest of a cell in 95 %."""
+    """Shares in 68 % and 95 % regions of all estimates together, and the lowest 95 % share of a
+    cell.
+    """
     counted = [(cell, count) for cell, count in zip(cells, counts, strict=True) if count]
     if not counted:
         return None, None, None

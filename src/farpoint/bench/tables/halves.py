@@ -39,7 +39,9 @@ _COLUMNS = (
 
 
 def halves_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each image sequence of the data, as filled; the same runs by image cells."""
+    """The table with a row for each image sequence of the data, yielded after each row, and the
+    table by image cells.
+    """
     sequences: dict[str, list[HalvesBySplit]] = {}
     seeds = range(options.seed, options.seed + _RUNS)
     for sequence in find_sequences(options.data):

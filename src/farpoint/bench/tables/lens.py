@@ -67,7 +67,7 @@ _COLUMNS = (
 
 
 def lens_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Rows for every lens and error of its calibration, and two for all lenses together."""
+    """Rows for every lens and every calibration error, and two rows for all lenses together."""
     runs = options.pairs or _RUNS
     rows: list[tuple[Cell, ...]] = []
     together: dict[LensError, list[LensTrial]] = {error: [] for error in _ERRORS}
@@ -111,7 +111,7 @@ def _cells(trials: Sequence[LensTrial]) -> tuple[Cell, ...]:
 
 
 def _ends_within(trials: Sequence[LensTrial]) -> float:
-    """Share of the recordings whose last pose lies within its 95 %."""
+    """Share of the recordings whose last pose lies within its 95 % region."""
     ends = [path.pose.end_nees for trial in trials if (path := evaluate_path(trial.path))]
     return float(np.mean(np.array(ends) <= chi2_quantile(0.95, 6)))
 

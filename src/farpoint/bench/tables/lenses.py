@@ -1,4 +1,6 @@
-"""Every lens: time to unproject, and odometry through wide ones over rendered images."""
+"""The tables of lenses: time to unproject for every lens, and odometry over images rendered with
+wide lenses.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of motions in few rows: all recordings of a kind together."""
+"""Summary of the table of motions: a row for all recordings of one kind together."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class MotionErrors:
 
 
 def motions_summary(found: Sequence[MotionErrors], command: str) -> Table:
-    """A row for each kind of motion, rate of frames and lens."""
+    """A row for each kind of motion, frame rate and lens."""
     groups: dict[tuple[str, float, str], list[MotionErrors]] = {}
     for one in found:
         groups.setdefault((one.kind, one.fps, one.lens), []).append(one)

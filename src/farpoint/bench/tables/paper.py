@@ -1,4 +1,6 @@
-"""The simulation table of Burschka and Mair (2008): their figures, their method, and ours."""
+"""The simulation table of Burschka and Mair (2008): the paper's figures, its closed form, and
+farpoint.
+"""
 
 from __future__ import annotations
 

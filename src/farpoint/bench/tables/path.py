@@ -34,7 +34,7 @@ _CAMERAS: tuple[tuple[str, Camera], ...] = (
 
 
 def path_tables(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Of the recordings of the data, or of rendered streets where it holds none."""
+    """Tables of the recordings of the data; without recordings, of rendered streets."""
     if find_sequences(options.data):
         yield from recordings_table(options, progress)
     else:

@@ -1,4 +1,4 @@
-"""Paths over real recordings with their truth: how far off, how sure, and what they cost."""
+"""Paths over real recordings with true poses: errors, sigmas, and time."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _COLUMNS = (
 
 
 def recordings_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each image sequence of the data with its truth, and one for all together."""
+    """A row for each image sequence of the data with true poses, and a row for all together."""
     rows: list[tuple[Cell, ...]] = []
     stretches: list[tuple[StretchFigure, ...]] = []
     for sequence in find_sequences(options.data):
@@ -62,7 +62,7 @@ def recordings_table(options: BenchOptions, progress: Progress) -> Iterator[Tabl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Run:
-    """What came of a recording: N frames, and P poses that are final, with their truth."""
+    """Result for a recording: N frames, and P final poses with their truth."""
 
     results: list[OdometryResult]
     samples: PathSamples

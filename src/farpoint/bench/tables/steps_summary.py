@@ -1,4 +1,4 @@
-"""The table of steps in few rows: farpoint's errors over those of each peer."""
+"""Summary of the table of steps: errors of farpoint over those of each peer."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _Row = dict[str, Any]
 
 
 def steps_summary(steps: Table) -> Table:
-    """A row for each sequence and peer, and one for each peer over all sequences."""
+    """A row for each sequence and peer, and a row for each peer over all sequences."""
     names = [column.name for column in steps.columns]
     cases: list[list[_Row]] = []  # rows of one sequence, kind and step, farpoint's first
     for cells in steps.rows:

@@ -1,4 +1,4 @@
-"""Covariances of what OpenCV tracks and matches, without given noise, against exact truth."""
+"""Coverage of the covariances for OpenCV's tracks and matches, whose noise is not given."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _FPS = (30.0, 10.0)
 
 
 def tracks_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each kind of match and rate of frames, as they are filled."""
+    """The table with a row for each kind of match and frame rate, yielded after each row."""
     rows: list[tuple[Cell, ...]] = []
     for name, fps in itertools.product(_MATCHERS, _FPS):
         rows.append((name, round(fps), *_figures(name, fps, options, progress)))

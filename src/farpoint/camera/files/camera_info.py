@@ -1,4 +1,4 @@
-"""ROS's ``CameraInfo``, as a message: the lens behind binning and a region of interest."""
+"""The message ``CameraInfo`` of ROS: a lens, a binning and a region of interest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading of a camera from a calibration file of any known format."""
+"""Reader of a camera from a calibration file of any known format."""
 
 from __future__ import annotations
 
@@ -68,7 +68,8 @@ _STEREO = (
 
 
 def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera:
-    """Read a camera calibration, recognised by what is in the file and not by its name.
+    """Read a camera calibration. The format is recognised by the contents of the file, not by its
+    name.
 
     Parameters
     ----------
@@ -123,7 +124,7 @@ def _seems_structured(text: str) -> bool:
 
 
 def _left_of(names: list[str]) -> str | None:
-    """The left one of a stereo pair's names, by OpenCV's numbers too; None of other cameras."""
+    """Name of the left camera of a stereo pair, also by OpenCV's numbers; otherwise None."""
     if len(names) != 2:
         return None
     for left, right in _STEREO:

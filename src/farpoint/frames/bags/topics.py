@@ -18,7 +18,7 @@ _DEPTH = "/compressedDepth"  # a transport whose images are distances
 
 
 def image_topic(bag: Bag, name: str | None) -> Topic:
-    """The topic of the images: the one that is named, or the only one.
+    """The topic of the images: the named one, or the only one.
 
     Raises
     ------

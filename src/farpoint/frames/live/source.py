@@ -19,7 +19,9 @@ class LiveSource(Protocol):
 
     @property
     def endless(self) -> bool:
-        """Whether its end is a fault (an unplugged camera), not the end of a recording."""
+        """Whether the end of the source is a fault (an unplugged camera), not the end of a
+        recording.
+        """
         ...
 
     def open(self) -> FrameSource:
@@ -75,7 +77,7 @@ def open_live(
     max_megapixels: float = MAX_MEGAPIXELS,
     follow_playlists: bool = False,
 ) -> LiveSource:
-    """A camera index or URL; a file, folder or pattern is played at its frame rate.
+    """Open a camera index or a URL; a file, folder or pattern is played at its frame rate.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ def _cells(
 
 
 def _thinned(folder: Path) -> Iterator[_Row]:
-    """Every so manyth frame, few enough to be drawn, and the last."""
+    """Every k-th frame, with k so large that few frames remain, and the last frame."""
     path = folder / "positions.csv"
     rows = _from_positions(path) if path.is_file() else _from_tum(folder / "trajectory.tum")
     path = path if path.is_file() else folder / "trajectory.tum"
@@ -115,7 +115,7 @@ def _from_tum(path: Path) -> Iterator[_Row]:
 def _true_places(
     truth: Path, stamps: np.ndarray, frames: np.ndarray, places: np.ndarray
 ) -> np.ndarray | None:
-    """True positions (P, 3) in the axes of the estimate; None where too few are known to fit."""
+    """True positions (P, 3) in the axes of the estimate; None if too few are known for a fit."""
     reference = read_trajectory(truth)
     if reference.timestamps is None:
         poses = poses_at_frames(reference.world_from_body, frames)
