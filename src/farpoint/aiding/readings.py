@@ -1,4 +1,4 @@
-"""One comparison of a known length with the same length in the unit of the trajectory."""
+"""One comparison of a known length with the corresponding length in the unit of the trajectory."""
 
 from __future__ import annotations
 

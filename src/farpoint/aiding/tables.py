@@ -38,9 +38,9 @@ def read_speeds(path: str | Path, column: str = "speed") -> tuple[np.ndarray, np
 def read_gnss(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Times (N,), s, and positions (N, 3), m, of a CSV file.
 
-    Its columns are ``timestamp,x,y,z`` in metres of any fixed axes, or
-    ``timestamp,latitude,longitude,altitude`` in degrees and metres (WGS 84), which become
-    earth-centred axes.
+    The columns are ``timestamp,x,y,z`` in metres of any fixed axes, or
+    ``timestamp,latitude,longitude,altitude`` in degrees and metres (WGS 84). The latter are
+    converted to earth-centred axes.
 
     Raises
     ------

@@ -50,12 +50,12 @@ REAL_COLUMNS = (
     Column("rotation_over_high", 2),
 )
 REAL_NOTES = (
-    "means are over the answers given; gross: rotation more than 1 deg or direction more than 30 "
-    "deg off",
-    "rotation_over_farpoint: mean error over farpoint's, of the pairs that both answered; other "
-    "pairs of the kind would have it between low and high with 95 % (bootstrap of pairs): "
-    "farpoint errs more than by chance where high is under 1",
-    f"a true motion under {100 * MIN_TRANSLATION_M:g} cm has no direction to compare",
+    "means are over the pairs with an estimate; gross: rotation more than 1 deg or direction "
+    "more than 30 deg off",
+    "rotation_over_farpoint: mean error of the peer over that of farpoint, of the pairs that "
+    "both estimate; low, high: 95 % interval by bootstrap of the pairs; if high is below 1, "
+    "farpoint is less accurate beyond chance",
+    f"directions of true motions below {100 * MIN_TRANSLATION_M:g} cm are not compared",
 )
 # Bootstrap samples of the pairs for an interval, and the quantiles that bound it.
 _RESAMPLES = 4000

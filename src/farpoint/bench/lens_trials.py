@@ -40,7 +40,7 @@ class LensTrial:
     readout : float
         Error of the read-out time, in its sigma.
     path : PathSamples
-        The poses that move no more, with their truth.
+        The final poses, with their truth.
     """
 
     parameters: dict[str, float]

@@ -36,9 +36,10 @@ RENDERED_COLUMNS = (
     Column("pose_95", 3),
 )
 RENDERED_NOTES = (
-    "over_bound: by the Cramer-Rao bound of the tracks that are right, at the spread of their true "
-    "errors",
-    "95: share of the 95 % regions that hold the truth; the rotation of all but FAILED",
+    "over_bound: errors over the Cramer-Rao bound of the correct tracks, with the noise of their "
+    "true errors",
+    "95: share of the 95 % regions that contain the truth; rotations of all pairs that are not "
+    "FAILED",
 )
 
 _RIGHT_PX = 1.0  # a track farther from the truth shows something else

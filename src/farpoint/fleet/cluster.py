@@ -97,7 +97,7 @@ class Cluster:
     def look_after(self) -> None:
         """Replace workers that have ended; to be called regularly.
 
-        Dask starts a worker again that is killed, but none that is killed while it starts.
+        Dask restarts a worker that is killed, but not a worker that is killed while it starts.
 
         Raises
         ------
@@ -185,9 +185,10 @@ def _cores() -> int:
 
 @contextmanager
 def _ignoring_ctrl_c() -> Iterator[None]:
-    """Keep Ctrl-C from threads and processes that begin here, and from all that those begin.
+    """Keep Ctrl-C from the threads and processes that start here, and from their children.
 
-    A terminal sends it to every process; it is for the one that leads, which ends the workers.
+    A terminal sends Ctrl-C to every process. Only the leading process handles it, and ends the
+    workers.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -201,7 +202,7 @@ def _ignoring_ctrl_c() -> Iterator[None]:
 
 
 def _compile_on_machines(client: Any) -> None:
-    """One worker of each machine compiles, before there is work for the others."""
+    """Compile the kernels by one worker of each machine, before the other workers get work."""
     workers = client.scheduler_info(n_workers=-1)["workers"]
     by_host = {worker["host"]: address for address, worker in workers.items()}
     client.gather(

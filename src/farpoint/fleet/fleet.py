@@ -53,7 +53,7 @@ def run_fleet(
     reporting: Callable[[int], Any],
     parquet: bool = False,
 ) -> FleetOutcome:
-    """Run all drives that are not finished, and write the tables; after Ctrl-C, too.
+    """Run all unfinished drives and write the tables, also after Ctrl-C.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class ListedDrive:
 
 
 def list_drives(sources: Iterable[str]) -> list[ListedDrive]:
-    """The drives that sources, patterns and lists name, each once, in order.
+    """Drives of all sources, patterns and lists, each once, in order.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def _of_lines(path: Path) -> Iterator[ListedDrive]:
 
 
 def _beside(path: Path, source: str, options: dict[str, str], place: str) -> ListedDrive:
-    """A drive whose files may be named from where the list is."""
+    """A drive whose relative paths start at the folder of the list."""
 
     def found(name: str) -> str:
         near = path.parent / name

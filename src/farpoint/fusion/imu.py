@@ -115,7 +115,7 @@ class ImuSamples:
     def between(self, start_s: float, end_s: float) -> ImuSteps:
         """The steps that lead from one time to another.
 
-        Measurements are interpolated linearly, so steps may begin and end between them.
+        Measurements are interpolated linearly, so steps may begin and end between two measurements.
 
         Raises
         ------

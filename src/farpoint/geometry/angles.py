@@ -1,6 +1,6 @@
 """Motions in degrees with their 1-sigma, for display.
 
-Everything works on stacks: leading axes are kept, and NaN in gives NaN out.
+All functions work on stacks: leading axes are kept, and NaN input gives NaN output.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ class LiveState:
 class LiveSession:
     """Odometry over a live source into a folder and a display.
 
-    Used as a context manager; leaving it, by Ctrl-C as well, closes every file.
+    A session is a context manager. Leaving its block, also by Ctrl-C, closes every file.
 
     Parameters
     ----------

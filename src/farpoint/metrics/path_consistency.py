@@ -121,7 +121,7 @@ class PathConsistency:
 
 
 def evaluate_path(samples: PathSamples) -> PathConsistency | None:
-    """Compare every segment with the truth in its own gauge; None where nothing can be compared.
+    """Compare every segment with the truth in its own gauge; None if nothing can be compared.
 
     The gauge is that of the covariances, without a fit. The first pose of a segment, position and
     orientation, is taken as true. The length of the first motion is taken as true; if it has an
@@ -151,7 +151,7 @@ def evaluate_path(samples: PathSamples) -> PathConsistency | None:
 
 
 class _Segment(NamedTuple):
-    """A segment in its gauge: what can be compared of it, P poses and M lengths.
+    """A segment in its gauge, with the quantities that can be compared: P poses and M lengths.
 
     ``errors`` (P, 6) and ``covariances`` (P, 6, 6) of ``[dtheta, dposition]``, positions since the
     first pose as estimated and true, ``ways`` and ``true_ways`` (P, 3), and errors and variances
@@ -259,7 +259,7 @@ def _nees(errors: np.ndarray, covariances: np.ndarray, part: slice) -> np.ndarra
 
 
 def _nees_any_scale(ways: np.ndarray, true_ways: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """The least over ``a`` of the NEES of ``a * true_way - way``."""
+    """Smallest NEES of ``a * true_way - way`` over all scales ``a``."""
     C = covariances[:, 3:, 3:]
     by_way = np.linalg.solve(C, ways[..., None])[..., 0]
     by_true = np.linalg.solve(C, true_ways[..., None])[..., 0]

@@ -75,7 +75,7 @@ def rotation_cramer_rao_bound(scene: PointScene) -> np.ndarray:
 
 
 def _information(by_pose: np.ndarray, by_point1: np.ndarray, by_point0: np.ndarray) -> np.ndarray:
-    """Information of the pose, its points eliminated, for noise of 1 px."""
+    """Information on the pose for noise of 1 px, with the points eliminated."""
     transposed1 = np.swapaxes(by_point1, 1, 2)
     points = transposed1 @ by_point1 + np.swapaxes(by_point0, 1, 2) @ by_point0
     weight = np.eye(2) - by_point1 @ np.linalg.solve(points, transposed1)

@@ -55,13 +55,13 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
         columns=_COLUMNS,
         rows=tuple(rows),
         notes=(
-            f"{options.pairs or _PAIRS} pairs a cell, the same for all: 110 matches, 20 of them "
-            "wrong, noise 0.22 px, turns up to 5 deg about every axis; near points at 1-4 m, far "
-            "ones at 25-35 m",
-            "over_bound: median of the normalised error over the median of chi; a missing answer "
-            "counts as infinitely wrong",
-            "means are over the answers given, gross ones included; gross: rotation more than "
-            "1 deg or direction more than 30 deg off",
+            f"{options.pairs or _PAIRS} pairs a cell, the same for all estimators: 110 matches, "
+            "20 of them wrong, noise 0.22 px, turns up to 5 deg about every axis; near points at "
+            "1-4 m, far ones at 25-35 m",
+            "over_bound: median of the normalised error over the median of chi; a missing "
+            "estimate counts as an infinite error",
+            "means are over the pairs with an estimate, gross errors included; gross: rotation "
+            "more than 1 deg or direction more than 30 deg off",
         ),
     )
 

@@ -46,17 +46,17 @@ def coverage_summary(coverage: Table) -> Table:
         )
     return Table(
         name="coverage_summary",
-        title="Coverage by kind of scene: all cells of a kind together, and the lowest",
+        title="Coverage by kind of scene: all cells of a kind together, and the lowest cell",
         command=coverage.command,
         columns=_COLUMNS,
         rows=tuple((*kind, *_figures(cells)) for kind, cells in sorted(groups.items())),
         notes=(
-            "rotation only: baseline 0, an OK is a false alarm; far points only: none nearer than "
-            "25 m; near points: all others",
+            "rotation only: scenes with baseline 0, so OK is a false alarm; far points only: no "
+            "point is nearer than 25 m; near points: all other scenes",
             "observable, observable_OK: as in the table of coverage",
-            "68, 95: shares of the regions that hold the truth; the pose where the status is OK, "
-            "the rotation of all but FAILED",
-            f"lowest: of the cells with {_LEAST} estimates and more",
+            "68, 95: shares of the regions that contain the truth; the pose of pairs that are "
+            "OK, the rotation of all pairs that are not FAILED",
+            f"lowest: the lowest share among cells with at least {_LEAST} estimates",
         ),
     )
 

@@ -53,7 +53,7 @@ def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...
     return (
         Table(
             name="drawing",
-            title=f"What drawing costs, {sequence.name}",
+            title=f"Cost of drawing, {sequence.name}",
             command=options.command("drawing"),
             columns=(
                 Column("outputs"),
@@ -77,11 +77,11 @@ def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...
                 for (name, *_), ms in zip(_WAYS, medians_ms, strict=True)
             ),
             notes=(
-                "estimation: tracking and pose, while other processes draw: by the clock, and by "
-                "the processor's time that they took, which other programs hardly disturb; "
-                "drawing: what those processes took, and all other threads of this one, the "
-                "estimation's own helpers included; frame: until the next one can begin, waiting "
-                "for a full queue included",
+                "estimation: wall-clock and processor time of tracking and pose while other "
+                "processes draw; other programs hardly change the processor time; drawing: "
+                "processor time of the drawing processes and of all other threads of this "
+                "process; frame: wall-clock time until the next frame can begin, with waiting "
+                "for a full queue",
                 f"median of {_ROUNDS} rounds over {len(images) - _WARM_UP} frames",
             ),
         ),

@@ -59,12 +59,13 @@ def halves_by_cells(sequences: Mapping[str, Sequence[HalvesBySplit]], command: s
             for split_by in _CELLS_PX
         ),
         notes=(
-            "split_by: what stays in one half, patches of 3 to 6 tracks or all tracks of an image "
-            "cell; errors that tracks share within it do not cancel in the difference",
-            "compared: pairs whose halves both have a direction; of these sigma_over_error, "
-            "pose_68 and pose_95",
-            "ratio: as in the table of halves; sigma_over_error: above 1 the sigmas are too large "
-            "for the median difference by this factor",
+            "split_by: patches of 3 to 6 tracks, or all tracks of an image cell, stay in one "
+            "half; errors common to the tracks of one patch or cell do not cancel in the "
+            "difference",
+            "compared: pairs whose halves both have a direction; sigma_over_error, pose_68 and "
+            "pose_95 are those of these pairs",
+            "ratio: as in the table of halves; sigma_over_error: factor by which the sigmas are "
+            "too large (above 1) for the median difference",
             "all runs together: those of the table of halves",
         ),
     )

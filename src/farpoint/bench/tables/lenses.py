@@ -86,7 +86,7 @@ def unprojection_table(options: BenchOptions, progress: Progress) -> tuple[Table
     return (
         Table(
             name="unprojection",
-            title="A million pixels to rays, by every model",
+            title="Time to unproject a million pixels, by lens model",
             command=options.command("lenses"),
             columns=(Column("lens"), Column("seconds", 3)),
             rows=tuple(rows),

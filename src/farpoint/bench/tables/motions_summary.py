@@ -65,7 +65,7 @@ def motions_summary(found: Sequence[MotionErrors], command: str) -> Table:
             for (kind, fps, lens), group in groups.items()
         ),
         notes=(
-            "motion: a drive, or the file of a measured motion by its name up to the first digit",
+            "motion: a drive, or the name of the file of a measured motion up to the first digit",
             RENDERED_NOTES[-1],
         ),
     )

@@ -91,7 +91,7 @@ _MOVES: dict[str, _Make] = {
 def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
     return Table(
         name="movers",
-        title="Something moves by itself: errors of the camera's motion",
+        title="Scenes with a moving object: errors of the camera's motion",
         command=options.command("movers"),
         columns=_COLUMNS,
         rows=tuple(rows),
@@ -99,12 +99,12 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
             f"{options.pairs or _PAIRS} pairs a cell, the same for all: {_MATCHES} matches, noise "
             f"{_NOISE_PX:g} px, {100 * _BASELINE_M:g} cm, turns up to 5 deg about every axis; half "
             "of the points at 1-4 m, half at 25-35 m",
-            "aside: the matches nearest to some point are shifted by so much in image 1, to some "
-            "side",
-            "with the camera: matches anywhere stand still in the image, as dirt on the lens does",
-            "means are over the answers given; gross: rotation more than 1 deg or direction more "
-            "than 30 deg off",
-            "pose_95: share of the 95 % regions that hold the truth; no peer has any",
+            "aside: the matches nearest to a random point are shifted by shift_px in image 1, in "
+            "a random direction",
+            "with the camera: matches anywhere stand still in the image, like dirt on the lens",
+            "means are over the pairs with an estimate; gross: rotation more than 1 deg or "
+            "direction more than 30 deg off",
+            "pose_95: share of the 95 % regions that contain the truth; the peers have no regions",
         ),
     )
 

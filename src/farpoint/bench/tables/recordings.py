@@ -148,20 +148,21 @@ def _together(runs: Sequence[tuple[StretchFigure, ...]]) -> tuple[Cell, ...]:
 def _table(rows: Sequence[tuple[Cell, ...]], options: BenchOptions) -> Table:
     return Table(
         name="recordings",
-        title="Paths over real recordings: how far off, how sure, and what they cost",
+        title="Paths over real recordings: errors, sigmas and time",
         command=options.command("path"),
         columns=_COLUMNS,
         rows=tuple(rows),
         notes=(
-            "ate: root mean square distance of the poses that move no more, after the similarity "
-            "that fits best (Sim(3)); drift: how much longer the last fifth was made than the "
-            "first",
-            "lengths_n, rotations_n: share of stretches of n % of the path whose length, by one "
-            "scale for all, and rotation lie within their 95 %; of truth without positions, n % of "
-            "the poses",
-            "focal: along x, as the calibration gives it and as found, with its sigma",
-            "breaks: new segments; guesses: lengths that the last speed alone carries on",
-            "path_ms: processor time of the path a frame, keyframes included, the first "
-            f"{_WARM_UP} left out: that of the whole frame times the path's share of the clock",
+            "ate: root mean square distance of the final poses after the best similarity "
+            "transform (Sim(3)); drift: scale of the last 20 % of the path over that of the "
+            "first 20 %, minus 1",
+            "lengths_n, rotations_n: share of stretches of n % of the path whose length (with "
+            "one scale for all) or rotation lies within its 95 % region; if the truth has no "
+            "positions, stretches are n % of the poses",
+            "focal: focal length along x, given by the calibration and estimated, with its sigma",
+            "breaks: new segments; guesses: lengths extrapolated from the last speed",
+            "path_ms: processor time of the path per frame, with keyframes, without the first "
+            f"{_WARM_UP} frames: the processor time of the frame, times the share of the path in "
+            "its wall-clock time",
         ),
     )

@@ -86,7 +86,7 @@ def scaling_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ..
             by_baselines,
             estimators,
             options,
-            ("half of the matches 1-4 m away; for 0 m farpoint gives ROTATION_ONLY",),
+            ("half of the matches are 1-4 m away; at 0 m the result of farpoint is ROTATION_ONLY",),
         ),
     )
 

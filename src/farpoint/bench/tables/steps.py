@@ -92,7 +92,7 @@ def _rows(
 def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
     return Table(
         name="steps",
-        title="Real images that are frames apart: errors against the truth",
+        title="Real images several frames apart: errors against the truth",
         command=options.command("steps"),
         columns=(
             Column("sequence"),

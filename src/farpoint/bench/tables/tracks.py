@@ -52,10 +52,11 @@ def tracks_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
             ),
             rows=tuple(rows),
             notes=(
-                "tracks as the plain script makes them, features by the ratio of their distances; "
-                f"{_PAIRS_PER_STREET} pairs in each street, every other one",
+                "tracks are those of the basic OpenCV program, features are matched by ratio "
+                f"test; {_PAIRS_PER_STREET} pairs in each street, every other one",
                 "without given covariances",
-                "matches: median of a pair; the rest as in the table of coverage",
+                "matches: median number per pair; the other columns are those of the table of "
+                "coverage",
             ),
         )
 
