@@ -37,7 +37,7 @@ def coerce_float(
     Raises
     ------
     InputError
-        With the field and the expected range.
+        If a value is invalid; the message has the field and the expected range.
     """
     _coerce(options, names, float, Real, expected, is_valid)
 

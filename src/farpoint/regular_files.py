@@ -46,7 +46,7 @@ def open_regular_file(
     Raises
     ------
     InputError
-        Where the file is absent, a folder, a device, a FIFO, too large or unreadable; also raised
+        If the file is absent, a folder, a device, a FIFO, too large or unreadable; also raised
         within the block, while the file is read.
     """
     try:

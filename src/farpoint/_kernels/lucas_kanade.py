@@ -97,13 +97,13 @@ def follow_windows(
     Parameters
     ----------
     levels0, levels1 : Levels
-        Of both images, with the same layout.
+        Levels of both images, with the same layout.
     points0 : ndarray of float64, shape (N, 2)
         Centres of the windows in the first image, px.
     start : ndarray of float64, shape (N, 2)
         Initial centres in the second image, px.
     termination : Termination
-        At every level, px of the level.
+        Termination of the iterations at every level, px of the level.
     back : float
         Upper bound of the forward-backward error, px.
     space : Workspace

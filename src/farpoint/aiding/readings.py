@@ -18,7 +18,7 @@ class Reading:
     start_s, end_s : float
         Times between which the lengths were compared, s.
     segment : int
-        Of the trajectory.
+        Segment of the trajectory.
     log_ratio : float
         Logarithm of metres per unit.
     sigma : float

@@ -59,7 +59,7 @@ class MetricFit:
     times_s : ndarray, shape (N,)
         Times of the readings, ascending, s.
     segments : ndarray of int64, shape (N,)
-        Of the trajectory.
+        Segment of the trajectory.
     log_metres : ndarray, shape (N,)
         Logarithm of metres per unit.
     sigma : ndarray, shape (N,)
@@ -101,7 +101,7 @@ def fit_readings(readings: list[Reading]) -> MetricFit:
     Parameters
     ----------
     readings : list of Reading
-        At least one.
+        One or more readings.
     """
     readings = sorted(readings, key=lambda reading: (reading.segment, reading.end_s))
     z = np.array([reading.log_ratio for reading in readings])

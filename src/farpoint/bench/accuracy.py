@@ -157,7 +157,7 @@ def bound_ratios(
     course : Course
     views : sequence of TwoViews, length V
     bounds : ndarray, shape (V, 5, 5)
-        Of `farpoint.synthetic.cramer_rao_bound`.
+        Bounds of `farpoint.synthetic.cramer_rao_bound`.
     """
     R_true, directions_true = _truth(views, 0.0)
     # The bound lives in the tangent space of the truth, so the truth takes the estimate's place.

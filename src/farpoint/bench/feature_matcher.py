@@ -29,7 +29,7 @@ class FeatureMatcher:
     Parameters
     ----------
     kind : {"SIFT", "ORB"}
-        Of features and descriptors, with OpenCV's defaults but for their number, 1000.
+        Kind of features and descriptors, with OpenCV's defaults except for their number, 1000.
     """
 
     def __init__(self, kind: Literal["SIFT", "ORB"]) -> None:

@@ -36,7 +36,7 @@ class LensTrial:
     parameters : dict of str to float
         Errors of the model's parameters that were free, in their sigmas.
     nees : float
-        Of all free directions of the lens together, over their number.
+        NEES of all free directions of the lens together, over their number.
     readout : float
         Error of the read-out time, in its sigma.
     path : PathSamples

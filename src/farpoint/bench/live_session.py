@@ -37,7 +37,8 @@ class Claim:
     ----------
     what : str
     expected, found : int
-        By the source or by the account of the session, and in its account or its files.
+        Expected number, by the source or by the counts of the session; and the number found, in
+        these counts or in the files.
     """
 
     what: str
@@ -53,7 +54,7 @@ class LiveMoment:
     ----------
     elapsed_s : float
     memory_mb : float
-        Of the process, and of those that draw.
+        Memory of the process and of the drawing processes.
     state : LiveState
     """
 
@@ -97,7 +98,7 @@ def try_live(
     out : Path
         Folder for the outputs, a recording of the display among them.
     seed : int
-        Of the drive.
+        Seed of the drive.
     output : OutputOptions, optional
         As those of ``farpoint live`` by default: no overlay.
     """

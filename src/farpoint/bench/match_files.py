@@ -67,7 +67,7 @@ def read_matches(path: Path) -> MatchFile:
     Raises
     ------
     InputError
-        Where the file is no such archive, or an array is missing, of another shape, not finite, or
+        If the file is no such archive, or an array is missing, of another shape, not finite, or
         ``start`` does not cut the rows into pairs; names file and array.
     """
     arrays = _read_arrays(path)

@@ -28,7 +28,7 @@ class PlainScript:
     camera : Camera
         A pinhole camera.
     max_corners : int
-        As many points as are tracked at most.
+        Largest number of tracked points.
     """
 
     def __init__(self, camera: Camera, max_corners: int) -> None:

@@ -106,7 +106,7 @@ def run_rendered(
         Images with truth; odometry begins anew with each.
     options : OdometryOptions, optional
     progress : callable
-        Told how many frames are done, and of how many.
+        Called with the number of finished frames and of all frames.
     """
     rows, statuses = [], []
     done, total = 0, sum(map(len, sequences))

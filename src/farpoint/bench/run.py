@@ -75,7 +75,7 @@ class BenchReport:
     environment : str
         Machine, versions, and which peers are absent.
     tables : tuple of Table
-        In the order asked for.
+        Tables in the requested order.
     skipped : tuple of str
         Tables that could not be made, with the reason.
     """
@@ -112,18 +112,18 @@ def run_bench(
     Parameters
     ----------
     options : BenchOptions
-        Which tables, of what.
+        Tables and their size.
     out : Path
         Folder for the files; made if missing.
     progress : callable
-        Told what is being done, how many steps of it are done and how many there are.
+        Called with the current task, the number of finished steps and the number of all steps.
     show : callable
-        Given the text of each part of the report as soon as it is known.
+        Called with the text of each part of the report as soon as it is known.
 
     Raises
     ------
     InputError
-        Where the folder cannot be written or the data cannot be read.
+        If the folder cannot be written or the data cannot be read.
     """
     _check_data(options.data)
     today = datetime.now(UTC).date().isoformat()

@@ -44,7 +44,7 @@ def draw_scenes(
     far_share : float
         Share of the true matches that are far, 0 to 1.
     matches, outliers : int
-        Matches in all, and how many of them are wrong.
+        Number of all matches, and number of outliers among them.
     noise_px : float
         1-sigma of the noise of a coordinate, px.
     """

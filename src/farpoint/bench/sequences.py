@@ -43,13 +43,13 @@ class Sequence:
     Attributes
     ----------
     name : str
-        What to call it.
+        Name of the sequence.
     camera : Camera
         A pinhole camera: the script it is compared with knows no other.
     source : Path or None
-        Where the images are; None for a rendered drive.
+        Path of the images; None for a rendered drive.
     seed : int
-        Of the rendered drive.
+        Seed of the rendered drive.
     """
 
     name: str

@@ -45,16 +45,16 @@ class Table:
     name : str
         Stem of its files.
     title : str
-        What it shows, in one line.
+        Content of the table, in one line.
     command : str
         The command that makes it.
     columns : tuple of Column
     rows : tuple of tuple of Cell
         One cell for each column.
     notes : tuple of str
-        What a reader must know to read it right.
+        Explanations that a reader of the table needs.
     chart : str or None
-        A picture of it: SVG.
+        Chart of the table as SVG.
     """
 
     name: str
@@ -102,7 +102,7 @@ class Table:
         Parameters
         ----------
         **run : str
-            What else to write: when and where the table was made.
+            Further entries: time and place of the measurement.
         """
         fields = {
             **{name: json.dumps(value) for name, value in run.items()},

@@ -77,7 +77,7 @@ class EquivalentFocalLength:
     millimetres : float
         The focal length.
     source : str
-        Where it was read.
+        Origin of the focal length.
     """
 
     millimetres: float
@@ -103,14 +103,14 @@ def camera_for(
     camera : Camera or CameraGuess
         A guess is made for pixels of this aspect, width over height; a calibration holds as it is.
     width, height : int
-        Of the images, px.
+        Size of the images, px.
     pixel_aspect : float
         1 for square pixels.
 
     Raises
     ------
     InputError
-        Where a calibration is for another size (field ``camera``).
+        If a calibration is for another size (field ``camera``).
     """
     if isinstance(camera, Camera):
         return camera.with_size(width, height), ()

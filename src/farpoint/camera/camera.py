@@ -127,8 +127,9 @@ class Camera:
         Parameters
         ----------
         covariance : ndarray, shape (P, P)
-            In the order and units of ``model.parameters`` or ``model.refinable().parameters``.
-            Parameters beyond the matrix and parameters with variance 0 are exact.
+            Covariance in the order and units of ``model.parameters`` or
+            ``model.refinable().parameters``. Parameters beyond the matrix and parameters with
+            variance 0 are exact.
 
         Raises
         ------
@@ -145,8 +146,8 @@ class Camera:
         Parameters
         ----------
         sigmas : array_like, shape (P,), or mapping
-            In the order of ``model.parameters`` or ``model.refinable().parameters``, or by name.
-            Parameters with sigma 0 or without a name are exact.
+            Sigmas in the order of ``model.parameters`` or ``model.refinable().parameters``, or by
+            name. Parameters with sigma 0 or without a name are exact.
 
         Raises
         ------
@@ -170,7 +171,7 @@ class Camera:
         Raises
         ------
         InputError
-            Where an error of the distortion is given and ``size`` is None (field ``camera.size``).
+            If an error of the distortion is given and ``size`` is None (field ``camera.size``).
         """
         return prior_covariance(self.model, self.size, self.uncertainty)
 

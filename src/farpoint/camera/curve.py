@@ -24,7 +24,7 @@ class MonotonicCurve:
     function : callable
         Values and slopes of the curve, ``(N,) -> (N,), (N,)``.
     end : float
-        Where it stops growing, finite.
+        Argument at which the curve stops increasing, finite.
     """
 
     function: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]

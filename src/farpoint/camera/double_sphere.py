@@ -39,7 +39,7 @@ class DoubleSphere(FocalModel):
     xi : float
         Distance of the spheres' centres, between -1 and 1.
     alpha : float
-        From 0, the unified model, to 1.
+        Coefficient from 0, the unified model, to 1.
 
     Raises
     ------

@@ -35,7 +35,7 @@ class ExtendedUnified(FocalModel):
     cx, cy : float
         Principal point, px; the centre of the top-left pixel is (0, 0).
     alpha : float
-        From 0, a pinhole, to 1.
+        Coefficient from 0, a pinhole, to 1.
     beta : float
         Positive; 1 is the unified model of Geyer and Mei.
 

@@ -20,7 +20,7 @@ class Progress:
     Parameters
     ----------
     what : str
-        What is counted, such as ``"frames"``.
+        Name of the counted objects, such as ``"frames"``.
     total : int or None
         Number expected, for the time left.
     stream : TextIO, optional

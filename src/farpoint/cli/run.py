@@ -221,7 +221,7 @@ class _Timed:
     Attributes
     ----------
     time_ns : int or None
-        Of the frame that was given last, where its source counts in ns.
+        Time of the last frame, if the source has times in ns.
     """
 
     time_ns: int | None = None

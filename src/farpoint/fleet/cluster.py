@@ -47,7 +47,7 @@ class ClusterOptions:
     workers : int or None
         Processes on this machine, of one thread each; a worker for each core by default.
     memory : str
-        Most that each of them may take, such as ``"2GB"``; auto shares the machine's.
+        Memory limit of each worker, such as ``"2GB"``; auto shares the machine's.
     scheduler : str or None
         Address of a Dask scheduler, whose workers are used instead.
     """
@@ -80,7 +80,7 @@ class Cluster:
     Attributes
     ----------
     deaths : str
-        What is wrong with a drive at which worker after worker dies.
+        Message for a drive during which several workers have died.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Cluster:
         Raises
         ------
         InputError
-            Where workers end again and again before they work.
+            If workers end again and again before they work.
         """
         if self._local is None:
             return
@@ -127,9 +127,9 @@ def open_cluster(options: ClusterOptions) -> Iterator[Cluster]:
     Raises
     ------
     InputError
-        Where nothing answers at the scheduler's address.
+        If nothing answers at the scheduler's address.
     MissingExtraError
-        Where Dask is not installed.
+        If Dask is not installed.
     """
     dask = optional_import("dask", extra="dask", purpose="running a fleet")
     with ExitStack() as opened:

@@ -71,7 +71,7 @@ def run_fleet(
     Raises
     ------
     InputError
-        Where another run writes into ``out``, it cannot be written, or no scheduler answers.
+        If another run writes into ``out``, it cannot be written, or no scheduler answers.
     """
     out = out.absolute()
     with FolderLock(out), lasting_interrupts() as look:

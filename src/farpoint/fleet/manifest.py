@@ -26,11 +26,11 @@ class ListedDrive:
     Attributes
     ----------
     source : str
-        What to run.
+        Source of the drive.
     options : dict of str to str
         Options of ``farpoint run`` by name, without the dashes.
     place : str
-        Where it is listed, for errors; empty for a source of the command line.
+        Place in a list, for errors; empty for a source of the command line.
     """
 
     source: str
@@ -51,7 +51,7 @@ def list_drives(sources: Iterable[str]) -> list[ListedDrive]:
     Raises
     ------
     InputError
-        Where a list cannot be read, a pattern matches nothing, or there is no drive.
+        If a list cannot be read, a pattern matches nothing, or there is no drive.
     """
     found: dict[tuple[str, tuple[tuple[str, str], ...]], ListedDrive] = {}
     for source in sources:

@@ -39,7 +39,7 @@ class Row:
     duration_s, elapsed_s : float or None
         Length of the drive, and of the computation, s.
     length : float or None
-        Of the path, in ``unit``.
+        Length of the path, in ``unit``.
     unit : str
         ``m`` with aiding measurements, otherwise the unit of the trajectory.
     ok, rotation_only, static, failed : int or None
@@ -122,7 +122,7 @@ def facts_of_run(folder: Path) -> dict[str, Any]:
     Raises
     ------
     InputError, OSError, KeyError, TypeError, ValueError
-        Where they cannot be read.
+        If they cannot be read.
     """
     run = read_run(folder / "run.json")
     digest = digest_motions(folder / "motions.csv")

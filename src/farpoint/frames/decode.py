@@ -65,7 +65,7 @@ def read_grey(
     Raises
     ------
     UnreadableImageError
-        Where the file cannot be read, is incomplete, too large, or is no image.
+        If the file cannot be read, is incomplete, too large, or is no image.
     """
     image = read_samples(path, max_megapixels)
     if image.dtype == np.uint16:

@@ -37,7 +37,7 @@ def open_folder(folder: Path, *, fps: float | None) -> ImageSequence:
     Raises
     ------
     InputError
-        Where there is no image, or several folders to choose from.
+        If there is no image, or several folders to choose from.
     """
     inside = sorted(entry for entry in folder.iterdir() if entry.is_dir())
     usual = [folder / name for name in _USUAL_NAMES if folder / name in inside]
@@ -62,7 +62,7 @@ def open_glob(pattern: str, *, fps: float | None) -> ImageSequence:
     Raises
     ------
     InputError
-        Where no image matches.
+        If no image matches.
     """
     # Path.glob takes no absolute pattern.
     matches = [Path(match) for match in glob.glob(pattern, recursive=True)]  # noqa: PTH207
@@ -86,7 +86,7 @@ def open_pages(file: Path, *, fps: float | None) -> ImageSequence:
     Raises
     ------
     InputError
-        Where it has one page only.
+        If it has one page only.
     """
     images, pages = with_pages([file])
     if len(images) < 2:

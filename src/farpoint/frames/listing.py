@@ -50,7 +50,7 @@ def sequence_from_list(path: Path, *, root: Path, folders: tuple[Path, ...]) -> 
     Raises
     ------
     InputError
-        Where a row cannot be read, times go backwards, or no image is there.
+        If a row cannot be read, times go backwards, or no image is there.
     """
     rows = [_parse_row(line, text, file=path) for line, text in read_lines(path)]
     require_order([(row.line, row.seconds) for row in rows], path)

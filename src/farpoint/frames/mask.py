@@ -39,7 +39,7 @@ def read_mask(path: Path, size: tuple[int, int]) -> np.ndarray:
     Raises
     ------
     InputError
-        Where the file cannot be read, is no image of 8 bits and of that size, or has no white.
+        If the file cannot be read, is no image of 8 bits and of that size, or has no white.
     """
     mask = _grey(path, size)
     height, width = mask.shape

@@ -80,7 +80,7 @@ def open_url(url: str) -> NetworkVideo:
     Raises
     ------
     InputError
-        Where the scheme is unknown, or nothing that holds video answers within 10 s.
+        If the scheme is unknown, or nothing that holds video answers within 10 s.
     """
     parts = urlsplit(url)
     # Neither a password nor a token of the URL may reach a message or a folder's name.
@@ -119,7 +119,7 @@ def _copy_of(url: str, public: str) -> IO[bytes] | None:
     Raises
     ------
     InputError
-        Where the recording is too large to be copied.
+        If the recording is too large to be copied.
     """
     try:
         with urllib.request.urlopen(url, timeout=_TIMEOUT_S) as answer:

@@ -39,9 +39,9 @@ def remote_place(url: str) -> tuple[Any, str]:
     Raises
     ------
     InputError
-        Where the scheme is unknown to fsspec.
+        If the scheme is unknown to fsspec.
     MissingExtraError
-        Where fsspec, or the library that it needs for this scheme, is not installed.
+        If fsspec, or the library that it needs for this scheme, is not installed.
     """
     fsspec = optional_import("fsspec", extra="remote", purpose="reading from other file systems")
     try:
@@ -58,7 +58,7 @@ def open_remote_file(url: str) -> IO[bytes]:
     Raises
     ------
     InputError
-        Where it is not there or cannot be read.
+        If it is not there or cannot be read.
     """
     system, path = remote_place(url)
     try:
@@ -79,7 +79,7 @@ def open_remote(
     Parameters
     ----------
     url : str
-        Such as ``"s3://bucket/drive.mp4"``.
+        URL, such as ``"s3://bucket/drive.mp4"``.
     open_local : callable
         Opens a folder or bag on this machine. The copy lives as long as what it returns.
     fps : float or None
@@ -90,7 +90,7 @@ def open_remote(
     Raises
     ------
     InputError
-        Where it is missing, unreadable, or holds no pictures.
+        If it is missing, unreadable, or holds no pictures.
     """
     system, path = remote_place(url)
     name = PurePosixPath(path.rstrip("/")).name

@@ -106,7 +106,7 @@ def open_video(
     Raises
     ------
     InputError
-        Where the file is no video, or not one picture can be decoded.
+        If the file is no video, or not one picture can be decoded.
     """
     if not follow_playlists and _is_playlist(opener or partial(path.open, "rb")):
         raise InputError(

@@ -103,7 +103,7 @@ class InertialFilter:
     start : StartSigmas
         Initial 1-sigma.
     noise : ImuNoise
-        Of the IMU.
+        Noise of the IMU.
     body_from_cam : ndarray, shape (4, 4)
         Pose of the camera on the IMU (Kalibr's and EuRoC's ``T_BS`` of the camera).
     gate : float
@@ -114,7 +114,7 @@ class InertialFilter:
     state : InertialState
         Current estimate.
     covariance : ndarray, shape (18, 18)
-        Of its error, in the order of `farpoint.fusion.state`.
+        Covariance of its error, in the order of `farpoint.fusion.state`.
 
     Examples
     --------

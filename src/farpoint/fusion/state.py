@@ -45,7 +45,7 @@ class InertialState:
     world_from_body : ndarray, shape (..., 3, 3)
         Attitude of the IMU.
     velocity : ndarray, shape (..., 3)
-        Of the IMU in the world, m/s.
+        Velocity of the IMU in the world, m/s.
     gyro_bias : ndarray, shape (..., 3)
         Bias of the gyroscope, rad/s.
     accel_bias : ndarray, shape (..., 3)

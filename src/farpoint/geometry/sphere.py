@@ -51,7 +51,7 @@ def confidence_ring(
     direction : ndarray, shape (3,)
         Unit vector.
     covariance : ndarray, shape (3, 3)
-        Of the direction, rad^2; its component along the direction is ignored.
+        Covariance of the direction, rad^2; its component along the direction is ignored.
     confidence : float
         Between 0 and 1.
     points : int

@@ -80,7 +80,7 @@ class LiveSession:
     source : str
         Source as given by the user.
     camera : Camera or CameraGuess
-        Of the frames; a guess becomes a camera with the size of the first picture.
+        Camera of the frames; a guess becomes a camera with the size of the first picture.
     out : Path or None
         Folder for the outputs; ``farpoint-out/<source name>`` where None.
     odometry, output, viewer : dataclasses, optional

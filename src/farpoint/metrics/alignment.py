@@ -22,7 +22,7 @@ class Similarity:
     rotation : ndarray, shape (3, 3)
         Proper rotation.
     translation : ndarray, shape (3,)
-        In the unit of the target.
+        Lengths in the unit of the target.
     """
 
     scale: float

@@ -149,12 +149,12 @@ def pair_errors(
     directions : ndarray, shape (N, 3)
         ``direction_cam1_from_cam0``, unit; NaN unless the status is OK.
     covariances : ndarray, shape (N, 5, 5)
-        Of ``[dtheta, dbeta]``, rad^2; NaN where there is none. ROTATION_ONLY and STATIC have the
-        rotation block alone.
+        Covariances of ``[dtheta, dbeta]``, rad^2; NaN where there is none. ROTATION_ONLY and STATIC
+        have the rotation block alone.
     true_rotations : ndarray, shape (N, 3, 3)
         NaN where the truth is unknown.
     true_translations : ndarray, shape (N, 3)
-        In any unit; NaN where unknown.
+        Lengths in any unit; NaN where unknown.
     min_translation : float
         Directions of shorter true translations, or of none, are not counted.
     direction_bases : ndarray, shape (N, 3, 2), optional

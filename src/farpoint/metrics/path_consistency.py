@@ -33,12 +33,12 @@ class PathSamples:
     world_from_cam : ndarray, shape (N, 4, 4)
         Estimated poses.
     covariances : ndarray, shape (N, 7, 7)
-        Of ``[dtheta, dposition, dlog_scale]`` since the beginning of the segment, world axes; NaN
-        where there is none.
+        Covariances of ``[dtheta, dposition, dlog_scale]`` since the beginning of the segment, world
+        axes; NaN where there is none.
     truth : ndarray, shape (N, 4, 4)
         True poses in any world, NaN where unknown.
     lengths, length_sigmas : ndarray, shape (N,)
-        Of the motions that end at the frames, and their 1-sigmas; NaN where there is none.
+        Lengths of the motions that end at the frames, and their 1-sigmas; NaN where there is none.
     length_from : ndarray of int, shape (N,)
         Rows at which those motions begin.
     own_covariances : ndarray, shape (N, 7, 7), or None
@@ -99,13 +99,13 @@ class PathConsistency:
         Whether the covariances include an error of the unit (a path in metres). If not, the unit is
         the first motion of each segment.
     orientation, position, pose : PathFigure
-        Of 3, 3 and 6 degrees of freedom.
+        Figures of 3, 3 and 6 degrees of freedom.
     position_any_scale : PathFigure
-        Of 2 degrees of freedom: with the best-fitting scale for each position, so that unit and
-        scale do not count.
+        Figure of 2 degrees of freedom: with the best-fitting scale for each position, so that unit
+        and scale do not count.
     scale : PathFigure
-        Of 1 degree of freedom: errors of the logarithms of the lengths of motions, without that of
-        the unit, against their 1-sigmas. Lengths of a segment share the error of its scale.
+        Figure of 1 degree of freedom: errors of the logarithms of the lengths of motions, without
+        that of the unit, against their 1-sigmas. Lengths of a segment share the error of its scale.
     lengths : Consistency
         The figures of ``scale`` with each length as an independent sample; the bounds are therefore
         too narrow.

@@ -165,7 +165,7 @@ def nees(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     errors : ndarray, shape (N, D)
         Error vectors; NaN rows are undefined, infinite ones lie outside of every region.
     covariances : ndarray, shape (N, D, D)
-        Their covariances; NaN where there is none.
+        Covariances of the errors; NaN where there is none.
 
     Returns
     -------

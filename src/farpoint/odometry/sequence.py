@@ -87,7 +87,7 @@ class Odometry:
     Attributes
     ----------
     camera : Camera
-        As given, with the size of the frames, once there was one.
+        The given camera with the size of the frames, once there was one.
     seconds : dict
         Time spent so far in ``"tracks"``, ``"pose"`` and ``"path"``.
 
@@ -201,8 +201,8 @@ class Odometry:
         Raises
         ------
         InputError
-            Where the image is not of grey uint8 values, or the first image is not of the
-            calibration's size, or not of the mask's.
+            If the image is not of grey uint8 values, or the first image is not of the calibration's
+            size, or not of the mask's.
         """
         index, self._next_index = self._next_index, self._next_index + 1
         timestamp, fell = self._time.update(timestamp)
@@ -245,7 +245,7 @@ class Odometry:
         Parameters
         ----------
         result : OdometryResult
-            Of this odometry; its frame is part of the seed of the split.
+            Result of this odometry; its frame is part of the seed of the split.
         cell_px : float, optional
             Split whole image cells of this width, px, so that errors with a longer correlation do
             not cancel; by default patches of 3 to 6 tracks, whose windows overlap.

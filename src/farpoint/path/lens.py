@@ -36,7 +36,7 @@ class LensReport:
     camera : Camera
         Estimated camera with the covariance of its parameters.
     given : Camera
-        As given.
+        The given camera.
     sigma : dict of str to float
         1-sigma of each of the model's parameters, in its units.
     readout_s, readout_sigma_s : float
@@ -90,7 +90,7 @@ class LensEstimate:
     Parameters
     ----------
     camera : Camera
-        As given, with its size.
+        The given camera with its size.
     options : LensRefinementOptions
     interval_s : float
         Time between two frames.

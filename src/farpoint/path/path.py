@@ -47,7 +47,7 @@ class Pair:
     Attributes
     ----------
     frame0, frame1 : int
-        Their indices.
+        Indices of the keyframes.
     time0, time1 : float
         Seconds.
     """
@@ -168,8 +168,8 @@ class PathBuilder:
         -------
         cam1_from_cam0 : ndarray, shape (4, 4)
         covariance : ndarray, shape (6, 6)
-            Of ``[dtheta, dt]`` in camera 1: ``R_true = Exp(dtheta) R``, ``t_true = t + dt``, rad
-            and units of the path, including errors of lens and shutter.
+            Covariance of ``[dtheta, dt]`` in camera 1: ``R_true = Exp(dtheta) R``, ``t_true = t +
+            dt``, rad and units of the path, including errors of lens and shutter.
         """
         if self._window is None:
             return None

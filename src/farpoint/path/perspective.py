@@ -45,7 +45,7 @@ def without_perspective(
     tracks : Tracks
         Matches with the deformations of their windows.
     camera : Camera
-        Of both images.
+        Camera of both images.
     R_cam1_from_cam0 : ndarray, shape (3, 3)
         Approximate rotation between the images.
     direction : ndarray, shape (3,), or None

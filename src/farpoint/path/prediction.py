@@ -37,7 +37,7 @@ def point_predictor(
     Parameters
     ----------
     camera : Camera
-        Of both images.
+        Camera of both images.
     motion : RelativePose
         The last motion; FAILED predicts no displacement.
     tracks : Tracks

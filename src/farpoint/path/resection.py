@@ -37,8 +37,8 @@ class Located:
     R, p : ndarray, shapes (3, 3), (3,)
         Rotation ``world_from_cam`` and position.
     covariance : ndarray, shape (6, 6)
-        Of ``[theta, rho]``: ``R' = Exp(theta) R``, ``p' = p + rho``, with the window's keyframes,
-        lens and shutter fixed.
+        Covariance of ``[theta, rho]``: ``R' = Exp(theta) R``, ``p' = p + rho``, with the window's
+        keyframes, lens and shutter fixed.
     by_state : ndarray, shape (6, D)
         Derivatives of the same by the unknowns of the window.
     ids : ndarray of int64, shape (N,)

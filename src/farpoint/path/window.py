@@ -62,9 +62,10 @@ class Window:
     landmarks : Landmarks
         Landmarks and observations.
     covariance : ndarray, shape (D, D)
-        Of all poses, 6 each as in `Prior`, and the common unknowns, at the last solution.
+        Covariance of all poses, 6 each as in `Prior`, and the common unknowns, at the last
+        solution.
     size : (int, int)
-        Of the images.
+        Size of the images.
     origin : ndarray, shape (3,)
         Position of the first keyframe, the gauge.
     cost : float

@@ -69,7 +69,7 @@ class ResidualCorrelation(NamedTuple):
     correlation : float
         0 for few inliers.
     z_score : float
-        Of the correlation, under independent noise.
+        z-score of the correlation, under independent noise.
     design_effect : float
         Variance of sums of residuals over parts of the image, over that of independent residuals;
         1 where independence is plausible.

@@ -94,9 +94,9 @@ def with_lens_uncertainty(
     Parameters
     ----------
     pose : RelativePose
-        By the given cameras.
+        Motion by the given cameras.
     view0, view1 : View
-        Of its matches. If both have the same camera, its error is common to both.
+        Views of its matches. If both have the same camera, its error is common to both.
     shutter : Shutter or None
         None for a global one.
     is_observable : callable

@@ -80,7 +80,7 @@ class Matches:
     total : int
         Number of matches that the user gave.
     unit : str
-        What one unit of noise is: ``"px"``, or ``"noise_rad"`` where rays were given.
+        Unit of the noise: ``"px"``, or ``"noise_rad"`` where rays were given.
     outlier_half_width : float
         Half-width of the outlier domain, in units of the noise: that of a uniform distribution with
         the second moment of the later rays.
@@ -204,9 +204,9 @@ class PixelMatches:
     rays : tuple of ndarray, shape (N, 3)
         Unit rays of each image.
     by_pixel : tuple of ndarray, shape (N, 3, 2)
-        Their derivatives.
+        Derivatives of the rays by the pixel.
     covariances : tuple of ndarray, shape (N, 2, 2) or (1, 2, 2)
-        Of the pixels, over their common median variance.
+        Covariances of the pixels, over their common median variance.
     min_variance : float
         Lower bound of the noise variance.
     """

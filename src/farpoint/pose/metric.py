@@ -57,7 +57,7 @@ def twist_covariance(
     Parameters
     ----------
     direction, direction_basis, covariance : ndarray, shapes (3,), (3, 2), (5, 5)
-        Of a `RelativePose`.
+        Values of a `RelativePose`.
     scale, scale_sigma : float
         Length of the translation and its 1-sigma, in the unit of the result; the error of the
         length is taken as independent of the errors of rotation and direction.

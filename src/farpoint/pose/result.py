@@ -180,7 +180,7 @@ class RelativePose:
         Parameters
         ----------
         camera : Camera
-            Of image 0.
+            Camera of image 0.
         confidence : float
             Probability, between 0 and 1.
 

@@ -63,9 +63,9 @@ class Shutter(NamedTuple):
     sigma : float
         1-sigma of it.
     phase0, phase1 : ndarray, shape (N,)
-        Of the rows in each image, -1/2 to 1/2.
+        Phases of the rows in each image, -1/2 to 1/2.
     phase_per_px : float
-        From one row to the next.
+        Change of the phase from one row to the next.
     angular_prior : AngularVelocityPrior or None
         None: the angular velocity is constant.
     derivative : ndarray, shape (3,)

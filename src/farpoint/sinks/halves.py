@@ -60,7 +60,7 @@ def read_halves(path: str | Path) -> list[SplitHalf]:
     Raises
     ------
     InputError
-        With the file, the line and what was expected there.
+        If the file is invalid; the message has the file, the line and the expected value.
     """
     path = Path(path)
     try:

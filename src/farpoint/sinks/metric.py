@@ -28,7 +28,7 @@ class MetricSink:
     hints : list of Hint
         Aiding measurements of length.
     camera : Camera
-        Of the frames.
+        Camera of the frames.
     say : callable
         Called with the text of each contradiction.
     put : callable

@@ -104,7 +104,8 @@ class Motions:
     noise_px : ndarray, shape (M,)
         1-sigma track noise per coordinate.
     covariance : ndarray, shape (M, 5, 5)
-        Of ``[dtheta, dbeta]``, rad^2; beyond the rotation block NaN unless the status is OK.
+        Covariance of ``[dtheta, dbeta]``, rad^2; beyond the rotation block NaN unless the status is
+        OK.
     """
 
     timestamp0: np.ndarray
@@ -153,7 +154,8 @@ def read_motions(path: str | Path) -> Motions:
     Raises
     ------
     InputError
-        With the file, the line, the column and what was expected there.
+        If the file is invalid; the message has the file, the line, the column and the expected
+        value.
     """
     parts = list(iter_motions(path))
     if not parts:

@@ -95,11 +95,11 @@ class Positions:
     frames, segments : ndarray of int64, shape (N,)
         Indices of the frames in their source, and of the segment of the path.
     positions : ndarray, shape (N, 3)
-        Of the camera, in the unit of the trajectory.
+        Positions of the camera, in the unit of the trajectory.
     quat_xyzw : ndarray, shape (N, 4)
         Orientations ``world_from_cam``.
     covariances : ndarray, shape (N, 7, 7)
-        Of ``[dtheta, dposition, dlog_scale]``; NaN where there is none.
+        Covariances of ``[dtheta, dposition, dlog_scale]``; NaN where there is none.
     """
 
     timestamps: np.ndarray
@@ -128,7 +128,7 @@ def read_positions(path: str | Path) -> Positions:
     Raises
     ------
     InputError
-        With the file, the line and what was expected there.
+        If the file is invalid; the message has the file, the line and the expected value.
     """
     path = Path(path)
     return _columns(np.array(list(_rows(path))), path)

@@ -41,7 +41,7 @@ class SinkProcess:
     output : str or Path
         Output of the sink, for the message if its process dies.
     process : Popen, optional
-        From `start_process`, if it was called beforehand.
+        Process from `start_process`, if it was called beforehand.
 
     Raises
     ------

@@ -64,7 +64,7 @@ class RunDescription:
     frame_count : int or None
         Frames of the source where they are known.
     timestamp_source : str
-        Where the time stamps come from.
+        Origin of the time stamps.
     notes : tuple of str
         Notes about the results, one sentence each.
     mask : ndarray of bool, shape (H, W), or None
@@ -91,7 +91,7 @@ class RunRecord:
     path : Path
         Replaced if it exists.
     run : RunDescription
-        What is run.
+        Description of the run.
 
     Raises
     ------

@@ -29,7 +29,7 @@ def cramer_rao_bound(scene: PointScene) -> np.ndarray:
     Raises
     ------
     InputError
-        Where the direction has no information: no translation, no noise or too few matches.
+        If the direction has no information: no translation, no noise or too few matches.
     """
     direction = scene.direction_cam1_from_cam0
     if direction is None:
@@ -60,7 +60,7 @@ def rotation_cramer_rao_bound(scene: PointScene) -> np.ndarray:
     Raises
     ------
     InputError
-        Where the scene has a translation, no noise or fewer than two true matches.
+        If the scene has a translation, no noise or fewer than two true matches.
     """
     if scene.direction_cam1_from_cam0 is not None:
         raise InputError("expected a scene without translation", field="scene")

@@ -49,7 +49,7 @@ def build_street(positions: np.ndarray, seed: int) -> Scene:
     Parameters
     ----------
     positions : ndarray, shape (N, 3)
-        Where the camera will be, world, m; above ground (y < 0).
+        Positions of the camera in the world, m; above ground (y < 0).
     seed : int
         The same seed gives the same town.
     """

@@ -74,7 +74,7 @@ def handheld_walk(
     Raises
     ------
     InputError
-        Where an argument is out of its range.
+        If an argument is out of its range.
 
     Examples
     --------

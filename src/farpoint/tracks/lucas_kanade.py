@@ -39,7 +39,7 @@ def track_points(
     Parameters
     ----------
     image0, image1 : Pyramid
-        Of images of one size.
+        Pyramids of images of one size.
     points0 : ndarray of float64, shape (N, 2)
         Pixels in the first image.
     start : ndarray of float64, shape (N, 2)

@@ -23,7 +23,7 @@ def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> n
     Parameters
     ----------
     camera : Camera
-        Of known image size.
+        Camera of known image size.
     options : TrackerOptions, optional
         Window sizes.
 

@@ -113,7 +113,7 @@ class Tracker:
         Raises
         ------
         InputError
-            Where the image is not two-dimensional uint8, or not of the reference's size.
+            If the image is not two-dimensional uint8, or not of the reference's size.
         """
         image = _checked_image(image)
         reference = self._reference

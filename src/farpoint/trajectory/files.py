@@ -81,7 +81,7 @@ def read_trajectory(path: str | Path, quaternion: QuaternionOrder | None = None)
     Raises
     ------
     InputError
-        With the file, the line and what was expected there.
+        If the file is invalid; the message has the file, the line and the expected value.
     """
     path = Path(path)
     for line, text in _rows(path):
@@ -150,7 +150,7 @@ def named_order(path: Path) -> QuaternionOrder | None:
 
 
 def _named_places(path: Path) -> Iterator[tuple[int, int, int]]:
-    """For each line that names a quaternion: its number of columns, and the columns of qw and qx."""
+    """For each line with names of a quaternion: its number of columns, and those of qw and qx."""
     for text in itertools.islice(_lines(path), _HEADER_LINES):
         names = [re.sub(r"[^a-z]", "", cell.lower()) for cell in _cells(text.lstrip("# "))]
         at = {

@@ -38,7 +38,7 @@ class Estimator:
     Attributes
     ----------
     name : str
-        With the choice of settings.
+        Name of the estimator and of its settings.
     settings : str
         Settings that differ from the defaults of the library, as text.
     prepare : callable

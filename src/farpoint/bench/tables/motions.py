@@ -46,11 +46,11 @@ class _Motion:
     Attributes
     ----------
     name, kind : str
-        Of the motion, and of those it belongs to.
+        Name of the motion, and of its kind.
     fps : float
         Frames a second.
     paths : callable
-        Paths through so many streets, each of so many frames, for a seed.
+        Returns paths, for a number of streets, a number of frames for each path, and a seed.
     """
 
     name: str

@@ -34,7 +34,7 @@ class MotionErrors:
     streets : int
         Rendered streets that the camera is moved through.
     errors : RenderedErrors
-        Of all of them.
+        Errors in all of these streets.
     """
 
     kind: str

@@ -88,9 +88,9 @@ def lens_of_colmap(fields: Fields, key: str, model: str) -> CameraModel:
     Parameters
     ----------
     fields : Fields
-        What is being read.
+        The fields that are being read.
     key : str
-        Where the parameters stand, in COLMAP's order.
+        Key of the parameters, in COLMAP's order.
     model : str
         Name of the model, such as ``"OPENCV"``.
     """

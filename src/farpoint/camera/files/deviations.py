@@ -27,7 +27,7 @@ def with_deviations(camera: Camera, fields: Fields, matrix: str, distortion: str
     Parameters
     ----------
     camera : Camera
-        As it was read.
+        Camera read from the file.
     fields : Fields
         The file.
     matrix, distortion : str

@@ -24,9 +24,9 @@ class Fields:
     Attributes
     ----------
     values : mapping
-        From key to text, number, list or mapping.
+        Mapping from key to text, number, list or mapping.
     file : Path
-        Named in every error.
+        Name of the file for every error.
     within : str
         Prefix of the keys in errors, such as ``"cam0."``.
     read : set of str
@@ -81,7 +81,7 @@ class Fields:
         Parameters
         ----------
         key : str
-            Where they stand.
+            Key of the numbers.
         counts : collection of int, optional
             How many there may be; any number by default.
         """
@@ -140,7 +140,7 @@ def blame(fields: Fields, key: str, **keys: str) -> Iterator[None]:
     Parameters
     ----------
     fields : Fields
-        What is being read.
+        The fields that are being read.
     key : str
         The field that holds the parameters.
     **keys : str

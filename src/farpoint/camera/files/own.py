@@ -49,7 +49,7 @@ def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
     Parameters
     ----------
     camera : Camera
-        What to keep.
+        Camera to write.
     path : str or path
         The file, overwritten if it exists.
 

@@ -47,7 +47,7 @@ class ReadOut:
         Raises
         ------
         InputError
-            Where the region is not within the full image.
+            If the region is not within the full image.
         """
         bx, by = (max(binning, 1) for binning in self.binning)
         x, y, width, height = self.roi

@@ -35,9 +35,9 @@ class CalibrationFile:
     Attributes
     ----------
     path : Path
-        Where it lies; its stem names a camera that has no name of its own.
+        Path of the file; the stem of its name is the name of a camera without one.
     data : bytes
-        All of it.
+        Bytes of the file.
     """
 
     path: Path

@@ -85,7 +85,7 @@ def refuse_unread(fields: Fields, others: Collection[str] = ()) -> None:
     Parameters
     ----------
     fields : Fields
-        What was read from, with the groups in it that were.
+        The fields that were read, with their groups.
     others : collection of str
         Keys that are of another camera.
     """
@@ -106,7 +106,7 @@ def refuse_contradiction(fields: Fields, model: str, coefficients: str) -> None:
     fields : Fields
         The group that describes a camera.
     model : str
-        Key of that word.
+        Key of the word.
     coefficients : str
         Key of the numbers; they may be absent or zero.
     """

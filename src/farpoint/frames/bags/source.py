@@ -41,13 +41,13 @@ class BagImages:
     bag : Bag
         The recording.
     topic : Topic
-        Of the images.
+        Topic of the images.
     name : str
         Name of the bag, without suffix.
     clock : HeaderClock
         Clock from the first images; the start of each iteration.
     frame_id : str
-        Of the first image: the camera's optical frame.
+        Frame id of the first image, which is the camera's optical frame.
     max_megapixels : float
         Larger images are frames with a fault.
     """

@@ -30,7 +30,7 @@ class LiveSource(Protocol):
         Raises
         ------
         InputError
-            Where it cannot be opened now.
+            If it cannot be opened now.
         """
         ...
 
@@ -42,9 +42,9 @@ class Device:
     Parameters
     ----------
     source : str
-        As `open_frames` takes it.
+        Source, as in `open_frames`.
     max_megapixels, follow_playlists
-        As `open_frames` takes them.
+        Limits, as in `open_frames`.
 
     Attributes
     ----------
@@ -82,11 +82,11 @@ def open_live(
     Parameters
     ----------
     source : str
-        As `open_frames` takes it.
+        Source, as in `open_frames`.
     loop : bool
         Repeat a file or folder endlessly.
     max_megapixels, follow_playlists
-        As `open_frames` takes them.
+        Limits, as in `open_frames`.
     """
     is_camera = source.isascii() and source.isdecimal() and not Path(source).exists()
     if is_camera or "://" in source:

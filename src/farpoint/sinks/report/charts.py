@@ -35,7 +35,7 @@ class Curve:
     style : str
         CSS class that gives the colour.
     values : Series
-        What is drawn.
+        Values of the curve.
     sigma : ndarray, shape (B,), or None
         1-sigma of the first values: the band.
     period : float
@@ -58,7 +58,7 @@ class Chart:
     title, unit : str
         Words above it.
     curves : list of Curve
-        What it shows.
+        Curves of the chart.
     log : bool
         Draw on a logarithmic axis.
     """

@@ -23,11 +23,11 @@ class Moment:
     Attributes
     ----------
     time_s : float
-        Of the newer frame of its first pair, seconds since the first frame.
+        Time of the newer frame of its first pair, seconds since the first frame.
     frame0, frame1 : int
-        That pair.
+        Indices of the frames of this pair.
     title : str
-        What is wrong.
+        Name of the problem.
     reason : str
         Why, in a sentence; may be empty.
     """

@@ -30,9 +30,10 @@ class Paths:
     x_z : ndarray, shape (P, 2)
         Positions, in metres or the unit of the trajectory, as the files are.
     segments : ndarray of int, shape (P,)
-        Which part of the path each belongs to; between parts the scale was lost.
+        Segment of the path of each position; between parts the scale was lost.
     covariance : ndarray, shape (P, 2, 2)
-        Of each position since its segment began, squared units; NaN where it is not known.
+        Covariance of each position since its segment began, squared units; NaN where it is not
+        known.
     true_x_z : ndarray, shape (P, 2), or None
         True positions at the same times after Sim(3) alignment with the path; NaN where the truth
         is missing. None without a truth.

@@ -30,9 +30,9 @@ class LiveViewer:
     Parameters
     ----------
     options : ViewerOptions
-        Where the display goes.
+        Window and file of the display.
     name : str
-        Of the source, for the title.
+        Name of the source, for the title.
     camera : Camera
         Camera of the frames.
     palette : {"red-green", "orange-blue"}

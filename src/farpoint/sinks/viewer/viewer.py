@@ -134,7 +134,7 @@ def open_viewer(
     options : ViewerOptions
         Options of the display.
     name : str
-        Of the source, for the title.
+        Name of the source, for the title.
     camera : Camera
         Camera of the frames.
     palette : {"red-green", "orange-blue"}

@@ -98,12 +98,12 @@ def position_region(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     covariance : ndarray, shape (3, 3)
-        Of the position.
+        Covariance of the position.
 
     Returns
     -------
     half_axes : ndarray, shape (3,)
-        In the unit of the position.
+        Lengths in the unit of the position.
     axes : ndarray, shape (3, 3)
         A rotation; its columns are the directions of the axes.
     """
