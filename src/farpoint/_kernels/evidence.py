@@ -42,8 +42,8 @@ def label_matches(
     ``outlier_share`` is the share of outliers under the motion. ``labels`` (N,) receives 0 for an
     outlier, 2 for an inlier with a parallax above `NEAR_SIGMA`, else 1.
 
-    A match of inlier probability P and parallax s, in sigma, contributes ``log((P Phi(s) + (1 - P)
-    / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
+    P is the inlier probability of a match and s its parallax in sigma. The match contributes
+    ``log((P Phi(s) + (1 - P) / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
     """
     agreeing = 0
     sign_log_odds = log_odds = 0.0

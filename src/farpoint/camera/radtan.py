@@ -173,7 +173,9 @@ class RadialTangential:
 
     @cached_property
     def _radial_table(self) -> tuple[np.ndarray, np.ndarray]:
-        """Radii after and before the radial part alone, increasing and evenly spaced in angle."""
+        """Table of the radial part alone: radii after and before the distortion, increasing, for
+        evenly spaced angles.
+        """
         radius = np.tan(np.linspace(0.0, min(np.arctan(self.fold), FARTHEST_RAD), RADIAL_NODES))
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
         gain, _ = _even_polynomial(radius * radius, k1, k2, k3)

@@ -29,7 +29,7 @@ _PATTERNS = (
 
 
 def find_calibration(*folders: Path, stem: str | None = None) -> Path | None:
-    """First file with a calibration's name in `folders` or in a ``calib`` folder inside one.
+    """First file with the name of a calibration in `folders` or in their subfolders ``calib``.
 
     Parameters
     ----------

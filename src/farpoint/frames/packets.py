@@ -127,8 +127,8 @@ def _seconds(pts: int | None, stream: Any) -> float | None:
 def _find_truncation(container: Any, stream: Any, end_s: float) -> str | None:
     """Missing part at the end of the stream, by the duration in its header, if any.
 
-    Times are compared, not counts, because the count in the header of an AVI file includes the
-    missing pictures.
+    The function compares the time of the last picture with the duration. The number of pictures
+    would not show a truncation, because the header of an AVI file also counts the missing pictures.
     """
     rate = frame_rate(stream)
     if stream.frames > 0 and rate is not None:

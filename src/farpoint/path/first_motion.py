@@ -85,7 +85,7 @@ def _optimised(first: WindowView, now: WindowView, window: Window, most: int) ->
 
 
 def _is_consistent(views: Window, now: WindowView) -> bool:
-    """Whether a motion, its length fixed, is consistent with the path's pose (chi^2)."""
+    """Whether a motion of fixed length is consistent with the path's pose (chi-square test)."""
     motion, covariance = views.relative_pose(0, 1)
     first, length = views.frames[0], float(np.linalg.norm(motion[:3, 3]))
     turn = so3.log(now.R.T @ first.R @ motion[:3, :3].T)

@@ -91,8 +91,8 @@ class CompetingMotion(NamedTuple):
         return f"{self.cause}, whose directions are {math.degrees(apart):.0f} deg apart."
 
     def covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
-        """Covariance (5, 5), rad^2, of the first motion, widened because this motion may be the
-        true one.
+        """Covariance (5, 5), rad^2, of another motion, widened because this competing motion may be
+        the true one.
 
         The added term is the squared difference of the two motions times a probability; a share of
         0.1 of the term is rotated by 90 degrees about the direction. The term is zero if the two
@@ -110,8 +110,8 @@ class CompetingMotion(NamedTuple):
         return self.probability(fit.matches.tempering, PLANE_TEMPERING) * mixed
 
     def rotation_covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
-        """Covariance (3, 3), rad^2, of the first rotation, widened because this motion may be the
-        true one.
+        """Covariance (3, 3), rad^2, of the rotation of another motion, widened because this
+        competing motion may be the true one.
         """
         return covariance_between(self._turn_from(fit), self.probability(fit.matches.tempering))
 
@@ -210,7 +210,7 @@ def _within(limit: float, other: CompetingMotion | None) -> CompetingMotion | No
 
 
 def likelier_of_plane(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier of the fit and the second motion of a plane, and the less likely one.
+    """The likelier and the less likely of two motions: the fit, and the second motion of a plane.
 
     The second result is None if no plane explains the matches nearly as well, which is the usual
     case.
@@ -219,7 +219,9 @@ def likelier_of_plane(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, Competin
 
 
 def likelier_of_search(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier of the fit and the secondary mode of its search, and the less likely one."""
+    """The likelier and the less likely of two motions: the fit, and the secondary mode of its
+    search.
+    """
     if fit.secondary_mode is None:
         return fit, None
     R, t = (each.copy() for each in fit.secondary_mode)
@@ -231,7 +233,7 @@ def likelier_of_search(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, Competi
 def likelier_in_other_direction(
     fit: GeneralMotionFit, pure_rotation: Callable[[], PureRotationFit]
 ) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier of the fit and a mode in another direction, and the less likely one.
+    """The likelier and the less likely of two motions: the fit, and a mode in another direction.
 
     The search for another direction is repeated for the likelier motion, up to `ROUNDS` times. If
     each round finds a likelier motion again, or residuals and parallax contradict each other, both
@@ -253,7 +255,7 @@ def likelier_in_other_direction(
 def _likelier(
     fit: GeneralMotionFit, other: CompetingMotion | None
 ) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier motion by residuals and parallax of all matches, and the less likely one.
+    """The likelier and the less likely of two motions, by residuals and parallax of all matches.
 
     The log-likelihood ratio to the other motion comes from the residuals (for a plane, from its
     relief), and may be due to chance or to correlated outliers. So the other motion is fitted to

@@ -123,7 +123,7 @@ class GeneralMotionFit:
     cost : float
         Mean negative log likelihood of a match.
     far_rotation_cam1_from_cam0 : ndarray, shape (3, 3)
-        Initial rotation of the search: that of the far points.
+        Initial rotation of the search: the rotation of the far points.
     laplace_factor : float
         Negative logarithm of the Laplace (Occam) factor: log likelihood of all matches at the mode
         minus its average over the poses nearby.

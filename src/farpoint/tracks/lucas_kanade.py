@@ -30,8 +30,9 @@ def track_points(
     """Positions in the second image of points in the first.
 
     Every point is tracked forward and backward (Kalal et al., "Forward-Backward Error", ICPR 2010,
-    doi:10.1109/ICPR.2010.675). The backward pass starts as far from ``points0`` as the forward pass
-    started from its result, so that a wrong match cannot return by starting at the answer.
+    doi:10.1109/ICPR.2010.675). The forward pass starts at some distance from its result. The
+    backward pass starts at the same distance from ``points0``. If it started at ``points0``, a
+    wrong match could pass the check without any iteration.
 
     A subset of probes is tracked first, from the coarsest level. The 0.9 quantile of their
     distances from ``start`` selects the level at which the other points start.

@@ -39,7 +39,7 @@ class Viewer:
     Parameters
     ----------
     recording : rerun.RecordingStream
-        Drawn into, and closed.
+        Recording that receives the drawings; the viewer closes it.
     camera : Camera
         Camera of the frames; without a size, the first image gives it.
     palette : Palette
