@@ -1,7 +1,8 @@
 """Positive definite matrices of some tens of rows: Cholesky factor, solution, inverse, elimination.
 
-BLAS is not used, because its threads wait for each other longer than such a product takes. The
-loops are plain `numba.njit` functions: they take arrays and write into arrays of the caller.
+BLAS is not used: for matrices of this size the threads of BLAS wait for each other longer than a
+product takes. The loops are plain `numba.njit` functions: they take arrays and write into arrays of
+the caller.
 """
 
 from __future__ import annotations

@@ -73,9 +73,9 @@ class LiveTrial:
     moments : tuple of LiveMoment
         Tenths of the session.
     state : LiveState
-        When all was closed.
+        State after everything was closed.
     black, failed : int
-        Frames that showed nothing, and pairs that were given up.
+        Number of black frames, and number of FAILED pairs.
     """
 
     claims: tuple[Claim, ...]

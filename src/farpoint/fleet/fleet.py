@@ -64,7 +64,7 @@ def run_fleet(
     cluster : ClusterOptions
         Options of the workers.
     telling : callable
-        Given the number of drives to run, a context manager that gives a `Teller`.
+        Called with the number of drives to run; returns a context manager that yields a `Teller`.
     parquet : bool
         Write ``fleet.parquet``, too.
 

@@ -79,10 +79,10 @@ class Odometry:
     options : OdometryOptions, optional
         One record for each stage.
     mask : ndarray of bool or uint8, shape (H, W), optional
-        Of the frames' size: True, or white (128 and above), where the image is used; False, or
-        black, on what moves with the camera, such as a bonnet, a mount, or a logo in the picture.
-        No track begins there, and none is kept whose window (15 px wide by default) reaches into
-        it.
+        Mask of the size of the frames: True, or white (128 and above), where the image is used;
+        False, or black, on objects that move with the camera, such as a bonnet, a mount, or a logo
+        in the picture. A track neither begins nor continues where its window (15 px wide by
+        default) reaches into the black part.
 
     Attributes
     ----------
@@ -193,8 +193,8 @@ class Odometry:
             Grey values; None for a frame that could not be decoded. Of interlaced images, which
             are recognised, the even lines count.
         timestamp : float
-            Seconds. One before the last begins a new segment, and all that follow are moved: the
-            time stamps of results never fall.
+            Seconds. A time stamp before the previous one begins a new segment; it and all later
+            time stamps are then shifted, so that the time stamps of results never decrease.
         fault : str, optional
             Why there is no image.
 

@@ -53,7 +53,8 @@ class Landmarks:
         Expected minus observed pixel, px, and its derivative by the inverse distance, at the last
         solution.
     by_pose, by_common : ndarray, shapes (N, 2, 6), (N, 2, r + 1)
-        Its derivatives by the pose of its keyframe, and by lens and read-out time.
+        Derivatives of the residuals by the pose of the observing keyframe, and by lens and read-out
+        time.
     """
 
     def __init__(self, lens: LensEstimate) -> None:

@@ -108,7 +108,8 @@ def with_lens_uncertainty(
     Returns
     -------
     RelativePose
-        The same pose where the cameras are exact, or it FAILED.
+        The pose with its covariance widened; the same pose if the cameras are exact or the status
+        is FAILED.
     """
     is_exact = shutter is None or shutter.sigma == shutter.angular_prior_sigma == 0.0
     if pose.status is PoseStatus.FAILED or (

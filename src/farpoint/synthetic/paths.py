@@ -104,7 +104,8 @@ def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajec
     Parameters
     ----------
     body : Trajectory
-        Poses ``world_from_body`` with their times; axes of both are x ahead, y left, z up.
+        Poses ``world_from_body`` with their times; the axes of the world and of the body are x
+        ahead, y left, z up.
     start_s : float
         Start time, s after the first pose.
     frames : int

@@ -82,13 +82,14 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
         RealSense, ZED, DepthAI, Open3D, ARKit, Metashape, OpenSfM, Gyroflow, mrcal, MC-Calib,
         Autoware, BoofCV and Bouguet's toolbox.
     name : str, optional
-        Which of several cameras. Without it KITTI's first (``P0``) is meant, and the left one of
-        a stereo pair; elsewhere a file of several cameras needs it.
+        Name of one of several cameras. The default is ``P0`` of a KITTI file and the left camera of
+        a stereo pair. Other files with several cameras need a name.
 
     Returns
     -------
     Camera
-        Its ``size`` is None if the file has none, its ``uncertainty`` if it has no sigma.
+        The camera of the file. ``size`` is None if the file has no image size, and ``uncertainty``
+        is None if the file has no sigmas.
 
     Raises
     ------

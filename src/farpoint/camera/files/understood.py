@@ -87,7 +87,7 @@ def refuse_unread(fields: Fields, others: Collection[str] = ()) -> None:
     fields : Fields
         The fields that were read, with their groups.
     others : collection of str
-        Keys that are of another camera.
+        Keys that belong to another camera.
     """
     for key, value in fields.values.items():
         if key in fields.groups:

@@ -52,7 +52,7 @@ class Viewer:
     Raises
     ------
     InputError
-        By `write` and `close`, where the file cannot be written any more.
+        Raised by `write` and `close` if the file can no longer be written.
     """
 
     def __init__(
