@@ -227,7 +227,7 @@ def test_commands_beside_the_shares_are_those_that_measured_them():
 
 def test_recordings_behind_the_ratios_are_as_many_as_measured():
     recordings = {row["sequence"] for row in measured("steps_summary")} - {"all together"}
-    assert f"{COUNTS[len(recordings)].capitalize()} recordings, images 1," in words_of(README)
+    assert f"on {COUNTS[len(recordings)]} recordings, with images 1," in words_of(README)
     assert f"`farpoint bench --tables {command_of('steps_summary')}`" in words_of(README)
 
 

@@ -11,7 +11,7 @@ __all__ = ["InputError", "MissingExtraError", "optional_import", "printable", "r
 
 
 class InputError(ValueError):
-    """An argument, option or file cannot be used; the message names it and what was expected.
+    """An argument, option or file cannot be used. The message names it and the expected value.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def printable(text: str) -> str:
 
 
 class MissingExtraError(ImportError):
-    """An optional library is absent; the message names the extra that installs it."""
+    """An optional library is absent. The message names the extra that installs it."""
 
 
 def optional_import(module: str, *, extra: str, purpose: str) -> ModuleType:

@@ -250,7 +250,7 @@ def _true_poses(
 
 @contextmanager
 def _naming(file: Path) -> Iterator[Path]:
-    """Say in an InputError that names no file that it lies in this one."""
+    """Add the name of the file to an InputError that names no file."""
     try:
         yield file
     except InputError as error:
@@ -295,7 +295,7 @@ def _motion_errors(
 def _evaluated_trajectory(
     file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
 ) -> tuple[TrajectoryEvaluation | None, str | None]:
-    """Figures of the trajectory, or why there are none: a camera at rest is no input error."""
+    """Figures of the trajectory, or the reason why there are none, such as a camera at rest."""
     rows = list(iter_tum(file, whole_lines=True))
     if not rows:  # of a run that was killed early
         return None, f"{file.name} holds no pose"
@@ -317,7 +317,7 @@ def _evaluated_trajectory(
 def _path_samples(
     file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
 ) -> PathSamples | None:
-    """The path with its covariances; None where the run wrote none, or was killed early."""
+    """The path with its covariances; None if the run wrote none, or was killed early."""
     if not file.exists() or not len(positions := read_positions(file)):
         return None
     row_of = {int(frame): row for row, frame in enumerate(positions.frames)}
@@ -339,7 +339,7 @@ def _path_samples(
 
 
 def _frames_at(timestamps: np.ndarray, motions: Motions) -> np.ndarray:
-    """Frame numbers of time stamps, as the pairs name them; -1 for a frame in no pair."""
+    """Frame numbers of time stamps, as in the pairs of the run; -1 for a frame in no pair."""
     frame_of = dict(zip(motions.timestamp0, motions.frame0, strict=True))
     frame_of |= dict(zip(motions.timestamp1, motions.frame1, strict=True))
     return np.array([frame_of.get(stamp, -1) for stamp in timestamps])

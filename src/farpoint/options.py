@@ -37,7 +37,7 @@ def coerce_float(
     Raises
     ------
     InputError
-        With the field and the expected range.
+        If a value is invalid; the message has the field and the expected range.
     """
     _coerce(options, names, float, Real, expected, is_valid)
 
@@ -72,7 +72,7 @@ def _coerce(
 
 
 def _number(value: object, kind: type, given_as: type) -> Any:
-    """Convert to Python's ``float`` or ``int``; None where the value is not of that kind."""
+    """The value as Python's ``float`` or ``int``; None if the value is not of that kind."""
     if isinstance(value, bool) or not isinstance(value, given_as):
         return None
     try:

@@ -1,6 +1,7 @@
-"""Reading of regular files up to a size limit; FIFOs, devices and folders are refused.
+"""Reading of regular files up to a size limit. FIFOs, devices and folders are refused.
 
-A FIFO or a device never ends. The size in a file's metadata is not trusted: bytes read are counted.
+A FIFO or a device never ends. The size in the metadata of a file is not trusted; instead the bytes
+read are counted.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def open_regular_file(
     Raises
     ------
     InputError
-        Where the file is absent, a folder, a device, a FIFO, too large or unreadable; also raised
+        If the file is absent, a folder, a device, a FIFO, too large or unreadable; also raised
         within the block, while the file is read.
     """
     try:
@@ -63,7 +64,7 @@ def open_regular_file(
 
 
 def read_regular_file(path: Path, *, limit_bytes: int, what: str) -> bytes:
-    """All bytes of a regular file; parameters and errors as of `open_regular_file`."""
+    """All bytes of a regular file. Parameters and errors are those of `open_regular_file`."""
     with open_regular_file(path, limit_bytes=limit_bytes, what=what) as file:
         return file.read()
 
@@ -73,9 +74,9 @@ def regular_lines(
 ) -> Iterator[str]:
     """Lines of a regular text file, with their line ends.
 
-    The text is UTF-8, or UTF-16 with a byte order mark. Parameters and errors are as of
-    `open_regular_file`; ``newline`` as of `open`. Binary content, or a line of more than 65,536
-    characters, is an InputError too.
+    The text is UTF-8, or UTF-16 with a byte order mark. Parameters and errors are those of
+    `open_regular_file`, and ``newline`` is that of `open`. Binary content, or a line of more than
+    65,536 characters, is an InputError, too.
     """
     with open_regular_file(path, limit_bytes=limit_bytes, what=what) as file:
         encoding = "utf-16" if file.peek(2)[:2] in _UTF_16 else "utf-8-sig"
@@ -96,7 +97,7 @@ def regular_lines(
 
 
 class _UpTo(io.RawIOBase):
-    """Bytes of a file; an InputError beyond the limit or where reading fails."""
+    """Stream of the bytes of a file; an InputError beyond the limit, or if reading fails."""
 
     def __init__(self, descriptor: int, path: Path, limit_bytes: int, what: str) -> None:
         self._descriptor, self._path, self._what = descriptor, path, what
@@ -124,7 +125,9 @@ class _UpTo(io.RawIOBase):
 
 
 def check_regular_file(path: Path, *, what: str) -> None:
-    """Raise the InputError of `read_regular_file` where a path is no regular file, unopened."""
+    """Raise the InputError of `read_regular_file` if a path is no regular file, without opening the
+    file.
+    """
     try:
         mode = path.stat().st_mode
     except OSError as error:

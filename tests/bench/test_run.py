@@ -193,7 +193,7 @@ def test_an_interruption_leaves_what_was_found(tmp_path: Path):
     assert [cell.split(",")[0] for cell in cells] == ["baseline_cm", "0"]
     found = (tmp_path / "bench.txt").read_text()
     assert found.startswith("\n".join(shown))
-    assert "Coverage: how often" in found
+    assert "Coverage: share of" in found
 
 
 def test_without_peers_farpoint_is_measured_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

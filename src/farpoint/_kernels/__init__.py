@@ -1,1 +1,3 @@
-"""Compiled loops: plain arrays in, caller's buffers out; imports numpy and numba only."""
+"""Compiled loops, which take plain arrays and write into buffers of the caller. They import numpy
+and numba only.
+"""

@@ -1,4 +1,4 @@
-"""Jacobian of a window's residual by the affine parameters, and its products.
+"""Jacobian of a window's residual by the affine parameters, and products with this Jacobian.
 
 With the gradients ``gx, gy`` and the contrast ``c = mean - I0``, a pixel ``(u, v)`` of a window has
 the derivatives ``[gx, gy, gx u, gx v, gy u, gy v, c, -1]`` by the parameters of `affine_match`.

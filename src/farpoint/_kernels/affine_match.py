@@ -202,8 +202,8 @@ def _fit(
 ) -> tuple[float, float]:
     """Gauss-Newton iteration of the parameters.
 
-    Returns the variance of the residual and the correlation of the windows; a variance of -1
-    without a match.
+    The function returns the variance of the residual and the correlation of the windows; the
+    variance is -1 if there is no match.
     """
     (x, y), precision = start, parameter_prior.precision
     template, residual, predicted = space.template, space.residual, space.predicted
@@ -242,7 +242,8 @@ def _fit(
 def _factorise(
     normal: np.ndarray, precision: np.ndarray, variance: float, factor: np.ndarray
 ) -> bool:
-    """Lower Cholesky factor of the normal matrix with its prior; False if not positive definite.
+    """Lower Cholesky factor of the normal matrix with the priors; False if the matrix is not
+    positive definite.
 
     The diagonal is inverted, because it is only used for divisions.
     """

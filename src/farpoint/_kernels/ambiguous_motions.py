@@ -89,7 +89,7 @@ def _inverse_distances(
     inverse: np.ndarray,
     accuracy: np.ndarray,
 ) -> None:
-    """Inverse depth of each match and its information, 0 where the residual is beyond the gate."""
+    """Inverse depth of each match, and its information (0 for a residual beyond the gate)."""
     tau = rotate_back(R, t)
     for i in range(inverse.size):
         at = address(i)

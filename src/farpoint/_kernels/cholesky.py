@@ -1,7 +1,8 @@
 """Positive definite matrices of some tens of rows: Cholesky factor, solution, inverse, elimination.
 
-BLAS is not used, because its threads wait for each other longer than such a product takes. These
-loops are plain `numba.njit`: arrays in, the caller's arrays out.
+BLAS is not used: for matrices of this size the threads of BLAS wait for each other longer than a
+product takes. The loops are plain `numba.njit` functions: they take arrays and write into arrays of
+the caller.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def solve(L, unit, g, x):
 
 @_loop
 def invert(L, unit, columns, out):
-    """Inverse of H (D, D) by its factor; ``columns`` (D, D) is a buffer."""
+    """Inverse of H (D, D) from its factor; ``columns`` (D, D) is a buffer."""
     n = len(L)
     # Columns of the inverse factor, each in a row.
     for j in range(n):
@@ -115,7 +116,9 @@ def eliminate_points(coupling, point_h, point_g, damping, H, g):
 
 @_loop
 def point_variances(rows, coupling, point_h, covariance, variances):
-    """Variances (R,) of the inverse depths of points, with the covariance (D, D) of the rest."""
+    """Variances (R,) of the inverse depths of points, with the covariance (D, D) of the other
+    unknowns.
+    """
     D = len(covariance)
     where, values = np.empty(D, np.int64), np.empty(D)
     for r in range(len(rows)):

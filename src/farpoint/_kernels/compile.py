@@ -27,11 +27,12 @@ __all__ = [
 
 
 def forget_stale(folder: Path, *called: Path) -> None:
-    """Remove compiled code in ``folder`` older than a source, there or in ``called`` folders.
+    """Remove compiled code in ``folder`` that is older than a source in this folder or in the
+    ``called`` folders.
 
-    numba looks at the file of a kernel alone, not at those of the kernels that it calls: after a
-    ``git pull`` old and new ones would call each other. With ``NUMBA_CACHE_DIR`` set, the cache is
-    in a folder there, named after that of the sources.
+    numba compares the file of a kernel only, not the files of the kernels that it calls. After a
+    ``git pull``, old and new kernels would therefore call each other. With ``NUMBA_CACHE_DIR`` set,
+    the cache is in a subfolder there, named after the folder of the sources.
     """
     sources = (source for each in (folder, *called) for source in each.glob("*.py"))
     changed = max((source.stat().st_mtime for source in sources), default=0.0)

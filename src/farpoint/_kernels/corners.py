@@ -1,7 +1,7 @@
 """Corner strength of every pixel, and local maxima.
 
-Loops along a line of the image are written for vector instructions. Floats are float32: gradients
-are whole numbers here, and so are their sums.
+Loops along a line of the image are written for vector instructions. Floats are float32, which is
+exact for gradients and their sums, because both are whole numbers.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ __all__ = ["corner_strength", "strongest_places"]
 
 @kernel
 def corner_strength(image: np.ndarray, block: int, strength: np.ndarray) -> None:
-    """Mean squared gradient in its weakest direction, over blocks of pixels (Shi-Tomasi).
+    """Mean squared gradient in the weakest direction, over blocks of pixels (Shi-Tomasi).
 
     Parameters
     ----------
@@ -59,7 +59,9 @@ def _move_on(
     xy: np.ndarray,
     yy: np.ndarray,
 ) -> None:
-    """Replace the gradients of ``block`` lines ago by those of this line, also in the sums."""
+    """In the running sums, replace the gradients of the line ``block`` lines ago by those of this
+    line.
+    """
     one, two = np.uintp(1), np.uintp(2)
     twice = np.float32(2.0)
     for i in range(np.uintp(len(here) - 2)):

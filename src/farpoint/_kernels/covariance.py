@@ -45,12 +45,13 @@ def covariance_here(
 ) -> bool:
     """Covariance ``out`` (5, 5) of the pose, with this expected number of ``inliers``.
 
-    The sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix of `information`; for the measured
-    flow, its noise is subtracted. V is the variance of the gradient: a weighted mean of the
-    Gauss-Newton matrix and the scatter over the matches. The weight of the scatter grows with the
-    effective number of matches. Returns whether at least a share ``least`` of the matrix is signal,
-    along every axis. If not, ``out`` is infinite for the measured flow. ``out`` is also infinite if
-    the matches fix no pose, or if all labels are uncertain.
+    The covariance is the sandwich ``H^-1 V H^-1``. H is the Gauss-Newton matrix of `information`;
+    with the measured flow, the part of H due to noise is subtracted. V is the variance of the
+    gradient: a weighted mean of the Gauss-Newton matrix and the scatter over the matches. The
+    weight of the scatter grows with the effective number of matches. The function returns whether
+    at least a share ``least`` of the matrix is signal, along every axis. If not, ``out`` is
+    infinite for the measured flow. ``out`` is also infinite if the matches determine no pose, or if
+    all labels are uncertain.
     """
     normal, noise, spare = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))
     scatter, variance, whole = np.empty((5, 5)), np.empty((5, 5)), np.empty((5, 5))
@@ -99,9 +100,10 @@ def _scatter_weight(effective: float) -> float:
 def _estimated_noise_factor(inliers: float, effective: float) -> float:
     """Factor on the information for the estimated noise variance and the estimated scatter.
 
-    The noise variance costs the inverse of `finite_sample_inflation`. Along one axis the scatter is
-    that of effective / `POSE_PARAMETERS` matches; its relative variance, 2 over that number, adds
-    to the inverse by the square of the scatter's weight.
+    The estimated noise variance divides the information by `finite_sample_inflation`. Along one
+    axis the scatter is that of effective / `POSE_PARAMETERS` matches. The relative variance of the
+    scatter, 2 over that number, times the squared weight of the scatter, adds to the inverse of the
+    factor.
     """
     scatter_weight = _scatter_weight(effective)
     scattered = (
@@ -139,10 +141,11 @@ def covariance_around(
 ) -> None:
     """Mean ``out`` (5, 5) of the covariance over the poses within the covariance itself.
 
-    To second order: the ``covariance`` at this pose plus the mean excess at the poses one sigma to
-    either side along each principal axis, weighted by their likelihood. Along any axis the excess
-    is between 0 and `MAX_COVARIANCE_EXCESS` times the covariance. If the variance of the direction
-    grows by more than `REPEAT_AVERAGE_ABOVE`, the average is repeated over the larger covariance.
+    The mean is taken to second order: the ``covariance`` at this pose plus the mean excess at the
+    poses one sigma to either side along each principal axis, weighted by their likelihood. Along
+    any axis the excess is between 0 and `MAX_COVARIANCE_EXCESS` times the covariance. If the
+    variance of the direction grows by more than `REPEAT_AVERAGE_ABOVE`, the average is repeated
+    over the larger covariance.
     """
     allowed = np.empty((5, 5))
     copy(covariance, out)
@@ -189,7 +192,9 @@ def _average(
 
 @inner_kernel
 def _half_axes(covariance: np.ndarray, out: np.ndarray, variances: np.ndarray) -> None:
-    """Principal axes of a covariance (5, 5) times sigma, in rows of ``out``; variances."""
+    """Principal axes of a covariance (5, 5), each times its sigma, in the rows of ``out``; returns
+    the variances.
+    """
     values, axes = np.empty((5, 5)), np.empty((5, 5))
     copy(covariance, values)
     eigen_five(values, axes)
@@ -247,7 +252,7 @@ def _add_beside(
     weight: float,
     out: np.ndarray,
 ) -> None:
-    """Add the covariance at this pose plus a ``step``, times a weight."""
+    """Add the covariance at this pose moved by a ``step``, times a weight."""
     there = np.empty((5, 5))
     shows = covariance_beside(point, inliers, shrunk_flow, step, there)
     for i in range(5):
@@ -258,7 +263,9 @@ def _add_beside(
 
 @inner_kernel
 def _log_likelihood_beside(point: LinearisationPoint, step: np.ndarray) -> float:
-    """Log likelihood at this pose plus a ``step`` (5,), averaged nearby (Laplace)."""
+    """Log likelihood at this pose moved by a ``step`` (5,), averaged over the poses nearby
+    (Laplace).
+    """
     moved_R, moved_t, normal, shares = np.empty((3, 3)), np.empty(3), np.empty((6, 6)), np.empty(4)
     copy(point.R, moved_R)
     copy(point.t, moved_t)
@@ -282,8 +289,9 @@ def covariance_beside(
 ) -> bool:
     """Covariance ``out`` (5, 5) if the true pose is that of ``point`` moved by a ``step`` (5,).
 
-    As `covariance_here`, in the tangent basis of ``point``. The moved pose is not a maximum of the
-    likelihood, so the scatter of the gradients there is not used. False without enough signal.
+    The covariance is computed as by `covariance_here`, in the tangent basis of ``point``. The moved
+    pose is not a maximum of the likelihood, so the scatter of the gradients at this pose is not
+    used. The function returns False without enough signal.
     """
     moved_R, moved_t, there = np.empty((3, 3)), np.empty(3), np.empty((5, 5))
     normal, noise, scatter = np.empty((6, 6)), np.empty((5, 5)), np.empty((5, 5))

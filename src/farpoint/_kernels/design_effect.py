@@ -29,8 +29,9 @@ def correlation_and_design_effect(
 ) -> tuple[float, float, float]:
     """Patch correlation of inlier residuals, its z-score, and the `design_effect`.
 
-    The correlation is that of `residual_correlation`; detections of the same point are neighbours,
-    too. 0, 0 and 1 for few inliers; the design effect is 1 if the correlation is not significant.
+    The correlation is that of `residual_correlation`; detections of the same point count as
+    neighbours, too. For few inliers the values are 0, 0 and 1. The design effect is 1 if the
+    correlation is not significant.
     """
     rows = _right(inlier, count)
     if rows.size < MIN_CORRELATED_MATCHES:

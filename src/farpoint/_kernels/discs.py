@@ -17,8 +17,9 @@ def draw_discs(
 ) -> None:
     """Blend discs of one colour into (H, W, 3) pixels; parts outside are clipped.
 
-    The coverage of a pixel is linear in its distance from the rim: 1 half a pixel inside, 0 half a
-    pixel outside. Rows of `centres` (N, 2) are x, y, finite, counted from the first pixel's centre.
+    The coverage of a pixel is linear in the distance from the rim: 1 at half a pixel inside the
+    disc, 0 at half a pixel outside. Rows of `centres` (N, 2) are finite x and y, counted from the
+    centre of the first pixel.
     """
     height, width = pixels.shape[0], pixels.shape[1]
     reach = radius + 0.5

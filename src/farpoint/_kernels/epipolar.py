@@ -63,7 +63,7 @@ def sampson(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> float:
 def _row(
     inv: float, by_theta: Vector, by_t: Vector, basis: tuple[Vector, Vector], value: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Derivative by ``[dtheta (3), dbeta (2)]``, and the value itself, both times ``inv``."""
+    """Derivative by ``[dtheta (3), dbeta (2)]`` and the value itself, both times ``inv``."""
     return (
         inv * by_theta[0],
         inv * by_theta[1],
@@ -93,10 +93,11 @@ def sampson_jacobian(
 
 @inlined_kernel
 def flow_along(m: Vector, b: Vector, t: Vector) -> tuple[float, float]:
-    """Signed flow from ``m`` to ``b`` along the great circle towards ``t``, and a squared sine.
+    """Signed flow from ``m`` to ``b`` along the great circle towards ``t``, and the squared sine of
+    the angle between ``m`` and ``t``.
 
-    The flow is ``b . a`` and the squared sine, of the angle between ``m`` and ``t``, ``a . a`` with
-    ``a = t - (m . t) m``: the flow is multiplied by that sine.
+    With ``a = t - (m . t) m`` the flow is ``b . a`` and the squared sine is ``a . a``. The flow is
+    therefore multiplied by the sine.
     """
     reach = dot(m, t)
     return fma(-reach, dot(m, b), dot(b, t)), fma(-reach, reach, 1.0)
@@ -114,7 +115,8 @@ def parallax_variance(pairs: np.ndarray, at: int, R: Matrix, m: Vector, t: Vecto
 def shift_jacobian(
     pairs: np.ndarray, at: int, R: Matrix, t: Vector, basis: tuple[Vector, Vector]
 ) -> tuple[float, float, float, float, float, float]:
-    """Derivative of the flow over its sigma by ``[dtheta (3), dbeta (2)]``, and its value.
+    """Derivative of the flow over its sigma by ``[dtheta (3), dbeta (2)]``, and the value of this
+    ratio.
 
     The variance is taken as constant; it hardly changes within a few sigma.
     """

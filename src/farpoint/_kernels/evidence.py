@@ -31,14 +31,15 @@ def label_matches(
     outlier_share: float,
     labels: np.ndarray,
 ) -> tuple[int, float, float]:
-    """Label the matches; number of inliers, log odds of the sign, log odds of the motion.
+    """Label the matches; returns the number of inliers, the log odds of the sign, and the log odds
+    of the motion.
 
     The log odds of the motion are relative to the hypothesis that all matches are outliers;
     ``outlier_share`` is the share of outliers under the motion. ``labels`` (N,) receives 0 for an
     outlier, 2 for an inlier with a parallax above `GATE_SIGMA`, else 1.
 
-    A match of inlier probability P and parallax s, in sigma, contributes ``log((P Phi(s) + (1 - P)
-    / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
+    P is the inlier probability of a match and s its parallax in sigma. The match contributes
+    ``log((P Phi(s) + (1 - P) / 2) / (P Phi(-s) + (1 - P) / 2))`` to the log odds of the sign.
     """
     agreeing = 0
     sign_log_odds = log_odds = 0.0
@@ -61,7 +62,7 @@ def label_matches(
 def count_beyond_rotation(
     pairs: np.ndarray, inlier: np.ndarray, R: np.ndarray, other_R: np.ndarray, distance: float
 ) -> tuple[int, int]:
-    """Number of inliers beyond ``distance`` of every rotation tried, and number of inliers.
+    """Number of inliers beyond ``distance`` from every tested rotation, and number of all inliers.
 
     ``inlier`` (N,) is 1 or 0; ``distance`` is in units of the noise. The rotations are ``R``,
     ``other_R`` and the least-squares rotation, one step from ``R``; the one with most inliers

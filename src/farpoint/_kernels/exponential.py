@@ -11,10 +11,11 @@ __all__ = ["exp_and_roots", "lane_log"]
 
 @inlined_kernel
 def exp_and_roots(x: float) -> tuple[float, float, float, float]:
-    """``exp(-x)`` to the powers 1, 1/8, 1/64 and 1/512; constant beyond 15000.
+    """The powers 1, 1/8, 1/64 and 1/512 of ``exp(-x)``; constant for x beyond 15000.
 
-    For x >= 0. The series at x / 65536, squared seven times, and three times more each; the
-    relative errors are below 1e-9 up to x = 300, and below 1e-4 where the value is not 0.
+    x must not be negative. The value is the series at x / 65536, squared seven times for the first
+    power and three more times for each further power. The relative errors are below 1e-9 up to x =
+    300, and below 1e-4 for every value that is not 0.
     """
     y = min(x, 15360.0) * (1.0 / 65536.0)
     s = 1.0 / 120.0

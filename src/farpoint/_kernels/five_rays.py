@@ -90,9 +90,9 @@ def score_pose(
     """Truncated squares ``sum min(r^2, limit)`` of all matches, at the better sign of ``t``.
 
     A match costs the full ``limit`` if it flows away from ``t`` by more than the limit (behind the
-    camera), or has the epipole between its rays. Matches of prior 0 cost nothing. Returns early,
-    with a cost of at least ``best``, if both signs exceed ``best``. ``t`` is negated in place if
-    the other sign is better.
+    camera), or has the epipole between its rays. Matches of prior 0 cost nothing. If the costs of
+    both signs exceed ``best``, the function returns early with a cost of at least ``best``. ``t``
+    is negated in place if the other sign is better.
     """
     rotation, direction = matrix(R), vector(t)
     forward = backward = 0.0
@@ -148,8 +148,9 @@ def _row(rays: np.ndarray, lane: int, R: Matrix, t: Vector) -> tuple[float, Row]
 def solve_five(pairs: np.ndarray, sample: np.ndarray, R: np.ndarray, t: np.ndarray) -> bool:
     """Pose that satisfies the epipolar constraint of five matches, by Newton from ``R, t``.
 
-    Iterative five-point solver on the manifold (Lui and Drummond, BMVC 2013, DOI 10.5244/C.27.116).
-    Converged when the next step would be within the noise of five rays; False otherwise.
+    This is the iterative five-point solver on the manifold (Lui and Drummond, BMVC 2013, DOI
+    10.5244/C.27.116). It has converged if the next step would be within the noise of five rays;
+    otherwise the result is False.
     """
     rays, normal, x = np.empty(SAMPLE_SIZE), np.empty((6, 6)), np.empty(5)
     clear(rays)

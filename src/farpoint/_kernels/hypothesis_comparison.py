@@ -104,7 +104,8 @@ def default_noise(tolerance: float, mixture: np.ndarray) -> None:
 def initial_noise(
     matches: PackedMatches, best: Pose, tolerance: float, mixture: np.ndarray
 ) -> None:
-    """Initial noise parameters of EM: those of the best pose, if it has more inliers than a sample.
+    """Initial noise parameters of EM: those of the best pose if it has more inliers than a sample
+    has matches.
 
     The variance is at most that of `default_noise`: a wrong local minimum has all matches as
     inliers with a large variance, from which EM does not converge to another minimum.
@@ -117,10 +118,11 @@ def initial_noise(
 
 @inner_kernel
 def outlier_share_of(matches: PackedMatches, best: Pose, tolerance: float) -> float:
-    """Share of outliers at the best pose: by its mixture or by the tolerance, the larger one.
+    """Share of outliers at the best pose: the larger one of the shares by the mixture and by the
+    tolerance.
 
-    A wrong local minimum has all matches as inliers with a large variance; the tolerance bounds
-    that.
+    At a wrong local minimum all matches are inliers with a large variance; the tolerance bounds
+    this variance.
     """
     consistent = np.empty(matches.prior.size)
     clear(consistent)
@@ -135,7 +137,8 @@ def outlier_share_of(matches: PackedMatches, best: Pose, tolerance: float) -> fl
 def mark_consistent(
     pairs: np.ndarray, R: np.ndarray, t: np.ndarray, tolerance: float, consistent: np.ndarray
 ) -> None:
-    """Write 1 for each match whose residual is within the tolerance; others keep their value.
+    """Write 1 for each match whose residual is within the tolerance; the value of other matches
+    stays.
 
     ``consistent`` has the length of the panels, filler included.
     """
@@ -160,7 +163,7 @@ def is_same_mode(R: np.ndarray, t: np.ndarray, best: Pose) -> bool:
 def _apart(
     R: np.ndarray, t: np.ndarray, other_R: np.ndarray, other_t: np.ndarray, normal: np.ndarray
 ) -> tuple[float, float]:
-    """Trace of the rotation between two poses, and their squared Mahalanobis distance."""
+    """Trace of the rotation between two poses, and the squared Mahalanobis distance."""
     A, B = matrix(R), matrix(other_R)
     trace = dot(A[0], B[0]) + dot(A[1], B[1]) + dot(A[2], B[2])
     # To first order, the rotation vector is half the difference of the off-diagonal elements.

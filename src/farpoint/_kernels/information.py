@@ -72,13 +72,15 @@ def information(
     noise: np.ndarray,
     scatter: np.ndarray,
 ) -> tuple[float, float]:
-    """Normal equations ``normal`` (6, 6) of the cost, and the part ``noise`` (5, 5) of them.
+    """Normal equations ``normal`` (6, 6) of the cost, and the part ``noise`` (5, 5) of them that is
+    due to noise.
 
-    The Gauss-Newton matrix (5, 5), with the gradient in the last column. The Jacobian of a match is
-    proportional to its measured flow, so noise along the epipolar line counts as information. With
-    ``u`` the unit vector along the line, noise of variance ``v`` there (given the residual) changes
-    the Jacobian by ``C = [(m . t) u, B^T (m x u)] / sqrt(g)`` times itself, and adds ``v C^T C``.
-    Matches at the epipole are left out: noise alone decides on their epipolar line.
+    ``normal`` is the Gauss-Newton matrix (5, 5), with the gradient in the last column. The Jacobian
+    of a match is proportional to its measured flow, so noise along the epipolar line counts as
+    information. With ``u`` the unit vector along the line, noise of variance ``v`` there (given the
+    residual) changes the Jacobian by ``C = [(m . t) u, B^T (m x u)] / sqrt(g)`` times this noise,
+    and adds ``v C^T C``. Matches at the epipole are left out, because noise alone determines their
+    epipolar line.
 
     With ``shrunk_flow`` the inverse depth of a match is replaced by its best linear unbiased
     prediction from the measured depth and the mean over all matches (Robinson, Stat. Sci. 6, 1991,
@@ -86,17 +88,18 @@ def information(
     variation with the noise, and one step of the normal equations from the maximum of the
     likelihood is an estimate with less variance.
 
-    Leverage h: the weight of a match is multiplied by ``1 - h^3``. A match with more information
-    than all others together cannot be contradicted by them, and near the epipole its line rotates
-    with every step of the pose.
+    The leverage of a match is h, and its weight is multiplied by ``1 - h^3``. A match with more
+    information than all others together cannot be contradicted by them, and the epipolar line of a
+    match near the epipole rotates with every step of the pose.
 
     ``scatter`` (5, 5) is the observed variance of the gradient, with squared residuals over ``1 -
     h`` (HC2: MacKinnon and White, J. Econom. 29, 1985, DOI 10.1016/0304-4076(85)90158-7). Its
     expectation is the Gauss-Newton matrix if the noise is that of the model.
 
-    Returns the share of the information that remains although the component of each match is
-    unknown (Louis, J. R. Stat. Soc. B 44, 1982, DOI 10.1111/j.2517-6161.1982.tb01203.x), and the
-    effective number of matches ``(sum h)^2 / sum h^2``.
+    The function returns two numbers: the share of the information that remains although the
+    component of each match is unknown (Louis, J. R. Stat. Soc. B 44, 1982, DOI
+    10.1111/j.2517-6161.1982.tb01203.x), and the effective number of matches ``(sum h)^2 / sum
+    h^2``.
     """
     terms = np.empty(point.prior.size // LANES * TERMS)
     _fill_terms(point, terms)
@@ -146,9 +149,10 @@ def _depth_moments(
 ) -> tuple[float, float, float, float]:
     """Sums for the method of moments of the inverse depths.
 
-    Sums of the weights, of the weighted depths, of the weights of squared deviations from the mean,
-    and of these squares minus the part of the noise. The weights follow from ``mean`` and
-    ``variance``; in the first round (``first`` 1) from the noise of each depth only.
+    The moments are four sums: of the weights, of the weighted depths, of the weights of squared
+    deviations from the mean, and of these squares minus the part of the noise. The weights follow
+    from ``mean`` and ``variance``; in the first round (``first`` 1) they follow from the noise of
+    each depth only.
     """
     total = weighted = weight2 = excess = 0.0
     for panel in range(terms.size // TERMS):
@@ -269,7 +273,7 @@ def _gram(terms: np.ndarray, row: int, weight: int, out: np.ndarray) -> None:
 
 @sum_kernel
 def _normal_equations(terms: np.ndarray, out: np.ndarray) -> None:
-    """``A diag(w) A^T`` (6, 6) of Jacobian and residual A and their weight w."""
+    """``A diag(w) A^T`` (6, 6), with the rows A of Jacobian and residual, and the weights w."""
     sums = SUMS_OF_SIX
     for panel in range(terms.size // TERMS):
         for lane in range(LANES):

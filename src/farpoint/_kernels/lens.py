@@ -29,7 +29,7 @@ __all__ = [
 def pinhole_rays(
     pixels: np.ndarray, fx: float, fy: float, cx: float, cy: float, rays: np.ndarray
 ) -> None:
-    """Unit rays (N, 3) of pixels (N, 2) of a pinhole; rows of NaN where they have no direction."""
+    """Unit rays (N, 3) of pixels (N, 2) of a pinhole; rows are NaN for pixels without a ray."""
     for i in range(len(pixels)):
         _pinhole_ray(pixels, i, fx, fy, cx, cy, rays)
 
@@ -46,11 +46,12 @@ def _pinhole_ray(
 
 @kernel
 def invert_projection(rays: np.ndarray, forward: np.ndarray, jacobian: np.ndarray) -> None:
-    """Derivative (N, 3, 2) of unit rays by their pixels, from that of pixels by points (N, 2, 3).
+    """Derivative (N, 3, 2) of unit rays by their pixels, from the derivative (N, 2, 3) of pixels by
+    points.
 
     The rows ``u`` and ``v`` of the forward derivative, taken at a ray ``r`` of any length, are
-    perpendicular to it, so its pseudo-inverse has the columns ``v x r`` and ``r x u``, divided by
-    ``r . (u x v)``; that by ``|r|`` is the derivative of the unit ray.
+    perpendicular to ``r``. The pseudo-inverse therefore has the columns ``v x r`` and ``r x u``,
+    divided by ``r . (u x v)``. Divided by ``|r|``, it is the derivative of the unit ray.
     """
     for i in range(len(rays)):
         rx, ry, rz = rays[i, 0], rays[i, 1], rays[i, 2]
@@ -157,7 +158,7 @@ def undistort(
     fold: float,
     out: np.ndarray,
 ) -> None:
-    """Inverse of `distort`, rows x and y (2, N); NaN where nothing is imaged.
+    """Inverse of `distort`: rows x and y (2, N); NaN for points outside the image of the lens.
 
     ``table`` holds radii r of the distorted plane and of the undistorted one, and the second over
     the first in even steps of ``r / (1 + r)``, where Newton's method starts. ``farthest`` is the

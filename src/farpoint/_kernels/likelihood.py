@@ -161,7 +161,7 @@ def _evaluate_penalties(
 
 @step_kernel
 def evaluate_pose(matches: PackedMatches, pose: Pose, shares: np.ndarray) -> float:
-    """Negative log likelihood of a pose; normal equations and ``shares`` as of `linearize`."""
+    """Negative log likelihood of a pose, with normal equations and ``shares`` as in `linearize`."""
     variance, outlier_share, half_width, long_tail = (
         pose.mixture[0],
         pose.mixture[1],

@@ -1,7 +1,7 @@
 """Small linear algebra of fixed sizes: rotations, symmetric systems, random numbers.
 
-Every function writes into the caller's buffers and allocates nothing. No ``np.linalg``: it would
-take seconds to compile, and a LAPACK call.
+Every function writes into buffers of the caller and allocates nothing. ``np.linalg`` is not used,
+because it takes seconds to compile and calls LAPACK.
 """
 
 from __future__ import annotations
@@ -110,8 +110,8 @@ def sandwich(
 ) -> bool:
     """``H^-1 V H^-1`` with ``V = inner`` and ``H = whole - part``, all (5, 5) and symmetric.
 
-    False, and ``out`` without a meaning, unless H is at least ``least`` times ``whole`` in every
-    direction.
+    The function returns False, and ``out`` is undefined, unless H is at least ``least`` times
+    ``whole`` in every direction.
     """
     return sandwich_five(whole, part, inner, least, out)
 
@@ -160,10 +160,10 @@ def _make_zero(A: np.ndarray, p: int, q: int, axes: np.ndarray) -> None:
 def kabsch(M: np.ndarray, R: np.ndarray) -> bool:
     """Rotation maximising ``trace(R.T @ M)`` for ``M = sum b a^T`` (3, 3).
 
-    The SVD ``M = U S V^T`` gives it as ``U diag(1, 1, det U V^T) V^T``. Without it: the maximum is
-    the largest root of a polynomial, and the rotation follows from it (Markley, "Attitude
-    Determination Using Vector Observations: A Fast Optimal Matrix Algorithm", J. Astronaut. Sci.
-    41, 1993). False where M has rank below two.
+    By the SVD ``M = U S V^T`` the rotation is ``U diag(1, 1, det U V^T) V^T``. This function needs
+    no SVD: the maximum is the largest root of a polynomial, and the rotation follows from the
+    maximum (Markley, "Attitude Determination Using Vector Observations: A Fast Optimal Matrix
+    Algorithm", J. Astronaut. Sci. 41, 1993). The function returns False if M has a rank below two.
     """
     square, det, cofactors = _invariants(M)
     # The root has (trace^2 - square)^2 = 4 (cofactors + 2 det trace). An upper bound on the right

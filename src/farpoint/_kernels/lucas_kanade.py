@@ -88,18 +88,19 @@ def follow_windows(
 ) -> None:
     """Track windows from one image to another, from the coarsest level to the finest, and backward.
 
-    The backward pass starts as far from its goal as the forward pass did.
+    The backward pass starts as far from the first position as the forward pass started from its
+    result.
 
     Parameters
     ----------
     levels0, levels1 : Levels
-        Of both images, with the same layout.
+        Levels of both images, with the same layout.
     points0 : ndarray of float64, shape (N, 2)
         Centres of the windows in the first image, px.
     start : ndarray of float64, shape (N, 2)
         Initial centres in the second image, px.
     termination : Termination
-        At every level, px of the level.
+        Termination of the iterations at every level, px of the level.
     back : float
         Upper bound of the forward-backward error, px.
     space : Workspace
@@ -131,7 +132,7 @@ def _find(
     termination: Termination,
     space: Workspace,
 ) -> tuple[float, float, bool]:
-    """Position of the window around a point in the second image; whether it was found."""
+    """Position of the window around a point in the second image, and whether it was found."""
     window, layout = space.window, levels0.layout
     width, line = 2 * window.half + 3, window.line
     scale = 0.5 ** (len(layout) - 1)
@@ -166,7 +167,7 @@ def _within(image: Image, x: float, y: float) -> bool:
 def _descend(
     image: Image, x: float, y: float, termination: Termination, space: Workspace
 ) -> tuple[float, float, bool]:
-    """Gauss-Newton steps on one level from (x, y); whether they stayed in the image."""
+    """Gauss-Newton steps on one level from (x, y); returns whether all are in the image."""
     window, pixels = space.window, space.pixels
     half, line = window.half, window.line
     xx, xy, yy = _normal_matrix(window.gx, window.gy)
@@ -202,10 +203,10 @@ def _descend(
 def _project_out_brightness(window: Window) -> None:
     """Make the gradients orthogonal to a change of gain and offset over the window.
 
-    For any brightness ``a I + b`` of the second image the sums of gradients times mismatch stay the
-    same: least squares with ``a`` and ``b`` as further unknowns, solved for the displacement
-    ("project out": G. Hager, P. Belhumeur, PAMI 1998, doi:10.1109/34.722606), at the cost of one
-    pass over each window instead of one per step.
+    The sums of gradients times mismatch are then the same for any brightness ``a I + b`` of the
+    second image. This is least squares with ``a`` and ``b`` as further unknowns, solved for the
+    displacement ("project out": G. Hager, P. Belhumeur, PAMI 1998, doi:10.1109/34.722606). It costs
+    one pass over each window instead of one pass per step.
     """
     grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
     count = np.float32((2 * window.half + 1) ** 2)
@@ -233,7 +234,7 @@ def _sum_of_products(a: np.ndarray, b: np.ndarray) -> np.floating:
 def _brightness_moments(
     window: Window, mean: np.floating
 ) -> tuple[np.floating, np.floating, np.floating]:
-    """Sums of the contrast's square, and of its products with either gradient."""
+    """Sum of the squared contrast, and sums of the contrast times each gradient."""
     grey, gx, gy, inside = window.grey, window.gx, window.gy, window.inside
     zero = np.float32(0.0)
     square, along_x, along_y = zero, zero, zero
@@ -261,7 +262,9 @@ def _normal_matrix(gx: np.ndarray, gy: np.ndarray) -> tuple[float, float, float]
 def _mismatch(
     pixels: np.ndarray, begin: int, weights: Weights, window: Window
 ) -> tuple[float, float]:
-    """Sums of gradient times (second image - first) for a window that begins at pixel ``begin``."""
+    """Sums of gradient times (second image - first image) for a window that begins at pixel
+    ``begin``.
+    """
     line, grey, gx, gy = window.line, window.grey, window.gx, window.gy
     bx, by = np.float32(0.0), np.float32(0.0)
     first = np.uintp(begin)

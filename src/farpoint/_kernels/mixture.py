@@ -1,4 +1,5 @@
-"""Mixture density of a residual: inliers with a heavy tail, and outliers; EM of its parameters.
+"""Mixture density of a residual (inliers with a heavy tail, and outliers), and EM of its
+parameters.
 
 An inlier has a normal residual of variance ``variance`` (the core); with the probability
 ``tail_share`` its sigma is `TAIL_RATIO` times as large, of these a share ``tail_share`` has
@@ -11,10 +12,10 @@ line; with a uniform distribution alone, a pose between inliers and repeated str
 larger variance, has the higher likelihood. EM estimates all three shares: that of the tail among
 inliers, that of outliers among all matches, and that of repeated structure among outliers.
 
-Soft cheirality: an inlier flows towards the direction of translation. Noise turns the flow of a far
-point around; below `CHEIRALITY_SIGMA` the density falls off with `CHEIRALITY_WEIGHT` times the
-exponent of the noise. Above that limit it is flat, because a slope would bias the rotation, which
-imitates parallax; the fall-off is smooth, so that Gauss-Newton converges there.
+Soft cheirality: an inlier flows towards the direction of translation. Noise can reverse the flow of
+a far point; below `CHEIRALITY_SIGMA` the density falls off with `CHEIRALITY_WEIGHT` times the
+exponent of the noise. Above `CHEIRALITY_SIGMA` the density is flat, because a slope would bias the
+rotation, which imitates parallax. The fall-off is smooth, so that Gauss-Newton converges.
 """
 
 from __future__ import annotations
@@ -107,7 +108,9 @@ def share_prior_cost(share: float) -> float:
 
 @step_kernel
 def repeated_share(repeated: float, outlier_share: float) -> float:
-    """EM step of the share of repeated structure, from its number and that of outliers."""
+    """EM step of the share of repeated structure, from the numbers of repeated-structure outliers
+    and of all outliers.
+    """
     return (repeated + PRIOR_SHARE * PRIOR_WEIGHT) / (outlier_share + PRIOR_WEIGHT)
 
 
@@ -191,7 +194,7 @@ def tail_trials_of(each: Densities, long_tail: float) -> float:
 
 @inlined_kernel
 def weight_of(each: Densities) -> float:
-    """Sum of the densities, each over its variance in units of the variance of the core."""
+    """Sum of the densities, each divided by its variance in units of the variance of the core."""
     core, tail1, tail2, tail3 = each
     return core + tail1 * 0.125 + tail2 * 0.015625 + tail3 * 0.001953125
 

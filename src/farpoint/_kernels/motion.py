@@ -36,11 +36,11 @@ def fit_motion(
     state: np.ndarray,
     buffers: MotionBuffers,
 ) -> tuple[int, bool, bool, bool, MotionSummary]:
-    """Search for a pose by a subsample of the matches, and refine it by all.
+    """Search for a pose by a subsample of the matches, and refine the pose by all matches.
 
-    Returns the number of hypotheses; whether the second motion of a plane competes; whether a
-    secondary mode in another direction is within the margin; whether any mode is within the margin
-    and only a subsample was searched; and the values of `refine_motion`.
+    The function returns the number of hypotheses; whether the second motion of a plane competes;
+    whether a secondary mode in another direction is within the margin; whether any mode is within
+    the margin and only a subsample was searched; and the values of `refine_motion`.
 
     The search (`search.search_pose`) starts at the rotation of the far matches, initially the
     identity; without far matches, at the rotation consistent with most matches at a larger
@@ -80,7 +80,9 @@ def _search(
 def find_candidates(
     pairs: np.ndarray, count: int, tolerance: float, state: np.ndarray, R_far: np.ndarray
 ) -> np.ndarray:
-    """Rotation of the far matches into ``R_far``; indices of the candidates for translation."""
+    """Write the rotation of the far matches into ``R_far``; returns the indices of the candidates
+    for translation.
+    """
     consistent = np.empty(count)
     search_rotation(pairs, count, tolerance, FAR_START_SAMPLES, state, R_far)
     enlarge_rotation(pairs, count, tolerance, R_far, consistent)
@@ -109,10 +111,11 @@ def _widen(
     R_far: np.ndarray,
     consistent: np.ndarray,
 ) -> None:
-    """Rotation consistent with most matches at an increased tolerance: a start without far points.
+    """Rotation consistent with most matches at an increased tolerance: an initial value without far
+    points.
 
-    Hardly any match is consistent within the noise there, and the best sample of three is
-    arbitrary.
+    Without far points hardly any match is consistent within the noise, and the best sample of three
+    is arbitrary.
     """
     within = tolerance
     for _ in range(TOLERANCE_WIDENINGS):

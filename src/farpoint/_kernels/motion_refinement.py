@@ -113,7 +113,7 @@ def evenly_drawn(pairs: np.ndarray, count: int) -> np.ndarray:
 
 @step_kernel
 def searched_matches(some: np.ndarray, matches: PackedMatches) -> PackedMatches:
-    """Matches of the search: no prior of the parallax, and the short tail."""
+    """Matches as the search uses them: without a prior of the parallax, and with the short tail."""
     total = matches.total if matches.total < MAX_SEARCHED else MAX_SEARCHED
     prior = np.empty(some.size // PANEL * LANES)
     _leave_out_none(prior, total)
@@ -199,8 +199,8 @@ def _refine_with_noise_model(
 ) -> tuple[float, float, float, bool]:
     """Refine the pose twice, the second time with noise that scales with parallax, if significant.
 
-    Returns its cost, its `hypothesis_comparison.laplace_factor`, the expected number of inliers,
-    and whether the noise scales with parallax.
+    The function returns the cost, the `hypothesis_comparison.laplace_factor`, the expected number
+    of inliers, and whether the noise scales with parallax.
     """
     normal, cost, scales_with_parallax = np.empty((6, 6)), 0.0, False
     for precision in (COARSE_TOLERANCE, FINE_TOLERANCE):
@@ -293,9 +293,10 @@ def _linearisation_point(matches: PackedMatches, buffers: MotionBuffers) -> Line
 def _refine(
     matches: PackedMatches, precision: float, buffers: MotionBuffers, normal: np.ndarray
 ) -> float:
-    """As `refinement.refine_pose`, alternating with the prior of the parallax at the current pose.
+    """Refine a pose as `refinement.refine_pose` does, in turn with the prior of the parallax at the
+    current pose.
 
-    Repeated while inliers lie beyond the end of the prior, from which the prior is 0.
+    Both steps are repeated while inliers lie beyond the end of the prior, where the prior is 0.
     """
     pose = Pose(buffers.R, buffers.t, buffers.mixture, normal, np.empty(1))
     for _ in range(ALTERNATIONS):
@@ -334,10 +335,10 @@ def _beyond(end: float, parallax: np.ndarray, inlier: np.ndarray) -> int:
 def _estimate_covariance(
     point: LinearisationPoint, inliers: float, least_signal: float, buffers: MotionBuffers
 ) -> tuple[bool, bool]:
-    """Covariance of the pose; by the shrunk flow where much of the flow is noise.
+    """Covariance of the pose; computed from the shrunk flow if much of the flow is noise.
 
-    With the shrunk flow the pose takes one step of its normal equations. Returns whether the flow
-    was shrunk, and whether at least ``least_signal`` of it is signal.
+    With the shrunk flow the pose takes one step of the normal equations. The function returns
+    whether the flow was shrunk, and whether at least ``least_signal`` of the flow is signal.
     """
     if covariance_here(point, inliers, MEASURED_FLOW, MIN_SIGNAL, buffers.covariance):
         return False, True

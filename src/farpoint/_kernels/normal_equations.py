@@ -74,7 +74,9 @@ def add_six(sums: Sums, weight: float, row: Sums) -> Sums:
 
 @inner_kernel
 def write_five(sums: Sums, out: np.ndarray) -> None:
-    """Write both triangles of a sum into ``out`` (5, 5), or the first five rows of a larger one."""
+    """Write both triangles of a sum into ``out`` (5, 5), or into the first five rows of a larger
+    matrix.
+    """
     aa, ba, bb, ca, cb, cc, da, db, dc, dd, ea, eb, ec, ed, ee = sums
     out[0, 0], out[0, 1], out[0, 2], out[0, 3], out[0, 4] = aa, ba, ca, da, ea
     out[1, 0], out[1, 1], out[1, 2], out[1, 3], out[1, 4] = ba, bb, cb, db, eb
@@ -110,10 +112,11 @@ def _triangle_of(A: np.ndarray) -> Sums:
 
 @inner_kernel
 def _factor(triangle: Sums, damping: float) -> tuple[Sums, bool]:
-    """A symmetric matrix (5, 5), its diagonal ``1 + damping`` times as large, as ``L D L^T``.
+    """Factors ``L D L^T`` of a symmetric matrix (5, 5) whose diagonal is multiplied by ``1 +
+    damping``.
 
-    The rows of L below the diagonal, then the inverse of D; and whether the matrix is positive
-    definite.
+    The function returns the rows of L below the diagonal, then the inverse of D, and whether the
+    matrix is positive definite.
     """
     a, ba, b, ca, cb, c, da, db, dc, d, ea, eb, ec, ed, e = triangle
     more = 1.0 + damping
@@ -146,7 +149,7 @@ def _factor(triangle: Sums, damping: float) -> tuple[Sums, bool]:
 
 @inlined_kernel
 def _is_positive(pivot: float, diagonal: float) -> bool:
-    """Whether a pivot of D exceeds the rounding of the matrix's diagonal."""
+    """Whether a pivot of D exceeds the rounding error of the matrix's diagonal."""
     return (pivot > 1e-14 * diagonal) & (pivot < math.inf)
 
 
@@ -175,7 +178,8 @@ def _solve(factors: Sums, right: Sums) -> Sums:
 
 @inner_kernel
 def solve_five_spd(normal: np.ndarray, damping: float, x: np.ndarray) -> bool:
-    """Solve normal equations (6, 6), right side in the last column, for the five of a pose.
+    """Solve normal equations (6, 6), with the right side in the last column, for the five unknowns
+    of a pose.
 
     As `solve_three_spd`.
     """

@@ -109,7 +109,7 @@ def _put_ray(pairs: np.ndarray, slot: int, rays: np.ndarray, i: int) -> Vector:
 def _put_covariance(
     pairs: np.ndarray, slot: int, A: np.ndarray, i: int, C: np.ndarray, j: int
 ) -> float:
-    """Store ``A C A^T`` of match ``i``, with the noise ``C[j]`` (2, 2); its trace."""
+    """Store ``A C A^T`` of match ``i``, with the noise ``C[j]`` (2, 2); returns the trace."""
     c00, c01, c11 = C[j, 0, 0], C[j, 0, 1], C[j, 1, 1]
     trace = 0.0
     for k in range(3):
@@ -208,7 +208,7 @@ def pack_pairs(
 
 @inner_kernel
 def _fill_up(pairs: np.ndarray, n: int) -> None:
-    """Fill the last panel up with matches that are consistent with any pose."""
+    """Fill the last panel with matches that are consistent with any pose."""
     for i in range(n, -(-n // LANES) * LANES):
         _put_filler(pairs, address(i))
 

@@ -2,9 +2,9 @@
 
 Near points change size, shape and background between the images, and are tracked less accurately:
 on a drive the residuals of the nearest matches are 4 times those of the farthest. If the residuals
-show it, the variance of a match is multiplied by ``sqrt(1 + (p / length)^2)``, with its parallax
-``p`` and one length for all matches: constant up to that parallax, and proportional to it beyond,
-as for a random walk along the flow.
+show this effect, the variance of a match is multiplied by ``sqrt(1 + (p / length)^2)``, with the
+parallax ``p`` of the match and one length for all matches. The factor is constant for a parallax
+below the length, and proportional to a parallax above it, as for a random walk along the flow.
 """
 
 from __future__ import annotations

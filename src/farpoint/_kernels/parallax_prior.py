@@ -116,9 +116,9 @@ def _reach(sizes: np.ndarray, captured: int) -> tuple[float, float]:
 def _chance_count(expected: float, directions: float) -> int:
     """Upper bound of the number of outliers on the lines of any direction.
 
-    The number that chance exceeds with a probability of at most `PARALLAX_FALSE_ALARM`: the tail of
-    the Poisson distribution of mean ``expected``, bounded by a geometric series, times the number
-    of ``directions``.
+    Chance exceeds this number with a probability of at most `PARALLAX_FALSE_ALARM`. The
+    probability is the tail of the Poisson distribution of mean ``expected``, bounded by a geometric
+    series, times the number of ``directions``.
     """
     k, chance = 0, math.exp(-expected)
     while (
@@ -170,8 +170,8 @@ def _at(bins: np.ndarray, rank: float, own: float) -> float:
 def _rank(p: float) -> float:
     """Bin of a parallax in sigma: equal steps within the noise, equal ratios beyond.
 
-    Inverse hyperbolic sine (Burbidge, Magee and Robb, J. Am. Stat. Assoc. 83, 1988, DOI
-    10.1080/01621459.1988.10478575), starting at the end of the band.
+    The rank is an inverse hyperbolic sine (Burbidge, Magee and Robb, J. Am. Stat. Assoc. 83, 1988,
+    DOI 10.1080/01621459.1988.10478575) that starts at the end of the band.
     """
     u = max(p / GATE_SIGMA, -1.0)
     rank = (lane_log(u + math.sqrt(u * u + 1.0)) - FIRST_RANK) / PARALLAX_BIN

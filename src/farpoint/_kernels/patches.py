@@ -26,7 +26,7 @@ def split_image(rays: np.ndarray, splits: int, patch: np.ndarray) -> None:
 
 @step_kernel
 def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
-    """Split each of the ``parts``: rays beyond the mean of their part move to a new one."""
+    """Split each of the ``parts``: rays beyond the mean of a part move to a new part."""
     sizes, sums, squares = np.empty(parts), np.empty(3 * parts), np.empty(3 * parts)
     clear(sizes)
     clear(sums)
@@ -55,8 +55,8 @@ def _split(rays: np.ndarray, parts: int, patch: np.ndarray) -> None:
 def split_patches(patch: np.ndarray, state: np.ndarray, half: np.ndarray) -> int:
     """Split the patches into two halves in random order, each patch into the smaller half.
 
-    Writes the ``half`` (N,) of each match, 0 or 1, by its ``patch`` (N,); ``state`` is that of the
-    random generator. Returns the number of matches in the first half.
+    The function writes the ``half`` (N,) of each match, 0 or 1, by its ``patch`` (N,); ``state`` is
+    that of the random generator. It returns the number of matches in the first half.
     """
     patches = 0
     for i in range(patch.size):

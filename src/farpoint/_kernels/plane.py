@@ -1,4 +1,5 @@
-"""Second motion of a plane, and the log-likelihood ratio of the two by the relief.
+"""Second motion of a plane, and the log-likelihood ratio of the two motions by the relief of the
+plane.
 
 Two motions have the same homography of a plane (Longuet-Higgins, Proc. R. Soc. B 223, 1984, DOI
 10.1098/rspb.1984.0088). Their likelihoods differ by chance, by about sqrt(N) for N matches: each
@@ -57,7 +58,8 @@ __all__ = ["other_motion"]
 def other_motion(
     matches: PackedMatches, pose: Pose, other: Pose, is_given: bool
 ) -> tuple[bool, float]:
-    """Whether the second motion of a plane competes, and the log-likelihood ratio to it.
+    """Whether the second motion of a plane competes, and the log-likelihood ratio of the given
+    motion to it.
 
     ``other`` receives the second motion with its noise parameters; it has no meaning if there is
     none. ``pose`` stays unchanged. If covariances are given per match (``is_given``), their size is
@@ -119,11 +121,11 @@ def _log_likelihood(
 ) -> float:
     """Log likelihood of the offsets from the plane (`_decompose`) under one motion.
 
-    A match is in one of three classes. In the plane, its offset has the variance of the noise
-    across its epipolar line, and of noise plus relief along it. Off the plane, it lies anywhere on
-    its line. Or it is an outlier. EM estimates the share of matches off the plane and both
-    variances; the variance along the lines is at least that across them. With equal variances any
-    motion has the same likelihood.
+    A match belongs to one of three classes. An offset in the plane has the variance of the noise
+    across the epipolar line, and the variance of noise plus relief along this line. A match off the
+    plane lies anywhere on its line. The third class is an outlier. EM estimates the share of
+    matches off the plane and both variances; the variance along the lines is at least that across
+    them. With equal variances any motion has the same likelihood.
     """
     # Density on a line of a match in the plane, at its place, over that of a uniform one.
     half_width, long_tail = matches.outlier_half_width, matches.long_tail
@@ -283,9 +285,9 @@ def _plane_offsets(point: LinearisationPoint, count: int, off: np.ndarray) -> No
 
 @inlined_kernel
 def _apart(pairs: np.ndarray, at: int, R: Matrix, t: Vector) -> tuple[Vector, Vector, Vector]:
-    """Ray a of a match; cross products of the later ray b with ``R a`` and with ``t``.
+    """Ray a of a match, and cross products of the later ray b with ``R a`` and with ``t``.
 
-    The cross products are accurate for short flow, differences of rays are not.
+    Cross products are accurate for short flow; differences of rays are not.
     """
     a, b = ray0(pairs, at), ray1(pairs, at)
     return a, cross(b, rotate(R, a)), cross(b, t)
@@ -314,7 +316,7 @@ def _add_to_plane(
 
 @inlined_kernel
 def _solve(M: np.ndarray, v: np.ndarray, variance: float, n: np.ndarray) -> None:
-    """Solve for the plane; the damping makes an underdetermined one the farthest possible."""
+    """Solve for the plane; damping moves an underdetermined plane as far away as possible."""
     damping = 1e-9 * (M[0, 0] + M[1, 1] + M[2, 2]) + 1e-300 * variance
     for k in range(3):
         M[k, k] += damping

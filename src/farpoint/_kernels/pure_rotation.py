@@ -30,10 +30,10 @@ def fit_rotation(
 ) -> tuple[float, float]:
     """Maximum-likelihood rotation, and distance and inlier probability of each match.
 
-    As `rotation.refine_rotation` and `rotation.evaluate_rotation`, with the same prior for all
-    ``count`` matches. Returns the cost and the Laplace factor, as of
-    `hypothesis_comparison.laplace_factor`. ``information`` (3, 3) receives that of the rotation,
-    reduced for unknown outliers and the estimated noise.
+    The function combines `rotation.refine_rotation` and `rotation.evaluate_rotation`, with the same
+    prior for all ``count`` matches. It returns the cost and the Laplace factor of
+    `hypothesis_comparison.laplace_factor`. ``information`` (3, 3) receives the information on the
+    rotation, reduced for unknown outliers and the estimated noise.
     """
     prior = np.empty(inlier.size)
     for i in range(inlier.size):
@@ -131,8 +131,8 @@ def translation_log_ratio(
 ) -> float:
     """Log-likelihood ratio of a general motion to a pure rotation, over all matches.
 
-    Matches that both models explain count only against the motion, because a rotation explains
-    their common flow, and another test compares their residuals.
+    Matches that both models explain count only against the motion. A rotation explains the common
+    flow of these matches, and another test compares their residuals.
 
     The prior of the parallax is the density of the other inliers. Here a share of the inliers, 0.5
     or 0.9, is far and has parallax by noise only: at infinity, or with a common mean parallax that
@@ -203,7 +203,9 @@ def _largest_parallax(matches: MatchProbabilities, sigma: float) -> float:
 
 @step_kernel
 def _common_parallax(matches: MatchProbabilities, sigma: float) -> tuple[float, float, float]:
-    """Number of matches that both models explain; mean and variance of their parallax, in sigma."""
+    """Number of matches that both models explain, and mean and variance of the parallax of these
+    matches, in sigma.
+    """
     count = middle = square = 0.0
     for i in range(matches.parallax.size):
         if matches.inlier[i] > 0.5 and matches.rotation_inlier[i] > 0.5:

@@ -124,9 +124,9 @@ def hit_hills(hills: Hills, ray: Ray) -> tuple[float, int]:
 def first_wall(
     origin: float, direction: float, corner: float, size: float
 ) -> tuple[int, int, float, float]:
-    """Along one axis: the cell of the origin, the step to the next, and distances to walls.
+    """Along one axis: the cell of the origin, the step to the next cell, and two distances.
 
-    The last two are the distance to the first wall and the one between walls.
+    The two distances are that to the first wall and that between two walls.
     """
     cell = math.floor((origin - corner) / size)
     if direction == 0.0:
@@ -189,7 +189,8 @@ def cast_rays(
     directions: np.ndarray,
     distances: np.ndarray,
 ) -> None:
-    """Fill ``distances`` (N,) from ``origins`` along ``directions`` (N, 3), in lengths of them.
+    """Fill ``distances`` (N,) from ``origins`` along ``directions`` (N, 3), in units of the lengths
+    of the directions.
 
     Infinite for the sky, NaN where a direction is.
     """

@@ -40,10 +40,10 @@ __all__ = ["advance", "begin", "finish", "refine_pose"]
 def refine_pose(matches: PackedMatches, precision: float, max_iterations: int, pose: Pose) -> None:
     """Maximum-likelihood pose, with its noise parameters by EM.
 
-    Gauss-Newton with the full derivative of the residuals, and with soft cheirality of the
-    penalised parallaxes. ``pose`` holds the initial pose and mixture, and receives the result with
-    its normal equations and cost. The refinement ends where the predicted decrease is below
-    ``precision``, in log likelihood, and the variance has converged.
+    The method is Gauss-Newton with the full derivative of the residuals, and with soft cheirality
+    of the penalised parallaxes. ``pose`` holds the initial pose and mixture, and receives the
+    result with its normal equations and cost. The refinement ends if the predicted decrease is
+    below ``precision``, in log likelihood, and the variance has converged.
     """
     normal, cost, shares = pose.normal, pose.cost, np.empty(4)
     point = linearisation_point(matches, pose.R, pose.t, pose.mixture)
@@ -111,7 +111,7 @@ def _take_step(
     shares: np.ndarray,
     state: np.ndarray,
 ) -> bool:
-    """One step of EM and one of Gauss-Newton from the likeliest pose; False at convergence."""
+    """One step of EM and one step of Gauss-Newton from the likeliest pose; False at convergence."""
     x, count = np.empty(5), float(matches.total)
     update_mixture(
         state[STATE_SQUARE], shares, count, matches.min_variance, state[STATE_OVER_RELAXED], mixture

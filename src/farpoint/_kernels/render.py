@@ -1,7 +1,7 @@
-"""Images of a scene: one ray per pixel, sixteen where the pixel or a neighbour has an edge.
+"""Images of a scene: one ray per pixel, or sixteen rays if the pixel or a neighbour shows an edge.
 
-Textures are filtered over the footprint of the pixel (`farpoint._kernels.texture`), silhouettes by
-supersampling, so that what moves by a fraction of a pixel looks as if it did.
+Textures are filtered over the footprint of the pixel (`farpoint._kernels.texture`), and silhouettes
+by supersampling. A motion by a fraction of a pixel therefore changes the image as in a real camera.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ __all__ = ["render"]
 def tent_offsets(count: int, half_width: float) -> np.ndarray:
     """Offsets (count, 2), px, with a tent distribution: a rank-1 lattice, warped.
 
-    All x differ, and all y: an edge along rows or columns is sampled at as many places as there are
-    samples.
+    All x differ from each other, and so do all y. An edge along rows or columns is therefore
+    sampled at as many places as there are samples.
     """
     lattice = np.stack([np.arange(count), 7 * np.arange(count) % count], axis=1)
     share = (lattice + 0.5) / count
@@ -73,7 +73,9 @@ def pixel_grey(
     offsets: np.ndarray,
     footprint: float,
 ) -> tuple[float, Hit]:
-    """Mean grey of the rays at ``offsets`` from the pixel's centre, and what the last one hit."""
+    """Mean grey value of the rays at ``offsets`` from the pixel's centre, and the surface that the
+    last ray hits.
+    """
     centre = rotated(pose, ray[0], ray[1], ray[2])
     right = rotated(pose, step[0, 0], step[1, 0], step[2, 0])
     down = rotated(pose, step[0, 1], step[1, 1], step[2, 1])

@@ -25,9 +25,10 @@ def patch_correlation(
 ) -> float:
     """Correlation of residuals with those of the nearest neighbour in another patch.
 
-    ``sum r_i r_nn(i) / sum r_i^2`` over at most ``most`` of the ``rows``. The nearest neighbour has
-    the least distance in both images together, among ``rows`` with another ``patch`` (N,). The
-    expectation is 0 for independent noise; 0 also without neighbours.
+    The correlation is ``sum r_i r_nn(i) / sum r_i^2`` over at most ``most`` of the ``rows``. The
+    nearest neighbour of a match has the least distance in both images together, among ``rows`` with
+    another ``patch`` (N,). The expected value is 0 for independent noise; the result is also 0
+    without neighbours.
     """
     in_order = np.empty(rows.size, np.int64)
     _sort(pairs, rows, in_order)

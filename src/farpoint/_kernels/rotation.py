@@ -52,10 +52,10 @@ def rotation_linearize(
 ) -> float:
     """Robust cost, gradient ``g`` (3,) and Gauss-Newton matrix ``H`` (3, 3) without translation.
 
-    As `likelihood.linearize` with the two-dimensional residual ``E^T (b - R a)`` on the tangent
-    plane of ``b`` and its covariance ``E^T (S_b + R S_a R^T) E``. ``sums`` (4,) receives the
-    expected number of inliers, of tail steps and of trials of the tail, and the weighted squares of
-    the residuals.
+    The values are those of `likelihood.linearize`, but for the two-dimensional residual ``E^T (b -
+    R a)`` on the tangent plane of ``b`` and its covariance ``E^T (S_b + R S_a R^T) E``. ``sums``
+    (4,) receives the expected number of inliers, of tail steps and of trials of the tail, and the
+    weighted squares of the residuals.
     """
     rotation = matrix(R)
     precision, tail_share = 1.0 / mixture[0], mixture[2]
@@ -110,8 +110,8 @@ def refine_rotation(
     """Maximum-likelihood rotation without translation; returns its cost.
 
     ``mixture`` (3,) holds the noise variance of the core, the share of outliers among all ``count``
-    matches and that of the tail among inliers, in and out (EM). Outliers fill a disc of radius
-    ``half_width``, in units of the noise.
+    matches, and the share of the tail among inliers. EM updates ``mixture`` in place. Outliers fill
+    a disc of radius ``half_width``, in units of the noise.
     """
     g, step, sums = np.empty(3), np.empty(3), np.empty(4)
     cost = math.inf
@@ -148,7 +148,7 @@ def evaluate_rotation(
     distance2: np.ndarray,
     inlier: np.ndarray,
 ) -> float:
-    """Squared distance of each match, as of `rotation_distance2`, and its inlier probability.
+    """Squared distance of each match as in `rotation_distance2`, and the inlier probability.
 
     Returns the share of the information that remains although the component of each match is
     unknown, as `information.information` does.

@@ -48,10 +48,11 @@ def search_rotation(
     state: np.ndarray,
     R: np.ndarray,
 ) -> int:
-    """RANSAC over rotations from three rays each (eqs. 7-13 of the paper); number of iterations.
+    """RANSAC over rotations from three rays each (eqs. 7-13 of the paper); returns the number of
+    iterations.
 
-    Minimises the truncated squares ``sum min(|b - R a|^2 / variance, tolerance^2)`` of the
-    ``count`` matches. Stops when a sample of consistent rays has been drawn with 99.9 %
+    The search minimises the truncated squares ``sum min(|b - R a|^2 / variance, tolerance^2)`` of
+    the ``count`` matches. It stops when a sample of consistent rays has been drawn with 99.9 %
     probability. ``R`` receives the best rotation.
     """
     limit = tolerance * tolerance
@@ -82,7 +83,8 @@ def search_rotation(
 
 @sum_kernel
 def _correlate(pairs: np.ndarray, R: np.ndarray, limit: float, M: np.ndarray) -> float:
-    """``M = sum b a^T / variance`` over the matches within ``limit`` of a rotation; their number.
+    """``M = sum b a^T / variance`` over the matches within ``limit`` of a rotation; returns the
+    number of these matches.
 
     Filler is within any limit and has weight 0.
     """
@@ -127,7 +129,8 @@ def _write_rows(elements: Matrix, M: np.ndarray) -> None:
 def enlarge_rotation(
     pairs: np.ndarray, count: int, tolerance: float, R: np.ndarray, consistent: np.ndarray
 ) -> int:
-    """Enlarge the consistent set step by step, re-fitting after each; returns its size.
+    """Enlarge the consistent set step by step, with a new fit after each step; returns the size of
+    the set.
 
     The limit grows from 0.5 to 1 times the tolerance: a rotation from three noisy rays has an error
     of about the noise of a far point. ``consistent`` (count,) receives whether a match is within

@@ -22,7 +22,7 @@ def unroll_rays(
     unrolled: np.ndarray,
     unrolled_by_pixel: np.ndarray,
 ) -> None:
-    """Rays (N, 3) as ``Exp(-phase rate) ray``, and their derivatives (N, 3, 2) by the pixel.
+    """Rays (N, 3) ``Exp(-phase rate) ray``, and their derivatives (N, 3, 2) by the pixel.
 
     ``rate`` is the rotation vector from the first row to the last, ``per_px`` the phase from one
     row to the next: a pixel one row lower is also read one row later.
@@ -59,7 +59,7 @@ def _column(columns: np.ndarray, i: int, j: int) -> Vector:
 
 @inlined_kernel
 def _axis_and_angle(v: Vector) -> tuple[Vector, float]:
-    """Unit vector along a rotation vector, or 0, and its length, rad."""
+    """Unit vector along a rotation vector (or zero), and the length of the rotation vector, rad."""
     angle = math.sqrt(dot(v, v))
     over = 1.0 / angle if angle > 0.0 else 0.0
     return (v[0] * over, v[1] * over, v[2] * over), angle

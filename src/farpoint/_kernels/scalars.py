@@ -16,8 +16,8 @@ __all__ = ["exponent_and_mantissa", "fma", "where"]
 def fma(a: Any, b: Any, c: Any) -> Any:
     """``a b + c``, rounded once when compiled.
 
-    Explicit, so that every loop has the same digits; a compiler that is free to contract does so
-    differently from loop to loop.
+    The operation is explicit, so that every loop has the same digits. A compiler that may contract
+    products and sums does so differently from loop to loop.
     """
     return a * b + c
 
@@ -40,7 +40,7 @@ def where(condition: bool, a: float, b: float) -> float:
 
 @inlined_kernel
 def exponent_and_mantissa(x: float) -> tuple[float, float]:
-    """``e`` and ``m``, from 1 to 2, of a positive normal number ``m 2^e``; both floats."""
+    """``e`` and ``m`` (from 1 to 2) of a positive normal number ``m 2^e``, both as floats."""
     bits = np.float64(x).view(np.int64)
     # By way of 32 bits, for which processors have vector conversions.
     exponent = np.int32(bits >> 52)

@@ -59,7 +59,8 @@ def search_direction(
     R: np.ndarray,
     t: np.ndarray,
 ) -> float:
-    """Best direction among intersections of two great circles at a given rotation; its cost.
+    """Best direction among intersections of two great circles at a given rotation; returns its
+    cost.
 
     The pairs are drawn from ``candidates`` (M,), indices of the matches that may carry translation.
     """
@@ -164,8 +165,9 @@ def search_pose(
     of the best pose are compared.
 
     ``best`` receives the likeliest pose, ``close`` the second likeliest, and ``secondary`` the
-    likeliest in another direction. Returns the number of samples; whether the second motion of a
-    plane competes; whether ``secondary`` is within the margin; and whether ``close`` is.
+    likeliest in another direction. The function returns the number of samples, whether the second
+    motion of a plane competes, whether ``secondary`` is within the margin, and whether ``close`` is
+    within the margin.
     """
     pairs, prior, count, tolerance = matches.pairs, matches.prior, matches.total, budget.tolerance
     other = Pose(np.empty((3, 3)), np.empty(3), np.empty(4), np.empty((6, 6)), np.empty(1))
@@ -221,8 +223,8 @@ def _start(
 ) -> tuple[float, float]:
     """Refine ``best`` from the direction of the flow of the ``candidates`` at its rotation.
 
-    Returns the squared residual beyond which a match is no support, and the truncated squares of
-    all matches. ``other`` is a buffer.
+    The function returns the squared residual beyond which a match does not support a pose, and the
+    truncated squares of all matches. ``other`` is a buffer.
     """
     default_noise(tolerance, best.mixture)
     search_direction(
@@ -239,7 +241,9 @@ def _start(
 def _search_ambiguous_motions(
     matches: PackedMatches, best: Pose, other: Pose, close: Pose, secondary: Pose
 ) -> bool:
-    """Compare the best pose with its ambiguous motions; whether that of a plane competes."""
+    """Compare the best pose with its ambiguous motions; returns whether the second motion of a
+    plane competes.
+    """
     gate = GATE_SIGMA * math.sqrt(best.mixture[0])
     is_planar = second_planar_motion(
         matches.pairs, matches.total, gate, best.R, best.t, other.R, other.t
@@ -271,10 +275,11 @@ def _solve_sample(
 ) -> bool:
     """Solve a sample from one of three starts (``start_kind`` 0 to 2) for the pose ``other``.
 
-    0: the best pose. 1: a rotation near the initial one with a random direction. 2: the same with
-    the intersection of the great circles of the two rays with the longest flow. If the initial
-    rotation leaves a long flow, 1 and 2 start at the rotation that aligns the rays of the sample
-    (Kabsch), with the direction of its longest flow. False without a start or a solution.
+    Kind 0 starts at the best pose. Kind 1 starts at a rotation near the initial one with a random
+    direction. Kind 2 starts at the same rotation with the intersection of the great circles of the
+    two rays with the longest flow. If the initial rotation leaves a long flow, kinds 1 and 2 start
+    at the rotation that aligns the rays of the sample (Kabsch), with the direction of its longest
+    flow. The function returns False without a start or a solution.
     """
     if start_kind == 0:
         copy(best.R, other.R)
@@ -313,7 +318,9 @@ def _direction_of_flow(pairs: np.ndarray, i: int, R: np.ndarray, t: np.ndarray) 
 
 @step_kernel
 def _nearby_rotation(start: np.ndarray, flow: float, state: np.ndarray, R: np.ndarray) -> None:
-    """The initial rotation, or a random one at about the distance of the flow it leaves."""
+    """The initial rotation, or a random rotation whose distance is about the flow that the initial
+    rotation leaves.
+    """
     if flow < 0.2 * LONG_FLOW_RAD:
         copy(start, R)
         return

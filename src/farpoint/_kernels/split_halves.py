@@ -37,11 +37,11 @@ def pose_difference_ratio(
 ) -> float:
     """Mean ratio of the squared difference of the poses by two halves to its expectation.
 
-    ``d^T (C_1 + C_2)^-1 d / 5``, over random ``splits``: d is the difference of two poses, each
-    refined from this one by half of the matches, and C (5, 5) the covariance by either half, as of
-    `covariance.covariance_here`, at this pose. Matches of one ``patch`` (N,) stay in one half;
-    ``state`` is that of the random generator. Splits with a half that fixes no motion are left out;
-    1 if all are.
+    The ratio is the mean of ``d^T (C_1 + C_2)^-1 d / 5`` over random ``splits``. d is the
+    difference of two poses, each refined from this pose by half of the matches. C (5, 5) is the
+    covariance by one half at this pose, as in `covariance.covariance_here`. Matches of one
+    ``patch`` (N,) stay in one half; ``state`` is that of the random generator. A split with a half
+    that determines no motion is left out. The result is 1 if all splits are left out.
     """
     total, counted = 0.0, 0
     half = np.empty(matches.total, np.int64)
@@ -91,8 +91,9 @@ def _refine_by(
 ) -> bool:
     """Refine a pose by these matches from a start, with noise parameters of its own.
 
-    ``expected`` (5, 5) receives the covariance by these matches at the start, with the number of
-    ``inliers`` of all matches, whose noise variance it uses. False if they fix no motion.
+    ``expected`` (5, 5) receives the covariance by these matches at the start. The covariance uses
+    the number of ``inliers`` of all matches, because the noise variance is that of all matches. The
+    function returns False if the matches determine no motion.
     """
     panels = (rows.size + LANES - 1) // LANES
     pairs, prior = np.empty(panels * PANEL), np.empty(panels * LANES)

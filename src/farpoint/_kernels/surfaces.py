@@ -119,7 +119,9 @@ def light(normal: Vector) -> float:
 
 @step_kernel
 def sky_footprint(direction: Vector, differential: RayDifferential) -> Footprint:
-    """Footprint on clouds, infinitely far away, that curve down towards the horizon."""
+    """Footprint of a pixel on clouds that are infinitely far away and curve down towards the
+    horizon.
+    """
     (right_x, right_y, right_z), (down_x, down_y, down_z) = differential.right, differential.down
     depth = 0.35 - direction[1]
     u, v = direction[0] / depth, direction[2] / depth

@@ -1,7 +1,9 @@
-"""Textures filtered over the footprint of a pixel: mip pyramids, several taps for long footprints.
+"""Textures filtered over the footprint of a pixel by mip pyramids, with several taps for a long
+footprint.
 
-Trilinear lookups (Williams, "Pyramidal Parametrics", SIGGRAPH 1983) at the scale of the footprint's
-minor axis, averaged along its major axis (McCormack et al., "Feline", SIGGRAPH 1999).
+Trilinear lookups (Williams, "Pyramidal Parametrics", SIGGRAPH 1983) use the scale of the
+footprint's minor axis. They are averaged along its major axis (McCormack et al., "Feline", SIGGRAPH
+1999).
 """
 
 from __future__ import annotations

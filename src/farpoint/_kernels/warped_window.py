@@ -76,9 +76,9 @@ def _warp(
 ) -> None:
     """Interpolated values of a warped window around (x, y); undefined beyond its lines.
 
-    Relative to an unwarped grid, adjacent pixels have the same 3 x 3 neighbours as long as the warp
-    displaces them by at most one pixel. That many are read in one step; `PIXELS_AT_ONCE` are
-    written each time, and the surplus is overwritten by the next step.
+    Adjacent pixels have the same 3 x 3 neighbours, relative to an unwarped grid, while the warp
+    displaces them by at most one pixel. So many pixels are read in one step. Each step writes
+    `PIXELS_AT_ONCE` values, and the next step overwrites the surplus.
     """
     pixels, pixel_line = around.pixels, around.line
     xu, xv, yu, yv = theta[2], theta[3], theta[4], theta[5]
@@ -109,8 +109,8 @@ def _warp_part(
 ) -> None:
     """Values within 3 x 3 pixels that move along a line, in steps of the warp, piecewise bilinear.
 
-    The upper left pixel is the ``i``-th; the first value is at (x, y) = ``begin`` from it, 0 to 2
-    px, and each further one is displaced by the ``slope``. The first value is written to index
+    The upper left pixel is the ``i``-th. The first value is at (x, y) = ``begin`` from this pixel,
+    0 to 2 px; each further value is displaced by the ``slope``. The first value is written to index
     ``to``.
     """
     zero, one = np.float32(0.0), np.float32(1.0)

@@ -143,9 +143,9 @@ def pixel_residuals(
     lens : (r,)
         Change of the lens since rays and derivatives were taken, in sigmas.
     frame, point : (N,)
-        Of each observation, keyframes ascending.
+        Keyframe and point of each observation, keyframes ascending.
     row_phase : (N,)
-        Time at which its row is read: from -1/2 to 1/2 of the read-out time.
+        Time at which the row of an observation is read: from -1/2 to 1/2 of the read-out time.
     rays, ray_by_lens : (M, 3), (M, 3, r)
         Ray of each point in its anchor, and its derivative by the lens.
     expected, offsets, by_ray, by_lens : (N, 3), (N, 2), (N, 2, 3), (N, 2, r)
@@ -436,7 +436,7 @@ def locate(
     offsets, row_phase, expected, by_ray : (N, 2), (N,), (N, 3), (N, 2, 3)
         As of `pixel_residuals`; offsets minus the residuals in the last keyframe.
     covariances : (N, 3)
-        Of the change of the residuals since that keyframe (uu, uv, vv), px^2.
+        Covariances of the change of the residuals since that keyframe (uu, uv, vv), px^2.
     inflations : (I,)
         Factors on the covariances for each step: above 1 for an initial pose with large errors.
     X, s, s_variance, base : (N, 3), (N,), (N,), (N, 3)

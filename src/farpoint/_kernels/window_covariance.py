@@ -1,4 +1,4 @@
-"""Covariance of a matched window from its residual, and its bias by quadratic motion."""
+"""Covariance of a matched window from its residual, and bias of the match by quadratic motion."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def blank_influence(half: int) -> Influence:
 
 @inner_kernel
 def solve(factor: np.ndarray, vector: np.ndarray) -> None:
-    """Solve ``F @ F.T @ x = vector`` in place; the factor F has its diagonal inverted."""
+    """Solve ``F @ F.T @ x = vector`` in place; the diagonal of the factor F is inverted."""
     for a in range(AFFINE_PARAMETERS):
         for b in range(a):
             vector[a] -= factor[a, b] * vector[b]
@@ -109,10 +109,10 @@ def covary(
 ) -> None:
     """Sandwich covariance of the displacement: sums of influence times residual.
 
-    Neighbouring residuals are correlated (interpolation, blur, model error), so the products are
-    summed over every block of 3 x 3 pixels before they are squared: the estimate of Newey and West
-    (1987) in two dimensions, with triangular weights up to a lag of 2 px. It is positive
-    semi-definite by construction.
+    Neighbouring residuals are correlated (interpolation, blur, model error). The products are
+    therefore summed over every block of 3 x 3 pixels before they are squared: the estimate of Newey
+    and West (1987) in two dimensions, with triangular weights up to a lag of 2 px. The estimate is
+    positive semi-definite by construction.
     """
     half, line = template.window.half, template.window.line
     rows, pixels, moves = influence.rows, influence.pixels, influence.moves
@@ -167,9 +167,9 @@ def _block_moments(moves: np.ndarray, line: int, size: int) -> tuple[float, floa
 def _undo_attenuation(rows: np.ndarray, power: float, covariance: np.ndarray) -> None:
     """Correct for noise in the gradients, which makes the information of a window too large.
 
-    With ``D`` (2, 2) the information on the displacement and ``nu`` its part by noise, the
-    covariance is ``S C S``, ``S = inv(D - nu I) D = I + nu inv(D - nu I)``. ``nu`` is at most 1/3
-    of the smallest eigenvalue of D, since not all of a residual is noise.
+    With ``D`` (2, 2) the information on the displacement and ``nu`` the part of it due to noise,
+    the covariance is ``S C S``, ``S = inv(D - nu I) D = I + nu inv(D - nu I)``. ``nu`` is at most
+    1/3 of the smallest eigenvalue of D, since not all of a residual is noise.
     """
     # inv(D) is the displacement's block of the inverse normal matrix.
     mean = 0.5 * (rows[0, 0] + rows[1, 1])

@@ -83,7 +83,9 @@ def line_px(width: int) -> int:
 
 
 def room_px(rows: int, line: int) -> int:
-    """Size of a buffer for this number of lines, with what is read beyond the last one."""
+    """Size of a buffer for this number of lines, including the pixels that are read beyond the last
+    line.
+    """
     return (rows + 1) * line + VECTOR_LANES
 
 

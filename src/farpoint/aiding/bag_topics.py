@@ -25,7 +25,7 @@ def speeds_of_topic(bag: Bag, topic: str, sigma: float) -> KnownSpeed:
     Parameters
     ----------
     bag : Bag
-        That of the images.
+        The bag of the images.
     topic : str
         With ``nav_msgs/Odometry``, ``geometry_msgs/TwistStamped`` or
         ``TwistWithCovarianceStamped``.
@@ -36,7 +36,7 @@ def speeds_of_topic(bag: Bag, topic: str, sigma: float) -> KnownSpeed:
     Raises
     ------
     InputError
-        Where there is no such topic, or fewer than 2 of its messages can be used.
+        If there is no such topic, or fewer than 2 of its messages can be used.
     """
     what = "speeds (Odometry, TwistStamped, TwistWithCovarianceStamped)"
     rows = rows_of(bag, topic, _SPEEDS, _speed, what, field="--metric.speed-topic")
@@ -55,7 +55,7 @@ def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
     Parameters
     ----------
     bag : Bag
-        That of the images.
+        The bag of the images.
     topic : str
         Its name.
     sigma_m : float
@@ -64,7 +64,7 @@ def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
     Raises
     ------
     InputError
-        Where there is no such topic, or fewer than 2 of its messages can be used.
+        If there is no such topic, or fewer than 2 of its messages can be used.
     """
     rows = rows_of(bag, topic, _FIXES, _fix, "NavSatFix", field="--metric.gnss-topic")
     table = _table(rows, bag, topic)
@@ -104,7 +104,7 @@ def _velocity(message: Any) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def _sigma_along(velocity: np.ndarray, covariance: np.ndarray | None) -> float:
-    """1-sigma of the speed, m/s; NaN where it is not known (REP 103's zero or -1)."""
+    """1-sigma of the speed, m/s; NaN if unknown (zero or -1 by REP 103)."""
     speed = np.linalg.norm(velocity)
     along = velocity / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
     variance = math.nan if covariance is None else float(along @ covariance @ along)

@@ -64,14 +64,14 @@ class _Window:
 
 
 class _Speeds:
-    """Ratio of the length by the speed, m, to the length of the path, each second."""
+    """Readings of the length by the speed, m, over the length of the path, one for each second."""
 
     def __init__(self, measurement: KnownSpeed) -> None:
         self._measurement = measurement
         self._window = _Window()
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """Add a result; a reading after each second of one segment with a known speed."""
+        """Add a result; each second of one segment with a known speed gives a reading."""
         del camera
         middle_s = 0.5 * (result.timestamp0 + result.timestamp)
         speed = self._at(middle_s, self._measurement.speeds)
@@ -118,7 +118,9 @@ class _Speeds:
 
 
 class _Heights:
-    """Ratio of the known height, m, to the estimated height over the ground, each second."""
+    """Readings of the known height, m, over the estimated height above the ground, one for each
+    second.
+    """
 
     def __init__(self, measurement: CameraHeight) -> None:
         self._measurement = measurement
@@ -126,7 +128,7 @@ class _Heights:
         self._segment, self._start_s = 0, 0.0
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """Add a result; a reading after each second of one segment with the ground in view."""
+        """Add a result; each second of one segment with the ground in view gives a reading."""
         height = find_ground(camera, result)
         if height is None:
             return []

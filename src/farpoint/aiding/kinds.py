@@ -53,7 +53,7 @@ class CameraHeight:
     height_m : float
         Positive.
     sigma : float
-        1-sigma of it, relative.
+        1-sigma, relative.
     """
 
     height_m: float
@@ -74,7 +74,7 @@ class KnownDistance:
     distance_m : float
         Length of the straight line between both positions.
     sigma : float
-        1-sigma of it, relative.
+        1-sigma, relative.
     """
 
     frame0: int

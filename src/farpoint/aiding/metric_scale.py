@@ -1,4 +1,4 @@
-"""The metric scale: online during a run, and smoothed over the run at its end."""
+"""The metric scale: estimated during a run, and smoothed over the whole run at its end."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class MetricScale:
         self.readings: list[Reading] = []
 
     def add(self, camera: Camera, result: OdometryResult) -> MetricEstimate | None:
-        """Add the next result; returns the current scale, None before the first reading."""
+        """Add the next result; returns the current scale, or None before the first reading."""
         new = [reading for gatherer in self._gatherers for reading in gatherer.add(camera, result)]
         if new:
             self.readings += new

@@ -30,7 +30,7 @@ class HeightOptions:
     height : float or None
         Height of the camera over flat ground, m; the camera must be approximately upright.
     height_sigma : float
-        1-sigma of it, relative.
+        Relative 1-sigma of the height.
     """
 
     height: float | None = None
@@ -46,7 +46,7 @@ class HeightOptions:
         Raises
         ------
         InputError
-            With the number, and what was expected there.
+            If a number is invalid; the message has the number and the expected value.
         """
         if self.height is None:
             return []
@@ -97,7 +97,8 @@ class MetricOptions(HeightOptions):
         Raises
         ------
         InputError
-            With the file and the line, or the number, and what was expected there.
+            If a value is invalid; the message has the file and the line, or the number, and the
+            expected value.
         """
         found = super().measurements()
         if self.speed is not None:

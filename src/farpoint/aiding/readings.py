@@ -1,4 +1,4 @@
-"""One comparison of a known length with the same length in the unit of the trajectory."""
+"""One comparison of a known length with the corresponding length in the unit of the trajectory."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Reading:
     start_s, end_s : float
         Times between which the lengths were compared, s.
     segment : int
-        Of the trajectory.
+        Segment of the trajectory.
     log_ratio : float
         Logarithm of metres per unit.
     sigma : float

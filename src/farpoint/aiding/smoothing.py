@@ -59,7 +59,7 @@ class MetricFit:
     times_s : ndarray, shape (N,)
         Times of the readings, ascending, s.
     segments : ndarray of int64, shape (N,)
-        Of the trajectory.
+        Segment of the trajectory.
     log_metres : ndarray, shape (N,)
         Logarithm of metres per unit.
     sigma : ndarray, shape (N,)
@@ -77,7 +77,7 @@ class MetricFit:
     def at(self, time_s: float, segment: int) -> tuple[float, float]:
         """Metres per unit at a time in a segment, and the 1-sigma of its logarithm.
 
-        A segment without readings has the last scale of the segment before it, which is a guess.
+        A segment without readings has the last scale of the previous segment, which is a guess.
         """
         inside = np.flatnonzero(self.segments == segment)
         if not len(inside):
@@ -101,7 +101,7 @@ def fit_readings(readings: list[Reading]) -> MetricFit:
     Parameters
     ----------
     readings : list of Reading
-        At least one.
+        One or more readings.
     """
     readings = sorted(readings, key=lambda reading: (reading.segment, reading.end_s))
     z = np.array([reading.log_ratio for reading in readings])
@@ -139,7 +139,7 @@ def _reweighted(
     x: np.ndarray,
     common: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As `_solve`, with weights that follow the deviations until nothing moves, from a start."""
+    """Solution of `_solve` with weights that follow the deviations, until it is constant."""
     fit_variance = np.zeros(len(z))
     for _ in range(_ROUNDS):
         residuals = z - x - common[kind]
@@ -151,7 +151,7 @@ def _reweighted(
 
 
 def _walk_precision(readings: list[Reading]) -> np.ndarray:
-    """One over the variance of each step (N - 1,); 0 between segments."""
+    """Inverse variance of each step (N - 1,); 0 between segments."""
     return np.array(
         [
             1.0 / max(after.drift - before.drift, _LEAST_DRIFT)
@@ -177,7 +177,7 @@ def _medians(z: np.ndarray, variance: np.ndarray, readings: list[Reading]) -> np
 def _solve(
     z: np.ndarray, weight: np.ndarray, kind: np.ndarray, shared: np.ndarray, walk: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Scale (N,), errors of the kinds (K,), and variance of the scale (N,), the errors included."""
+    """Scale (N,), errors of the kinds (K,), and variance of the scale (N,) with these errors."""
     banded = np.zeros((2, len(z)))
     banded[1] = weight
     banded[1, :-1] += walk
@@ -196,7 +196,9 @@ def _solve(
 
 
 def _diagonal_of_inverse(banded: np.ndarray) -> np.ndarray:
-    """Of a tridiagonal positive matrix, by its continued fractions from both ends."""
+    """Diagonal of the inverse of a tridiagonal positive matrix, by continued fractions from both
+    ends.
+    """
     aside, main = banded[0, 1:] ** 2, banded[1]
     down, up = main.copy(), main.copy()
     for k in range(1, len(main)):

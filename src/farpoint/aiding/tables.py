@@ -29,7 +29,7 @@ def read_speeds(path: str | Path, column: str = "speed") -> tuple[np.ndarray, np
     Raises
     ------
     InputError
-        With the file, the line and what was expected there.
+        If the file is invalid; the message has the file, the line and the expected value.
     """
     table = _read(Path(path), ("timestamp", column))
     return table[:, 0], np.abs(table[:, 1])
@@ -38,14 +38,14 @@ def read_speeds(path: str | Path, column: str = "speed") -> tuple[np.ndarray, np
 def read_gnss(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Times (N,), s, and positions (N, 3), m, of a CSV file.
 
-    Its columns are ``timestamp,x,y,z`` in metres of any fixed axes, or
-    ``timestamp,latitude,longitude,altitude`` in degrees and metres (WGS 84), which become
-    earth-centred axes.
+    The columns are ``timestamp,x,y,z`` in metres of any fixed axes, or
+    ``timestamp,latitude,longitude,altitude`` in degrees and metres (WGS 84). The latter are
+    converted to earth-centred axes.
 
     Raises
     ------
     InputError
-        With the file, the line and what was expected there.
+        If the file is invalid; the message has the file, the line and the expected value.
     """
     path = Path(path)
     if "latitude" in _header(path):

@@ -50,12 +50,12 @@ REAL_COLUMNS = (
     Column("rotation_over_high", 2),
 )
 REAL_NOTES = (
-    "means are over the answers given; gross: rotation more than 1 deg or direction more than 30 "
-    "deg off",
-    "rotation_over_farpoint: mean error over farpoint's, of the pairs that both answered; other "
-    "pairs of the kind would have it between low and high with 95 % (bootstrap of pairs): "
-    "farpoint errs more than by chance where high is under 1",
-    f"a true motion under {100 * MIN_TRANSLATION_M:g} cm has no direction to compare",
+    "means are over the pairs with an estimate; gross: rotation more than 1 deg or direction "
+    "more than 30 deg off",
+    "rotation_over_farpoint: mean error of the peer over that of farpoint, of the pairs that "
+    "both estimate; low, high: 95 % interval by bootstrap of the pairs; if high is below 1, "
+    "farpoint is less accurate beyond chance",
+    f"directions of true motions below {100 * MIN_TRANSLATION_M:g} cm are not compared",
 )
 # Bootstrap samples of the pairs for an interval, and the quantiles that bound it.
 _RESAMPLES = 4000
@@ -64,7 +64,7 @@ _INTERVAL = (0.025, 0.975)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Errors:
-    """Errors over V pairs of views; NaN without an answer or without truth.
+    """Errors over V pairs of views; NaN for a missing estimate or missing truth.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Errors:
 def errors_of(
     run: EstimatorRun, views: Sequence[TwoViews], *, min_translation: float = 0.0
 ) -> Errors:
-    """Compare with the truth, which has no direction where it moves less than `min_translation`."""
+    """Errors against the truth; a translation shorter than `min_translation` has no direction."""
     R_true, directions_true = _truth(views, min_translation)
     dtheta = rotation_error(run.rotations, R_true)
     rotation_deg = np.degrees(np.linalg.norm(dtheta, axis=1))
@@ -116,7 +116,7 @@ def error_cells(errors: Errors) -> tuple[Cell, ...]:
 
 
 def real_cells(runs: Sequence[EstimatorRun], views: Sequence[TwoViews]) -> list[tuple[Cell, ...]]:
-    """Cells of each run in a table of real images, in `REAL_COLUMNS`; farpoint's is first."""
+    """Cells of each run in a table of real images, in `REAL_COLUMNS`; farpoint is the first run."""
     errors = [errors_of(run, views, min_translation=MIN_TRANSLATION_M) for run in runs]
     return [(*error_cells(each), *ratio_cells(each, errors[0])) for each in errors]
 
@@ -139,7 +139,7 @@ def ratio_cells(errors: Errors, reference: Errors) -> tuple[float, float, float]
 
 
 def _over(pairs: np.ndarray) -> np.ndarray:
-    """Mean of the first row over that of the second; 1 if both are zero."""
+    """Mean of the first row over the mean of the second row; 1 if both are zero."""
     ours, theirs = pairs.mean(axis=-1) + 1e-300
     return ours / theirs
 
@@ -147,17 +147,17 @@ def _over(pairs: np.ndarray) -> np.ndarray:
 def bound_ratios(
     run: EstimatorRun, views: Sequence[TwoViews], bounds: np.ndarray
 ) -> tuple[float, float]:
-    """Errors of rotation and direction over their Cramer-Rao bounds: 1 is the best possible.
+    """Errors of rotation and direction over their Cramer-Rao bounds; 1 is the best possible value.
 
-    The median of the error normalised by the bound over the median that the chi distribution has.
-    A missing answer counts as infinitely wrong.
+    The ratio is the median of the errors, each normalised by its bound, over the median of the chi
+    distribution. A missing estimate counts as an infinite error.
 
     Parameters
     ----------
     course : Course
     views : sequence of TwoViews, length V
     bounds : ndarray, shape (V, 5, 5)
-        Of `farpoint.synthetic.cramer_rao_bound`.
+        Bounds of `farpoint.synthetic.cramer_rao_bound`.
     """
     R_true, directions_true = _truth(views, 0.0)
     # The bound lives in the tangent space of the truth, so the truth takes the estimate's place.
@@ -174,7 +174,7 @@ def _ratio(errors: np.ndarray, bounds: np.ndarray) -> float:
 
 
 def _truth(views: Sequence[TwoViews], min_translation: float) -> tuple[np.ndarray, np.ndarray]:
-    """True rotations (V, 3, 3) and directions (V, 3), NaN where the translation is too short."""
+    """True rotations (V, 3, 3) and directions (V, 3); NaN for a translation that is too short."""
     translations = np.array([v.translation_cam1_from_cam0 for v in views])
     length = np.linalg.norm(translations, axis=1)
     directions = np.full_like(translations, np.nan)

@@ -1,4 +1,4 @@
-"""Lines over an axis of powers of ten, as one self-contained SVG."""
+"""Line chart over an axis of powers of ten, as one self-contained SVG."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def line_chart(
     x : ndarray, shape (N,)
         Positive where `log_x`.
     lines : mapping of str to ndarray, shape (N,)
-        By name, in the order of the legend.
+        Values by name, in the order of the legend.
     log_x : bool
         Whether the horizontal axis is logarithmic, as the vertical one always is.
     """

@@ -1,4 +1,4 @@
-"""Errors of many poses against their covariances, and cells of a table."""
+"""Errors of many poses against their covariances, as cells of a table."""
 
 from __future__ import annotations
 

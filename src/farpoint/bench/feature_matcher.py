@@ -1,4 +1,4 @@
-"""Features of two images matched in a few calls of OpenCV, as the tutorials do it."""
+"""Matches of two images by a few calls of OpenCV, as in its tutorials."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ class Matcher(Protocol):
     """Whatever finds points of one image in another."""
 
     def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 2) of one image, and where they are in the other."""
+        """Points (N, 2) of one image, and their positions in the other image."""
         ...
 
 
 class FeatureMatcher:
-    """The nearest descriptor of the other image, where the next one is plainly farther (Lowe).
+    """Matcher of nearest descriptors, kept if the second nearest is much farther (ratio test of
+    Lowe).
 
     Parameters
     ----------
     kind : {"SIFT", "ORB"}
-        Of features and descriptors, with OpenCV's defaults but for their number, 1000.
+        Kind of features and descriptors, with OpenCV's defaults except for their number, 1000.
     """
 
     def __init__(self, kind: Literal["SIFT", "ORB"]) -> None:
@@ -38,7 +39,7 @@ class FeatureMatcher:
         self._matcher = cv2.BFMatcher(cv2.NORM_L2 if is_sift else cv2.NORM_HAMMING)
 
     def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 2) of the features of one image, and where they are in the other."""
+        """Points (N, 2) of the features of one image, and their positions in the other image."""
         (points0, words0), (points1, words1) = (
             self._features.detectAndCompute(image, None) for image in (image0, image1)
         )

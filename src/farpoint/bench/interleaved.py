@@ -1,4 +1,4 @@
-"""All estimators on the same matches in turn, so that other load affects all of them."""
+"""Runs of all estimators in turn on the same matches, so that other load affects all of them."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def run_interleaved(
 ) -> list[EstimatorRun]:
     """Run every estimator on every pair of views, interleaved.
 
-    Conversion of the matches to what a library wants is not timed. Each estimator sees the first
-    views once before anything counts, so that nothing is loaded or compiled within the time.
+    The conversion of the matches to the input of a library is not timed. Each estimator first runs
+    once on the first views without timing, so that no loading or compilation is timed.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def run_interleaved(
 def _timed(
     estimate: Callable[[], Motion | None], repeats: int
 ) -> tuple[Motion | None, float, float]:
-    """What it made, and the times of the first call and of the best."""
+    """The result of a call, and the times of the first and of the fastest call."""
     first = best = np.inf
     motion = None
     for call in range(repeats):
@@ -108,7 +108,7 @@ def _timed(
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """OpenCV and NumPy's BLAS on one thread; the others use one by themselves.
+    """Limit OpenCV and NumPy's BLAS to one thread; the other libraries use one thread by default.
 
     The threads of BLAS are limited where ``threadpoolctl`` is installed.
     """

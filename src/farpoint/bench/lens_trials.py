@@ -36,11 +36,11 @@ class LensTrial:
     parameters : dict of str to float
         Errors of the model's parameters that were free, in their sigmas.
     nees : float
-        Of all free directions of the lens together, over their number.
+        NEES of all free directions of the lens together, over their number.
     readout : float
         Error of the read-out time, in its sigma.
     path : PathSamples
-        The poses that move no more, with their truth.
+        The final poses, with their truth.
     """
 
     parameters: dict[str, float]
@@ -52,7 +52,7 @@ class LensTrial:
 def calibrated_wrong(
     true: Camera, error: LensError, rng: np.random.Generator, prior: LensRefinementOptions
 ) -> Camera:
-    """The camera as a calibration would give it that is as sure as the prior."""
+    """The camera with calibration errors drawn from the prior."""
     prior_camera = with_prior(true.with_uncertainty(), prior)
     lens, factor = prior_camera.refinable, prior_camera.parameter_factor
     values = np.array(list(lens.parameters.values()))
@@ -115,7 +115,9 @@ def try_lens(
 
 
 class _Motions:
-    """Motions of pairs by lens and shutter as given, and as found once they are plainly others."""
+    """Two-view motions by the given lens and shutter, and by the estimated ones once they differ
+    clearly.
+    """
 
     def __init__(self, given: Camera, options: LensRefinementOptions) -> None:
         self._lens = LensInUse(given, options)

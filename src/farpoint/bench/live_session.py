@@ -37,7 +37,8 @@ class Claim:
     ----------
     what : str
     expected, found : int
-        By the source or by the account of the session, and in its account or its files.
+        Expected number, by the source or by the counts of the session; and the number found, in
+        these counts or in the files.
     """
 
     what: str
@@ -53,7 +54,7 @@ class LiveMoment:
     ----------
     elapsed_s : float
     memory_mb : float
-        Of the process, and of those that draw.
+        Memory of the process and of the drawing processes.
     state : LiveState
     """
 
@@ -72,9 +73,9 @@ class LiveTrial:
     moments : tuple of LiveMoment
         Tenths of the session.
     state : LiveState
-        When all was closed.
+        State after everything was closed.
     black, failed : int
-        Frames that showed nothing, and pairs that were given up.
+        Number of black frames, and number of FAILED pairs.
     """
 
     claims: tuple[Claim, ...]
@@ -87,7 +88,8 @@ class LiveTrial:
 def try_live(
     duration_s: float, out: Path, *, seed: int = 0, output: OutputOptions | None = None
 ) -> LiveTrial:
-    """Watch a looped drive at 30 frames a second with stalls, black frames and disconnections.
+    """Run a live session on a looped drive at 30 frames a second, with stalls, black frames and
+    disconnections.
 
     Parameters
     ----------
@@ -96,7 +98,7 @@ def try_live(
     out : Path
         Folder for the outputs, a recording of the display among them.
     seed : int
-        Of the drive.
+        Seed of the drive.
     output : OutputOptions, optional
         As those of ``farpoint live`` by default: no overlay.
     """

@@ -42,7 +42,9 @@ class MatchFile:
 
 
 def find_match_files(places: tuple[Path, ...]) -> tuple[Path, ...]:
-    """The ``.npz`` files among the places, in them, and in a folder ``pairs`` in them."""
+    """The ``.npz`` files among the given places, in these folders, and in their subfolders
+    ``pairs``.
+    """
     files: list[Path] = []
     for place in places:
         if not place.exists():
@@ -57,14 +59,15 @@ def find_match_files(places: tuple[Path, ...]) -> tuple[Path, ...]:
 def read_matches(path: Path) -> MatchFile:
     """Read the pairs of a file.
 
-    Its arrays: ``x0, x1`` (M, 2), pixels of all pairs stacked; ``start`` (P+1,), rows
-    ``start[k]:start[k+1]`` are pair k; ``R`` (P, 3, 3) and ``t`` (P, 3), cam1_from_cam0 in metres;
-    ``camera`` (9,), ``fx fy cx cy k1 k2 p1 p2 k3``; ``size`` (2,), width and height.
+    The archive has these arrays: ``x0, x1`` (M, 2), pixels of all pairs stacked; ``start`` (P+1,),
+    so that rows ``start[k]:start[k+1]`` are pair k; ``R`` (P, 3, 3) and ``t`` (P, 3),
+    cam1_from_cam0 in metres; ``camera`` (9,), ``fx fy cx cy k1 k2 p1 p2 k3``; ``size`` (2,), width
+    and height.
 
     Raises
     ------
     InputError
-        Where the file is no such archive, or an array is missing, of another shape, not finite, or
+        If the file is no such archive, or an array is missing, of another shape, not finite, or
         ``start`` does not cut the rows into pairs; names file and array.
     """
     arrays = _read_arrays(path)

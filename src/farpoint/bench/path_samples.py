@@ -19,10 +19,11 @@ def samples_of(
     motions: Sequence[OdometryResult] | Sequence[PathPoint] | None = None,
     length_from: Sequence[int] | None = None,
 ) -> PathSamples:
-    """Of the poses that move no more, as a run writes them, and the true ones (N, 4, 4) of frames.
+    """Samples of the final poses, as a run writes them, with the true poses (N, 4, 4) of the
+    frames.
 
-    ``motions`` are what was known at each frame, for its length, and ``length_from`` the frames
-    where they begin; without them there are no lengths.
+    ``motions`` are the results at each frame, from which lengths are taken, and ``length_from`` are
+    the frames at which the lengths begin. Without ``motions`` there are no lengths.
     """
     frames = [pose.frame1 for pose in poses]
     lengths, sigmas = np.full((2, len(frames)), np.nan)

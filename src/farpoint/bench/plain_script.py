@@ -1,4 +1,4 @@
-"""The script that everybody writes first: monocular odometry in a few calls of OpenCV."""
+"""A basic program to compare with: monocular odometry in a few calls of OpenCV."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ _MIN_MATCHES = 5
 
 
 class PlainScript:
-    """New corners in every frame, Lucas-Kanade forward and back, essential matrix, pose.
+    """Odometry by new corners in every frame, Lucas-Kanade forward and back, and an essential
+    matrix.
 
     Parameters
     ----------
     camera : Camera
         A pinhole camera.
     max_corners : int
-        As many points as are tracked at most.
+        Largest number of tracked points.
     """
 
     def __init__(self, camera: Camera, max_corners: int) -> None:
@@ -57,7 +58,7 @@ class PlainScript:
         return R, t[:, 0]
 
     def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 2) of the corners of one image, and where they are in the other."""
+        """Points (N, 2) of the corners of one image, and their positions in the other image."""
         cv2 = self._cv2
         corners = cv2.goodFeaturesToTrack(image0, self._max_corners, _QUALITY, _MIN_DISTANCE_PX)
         if corners is None:

@@ -14,7 +14,7 @@ _PARENT, _USER, _KERNEL = 1, 11, 12
 
 
 def resident_mb() -> float:
-    """Memory held now, MB; where the system has no such figure, the peak of this process."""
+    """Memory in use, MB; on a system without this figure, the peak of this process."""
     import resource  # not on Windows
 
     try:
@@ -26,7 +26,7 @@ def resident_mb() -> float:
 
 
 def children_cpu_s() -> float:
-    """Processor's time that running processes started by this one have taken; 0 if unknown."""
+    """CPU time, s, of the running processes that this process has started; 0 if unknown."""
     ticks = sum(int(fields[_USER]) + int(fields[_KERNEL]) for _, fields in _children())
     return ticks / os.sysconf("SC_CLK_TCK")
 

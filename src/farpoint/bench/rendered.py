@@ -36,9 +36,10 @@ RENDERED_COLUMNS = (
     Column("pose_95", 3),
 )
 RENDERED_NOTES = (
-    "over_bound: by the Cramer-Rao bound of the tracks that are right, at the spread of their true "
-    "errors",
-    "95: share of the 95 % regions that hold the truth; the rotation of all but FAILED",
+    "over_bound: errors over the Cramer-Rao bound of the correct tracks, with the noise of their "
+    "true errors",
+    "95: share of the 95 % regions that contain the truth; rotations of all pairs that are not "
+    "FAILED",
 )
 
 _RIGHT_PX = 1.0  # a track farther from the truth shows something else
@@ -47,7 +48,7 @@ _RIGHT_SIGMA = 5.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderedErrors:
-    """Errors over P pairs of frames; NaN where there is no answer.
+    """Errors over P pairs of frames; NaN for a missing estimate.
 
     For a pair with a rotation only, ``rotation_nees`` is the only figure.
 
@@ -74,7 +75,7 @@ class RenderedErrors:
     tracks: np.ndarray
 
     def bound_ratios(self) -> tuple[float, float]:
-        """Errors of rotation and direction over the bound: medians over the median of chi.
+        """Errors of rotation and direction over the bound: their medians over the median of chi.
 
         A missing answer counts as infinitely wrong.
         """
@@ -96,7 +97,8 @@ def run_rendered(
     options: OdometryOptions | None = None,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> RenderedErrors:
-    """Odometry over rendered sequences that always move, each pair compared with the truth.
+    """Odometry over rendered sequences that move all the time; each pair is compared with the
+    truth.
 
     Parameters
     ----------
@@ -104,7 +106,7 @@ def run_rendered(
         Images with truth; odometry begins anew with each.
     options : OdometryOptions, optional
     progress : callable
-        Told how many frames are done, and of how many.
+        Called with the number of finished frames and of all frames.
     """
     rows, statuses = [], []
     done, total = 0, sum(map(len, sequences))
@@ -128,7 +130,7 @@ def joined(errors: Sequence[RenderedErrors]) -> RenderedErrors:
 
 
 def rendered_cells(errors: RenderedErrors) -> tuple[Cell, ...]:
-    """The cells of `RENDERED_COLUMNS`; those of directions are None where there are none."""
+    """The cells of `RENDERED_COLUMNS`; cells of directions are None without directions."""
     ok = sum(status is PoseStatus.OK for status in errors.statuses)
     rotation_deg, direction_deg = (
         float(np.nanmedian(angles)) if ok else None
@@ -147,7 +149,7 @@ def rendered_cells(errors: RenderedErrors) -> tuple[Cell, ...]:
 
 
 def _covered(squares: np.ndarray, dof: int) -> float | None:
-    """Share of the regions that hold the truth, of those that are given."""
+    """Share of the regions that contain the truth, among the pairs with a region."""
     given = squares[~np.isnan(squares)]
     return float(np.mean(given <= chi2_quantile(0.95, dof))) if given.size else None
 
@@ -183,7 +185,7 @@ def _row(sequence: RenderedSequence, result: OdometryResult) -> tuple[float, ...
 
 
 def _scene(sequence: RenderedSequence, result: OdometryResult, motion: np.ndarray) -> PointScene:
-    """The tracks as a scene of known points: which are right, how far away, how noisy."""
+    """The tracks as a scene of known points: inlier or outlier, distance, and noise of each."""
     tracks = result.tracks
     error_px = tracks.points1 - sequence.transfer(tracks.points0, result.frame0, result.frame1)
     length = np.linalg.norm(error_px, axis=1)

@@ -75,7 +75,7 @@ class BenchReport:
     environment : str
         Machine, versions, and which peers are absent.
     tables : tuple of Table
-        In the order asked for.
+        Tables in the requested order.
     skipped : tuple of str
         Tables that could not be made, with the reason.
     """
@@ -105,26 +105,25 @@ def run_bench(
 ) -> BenchReport:
     """Make the tables and write them to a folder.
 
-    ``bench.txt`` holds them all, ``<table>.csv`` and ``<table>.json`` each, ``<table>.svg`` its
-    chart if it has one.
-    Each is written as soon as it is made, and those that take hours with every row: an interruption
-    leaves what was found.
+    ``bench.txt`` has all tables. Each table also has a ``<table>.csv`` and a ``<table>.json``, and
+    a ``<table>.svg`` if it has a chart. Each table is written as soon as it is finished. A table
+    that takes hours is written after every row, so that an interruption loses no finished row.
 
     Parameters
     ----------
     options : BenchOptions
-        Which tables, of what.
+        Tables and their size.
     out : Path
         Folder for the files; made if missing.
     progress : callable
-        Told what is being done, how many steps of it are done and how many there are.
+        Called with the current task, the number of finished steps and the number of all steps.
     show : callable
-        Given the text of each part of the report as soon as it is known.
+        Called with the text of each part of the report as soon as it is known.
 
     Raises
     ------
     InputError
-        Where the folder cannot be written or the data cannot be read.
+        If the folder cannot be written or the data cannot be read.
     """
     _check_data(options.data)
     today = datetime.now(UTC).date().isoformat()
@@ -148,7 +147,9 @@ def run_bench(
 def _scaling(
     report: BenchReport, name: TableName, make: Callable[[], Iterable[Table]]
 ) -> Iterator[BenchReport]:
-    """The report with each table, or more of its rows; at last with the reason if there is none."""
+    """The report after each table, or after more rows of a table; at the end with the reason if
+    there is no table.
+    """
     made: dict[str, Table] = {}
     reason = f"--data names no {_NEEDED.get(name, 'data')}"
     try:
@@ -176,7 +177,7 @@ def _check_data(places: tuple[Path, ...]) -> None:
 
 
 def _write(out: Path, name: str, text: str) -> None:
-    """Replace a file in one step: whoever interrupts finds the old one or the new one."""
+    """Replace a file in one step, so that an interruption leaves the old file or the new one."""
     target, partial = out / name, out / f".{name}.part"
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -29,9 +29,9 @@ def draw_scenes(
     outliers: int,
     noise_px: float = PAPER_NOISE_PX,
 ) -> list[PointScene]:
-    """Scenes like the paper's: near points at 1-4 m, far ones at 25-35 m.
+    """Scenes in the style of the paper: near points at 1-4 m, far points at 25-35 m.
 
-    Every axis turns by up to 5 degrees, the translation points anywhere.
+    The rotation about each axis is up to 5 degrees, and the translation has any direction.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def draw_scenes(
     far_share : float
         Share of the true matches that are far, 0 to 1.
     matches, outliers : int
-        Matches in all, and how many of them are wrong.
+        Number of all matches, and number of outliers among them.
     noise_px : float
         1-sigma of the noise of a coordinate, px.
     """

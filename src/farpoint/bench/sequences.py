@@ -1,4 +1,6 @@
-"""Image sequences for the benchmark: real ones with their calibration, or a rendered drive."""
+"""Image sequences for the benchmark: recorded sequences with their calibration, or a rendered
+drive.
+"""
 
 from __future__ import annotations
 
@@ -41,13 +43,13 @@ class Sequence:
     Attributes
     ----------
     name : str
-        What to call it.
+        Name of the sequence.
     camera : Camera
         A pinhole camera: the script it is compared with knows no other.
     source : Path or None
-        Where the images are; None for a rendered drive.
+        Path of the images; None for a rendered drive.
     seed : int
-        Of the rendered drive.
+        Seed of the rendered drive.
     """
 
     name: str
@@ -66,7 +68,7 @@ class Sequence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """All frames of a sequence, where it is known from where some of them were taken.
+    """All frames of a sequence, some of them with true poses.
 
     Attributes
     ----------
@@ -83,7 +85,7 @@ class Recording:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PosedSequence:
-    """Images of a sequence, where it is known from where they were taken.
+    """Images of a sequence with their true poses.
 
     Attributes
     ----------
@@ -117,9 +119,10 @@ def posed_sequence(sequence: Sequence) -> PosedSequence | None:
 def recorded(
     sequence: Sequence, truths: tuple[str, ...] = (*_TRUTHS, *_OTHER_TRUTHS)
 ) -> Recording | None:
-    """The whole sequence; None without a file of true poses, by these names, among its images.
+    """The whole sequence; None without a file of true poses, under one of these names, among its
+    images.
 
-    Truth with as many poses as there are frames is taken frame by frame, other by times.
+    If the truth has one pose per frame, poses are assigned frame by frame; otherwise by time.
     """
     folder = sequence.source
     found = [file for name in truths for file in sorted(folder.glob(name))] if folder else []
@@ -143,7 +146,9 @@ def recorded(
 
 
 def find_sequences(places: tuple[Path, ...]) -> list[Sequence]:
-    """Places, or folders in them, that hold images and the calibration of a pinhole camera."""
+    """Folders, among the given places or in them, with images and the calibration of a pinhole
+    camera.
+    """
     sequences = []
     for place in filter(Path.is_dir, places):
         itself = _sequence(place)
@@ -156,7 +161,7 @@ def find_sequences(places: tuple[Path, ...]) -> list[Sequence]:
 
 
 def find_trajectories(places: tuple[Path, ...]) -> dict[str, Trajectory]:
-    """Measured motions by name: files in TUM's format, alone or in folders that hold no images."""
+    """Measured motions by name: files in TUM's format, alone or in folders without images."""
     found = {}
     for place in places:
         folders = [] if place.is_file() else [place, *filter(Path.is_dir, place.iterdir())]
@@ -168,7 +173,7 @@ def find_trajectories(places: tuple[Path, ...]) -> dict[str, Trajectory]:
 
 
 def _sequence(folder: Path) -> Sequence | None:
-    """The folder as a sequence; None where images or a calibration that fits them are missing."""
+    """The folder as a sequence; None without images or without a calibration that fits them."""
     try:
         source = open_frames(folder)
         if source.calibration_path is None:

@@ -1,4 +1,4 @@
-"""A table as text for people, as CSV and JSON for programs."""
+"""A table: as text for people, and as CSV and JSON for programs."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ class Table:
     name : str
         Stem of its files.
     title : str
-        What it shows, in one line.
+        Content of the table, in one line.
     command : str
         The command that makes it.
     columns : tuple of Column
     rows : tuple of tuple of Cell
         One cell for each column.
     notes : tuple of str
-        What a reader must know to read it right.
+        Explanations that a reader of the table needs.
     chart : str or None
-        A picture of it: SVG.
+        Chart of the table as SVG.
     """
 
     name: str
@@ -95,14 +95,14 @@ class Table:
         return text.getvalue()
 
     def to_json(self, **run: str) -> str:
-        """An object with the attributes of the table but its chart, one row a line.
+        """JSON object with the attributes of the table except its chart; each row is on one line.
 
-        Figures that do not exist are null, infinite ones the word ``inf``.
+        A missing figure is null, and an infinite figure is the word ``inf``.
 
         Parameters
         ----------
         **run : str
-            What else to write: when and where the table was made.
+            Further entries: time and place of the measurement.
         """
         fields = {
             **{name: json.dumps(value) for name, value in run.items()},

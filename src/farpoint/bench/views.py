@@ -1,4 +1,4 @@
-"""What every estimator is given: matches of two views, and the motion that is true."""
+"""Input of every estimator: the matches of two views, with the true motion."""
 
 from __future__ import annotations
 
@@ -46,5 +46,5 @@ def views_of_scene(scene: PointScene) -> TwoViews:
 
 
 def evenly_spaced(total: int, most: int) -> np.ndarray:
-    """At most so many of the numbers from 0 to ``total - 1``, evenly spread."""
+    """At most ``count`` of the numbers from 0 to ``total - 1``, evenly spaced."""
     return np.unique(np.linspace(0, total - 1, min(most, total)).astype(int))

@@ -1,6 +1,6 @@
-"""A guessed camera without a calibration: a pinhole with the uncertainty of the guess.
+"""A guessed camera for images without a calibration: a pinhole with the uncertainty of the guess.
 
-What is unknown is stated as the `CameraUncertainty` of the camera, which widens all covariances.
+The errors of the guess are the `CameraUncertainty` of the camera, which widens all covariances.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 
 
 class CameraGuess(Protocol):
-    """What makes a camera once the size of the images is known."""
+    """Data from which a camera follows once the size of the images is known."""
 
     def camera(self, width: int, height: int) -> Camera:
         """Approximate camera for images of this size."""
@@ -69,14 +69,15 @@ class HorizontalField:
 
 @dataclass(frozen=True, kw_only=True)
 class EquivalentFocalLength:
-    """A focal length in 35 mm equivalents: that of the same diagonal field on a 36 x 24 mm frame.
+    """Focal length in 35 mm equivalents: the one with the same diagonal field on a 36 x 24 mm
+    frame.
 
     Attributes
     ----------
     millimetres : float
         The focal length.
     source : str
-        Where it was read.
+        Origin of the focal length.
     """
 
     millimetres: float
@@ -95,21 +96,21 @@ class EquivalentFocalLength:
 def camera_for(
     camera: Camera | CameraGuess, width: int, height: int, pixel_aspect: float = 1.0
 ) -> tuple[Camera, tuple[str, ...]]:
-    """The camera of images of this size, and what who uses its results must know.
+    """The camera of images of this size, and notes for the user of the results.
 
     Parameters
     ----------
     camera : Camera or CameraGuess
         A guess is made for pixels of this aspect, width over height; a calibration holds as it is.
     width, height : int
-        Of the images, px.
+        Size of the images, px.
     pixel_aspect : float
         1 for square pixels.
 
     Raises
     ------
     InputError
-        Where a calibration is for another size (field ``camera``).
+        If a calibration is for another size (field ``camera``).
     """
     if isinstance(camera, Camera):
         return camera.with_size(width, height), ()

@@ -17,10 +17,11 @@ __all__ = ["Arctangent"]
 class Arctangent(FocalModel):
     """Lens whose image height is ``atan(2 tan(omega / 2) sqrt(X^2 + Y^2) / Z) / omega``.
 
-    COLMAP's and Kalibr's FOV model, PTAM's and DSO's ATAN. Points with ``Z <= 0`` are not seen.
+    COLMAP and Kalibr call this lens FOV; PTAM and DSO call it ATAN. Points with ``Z <= 0`` are not
+    visible.
 
-    Devernay and Faugeras, "Straight lines have to be straight", Machine Vision and Applications
-    13, 2001, doi:10.1007/PL00013269.
+    The model is from Devernay and Faugeras, "Straight lines have to be straight", Machine Vision
+    and Applications 13, 2001, doi:10.1007/PL00013269.
 
     Attributes
     ----------

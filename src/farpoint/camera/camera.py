@@ -79,7 +79,7 @@ class Camera:
         return cls(model=model, size=_checked_size(width, height))
 
     def with_size(self, width: int, height: int) -> Camera:
-        """The same camera for images of this size; an InputError if it has another size."""
+        """The same camera for images of this size; an InputError if the camera has another size."""
         if self.size is not None and self.size != (width, height):
             raise InputError(
                 f"images are {width}x{height} but the calibration is for "
@@ -95,7 +95,8 @@ class Camera:
         center_px: float | None = None,
         distortion_px: float | None = None,
     ) -> Camera:
-        """The same camera with errors of its calibration, 1 sigma; exact without arguments.
+        """The same camera with calibration errors of these 1-sigmas; without arguments the camera
+        is exact.
 
         Parameters
         ----------
@@ -121,13 +122,14 @@ class Camera:
         return replace(self, uncertainty=None if terms == CameraUncertainty() else terms)
 
     def with_parameter_covariance(self, covariance: np.ndarray) -> Camera:
-        """The same camera with the covariance of its parameters, in place of any uncertainty.
+        """The same camera with this covariance of its parameters in place of any other uncertainty.
 
         Parameters
         ----------
         covariance : ndarray, shape (P, P)
-            In the order and units of ``model.parameters`` or ``model.refinable().parameters``.
-            Parameters beyond the matrix and parameters with variance 0 are exact.
+            Covariance in the order and units of ``model.parameters`` or
+            ``model.refinable().parameters``. Parameters beyond the matrix and parameters with
+            variance 0 are exact.
 
         Raises
         ------
@@ -144,8 +146,8 @@ class Camera:
         Parameters
         ----------
         sigmas : array_like, shape (P,), or mapping
-            In the order of ``model.parameters`` or ``model.refinable().parameters``, or by name.
-            Parameters with sigma 0 or without a name are exact.
+            Sigmas in the order of ``model.parameters`` or ``model.refinable().parameters``, or by
+            name. Parameters with sigma 0 or without a name are exact.
 
         Raises
         ------
@@ -164,12 +166,12 @@ class Camera:
     def parameter_covariance(self) -> np.ndarray:
         """Prior covariance (P, P) of the parameters of ``model.refinable()``, in their units.
 
-        Zero for an exact camera; rows and columns of exact parameters are zero.
+        The covariance is zero for an exact camera. Rows and columns of exact parameters are zero.
 
         Raises
         ------
         InputError
-            Where an error of the distortion is given and ``size`` is None (field ``camera.size``).
+            If an error of the distortion is given and ``size`` is None (field ``camera.size``).
         """
         return prior_covariance(self.model, self.size, self.uncertainty)
 
@@ -204,10 +206,10 @@ class Camera:
         return replace(self, readout_s=float(readout_s), readout_sigma_s=sigma)
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (N, 2) of rays or points in camera axes (N, 3), any length.
+        """Pixels (N, 2) of rays or points in camera axes (N, 3) of any length.
 
-        NaN rows for points outside the field of the lens (such as behind a pinhole). Pixels outside
-        the image rectangle are returned unchanged.
+        Rows are NaN for points outside the field of the lens (such as behind a pinhole). Pixels
+        outside the image rectangle are returned unchanged.
         """
         return self.model.project(as_rows(points, 3, "points"))
 
@@ -218,8 +220,8 @@ class Camera:
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px, at rays (N, 3).
 
-        The columns are perpendicular to the ray; the product with the noise of a pixel is the noise
-        of the ray. NaN outside the field of the lens.
+        The columns are perpendicular to the ray. Times the noise of a pixel they give the noise of
+        the ray. The derivative is NaN outside the field of the lens.
         """
         return self.model.unproject_jacobian(as_rows(rays, 3, "rays"))
 

@@ -24,7 +24,7 @@ class MonotonicCurve:
     function : callable
         Values and slopes of the curve, ``(N,) -> (N,), (N,)``.
     end : float
-        Where it stops growing, finite.
+        Argument at which the curve stops increasing, finite.
     """
 
     function: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -37,7 +37,9 @@ class MonotonicCurve:
         return arguments, self.function(arguments)[0]
 
     def invert(self, values: np.ndarray) -> np.ndarray:
-        """Arguments of values, by Newton to 1e-10 from the table; NaN outside of its values."""
+        """Arguments of these values, by Newton's method to 1e-10 from a table; NaN for values
+        outside the curve.
+        """
         arguments, known = self.table
         x = np.interp(values, known, arguments, left=np.nan, right=np.nan)
         for _ in range(ITERATIONS):
@@ -53,7 +55,8 @@ class MonotonicCurve:
 def first_positive_root(coefficients: np.ndarray) -> float:
     """Smallest positive real root of a polynomial ``1 + c1 s + ...``; infinite if it has none.
 
-    The reciprocals of the roots are found: they stay finite as the last coefficients vanish.
+    The function finds the reciprocals of the roots, which stay finite if the last coefficients
+    vanish.
     """
     reciprocals = np.roots(coefficients)
     real = np.abs(reciprocals.imag) < 1e-9 * np.abs(reciprocals)

@@ -12,11 +12,12 @@ __all__ = ["describe"]
 
 
 def describe(camera: Camera) -> str:
-    """Source, image size, field of view, a line for each parameter, and the radial curve.
+    """Text with the source, the image size, the field of view, a line for each parameter, and the
+    radial curve.
 
     Parameters are printed with their 1 sigma if the camera has an uncertainty.
 
-    Without an image size there is neither field of view nor curve.
+    Without an image size the text has neither field of view nor curve.
 
     Examples
     --------

@@ -21,13 +21,14 @@ __all__ = ["Division"]
 
 @dataclass(frozen=True, kw_only=True)
 class Division(FocalModel):
-    """Lens whose ray of the plane point (a, b) is along ``(a, b, 1 + k (a^2 + b^2))``.
+    """Lens for which the ray of a plane point (a, b) has the direction ``(a, b, 1 + k (a^2 +
+    b^2))``.
 
-    With ``k < 0``, barrel distortion, everything but the point right behind is seen, as by a
-    parabolic mirror; with ``k > 0`` what lies within ``Z > 2 sqrt(k) sqrt(X^2 + Y^2)``.
+    With ``k < 0`` (barrel distortion) all points are visible except the one exactly behind, as in a
+    parabolic mirror. With ``k > 0`` points with ``Z > 2 sqrt(k) sqrt(X^2 + Y^2)`` are visible.
 
-    Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens distortion",
-    CVPR 2001, doi:10.1109/CVPR.2001.990465; COLMAP's DIVISION.
+    The model is from Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens
+    distortion", CVPR 2001, doi:10.1109/CVPR.2001.990465. COLMAP calls it DIVISION.
 
     Attributes
     ----------
@@ -70,7 +71,7 @@ class Division(FocalModel):
     def _divisor(
         self, x: np.ndarray, y: np.ndarray, z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """``s = sqrt(Z^2 - 4 k R^2)``, and the divisor ``(Z + s) / 2`` of (X, Y)."""
+        """``s = sqrt(Z^2 - 4 k R^2)``, and the divisor ``(Z + s) / 2`` of X and Y."""
         square = x * x + y * y
         s = np.sqrt(z * z - 4.0 * self.k * square)
         # Behind, Z and s cancel.

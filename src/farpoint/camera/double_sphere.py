@@ -27,7 +27,7 @@ class DoubleSphere(FocalModel):
 
     ``d1`` is the length of (X, Y, Z) and ``d2`` that of (X, Y, h).
 
-    Usenko, Demmel and Cremers, "The double sphere camera model", 3DV 2018,
+    The model is from Usenko, Demmel and Cremers, "The double sphere camera model", 3DV 2018,
     doi:10.1109/3DV.2018.00069.
 
     Attributes
@@ -39,7 +39,7 @@ class DoubleSphere(FocalModel):
     xi : float
         Distance of the spheres' centres, between -1 and 1.
     alpha : float
-        From 0, the unified model, to 1.
+        Coefficient from 0, the unified model, to 1.
 
     Raises
     ------
@@ -74,10 +74,10 @@ class DoubleSphere(FocalModel):
 
     @cached_property
     def _lowest_cosine(self) -> float:
-        """``h / d2`` must exceed this: before the plane at infinity, or before the map folds.
+        """Lower bound of ``h / d2``: at the plane at infinity, or where the map folds.
 
-        The paper's bound on ``Z / d1`` (equation 43) is not the same and not exact: with alpha = 1
-        the fold lies at ``Z = -xi d1``, not at ``-xi d1 / sqrt(1 + xi^2)``.
+        The paper gives a bound on ``Z / d1`` (equation 43), which is not exact: with alpha = 1 the
+        fold is at ``Z = -xi d1``, not at ``-xi d1 / sqrt(1 + xi^2)``.
         """
         return lowest_cosine(self.alpha)
 

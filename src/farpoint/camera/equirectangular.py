@@ -1,4 +1,4 @@
-"""The equirectangular picture of the whole sphere, as 360-degree cameras stitch it."""
+"""The equirectangular picture of the whole sphere, the output of 360-degree cameras."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ __all__ = ["Equirectangular"]
 
 @dataclass(frozen=True, kw_only=True)
 class Equirectangular(LensModel):
-    """Longitude along the rows, latitude along the columns: the whole sphere in one picture.
+    """Picture of the whole sphere, with the longitude along the rows and the latitude along the
+    columns.
 
-    ``u = width (1/2 + atan2(X, Z) / 2 pi) - 1/2`` and
-    ``v = height (1/2 + atan2(Y, sqrt(X^2 + Z^2)) / pi) - 1/2``: forward is the middle, the zenith
-    (-y) the upper edge. The picture closes upon itself: a pixel beyond the left or the right edge
-    has the ray of the one that continues it on the other side, one above or below has none.
+    ``u = width (1/2 + atan2(X, Z) / 2 pi) - 1/2`` and ``v = height (1/2 + atan2(Y, sqrt(X^2 + Z^2))
+    / pi) - 1/2``: forward is the middle, and the zenith (-y) is the upper edge. The picture is
+    periodic along its rows: a pixel beyond the left or the right edge has the ray of the pixel one
+    width away. A pixel above or below the picture has no ray.
 
     Attributes
     ----------

@@ -24,9 +24,9 @@ __all__ = ["ExtendedUnified", "lowest_cosine"]
 class ExtendedUnified(FocalModel):
     """Lens with ``(a, b) = (X, Y) / (alpha d + (1 - alpha) Z)``, ``d^2 = beta (X^2 + Y^2) + Z^2``.
 
-    Khomutenko, Garcia and Martinet, "An enhanced unified camera model", RA-L 1(1), 2016,
-    doi:10.1109/LRA.2015.2502921; the region where it is one-to-one as in Usenko, Demmel and
-    Cremers, "The double sphere camera model", 3DV 2018, doi:10.1109/3DV.2018.00069.
+    The model is from Khomutenko, Garcia and Martinet, "An enhanced unified camera model", RA-L
+    1(1), 2016, doi:10.1109/LRA.2015.2502921. The region in which it is one-to-one is from Usenko,
+    Demmel and Cremers, "The double sphere camera model", 3DV 2018, doi:10.1109/3DV.2018.00069.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class ExtendedUnified(FocalModel):
     cx, cy : float
         Principal point, px; the centre of the top-left pixel is (0, 0).
     alpha : float
-        From 0, a pinhole, to 1.
+        Coefficient from 0, a pinhole, to 1.
     beta : float
         Positive; 1 is the unified model of Geyer and Mei.
 
@@ -104,8 +104,9 @@ class ExtendedUnified(FocalModel):
 
 
 def lowest_cosine(alpha: float) -> float:
-    """Cosine on the sphere down to which ``sin / (alpha + (1 - alpha) cos)`` grows.
+    """Cosine on the sphere down to which ``sin / (alpha + (1 - alpha) cos)`` increases.
 
-    Up to alpha = 1/2 the divisor vanishes there, beyond it the slope does.
+    At this cosine the divisor vanishes if alpha is at most 1/2; for larger alpha the slope
+    vanishes.
     """
     return -alpha / (1.0 - alpha) if alpha <= 0.5 else -(1.0 - alpha) / alpha

@@ -17,7 +17,7 @@ SAMPLES = 513
 
 @dataclass(frozen=True, kw_only=True)
 class FieldOfView:
-    """Angles the image spans, rad; they may exceed pi, and count only what the lens images.
+    """Angles of the field of view, rad; they may exceed pi, and only pixels with a ray count.
 
     Attributes
     ----------
@@ -38,8 +38,8 @@ class FieldOfView:
 def field_of_view(camera: Camera) -> FieldOfView:
     """Field of view of a camera whose image size is known.
 
-    The angle turned by the ray along each line through the image, summed in small steps, so that
-    lenses beyond 180 degrees are measured as well.
+    Each angle is that by which the ray rotates along a line through the image, summed in small
+    steps. Lenses beyond 180 degrees are therefore measured correctly.
 
     Raises
     ------
@@ -68,7 +68,8 @@ def field_of_view(camera: Camera) -> FieldOfView:
 
 
 def valid_region(camera: Camera) -> np.ndarray:
-    """Which pixels have a ray: bool of shape (height, width), the circle of a fisheye's field.
+    """Mask (height, width), bool, of the pixels that have a ray, such as the image circle of a
+    fisheye.
 
     Raises
     ------

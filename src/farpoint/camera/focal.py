@@ -1,4 +1,4 @@
-"""The common part of lenses with a focal length: from the lens's plane to pixels and back."""
+"""The common part of lenses with a focal length: conversion between the lens's plane and pixels."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ PlaneDerivatives = list[tuple[np.ndarray, np.ndarray]]
 class FocalModel(LensModel):
     """A lens that maps points to a plane (a, b), and the plane to pixels by four numbers.
 
-    ``u = fx * a + cx`` and ``v = fy * b + cy``; what lies between points and plane is the model.
+    The pixels are ``u = fx * a + cx`` and ``v = fy * b + cy``. A subclass defines the map from
+    points to the plane.
 
     Attributes
     ----------
@@ -63,9 +64,9 @@ class FocalModel(LensModel):
 
     @property
     def roles(self) -> ParameterRoles:
-        """What the parameters do to the image, for priors of their errors.
+        """Effects of the parameters on the image, from which priors of their errors are built.
 
-        All that are not of this class are taken to be radial.
+        All parameters that this class does not define are taken as radial.
         """
         return ParameterRoles(
             scale={"fx": self.fx, "fy": self.fy},
@@ -82,7 +83,7 @@ class FocalModel(LensModel):
 
     @abstractmethod
     def _to_plane_jacobian(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneJacobian:
-        """Derivative of `_to_plane` by the point; what it is where that is NaN does not matter."""
+        """Derivative of `_to_plane` by the point; arbitrary where `_to_plane` is NaN."""
 
     @abstractmethod
     def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
@@ -148,13 +149,13 @@ def quotient_jacobian(
 def quotient_derivatives(
     x: np.ndarray, y: np.ndarray, divisor: np.ndarray, steps: tuple[np.ndarray, ...]
 ) -> PlaneDerivatives:
-    """Derivatives of ``(x, y) / divisor`` by parameters that change nothing but the divisor."""
+    """Derivatives of ``(x, y) / divisor`` by parameters that change the divisor only."""
     scales = [-step / divisor**2 for step in steps]
     return [(x * scale, y * scale) for scale in scales]
 
 
 def rays_from_plane(x: np.ndarray, y: np.ndarray, z: np.ndarray | float) -> np.ndarray:
-    """Unit vectors (N, 3) along (x, y, z); rows of NaN where that has no finite direction."""
+    """Unit vectors (N, 3) along (x, y, z); rows are NaN if (x, y, z) has no finite direction."""
     square = x * x + y * y + z * z
     scale = 1.0 / np.sqrt(square)
     if not np.max(square, initial=0.0) < np.inf:

@@ -18,13 +18,12 @@ __all__ = ["KannalaBrandt"]
 class KannalaBrandt(FocalModel):
     """Fisheye whose image height is an odd polynomial of the angle off the axis.
 
-    With ``theta = atan2(sqrt(X^2 + Y^2), Z)`` the image height is
-    ``theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)`` focal lengths, in the
-    direction of (X, Y). Seen is what lies before the angle at which the height stops growing,
-    beyond 90 degrees included.
+    With ``theta = atan2(sqrt(X^2 + Y^2), Z)`` the image height is ``theta (1 + k1 theta^2 + k2
+    theta^4 + k3 theta^6 + k4 theta^8)`` focal lengths, in the direction of (X, Y). Points are
+    visible up to the angle at which the height stops increasing, which may exceed 90 degrees.
 
-    Kannala and Brandt, "A generic camera model and calibration method", PAMI 28(8), 2006,
-    doi:10.1109/TPAMI.2006.153.
+    The model is from Kannala and Brandt, "A generic camera model and calibration method", PAMI
+    28(8), 2006, doi:10.1109/TPAMI.2006.153.
 
     Attributes
     ----------

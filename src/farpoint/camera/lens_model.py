@@ -18,7 +18,7 @@ __all__ = ["LensModel"]
 
 
 class LensModel(ABC):
-    """Implements the public half of `CameraModel` on row-by-row functions of a subclass."""
+    """Public half of `CameraModel`, implemented by row-by-row functions of a subclass."""
 
     @property
     @abstractmethod
@@ -82,8 +82,8 @@ class LensModel(ABC):
     def refinable(self) -> LensModel:
         """The same lens with all parameters that a refinement estimates.
 
-        This is the lens itself, except for a pinhole without distortion, which gets coefficients of
-        zero.
+        The result is the lens itself, except for a pinhole without distortion, which gets
+        coefficients of zero.
         """
         return self
 
@@ -111,11 +111,15 @@ class LensModel(ABC):
         return in_blocks(self._unproject, pixels, 3)
 
     def project_jacobian(self, points: np.ndarray) -> np.ndarray:
-        """Derivative of `project` by the point, shape (N, 2, 3); NaN where `project` is."""
+        """Derivative of `project` by the point, shape (N, 2, 3); NaN where the result of `project`
+        is NaN.
+        """
         return in_blocks(self._project_jacobian, points, 6).reshape(-1, 2, 3)
 
     def project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
-        """Derivative of `project` by the `parameters`, shape (N, 2, P); NaN where `project` is."""
+        """Derivative of `project` by the `parameters`, shape (N, 2, P); NaN where the result of
+        `project` is NaN.
+        """
         count = len(self.parameters)
         flat = in_blocks(
             lambda part: self._project_parameter_jacobian(part).reshape(-1, 2 * count),
@@ -125,10 +129,11 @@ class LensModel(ABC):
         return flat.reshape(-1, 2, count)
 
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
-        """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px; NaN where unseen.
+        """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px; NaN for rays outside
+        the field.
 
-        The inverse of `project_jacobian` on the plane perpendicular to each of the rays (N, 3). The
-        lengths of the rays are arbitrary.
+        The derivative is the inverse of `project_jacobian` on the plane perpendicular to each of
+        the rays (N, 3). The lengths of the rays are arbitrary.
         """
         rays = np.ascontiguousarray(rays, dtype=np.float64)
         jacobian = np.empty((len(rays), 3, 2))
@@ -138,7 +143,8 @@ class LensModel(ABC):
     def unproject_parameter_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray of a fixed pixel by the `parameters`, shape (N, 3, P).
 
-        By the implicit function theorem: the pixel ``project(ray(p), p)`` does not change, so
-        ``d ray / dp = -(d ray / d pixel) (d pixel / dp)``. NaN where the rays (N, 3) are not seen.
+        The implicit function theorem gives the derivative: the pixel ``project(ray(p), p)`` does
+        not change, so ``d ray / dp = -(d ray / d pixel) (d pixel / dp)``. The result is NaN for
+        rays (N, 3) outside the field of the lens.
         """
         return -self.unproject_jacobian(rays) @ self.project_parameter_jacobian(rays)

@@ -38,9 +38,10 @@ def prior_covariance(
 ) -> np.ndarray:
     """Covariance (P, P) of the parameters of ``model.refinable()``, in their order and units.
 
-    The sum of independent errors, each along one direction of the parameters: common scale,
-    aspect ratio and shear, both coordinates of the centre, and each coefficient of the distortion,
-    compensated so that the scale at the centre of the image does not change.
+    The covariance is the sum of independent errors, each along one direction of the parameters:
+    common scale, aspect ratio and shear, both coordinates of the centre, and each coefficient of
+    the distortion. The distortion errors are compensated so that the scale at the centre of the
+    image does not change.
 
     Parameters
     ----------
@@ -79,7 +80,9 @@ def prior_covariance(
 
 
 def _padded(covariance: np.ndarray, given: int, refinable: int) -> np.ndarray:
-    """A covariance of the given parameters, or of the refinable ones, as one of the latter."""
+    """Covariance of the refinable parameters, padded with zeros if it is given for the other
+    parameters only.
+    """
     if len(covariance) not in (given, refinable):
         expected = " or ".join(f"({count}, {count})" for count in sorted({given, refinable}))
         raise InputError(f"expected shape {expected}, got {covariance.shape}", field="covariance")
@@ -101,7 +104,7 @@ def _focal_errors(roles: ParameterRoles, focal: float) -> list[Direction]:
 def _distortion_errors(
     model: CameraModel, size: tuple[int, int] | None, distortion_px: float
 ) -> list[Direction]:
-    """Errors of the coefficients with a root mean square displacement of so much at the corners."""
+    """Errors of the coefficients with this root mean square displacement at the corners."""
     if size is None:
         raise InputError(
             "expected the size of the images: an error of the distortion is one at their corner",
@@ -124,7 +127,7 @@ def _distortion_errors(
 def _kinds(roles: ParameterRoles) -> list[tuple[tuple[str, ...], np.ndarray, float]]:
     """Kinds of distortion: parameters, the shares of each, and the share of the kind.
 
-    Shares are of the displacement at the corner; those of the kinds have squares that sum to 1.
+    Shares are of the displacement at the corner; the squared shares of the kinds sum to 1.
     """
     decentering = DECENTERING_SHARE if roles.decentering else 0.0
     return [
@@ -138,7 +141,9 @@ def _scaled(direction: Direction, factor: float) -> Direction:
 
 
 def _at_constant_scale(model: CameraModel, name: str) -> Direction:
-    """A unit of one parameter, and of the scale what leaves the image about the axis as it is."""
+    """A unit change of one parameter, with a change of scale that keeps the image near the axis
+    unchanged.
+    """
     beside = np.array([[AXIS_STEP, 0.0, 1.0], [-AXIS_STEP, 0.0, 1.0]])
     width = np.subtract(*model.project(beside)[:, 0])
     column = list(model.parameters).index(name)
@@ -155,7 +160,7 @@ def _displacement_px(model: CameraModel, direction: Direction, rays: np.ndarray)
 
 
 def _corner_rays(model: CameraModel, size: tuple[int, int]) -> np.ndarray:
-    """Rays (4, 3) of the image's corners, or of where the field ends on the way there."""
+    """Rays (4, 3) of the corners of the image, or of the end of the field towards a corner."""
     right, bottom = size[0] - 1.0, size[1] - 1.0
     corners = np.array([(0.0, 0.0), (right, 0.0), (0.0, bottom), (right, bottom)])
     axis_px = model.project(np.array([[0.0, 0.0, 1.0]]))

@@ -13,7 +13,7 @@ __all__ = ["CameraModel"]
 
 
 class CameraModel(Protocol):
-    """What a lens model must know; every model of this package is a frozen dataclass of floats.
+    """Interface of a lens model; every model of this package is a frozen dataclass of floats.
 
     Pixels are OpenCV's: the centre of the top-left pixel is (0, 0). Camera axes are x right,
     y down, z forward.
@@ -31,11 +31,13 @@ class CameraModel(Protocol):
 
     @property
     def roles(self) -> ParameterRoles:
-        """What the parameters do to the image, for priors of their errors."""
+        """Effects of the parameters on the image, from which priors of their errors are built."""
         ...
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (N, 2) of points in camera axes (N, 3); NaN rows where the lens sees none."""
+        """Pixels (N, 2) of points in camera axes (N, 3); NaN rows for points that the lens does not
+        see.
+        """
         ...
 
     def unproject(self, pixels: np.ndarray) -> np.ndarray:
@@ -43,22 +45,24 @@ class CameraModel(Protocol):
         ...
 
     def project_jacobian(self, points: np.ndarray) -> np.ndarray:
-        """Derivative of `project` by the point, shape (N, 2, 3); NaN where `project` is."""
+        """Derivative of `project` by the point, shape (N, 2, 3); NaN where the result of `project`
+        is NaN.
+        """
         ...
 
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px, at rays (N, 3).
 
-        The rays may have any length. NaN where the lens does not see them.
+        The rays may have any length. The derivative is NaN for rays that the lens does not see.
         """
         ...
 
     def refinable(self) -> CameraModel:
-        """The same lens with every parameter that a refinement may find among its `parameters`."""
+        """The same lens with every parameter that can be estimated among its `parameters`."""
         ...
 
     def with_parameters(self, values: np.ndarray | Mapping[str, float]) -> Self:
-        """The lens with other values of its `parameters`: all in their order, or some by name."""
+        """The lens with other values of its `parameters`: all values in order, or some by name."""
         ...
 
     def project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
@@ -71,7 +75,7 @@ class CameraModel(Protocol):
     def unproject_parameter_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray of a fixed pixel by the `parameters`, shape (N, 3, P), rad.
 
-        At rays (N, 3) of any length, per unit of each parameter. NaN where the lens does not see
-        them.
+        The rays (N, 3) may have any length. The derivative is NaN for rays that the lens does not
+        see.
         """
         ...

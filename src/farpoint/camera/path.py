@@ -1,4 +1,6 @@
-"""Paths on the sphere in the image of a lens: curved, cut at the end of the field or a seam."""
+"""Paths on the sphere in the image of a lens: curved lines, cut at the end of the field or at a
+seam.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,11 @@ _CROWDED_PX = 0.1
 
 
 def project_path(camera: Camera, rays: np.ndarray) -> np.ndarray:
-    """The line through the image of a path that joins rays by arcs of great circles.
+    """Image of a path that joins rays by arcs of great circles.
 
-    Pixels are added until the chords between them lie within 0.2 px of the arcs. The
-    line ends where the lens sees no more (the end is found to a fraction of a pixel), where it has
-    left the image by the image's own size, and at the seam of a 360-degree picture.
+    Pixels are added until the chords between them are within 0.2 px of the arcs. The line ends in
+    three cases: at the end of the field of the lens (found to a fraction of a pixel), farther
+    outside the image than the image's own size, and at the seam of a 360-degree picture.
 
     Parameters
     ----------
@@ -66,7 +68,9 @@ def project_path(camera: Camera, rays: np.ndarray) -> np.ndarray:
 def _to_bisect(
     camera: Camera, rays: np.ndarray, pixels: np.ndarray, suspect: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which of the suspect arcs need their middle, with the middles' rays and pixels."""
+    """Arcs, among the suspect ones, that need their middle, with the rays and pixels of the
+    middles.
+    """
     start = np.flatnonzero(suspect)
     one, two = rays[start], rays[start + 1]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -84,7 +88,7 @@ def _to_bisect(
 
 
 def _seen(camera: Camera, rays: np.ndarray) -> np.ndarray:
-    """Pixels of rays, NaN also where they lie farther out of the image than its own size."""
+    """Pixels of rays; NaN also for pixels farther outside the image than the image's own size."""
     pixels = camera.project(rays)
     if camera.size is not None:
         size = np.array(camera.size)
@@ -95,7 +99,7 @@ def _seen(camera: Camera, rays: np.ndarray) -> np.ndarray:
 
 
 def _pieces(rays: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """The pixels with one row of NaN at each break: where nothing is seen, and at a seam."""
+    """The pixels with one row of NaN at each break: at the end of the field, and at a seam."""
     closest = np.linalg.norm(np.diff(rays, axis=0), axis=1) <= 2.0 * _FINEST_RAD
     jump = closest & (np.linalg.norm(np.diff(pixels, axis=0), axis=1) > _JUMP_PX)
     pixels = np.insert(pixels, np.flatnonzero(jump) + 1, np.nan, axis=0)
@@ -107,7 +111,7 @@ def _pieces(rays: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def _crowded(pixels: np.ndarray) -> np.ndarray:
-    """Which pixels are redundant beside their neighbours: they crowd where an end was sought."""
+    """Pixels that are redundant beside their neighbours, as the search for an end adds many."""
     crowded = np.zeros(len(pixels), bool)
     close = np.linalg.norm(np.diff(pixels, axis=0), axis=1) < _CROWDED_PX
     crowded[1:-1] = close[:-1] & close[1:]

@@ -27,9 +27,9 @@ __all__ = ["Pinhole"]
 class Pinhole(FocalModel):
     """Pinhole camera with OpenCV's radial, tangential, thin-prism and tilt distortion.
 
-    With ``x = X/Z`` and ``y = Y/Z``, distorted to (a, b) by `RadialTangential`,
-    ``u = fx a + cx`` and ``v = fy b + cy``. Points with ``Z <= 0`` are not seen, nor are those
-    beyond the radius at which the distortion folds over.
+    ``x = X/Z`` and ``y = Y/Z`` are distorted to (a, b) by `RadialTangential`; the pixel is ``u = fx
+    a + cx`` and ``v = fy b + cy``. Points with ``Z <= 0``, and points beyond the radius at which
+    the distortion folds, are not visible.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Pinhole(FocalModel):
 
     @property
     def roles(self) -> ParameterRoles:
-        """What the parameters do to the image, for priors of their errors."""
+        """Effects of the parameters on the image, from which priors of their errors are built."""
         return replace(super().roles, **coefficient_roles(len(self.distortion)))
 
     @classmethod
@@ -82,7 +82,9 @@ class Pinhole(FocalModel):
         return gather_coefficients(parameters)
 
     def refinable(self) -> Pinhole:
-        """The same lens with coefficients k1 k2 p1 p2, or those it has if it has any."""
+        """The same lens with its own coefficients, or with the coefficients k1 k2 p1 p2 if it has
+        none.
+        """
         if self.distortion:
             return self
         return replace(self, distortion=(0.0,) * FEWEST_COEFFICIENTS)
@@ -122,7 +124,9 @@ class Pinhole(FocalModel):
         return rays
 
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
-        """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px; NaN where unseen."""
+        """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px; NaN for rays outside
+        the field.
+        """
         lens = self._lens
         if lens.is_tilted:
             return super().unproject_jacobian(rays)

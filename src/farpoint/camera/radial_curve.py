@@ -32,10 +32,10 @@ class RadialCurve:
 
 
 def radial_curve(camera: Camera) -> RadialCurve:
-    """The curve from the axis out to the point of the border that lies farthest off it.
+    """The curve from the axis to the point of the image border that is farthest from the axis.
 
-    That is a corner of most images, and the middle of the sides of a 360-degree one; the curve
-    stops where rays do.
+    This point is a corner of most images, and the middle of a side of a 360-degree picture. The
+    curve ends where pixels have no ray.
 
     Raises
     ------
@@ -61,7 +61,8 @@ def radial_curve(camera: Camera) -> RadialCurve:
 def draw_radial_curve(camera: Camera) -> str:
     """The curve in characters: radius to the right, angle upwards.
 
-    Dots show the pinhole that has the same scale at the centre; where it coincides there are none.
+    Dots show the pinhole that has the same scale at the centre. Where the two curves coincide there
+    are no dots.
     """
     curve = radial_curve(camera)
     radius, angle = curve.radius_px, np.rad2deg(curve.angle_rad)

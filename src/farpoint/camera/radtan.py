@@ -1,7 +1,7 @@
 """Radial-tangential distortion of a plane, with OpenCV's coefficients, and its inverse.
 
-The equations are those of OpenCV's calib3d documentation; the first four coefficients are Brown,
-"Decentering distortion of lenses", Photogrammetric Engineering 32(3), 1966.
+The equations are those of OpenCV's calib3d documentation. The first four coefficients are from
+Brown, "Decentering distortion of lenses", Photogrammetric Engineering 32(3), 1966.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ FEWEST_COEFFICIENTS = 4
 class RadialTangential:
     """Distortion of the plane ``(x, y) -> (a, b)``, one-to-one within its `fold`.
 
-    The map is used out to the smallest radius at which its determinant vanishes in any direction
-    (found to 0.1 % where the map is not purely radial). Beyond it the formula
-    would put a second, mirrored image over the first.
+    The map is used up to the smallest radius at which its determinant vanishes in any direction
+    (found to 0.1 % if the map is not purely radial). Beyond this radius the formula would map a
+    second, mirrored image over the first.
 
     Attributes
     ----------
@@ -127,7 +127,8 @@ class RadialTangential:
     def undistort(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Inverse of `distort`; NaN where nothing is imaged.
 
-        Newton's method to 1e-10, started from the tabulated inverse of the radial part.
+        The inverse is found by Newton's method to 1e-10, from the tabulated inverse of the radial
+        part.
         """
         if self._tilt is not None:
             a, b = self._tilt.invert(a, b)
@@ -193,7 +194,9 @@ class RadialTangential:
 
     @cached_property
     def fold(self) -> float:
-        """Radius of the undistorted plane up to which the map is used; infinite if all of it."""
+        """Radius of the undistorted plane up to which the map is used; infinite if there is no
+        fold.
+        """
         radial_fold = self._radial_fold
         if self._is_radial:
             return radial_fold
@@ -205,7 +208,7 @@ class RadialTangential:
 
     @cached_property
     def _radial_fold(self) -> float:
-        """Radius at which the radial part alone stops growing; infinite if it never does."""
+        """Radius at which the radial part alone stops increasing; infinite if it never does."""
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
         gain, loss = Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6])
         # Numerator of d(r gain / loss) / dr as a polynomial of r^2.
@@ -215,11 +218,12 @@ class RadialTangential:
         return float(end * (1.0 - 1e-9))
 
     def _surely_keeps_orientation(self, radius: np.ndarray) -> np.ndarray:
-        """Whether the radial part stretches more, at these radii, than the rest can fold back.
+        """Whether the radial part stretches more, at these radii, than the other terms can fold
+        back.
 
-        A sum of matrices ``A + E`` is regular where the least singular value of A exceeds the norm
-        of E. The radial part has the singular values ``g`` and ``d(r g)/dr``; those of the rest are
-        bounded by the sum of all its derivatives.
+        A sum of matrices ``A + E`` is regular if the least singular value of A exceeds the norm of
+        E. The radial part has the singular values ``g`` and ``d(r g)/dr``; the norm of the other
+        terms is at most the sum of all their derivatives.
         """
         k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = self._full[:12]
         r2 = radius * radius
@@ -247,7 +251,7 @@ def _even_polynomial(
 
 
 def gather_coefficients(parameters: Mapping[str, float]) -> dict[str, Any]:
-    """Parameters by name, with those that are coefficients under ``distortion`` in their order."""
+    """Parameters by name, with the coefficients among them under ``distortion`` in their order."""
     fields: dict[str, Any] = {
         name: value for name, value in parameters.items() if name not in COEFFICIENT_NAMES
     }
@@ -256,7 +260,7 @@ def gather_coefficients(parameters: Mapping[str, float]) -> dict[str, Any]:
 
 
 def coefficient_roles(count: int) -> dict[str, tuple[str, ...]]:
-    """Names of the radial and of the other ones of so many coefficients."""
+    """Names of the radial and of the other coefficients, for this number of coefficients."""
     names = COEFFICIENT_NAMES[:count]
     radial = tuple(name for name in names if name.startswith("k"))
     return {"radial": radial, "decentering": tuple(name for name in names if name not in radial)}

@@ -1,4 +1,4 @@
-"""What the parameters of a lens do to its image: what a prior of their errors is made of."""
+"""Effects of lens parameters on the image, from which priors of their errors are built."""
 
 from __future__ import annotations
 

@@ -25,16 +25,17 @@ FARTHEST = 50.0
 
 @dataclass(frozen=True, kw_only=True)
 class Scaramuzza(LensModel):
-    """Lens or mirror whose ray of the sensor point (p, q) is along ``(p, q, -f(rho))``.
+    """Lens or mirror for which the ray of a sensor point (p, q) has the direction ``(p, q,
+    -f(rho))``.
 
-    ``f(rho) = a0 + a1 rho + a2 rho^2 + ...`` with ``rho = sqrt(p^2 + q^2)`` px, and
-    ``u = p + e q + cx``, ``v = d p + c q + cy``. The toolbox's axes are x down, y right and z
-    backward; these are x right, y down and z forward. Seen is what lies before the radius at which
-    the angle off the axis stops growing. Projection inverts f itself: the toolbox's own inverse
-    polynomial is only a fit to that, and is not used.
+    ``f(rho) = a0 + a1 rho + a2 rho^2 + ...`` with ``rho = sqrt(p^2 + q^2)`` px, and ``u = p + e q +
+    cx``, ``v = d p + c q + cy``. The toolbox's axes are x down, y right and z backward; the axes
+    here are x right, y down and z forward. Points are visible up to the radius at which the angle
+    off the axis stops increasing. Projection inverts f itself; the inverse polynomial of the
+    toolbox is only a fit and is not used.
 
-    Scaramuzza, Martinelli and Siegwart, "A toolbox for easily calibrating omnidirectional
-    cameras", IROS 2006, doi:10.1109/IROS.2006.282372.
+    The model is from Scaramuzza, Martinelli and Siegwart, "A toolbox for easily calibrating
+    omnidirectional cameras", IROS 2006, doi:10.1109/IROS.2006.282372.
 
     Attributes
     ----------
@@ -88,10 +89,11 @@ class Scaramuzza(LensModel):
 
     @property
     def roles(self) -> ParameterRoles:
-        """What the parameters do to the image, for priors of their errors.
+        """Effects of the parameters on the image, from which priors of their errors are built.
 
-        A turn of the sensor, ``d = -e``, is one of the camera; ``a1``, which the toolbox holds at
-        zero since no smooth curve has it, stays there.
+        A rotation of the sensor, ``d = -e``, equals a rotation of the camera and is no error of the
+        lens. ``a1`` is exact: the toolbox fixes it at zero, because it is zero for every smooth
+        curve.
         """
         coefficients = [(f"a{power}", a) for power, a in enumerate(self.coefficients)]
         return ParameterRoles(
@@ -114,7 +116,9 @@ class Scaramuzza(LensModel):
 
     @cached_property
     def _depth(self) -> Polynomial:
-        """``-f`` in focal lengths, of a radius in focal lengths; begins with 1."""
+        """``-f`` in focal lengths as a function of the radius in focal lengths; the constant term
+        is 1.
+        """
         powers = np.arange(len(self.coefficients))
         return Polynomial(-np.array(self.coefficients) * self._focal ** (powers - 1.0))
 
@@ -124,7 +128,7 @@ class Scaramuzza(LensModel):
 
     @cached_property
     def _curve(self) -> MonotonicCurve:
-        """The angle off the axis, rad, by the radius in focal lengths."""
+        """The angle off the axis, rad, as a function of the radius in focal lengths."""
         slope = self._depth - Polynomial([0.0, 1.0]) * self._depth_slope
         return MonotonicCurve(self._angle, min(first_positive_root(slope.coef), FARTHEST))
 

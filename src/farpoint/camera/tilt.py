@@ -18,11 +18,11 @@ GENERATOR_Y = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 
 @dataclass(frozen=True)
 class Tilt:
-    """Central projection of the plane onto one turned about the x and then the y axis.
+    """Central projection of the plane onto a plane rotated about the x axis and then about the y
+    axis.
 
-    The equations stand in OpenCV's calib3d documentation, after Louhichi et al.,
-    "Self-calibration of Scheimpflug cameras: an easy protocol", Measurement Science and
-    Technology 18, 2616, 2007.
+    The equations are in OpenCV's calib3d documentation, after Louhichi et al., "Self-calibration of
+    Scheimpflug cameras: an easy protocol", Measurement Science and Technology 18, 2616, 2007.
 
     Attributes
     ----------
@@ -54,7 +54,9 @@ class Tilt:
         return _project(self.homography, x, y)
 
     def invert(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Straight coordinates of tilted ones; NaN beyond the horizon of the sensor."""
+        """Coordinates without the tilt, of tilted coordinates; NaN beyond the horizon of the
+        sensor.
+        """
         return _project(np.linalg.inv(self.homography), a, b)
 
     def chain(self, inner: PlaneMap) -> PlaneMap:
@@ -103,7 +105,7 @@ def _about_y(angle: float) -> np.ndarray:
 
 
 def _onto_sensor(turn: np.ndarray, last: float) -> np.ndarray:
-    """Projection onto the turned plane, linear in the turn but for its last entry."""
+    """Projection onto the rotated plane, linear in the rotation except for one entry."""
     return np.array(
         [[turn[2, 2], 0.0, -turn[0, 2]], [0.0, turn[2, 2], -turn[1, 2]], [0.0, 0.0, last]]
     )

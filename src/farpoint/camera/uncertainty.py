@@ -19,7 +19,7 @@ ASYMMETRY = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class CameraUncertainty:
-    """Errors of a calibration, 1 sigma: in general terms, or as the covariance of its parameters.
+    """Errors of a calibration, 1 sigma: in general terms, or as the covariance of the parameters.
 
     Attributes
     ----------

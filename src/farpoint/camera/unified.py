@@ -1,4 +1,4 @@
-"""The unified model of Geyer, Barreto and Mei: a unit sphere seen by a pinhole off its centre."""
+"""The unified model of Geyer, Barreto and Mei: a sphere, seen by a pinhole outside its centre."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ __all__ = ["Unified"]
 
 @dataclass(frozen=True, kw_only=True)
 class Unified(FocalModel):
-    """Lens or mirror with ``(x, y) = (X, Y) / (Z + xi |(X, Y, Z)|)``, then distortion.
+    """Lens or mirror with ``(x, y) = (X, Y) / (Z + xi |(X, Y, Z)|)``, followed by a distortion.
 
-    ``(a, b)`` is (x, y) distorted by `RadialTangential`; then ``u = fx a + skew b + cx`` and
-    ``v = fy b + cy``. OpenCV's ``omnidir``, Kalibr's ``omni`` and CamOdoCal's MEI; ``xi = 1`` is
-    a parabolic mirror, ``xi = 0`` a pinhole.
+    ``(a, b)`` is (x, y) distorted by `RadialTangential`; the pixel is ``u = fx a + skew b + cx``
+    and ``v = fy b + cy``. OpenCV calls this lens ``omnidir``, Kalibr ``omni`` and CamOdoCal MEI.
+    ``xi = 1`` is a parabolic mirror, ``xi = 0`` a pinhole.
 
-    Mei and Rives, "Single view point omnidirectional camera calibration from planar grids",
-    ICRA 2007, doi:10.1109/ROBOT.2007.364084.
+    The model is from Mei and Rives, "Single view point omnidirectional camera calibration from
+    planar grids", ICRA 2007, doi:10.1109/ROBOT.2007.364084.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Unified(FocalModel):
 
     @property
     def roles(self) -> ParameterRoles:
-        """What the parameters do to the image, for priors of their errors."""
+        """Effects of the parameters on the image, from which priors of their errors are built."""
         inner, coefficients = super().roles, coefficient_roles(len(self.distortion))
         return replace(
             inner,
@@ -117,7 +117,8 @@ class Unified(FocalModel):
     def _lowest_cosine(self) -> float:
         """``Z / |X|`` must exceed this.
 
-        Up to xi = 1 the divisor vanishes there, beyond it ``sin / (xi + cos)`` stops growing.
+        At this cosine the divisor vanishes if xi is at most 1; for larger xi ``sin / (xi + cos)``
+        stops increasing.
         """
         return -min(self.xi, 1.0 / self.xi) if self.xi > 0.0 else 0.0
 

@@ -1,4 +1,4 @@
-"""Checks of what users hand to a lens model: scalars, and rows of numbers."""
+"""Checks of the arguments of a lens model: scalars, and rows of numbers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def finite(name: str, value: Any) -> float:
 
 
 def positive(name: str, value: Any) -> float:
-    """The parameter as a positive finite float, or an InputError naming it."""
+    """The parameter as a positive finite float, or an InputError with its name."""
     number = finite(name, value)
     if number <= 0:
         raise InputError(f"expected a positive number, got {number:g}", field=name)
@@ -42,7 +42,7 @@ def positive(name: str, value: Any) -> float:
 
 
 def within(name: str, value: Any, low: float, high: float) -> float:
-    """The parameter as a float between two bounds, or an InputError naming it."""
+    """The parameter as a float between two bounds, or an InputError with its name."""
     number = finite(name, value)
     if not low <= number <= high:
         raise InputError(f"expected a number from {low:g} to {high:g}, got {number:g}", field=name)
@@ -54,7 +54,7 @@ def parameter_values(
     values: np.ndarray | Mapping[str, float],
     field: str = "values",
 ) -> dict[str, float]:
-    """Values by the names of the parameters, from an array of all or a mapping of some."""
+    """Values by parameter name, from an array of all values or a mapping of some."""
     if isinstance(values, Mapping):
         unknown = [str(name) for name in values if name not in current]
         if unknown:
@@ -75,7 +75,7 @@ def parameter_values(
 
 
 def as_rows(values: Any, columns: int, name: str) -> np.ndarray:
-    """The argument as float64 of shape (N, columns), or an InputError naming it."""
+    """The argument as float64 of shape (N, columns), or an InputError with its name."""
     try:
         rows = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -90,8 +90,8 @@ def in_blocks(
 ) -> np.ndarray:
     """Apply a row-by-row function, (N, k) -> (N, columns), to a cache-sized part at a time.
 
-    Floating-point faults are silent: they are how a lens model finds the rows that it answers
-    with NaN.
+    Floating-point warnings are off, because a lens model uses invalid values to find the rows that
+    become NaN.
     """
     rows = np.asarray(rows, dtype=np.float64)
     with np.errstate(all="ignore"):

@@ -1,4 +1,6 @@
-"""The command line: parses, calls, and turns errors into one line and an exit code."""
+"""The command line: it parses arguments, calls the command, and turns errors into one line and an
+exit code.
+"""
 
 from __future__ import annotations
 
@@ -85,7 +87,7 @@ def _refuse(problem: str) -> int:
 
 
 def _discard_results() -> None:
-    """What could not be printed must not be tried again when Python exits."""
+    """Discard text that could not be printed, so that Python does not print it again at exit."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -95,7 +97,8 @@ def _discard_results() -> None:
 
 @contextlib.contextmanager
 def _ended_like_ctrl_c() -> Iterator[None]:
-    """Take SIGTERM, and SIGHUP of a terminal that closes, for Ctrl-C: every output gets its end.
+    """Handle SIGTERM, and SIGHUP of a closed terminal, like Ctrl-C, so that every output is
+    completed.
 
     A signal that the caller ignores stays ignored (``nohup``).
     """
@@ -120,7 +123,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def parse(arguments: list[str]) -> Callable[[], int | None]:
-    """The command, or an InputError in one line where tyro would print a box."""
+    """The parsed command; wrong usage raises an InputError of one line instead of tyro's box."""
     command = f"{arguments[0]} " if arguments[0] in COMMANDS else ""
     return in_one_line(
         lambda: tyro.extras.subcommand_cli_from_dict(

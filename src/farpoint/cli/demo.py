@@ -1,4 +1,4 @@
-"""``farpoint demo``: a rendered drive, or a walk with a phone, with exact truth."""
+"""``farpoint demo``: a rendered drive, or a walk with a phone, with known true motion."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ certain there. """
 
 
 def _what_to_look_at(out: Path, output: OutputOptions, handheld: bool) -> str:
-    """Last words: which files to open, and what to see in each."""
+    """Last printed lines: the files to open, and what each of them shows."""
     far, near = output.palette.split("-")
     words = []
     if output.overlay:

@@ -89,7 +89,7 @@ class Fleet(RecordedOptions):
 
 
 def _typed(name: str, value: str) -> list[str]:
-    """An option of a table as one would type it; of a switch, true and false."""
+    """An option of a table as text of the command line; a switch is true or false."""
     if value.lower() == "true":
         return [f"--{name}"]
     if value.lower() == "false":
@@ -100,7 +100,7 @@ def _typed(name: str, value: str) -> list[str]:
 
 @dataclass(frozen=True)
 class _RunInto:
-    """The run of a drive, for a worker, which gives the folder."""
+    """The run of a drive on a worker, which supplies the folder."""
 
     run: Run
 

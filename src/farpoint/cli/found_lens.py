@@ -13,7 +13,7 @@ _HEAD = ("lens and shutter", "given", "found", "sigma", "true", "error/sigma")
 
 
 def found_lens_text(folder: Path, true: Camera, readout_s: float) -> str:
-    """Table of each parameter that a run into ``folder`` looked for, and of the read-out time.
+    """Table of each parameter that a run into ``folder`` estimated, and of the read-out time.
 
     Parameters
     ----------

@@ -68,7 +68,9 @@ class LensOptions:
 
     @contextmanager
     def naming_file(self) -> Iterator[None]:
-        """Name the file of a calibration that does not fit the images."""
+        """Add the name of the calibration file to an error about a calibration that does not fit
+        the images.
+        """
         try:
             yield
         except InputError as error:

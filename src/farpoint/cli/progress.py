@@ -15,12 +15,12 @@ _LONGEST_S = 30 * 86400.0  # beyond a month the number of frames is a fault of t
 
 
 class Progress:
-    """A line that renews itself on a terminal; elsewhere a new line every few seconds.
+    """A line that is updated on a terminal; elsewhere a new line every few seconds.
 
     Parameters
     ----------
     what : str
-        What is counted, such as ``"frames"``.
+        Name of the counted objects, such as ``"frames"``.
     total : int or None
         Number expected, for the time left.
     stream : TextIO, optional
@@ -56,7 +56,7 @@ class Progress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Show the final count, or leave the last word to an error."""
+        """Show the final count; after an error the error message is the last line."""
         if not isinstance(error, Exception):  # an end or Ctrl-C
             self._show(time.monotonic())
         if self._terminal and self._shown_any:

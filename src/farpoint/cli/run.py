@@ -1,4 +1,4 @@
-"""``farpoint run``: from a source of images to a folder of results."""
+"""``farpoint run``: results in a folder, from a source of images."""
 
 from __future__ import annotations
 
@@ -216,12 +216,12 @@ def _up_to_an_image(timed: Iterator[tuple[Frame, float]]) -> list[tuple[Frame, f
 
 
 class _Timed:
-    """Each frame with the seconds that reading it took; an InputError where none has an image.
+    """Frames with the seconds that reading took; an InputError if no frame has an image.
 
     Attributes
     ----------
     time_ns : int or None
-        Of the frame that was given last, where its source counts in ns.
+        Time of the last frame, if the source has times in ns.
     """
 
     time_ns: int | None = None

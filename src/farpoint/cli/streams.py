@@ -31,10 +31,10 @@ def lasting_streams() -> Iterator[None]:
 
 
 def _open_closed_descriptors() -> None:
-    """Put the null device on descriptors 0 to 2 that are closed.
+    """Open the null device for each of the descriptors 0 to 2 that is closed.
 
-    Otherwise a file that is opened later would get such a number, and printed text would go into
-    it.
+    Otherwise a file opened later would get such a descriptor, and printed text would go into that
+    file.
     """
     for descriptor in range(3):
         try:
@@ -44,7 +44,7 @@ def _open_closed_descriptors() -> None:
 
 
 class _Lasting(io.TextIOBase):
-    """A text stream that discards its text when its reader has ended; None is such a stream.
+    """A text stream that discards its text after its reader has ended, or if the stream is None.
 
     A stream without results discards its text after any error.
     """

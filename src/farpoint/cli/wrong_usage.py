@@ -24,7 +24,7 @@ _RULE = re.compile("───|---{20}")  # the second where the terminal knows n
 
 
 def in_one_line(parse: Callable[[], T], see: str) -> T:
-    """What ``parse`` returns, or an InputError that ends with where to ``see`` more."""
+    """Result of ``parse``, or an InputError that ends with the command to ``see`` for help."""
     box = io.StringIO()
     try:
         with contextlib.redirect_stderr(box):
@@ -37,7 +37,7 @@ def in_one_line(parse: Callable[[], T], see: str) -> T:
 
 
 def _first_lines(box: str) -> str:
-    """Text of a box of tyro's above its first rule, in one line."""
+    """Text of one of tyro's boxes above its first rule, in one line."""
     words = []
     for line in box.splitlines()[1:]:
         if _RULE.search(line):
@@ -49,6 +49,8 @@ def _first_lines(box: str) -> str:
 
 
 def _option_of(refused: re.Match[str]) -> str:
-    """The option as users type it; the outermost record, `metric` apart, gives it no prefix."""
+    """The option as users type it. Fields of the outermost record have no prefix, except those of
+    `metric`.
+    """
     path = f"{refused['records']}.{refused['field']}".removeprefix(".")
     return f"--{path.replace('_', '-')}: "

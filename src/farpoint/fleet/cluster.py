@@ -47,7 +47,7 @@ class ClusterOptions:
     workers : int or None
         Processes on this machine, of one thread each; a worker for each core by default.
     memory : str
-        Most that each of them may take, such as ``"2GB"``; auto shares the machine's.
+        Memory limit of each worker, such as ``"2GB"``; auto shares the machine's.
     scheduler : str or None
         Address of a Dask scheduler, whose workers are used instead.
     """
@@ -80,7 +80,7 @@ class Cluster:
     Attributes
     ----------
     deaths : str
-        What is wrong with a drive at which worker after worker dies.
+        Message for a drive during which several workers have died.
     """
 
     def __init__(
@@ -97,12 +97,12 @@ class Cluster:
     def look_after(self) -> None:
         """Replace workers that have ended; to be called regularly.
 
-        Dask starts a worker again that is killed, but none that is killed while it starts.
+        Dask restarts a worker that is killed, but not a worker that is killed while it starts.
 
         Raises
         ------
         InputError
-            Where workers end again and again before they work.
+            If workers end again and again before they work.
         """
         if self._local is None:
             return
@@ -127,9 +127,9 @@ def open_cluster(options: ClusterOptions) -> Iterator[Cluster]:
     Raises
     ------
     InputError
-        Where nothing answers at the scheduler's address.
+        If nothing answers at the scheduler's address.
     MissingExtraError
-        Where Dask is not installed.
+        If Dask is not installed.
     """
     dask = optional_import("dask", extra="dask", purpose="running a fleet")
     with ExitStack() as opened:
@@ -185,9 +185,10 @@ def _cores() -> int:
 
 @contextmanager
 def _ignoring_ctrl_c() -> Iterator[None]:
-    """Keep Ctrl-C from threads and processes that begin here, and from all that those begin.
+    """Keep Ctrl-C from the threads and processes that start here, and from their children.
 
-    A terminal sends it to every process; it is for the one that leads, which ends the workers.
+    A terminal sends Ctrl-C to every process. Only the leading process handles it, and ends the
+    workers.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -201,7 +202,7 @@ def _ignoring_ctrl_c() -> Iterator[None]:
 
 
 def _compile_on_machines(client: Any) -> None:
-    """One worker of each machine compiles, before there is work for the others."""
+    """Compile the kernels by one worker of each machine, before the other workers get work."""
     workers = client.scheduler_info(n_workers=-1)["workers"]
     by_host = {worker["host"]: address for address, worker in workers.items()}
     client.gather(

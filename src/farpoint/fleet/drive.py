@@ -58,7 +58,7 @@ class Drive:
 
 
 def _files_in(options: Any) -> Iterator[str]:
-    """Every path in a record of options and the records in it."""
+    """Every path in a record of options, including nested records."""
     for field in fields(options):
         value = getattr(options, field.name)
         if isinstance(value, Path):

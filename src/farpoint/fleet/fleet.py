@@ -53,7 +53,7 @@ def run_fleet(
     reporting: Callable[[int], Any],
     parquet: bool = False,
 ) -> FleetOutcome:
-    """Run all drives that are not finished, and write the tables; after Ctrl-C, too.
+    """Run all unfinished drives and write the tables, also after Ctrl-C.
 
     Parameters
     ----------
@@ -64,14 +64,14 @@ def run_fleet(
     cluster : ClusterOptions
         Options of the workers.
     telling : callable
-        Given the number of drives to run, a context manager that gives a `Teller`.
+        Called with the number of drives to run; returns a context manager that yields a `Teller`.
     parquet : bool
         Write ``fleet.parquet``, too.
 
     Raises
     ------
     InputError
-        Where another run writes into ``out``, it cannot be written, or no scheduler answers.
+        If another run writes into ``out``, it cannot be written, or no scheduler answers.
     """
     out = out.absolute()
     with FolderLock(out), lasting_interrupts() as look:

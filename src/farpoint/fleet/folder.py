@@ -34,8 +34,8 @@ def facts_of(folder: Path) -> dict[str, Any]:
 def finish_folder(folder: Path, key: str, fill: Callable[[Path], dict[str, Any]]) -> None:
     """Fill a folder under a temporary name and rename it when it is complete.
 
-    An earlier folder of this name is replaced, unless it has the same key: then another worker was
-    faster, and its results stay.
+    An earlier folder of this name is replaced, unless it has the same key. In this case another
+    worker was faster, and the results of that worker stay.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def _record_of(folder: Path) -> dict[str, Any]:
 
 
 def clear_unfinished(drives: Path) -> None:
-    """Remove what killed workers left of drives; only while nobody works there."""
+    """Remove incomplete folders of killed workers. Call this only while no worker is running."""
     for left in drives.glob(f"{_UNFINISHED}*"):
         shutil.rmtree(left, ignore_errors=True)
 

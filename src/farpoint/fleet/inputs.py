@@ -1,4 +1,4 @@
-"""Whether an input is unchanged, by names, sizes and times of change."""
+"""Check whether an input is unchanged, by names, sizes and modification times."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ State = list[list[Any]]
 
 
 def state_of_input(name: str) -> State:
-    """Rows of name, size and time of change of every file that an input consists of.
+    """Rows of name, size and modification time of every file of an input.
 
-    What cannot be looked at has its name alone: the run will say why.
+    A file that cannot be read has its name only; the run reports the reason.
     """
     if is_remote(name):
         return _remote_state(name)

@@ -1,4 +1,6 @@
-"""Interruptions that are not lost: Python forgets one that comes in the middle of a destructor."""
+"""Interrupts that are not lost: Python ignores an interrupt that arrives in the middle of a
+destructor.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +19,11 @@ _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 @contextmanager
 def lasting_interrupts() -> Iterator[Callable[[], None]]:
-    """Give a function that raises KeyboardInterrupt if one has been raised before.
+    """Context with a function that raises KeyboardInterrupt if an interrupt has arrived before.
 
-    A signal's KeyboardInterrupt comes wherever the main thread is; in a destructor or the callback
-    of a weak reference Python prints it and goes on. What waits for long looks now and then.
+    The KeyboardInterrupt of a signal is raised wherever the main thread is. In a destructor or in
+    the callback of a weak reference, Python prints it and continues. Code that waits for a long
+    time should call the function repeatedly.
     """
     came = threading.Event()
 

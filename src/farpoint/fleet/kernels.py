@@ -20,10 +20,10 @@ _FRAMES = 5
 
 
 def compile_kernels() -> None:
-    """Run small drives and draw, so that what a run compiles is in numba's cache on this machine.
+    """Run small drives and draw, so that all kernels of a run are in numba's cache on this machine.
 
-    The images are large enough for 60 matches, from which on the covariance is corrected by halves
-    of the tracks.
+    The images are large enough for 60 matches, because halves of the tracks correct the covariance
+    only from 60 matches on.
     """
     from farpoint.synthetic import render_drive  # loaded on use, and once
 

@@ -26,11 +26,11 @@ class ListedDrive:
     Attributes
     ----------
     source : str
-        What to run.
+        Source of the drive.
     options : dict of str to str
         Options of ``farpoint run`` by name, without the dashes.
     place : str
-        Where it is listed, for errors; empty for a source of the command line.
+        Place in a list, for errors; empty for a source of the command line.
     """
 
     source: str
@@ -39,7 +39,7 @@ class ListedDrive:
 
 
 def list_drives(sources: Iterable[str]) -> list[ListedDrive]:
-    """The drives that sources, patterns and lists name, each once, in order.
+    """Drives of all sources, patterns and lists, each once, in order.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def list_drives(sources: Iterable[str]) -> list[ListedDrive]:
     Raises
     ------
     InputError
-        Where a list cannot be read, a pattern matches nothing, or there is no drive.
+        If a list cannot be read, a pattern matches nothing, or there is no drive.
     """
     found: dict[tuple[str, tuple[tuple[str, str], ...]], ListedDrive] = {}
     for source in sources:
@@ -132,7 +132,7 @@ def _of_lines(path: Path) -> Iterator[ListedDrive]:
 
 
 def _beside(path: Path, source: str, options: dict[str, str], place: str) -> ListedDrive:
-    """A drive whose files may be named from where the list is."""
+    """A drive whose relative paths start at the folder of the list."""
 
     def found(name: str) -> str:
         near = path.parent / name

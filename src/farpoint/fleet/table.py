@@ -39,7 +39,7 @@ class Row:
     duration_s, elapsed_s : float or None
         Length of the drive, and of the computation, s.
     length : float or None
-        Of the path, in ``unit``.
+        Length of the path, in ``unit``.
     unit : str
         ``m`` with aiding measurements, otherwise the unit of the trajectory.
     ok, rotation_only, static, failed : int or None
@@ -84,7 +84,9 @@ class Row:
 
 
 def row_of(drive: Drive, facts: dict[str, Any] | None, error: str | None) -> Row:
-    """The row of a drive with the facts of its run, with an error, or with neither: waiting."""
+    """The row of a drive with the facts of its run or with an error; without both the drive is
+    waiting.
+    """
     what: dict[str, Any] = {"drive": drive.name, "source": drive.source, "camera": drive.camera}
     if facts is not None:
         return Row(**what, state="done", **facts)
@@ -115,12 +117,12 @@ def write_tables(out: Path, rows: Sequence[Row], parquet: bool) -> None:
 
 
 def facts_of_run(folder: Path) -> dict[str, Any]:
-    """Facts of the outputs for the row of a drive: made by its worker, who has just written them.
+    """Facts of the outputs for the row of a drive, collected by the worker that has written them.
 
     Raises
     ------
     InputError, OSError, KeyError, TypeError, ValueError
-        Where they cannot be read.
+        If they cannot be read.
     """
     run = read_run(folder / "run.json")
     digest = digest_motions(folder / "motions.csv")
@@ -167,7 +169,7 @@ def _honesty(folder: Path) -> dict[str, float | None]:
 
 
 def _lens(run: dict[str, Any]) -> tuple[str, str]:
-    """The lens as found and its sigma, from the key ``lens`` or that of the camera."""
+    """The estimated lens and its sigma, from the key ``lens`` or that of the camera."""
     lens = run.get("lens") or {}
     found = lens.get("found") or run["camera"].get("parameters")
     return _words(found), _words(lens.get("sigma") or run["camera"].get("sigma"))

@@ -1,4 +1,4 @@
-"""Work of a worker: runs one drive, unless it is finished, into its folder."""
+"""Task of a worker: it runs one drive into its folder, unless the drive is finished."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["Work", "do_drive", "one_line"]
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """A drive, its folder, and the key by which it is recognised when finished."""
+    """A drive, its folder, and the key that identifies a finished drive."""
 
     drive: Drive
     folder: Path
@@ -27,7 +27,7 @@ class Work:
 
 
 def do_drive(work: Work) -> str | None:
-    """Run a drive that is not finished; None, or in one line why it cannot be run."""
+    """Run a drive that is not finished; returns None, or in one line the reason of a failure."""
     if is_finished(work.folder, work.key):  # by a worker that died before it could say so
         return None
     try:

@@ -1,4 +1,4 @@
-"""Frames: one small reader for each kind of source, all yielding the same record."""
+"""Frames: one small reader for each kind of source; all readers yield the same record."""
 
 from farpoint.frames.focal_length import find_focal_length
 from farpoint.frames.frame import Frame, FrameSource

@@ -1,4 +1,4 @@
-"""Search for a calibration file near the images, for messages only: the file is not used."""
+"""Search for a calibration file near the images, to name it in messages; the file is not used."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PATTERNS = (
 
 
 def find_calibration(*folders: Path, stem: str | None = None) -> Path | None:
-    """First file with a calibration's name in `folders` or in a ``calib`` folder inside one.
+    """First file with the name of a calibration in `folders` or in their subfolders ``calib``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Numbers that are times: their unit, and file names made of them."""
+"""Numbers that are times: the unit of a number, and file names that are times."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ def parse_seconds(text: str) -> float:
 def seconds_in_name(path: Path) -> float | None:
     """Time, s, of a file name that is a Unix time in seconds with decimals, ms, us or ns.
 
-    EuRoC names its images by nanoseconds, TUM by seconds; None for counters and everything else.
+    EuRoC names its images by nanoseconds, TUM by seconds. The result is None for counters and all
+    other names.
     """
     return parse_seconds(path.stem) if _STAMP_NAME.fullmatch(path.stem) else None

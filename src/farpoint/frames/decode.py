@@ -43,7 +43,7 @@ _JPEG_DAMAGE = re.compile(
 
 
 class UnreadableImageError(Exception):
-    """One image is unreadable; the message has the cause. Never leaves this package."""
+    """One image is unreadable. The message has the cause; this package catches it."""
 
 
 def read_grey(
@@ -65,7 +65,7 @@ def read_grey(
     Raises
     ------
     UnreadableImageError
-        Where the file cannot be read, is incomplete, too large, or is no image.
+        If the file cannot be read, is incomplete, too large, or is no image.
     """
     image = read_samples(path, max_megapixels)
     if image.dtype == np.uint16:
@@ -127,7 +127,7 @@ def silent_opencv() -> Iterator[None]:
 
 
 class _SilentCodecs:
-    """Redirects standard error to a file, for libraries that report errors only there.
+    """Redirection of standard error to a file, for libraries that report errors only there.
 
     Python's own messages are redirected, too. One thread at a time, because the messages belong to
     the current image.
@@ -159,7 +159,7 @@ _silent_codecs = _SilentCodecs()
 
 
 def _replace_stderr(descriptor: int) -> int:
-    """A copy of standard error, which is this file from here on; -1 where it is closed."""
+    """Replace standard error by this file; returns a copy of the old one, or -1 if it is closed."""
     try:
         saved = os.dup(_STDERR)
     except OSError:

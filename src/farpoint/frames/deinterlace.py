@@ -1,7 +1,7 @@
 """Deinterlacing: recognises interlaced pictures by their combs, and uses one field.
 
 The even and the odd lines of an interlaced picture are half a frame time apart. At moving edges
-each line is more similar to the second next line than to the next one: a comb.
+each line resembles the next line but one more than the next line: this pattern is called a comb.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ stand at first."""
 
 
 class Deinterlacer:
-    """Uses the even lines of every picture after the first interlaced one.
+    """Filter that uses the even lines of every picture after the first interlaced picture.
 
     Attributes
     ----------
@@ -73,9 +73,9 @@ def comb_share(image: np.ndarray) -> float:
 def one_field(image: np.ndarray) -> np.ndarray:
     """The even lines of an image (H, W), and the lines between them; no pixel moves.
 
-    What is finer than the field's lines is folded by them, and would pull windows towards whole
-    lines, all of an image alike: so they are smoothed by 1 2 1 first. All lines are those of the
-    cubic B-spline over these, which smooths each of them alike.
+    Details finer than the field's lines alias, and would pull all windows of an image towards whole
+    lines. The lines are therefore smoothed by 1 2 1 first. All lines of the result are those of the
+    cubic B-spline through the smoothed lines, which smooths each line equally.
     """
     even = image[::2].astype(np.float32)
     even = (_shifted(even, -1) + 2.0 * even + _shifted(even, 1)) / 4.0

@@ -48,8 +48,9 @@ class GreyTable:
     def for_images(cls, images: Sequence[np.ndarray]) -> GreyTable:
         """Table for a source, from example images (H, W), uint16.
 
-        The upper 8 of the bits in use. If these would span less than 1/4 of the grey values (raw
-        counts of a thermal camera), the range of the samples with headroom.
+        The table maps the upper 8 of the bits in use. If these bits would span less than 1/4 of the
+        grey values (raw counts of a thermal camera), the table maps the range of the samples with
+        headroom.
         """
         some = np.concatenate([image[::_EVERY, ::_EVERY].ravel() for image in images])
         low, high = (int(value) for value in np.quantile(some, (_TAIL, 1.0 - _TAIL)))
@@ -68,7 +69,7 @@ class GreyTable:
 
     @classmethod
     def for_source(cls, examples: Iterable[np.ndarray]) -> GreyTable:
-        """Table from examples of a source, up to the first with 8 bits."""
+        """Table from example images of a source, up to the first image with 8 bits."""
         deep = []
         for image in examples:
             if image.dtype != np.uint16:

@@ -13,7 +13,7 @@ _LISTS = ("mav0/cam0/data.csv", "cam0/data.csv", "data.csv", "cam0_data.csv")
 
 
 def open_euroc(folder: Path) -> ImageSequence | None:
-    """Camera 0 of a sequence, or the camera whose own folder is given; None for other folders.
+    """Camera 0 of a sequence, or the camera of the given folder; None for other folders.
 
     Time stamps come from the list, in nanoseconds there.
     """

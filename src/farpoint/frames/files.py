@@ -54,7 +54,7 @@ def is_image(path: str | Path) -> bool:
 def list_images(folder: Path) -> list[Path]:
     """Images directly in `folder`, in order; empty if there is no such folder.
 
-    Links to nowhere are listed: they are images that cannot be read, not images that never were.
+    Broken links are listed, too: they are frames with a fault, because an image should be there.
     """
     try:
         with os.scandir(folder) as entries:
@@ -78,10 +78,11 @@ def read_lines(path: Path) -> list[tuple[int, str]]:
 
 
 def source_name(folder: Path) -> str:
-    """Name of the sequence whose images are in `folder`, which many datasets call alike.
+    """Name of the sequence whose images are in `folder`, because many datasets use the same folder
+    names.
 
-    ``drive/images`` is ``drive``, and so is ``drive/mav0/cam0/data``: it holds what is read when
-    ``drive`` itself is opened. The folder of another camera keeps its name: ``drive-cam1``.
+    ``drive/images`` is called ``drive``, and so is ``drive/mav0/cam0/data``, because opening
+    ``drive`` reads the same images. The folder of another camera keeps its name: ``drive-cam1``.
     """
     folder = folder.resolve()
     if not folder.name:

@@ -76,7 +76,7 @@ def _of_images(images: Sequence[Path], name: str) -> EquivalentFocalLength:
 
 
 def _exif_focal_length(path: Path) -> float:
-    """FocalLengthIn35mmFilm, mm; 0 where there is none or the file is no image."""
+    """FocalLengthIn35mmFilm, mm; 0 if the tag is absent or the file is no image."""
     pillow = optional_import("PIL.Image", extra="video", purpose="reading EXIF")
     try:
         with pillow.open(path) as image:

@@ -18,7 +18,7 @@ _USUAL_NAMES = ("images", "image", "rgb", "frames", "data", "img", "imgs")
 
 
 def sequence_in(images_folder: Path, *, root: Path, fps: float | None) -> ImageSequence | None:
-    """The images directly in `images_folder`, named after `root`; None where there are none."""
+    """The images directly in `images_folder`, with the name of `root`; None without images."""
     images, pages = with_pages(list_images(images_folder))
     if not images:
         return None
@@ -32,12 +32,12 @@ def sequence_in(images_folder: Path, *, root: Path, fps: float | None) -> ImageS
 
 
 def open_folder(folder: Path, *, fps: float | None) -> ImageSequence:
-    """Images in `folder`, or in the one folder inside it that holds them.
+    """Images in `folder`, or in the only folder in it that has images.
 
     Raises
     ------
     InputError
-        Where there is no image, or several folders to choose from.
+        If there is no image, or several folders to choose from.
     """
     inside = sorted(entry for entry in folder.iterdir() if entry.is_dir())
     usual = [folder / name for name in _USUAL_NAMES if folder / name in inside]
@@ -62,7 +62,7 @@ def open_glob(pattern: str, *, fps: float | None) -> ImageSequence:
     Raises
     ------
     InputError
-        Where no image matches.
+        If no image matches.
     """
     # Path.glob takes no absolute pattern.
     matches = [Path(match) for match in glob.glob(pattern, recursive=True)]  # noqa: PTH207
@@ -86,7 +86,7 @@ def open_pages(file: Path, *, fps: float | None) -> ImageSequence:
     Raises
     ------
     InputError
-        Where it has one page only.
+        If it has one page only.
     """
     images, pages = with_pages([file])
     if len(images) < 2:

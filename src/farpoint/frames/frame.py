@@ -54,7 +54,7 @@ class FrameSource(Protocol):
 
     @property
     def count(self) -> int | None:
-        """Number of frames if it is known in advance; for some videos an estimate."""
+        """Number of frames if known in advance, otherwise None; for some videos an estimate."""
         ...
 
     @property

@@ -1,9 +1,9 @@
 """Integrity check of image files before decoding, because decoders conceal missing data.
 
-OpenCV does not verify the checksums of a PNG, and its JPEG library fills what a truncated file
-lacks with grey and writes to the process's stderr. The bytes of both show whether they are
-complete, at 0.1 of the cost of decoding them. Damage inside the scan of a JPEG shows only in its
-decoder's messages, which `farpoint.frames.decode` reads.
+OpenCV does not verify the checksums of a PNG. The JPEG library of OpenCV fills missing data of a
+truncated file with grey and writes a warning to standard error. For both formats, the bytes of the
+file show whether it is complete, at 0.1 of the cost of decoding. Damage inside the scan of a JPEG
+appears only in the messages of the decoder, which `farpoint.frames.decode` reads.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ JPEG_START, _JPEG_SCAN, _JPEG_END = b"\xff\xd8\xff", b"\xff\xda", b"\xff\xd9"
 def find_damage(data: bytes) -> str | None:
     """Damage of the bytes of an image file, or None.
 
-    Only PNG and JPEG carry evidence; other formats are left to their decoder.
+    Only PNG and JPEG files can be checked; files of other formats are left to the decoder.
     """
     if not data:
         return "the file is empty"

@@ -16,7 +16,7 @@ _CAMERAS = ("image_0", "image_2", "image_00/data", "image_02/data")
 
 
 def open_kitti(folder: Path, *, fps: float | None) -> ImageSequence | None:
-    """The left camera of a KITTI sequence; None where `folder` is not one.
+    """The left camera of a KITTI sequence; None if `folder` is no such sequence.
 
     Time stamps come from ``times.txt`` (odometry) or the camera's ``timestamps.txt`` (raw).
     """

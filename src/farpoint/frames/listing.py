@@ -1,4 +1,4 @@
-"""Text files that list images with their times, as EuRoC, TUM and RPG sequences carry them."""
+"""Text files that list images with their times, as in EuRoC, TUM and RPG sequences."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class _Row:
 
 
 def is_image_list(path: Path) -> bool:
-    """Whether the first row is one of an image list (COLMAP too has an ``images.txt``)."""
+    """Whether the first row is that of an image list (COLMAP also writes an ``images.txt``)."""
     if not path.is_file():
         return False
     try:
@@ -35,8 +35,8 @@ def is_image_list(path: Path) -> bool:
 def sequence_from_list(path: Path, *, root: Path, folders: tuple[Path, ...]) -> ImageSequence:
     """The images a list names, with the times it gives them.
 
-    Rows before the first and after the last image that exists are left out, so that a part of a
-    sequence opens; images missing in between stay, and become frames with a fault.
+    Rows before the first and after the last existing image are left out, so that a part of a
+    sequence can be read. Missing images in between are frames with a fault.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def sequence_from_list(path: Path, *, root: Path, folders: tuple[Path, ...]) -> 
     Raises
     ------
     InputError
-        Where a row cannot be read, times go backwards, or no image is there.
+        If a row cannot be read, times go backwards, or no image is there.
     """
     rows = [_parse_row(line, text, file=path) for line, text in read_lines(path)]
     require_order([(row.line, row.seconds) for row in rows], path)

@@ -18,10 +18,10 @@ _DEEP_LUMA = re.compile(r"(?:yuv|yuva|gray)[0-9]*p?(?:9|10|12|14|16)le")
 class Grey:
     """Grey values of the pictures of one video.
 
-    If a picture has a plane of luma, this plane is used unchanged: no colour is converted, and
+    If a picture has a plane of luma, this plane is used unchanged. No colour is converted, and
     limited range (16 to 235) is not stretched, since corners and optical flow do not depend on it.
-    Luma with more bits keeps its upper 8 bits; luma of 16 bits, whose upper bits may be unused, is
-    mapped by a table. Other formats (RGB, packed or palette colours) are converted by FFmpeg.
+    Luma of more than 8 bits keeps its upper 8 bits. Luma of 16 bits, whose upper bits may be
+    unused, is mapped by a table. FFmpeg converts other formats (RGB, packed or palette colours).
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Grey:
 
 
 def _is_byte_luma(picture: Any) -> bool:
-    """Whether plane 0 is luma of 8 bits and nothing else, its lines going down."""
+    """Whether plane 0 is 8-bit luma only, with lines stored from top to bottom."""
     layout = picture.format
     first, *others = layout.components
     alone = first.is_luma and first.plane == 0 and all(other.plane != 0 for other in others)

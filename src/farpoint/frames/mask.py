@@ -22,7 +22,7 @@ _LARGEST_BYTES = 1 << 28
 
 
 def read_mask(path: Path, size: tuple[int, int]) -> np.ndarray:
-    """Which pixels of the frames are used: those that are white in the image ``path``.
+    """Mask of the pixels that are used: those that are white in the image ``path``.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def read_mask(path: Path, size: tuple[int, int]) -> np.ndarray:
     Raises
     ------
     InputError
-        Where the file cannot be read, is no image of 8 bits and of that size, or has no white.
+        If the file cannot be read, is no image of 8 bits and of that size, or has no white.
     """
     mask = _grey(path, size)
     height, width = mask.shape
@@ -62,9 +62,10 @@ def _other_size(path: Path, got: str, size: tuple[int, int]) -> InputError:
 
 
 def _grey(path: Path, size: tuple[int, int]) -> np.ndarray:
-    """Grey values of an image of 8 bits, in the orientation that it is stored in.
+    """Grey values of an 8-bit image, in the orientation in which it is stored.
 
-    One that is far larger by its header is refused before it is decoded, which takes gigabytes.
+    If the header states a far larger image, the file is refused before it is decoded, because
+    decoding would take gigabytes.
     """
     cv2 = optional_import("cv2", extra="video", purpose="reading images")
     data = read_regular_file(path, limit_bytes=_LARGEST_BYTES, what="a mask, an 8-bit image")

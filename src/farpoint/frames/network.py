@@ -59,7 +59,9 @@ class NetworkVideo:
 
 
 def in_wall_clock(moments: Iterator[Moment], now: Callable[[], float]) -> Iterator[Moment]:
-    """Shift the sender's clock to the time of arrival, again wherever it jumps back or is lost."""
+    """Shift the sender's clock to the time of arrival, and again after every jump back or
+    interruption.
+    """
     offset, last = None, None
     for moment in moments:
         if moment.seconds is None:
@@ -78,7 +80,7 @@ def open_url(url: str) -> NetworkVideo:
     Raises
     ------
     InputError
-        Where the scheme is unknown, or nothing that holds video answers within 10 s.
+        If the scheme is unknown, or nothing that holds video answers within 10 s.
     """
     parts = urlsplit(url)
     # Neither a password nor a token of the URL may reach a message or a folder's name.
@@ -108,16 +110,16 @@ def open_url(url: str) -> NetworkVideo:
 
 
 def _copy_of(url: str, public: str) -> IO[bytes] | None:
-    """A recording behind a server that gives no parts of it, as a temporary file.
+    """A recording on a server that sends no byte ranges, copied to a temporary file.
 
-    Its index may stand at its end, where only parts would lead to. None where the server gives
-    parts, where what it sends has no known end (a live stream), and where it does not answer as
-    expected: then FFmpeg reports the cause.
+    The index of the recording may be at its end, which only byte ranges reach. The result is None
+    in three cases, in which FFmpeg reports the cause: the server sends byte ranges, the data has no
+    known end (a live stream), or the server does not answer as expected.
 
     Raises
     ------
     InputError
-        Where the recording is too large to be copied.
+        If the recording is too large to be copied.
     """
     try:
         with urllib.request.urlopen(url, timeout=_TIMEOUT_S) as answer:

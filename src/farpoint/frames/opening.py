@@ -36,7 +36,7 @@ def open_frames(
     follow_playlists: bool = False,
     topic: str | None = None,
 ) -> FrameSource:
-    """Open a source of images; its kind is recognised by its files.
+    """Open a source of images. The kind of the source is recognised by its files.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def _open_path(
 
 
 def _open_name(name: str, fps: float | None) -> FrameSource:
-    """Open a source that is no path: the index of a camera or a pattern."""
+    """Open a source that is no path: a camera index or a pattern."""
     if name.isascii() and name.isdecimal():
         return open_device(int(name))
     if glob.has_magic(name):

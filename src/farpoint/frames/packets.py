@@ -45,10 +45,11 @@ class Moment:
 def decode(container: Any, stream: Any, deep: GreyTable | None = None) -> Iterator[Moment]:
     """Pictures and faults of a stream of an open ``av`` container, in the order of their times.
 
-    Samples of 16 bits become grey values by the table ``deep``, or by one of the first picture.
+    Samples of 16 bits are mapped to grey values by the table ``deep``, or by a table from the first
+    picture.
 
-    Pictures leave the decoder later than the packets they came in, so a packet's fault waits
-    until the pictures before it are out.
+    Pictures leave the decoder later than their packets enter it. The fault of a packet is therefore
+    returned after the pictures before it.
     """
     waiting: list[tuple[float, int, Moment]] = []
     for number, moment in enumerate(_decode_in_storage_order(container, stream, deep)):
@@ -68,7 +69,9 @@ def decode(container: Any, stream: Any, deep: GreyTable | None = None) -> Iterat
 def _decode_in_storage_order(
     container: Any, stream: Any, deep: GreyTable | None
 ) -> Iterator[Moment]:
-    """Pictures as they leave the decoder, faults as they occur, and why the stream ends early."""
+    """Pictures and faults in the order in which the decoder returns them, and the reason of an
+    early end.
+    """
     av = optional_import("av", extra="video", purpose="reading video")
     packets, end_s = container.demux(stream), 0.0
     grey = Grey(deep)
@@ -94,7 +97,7 @@ def _decode_in_storage_order(
 
 
 def _decode_packet(stream: Any, packet: Any, incomplete: set[int], grey: Grey) -> Iterator[Moment]:
-    """Pictures that the decoder gives out on a packet, or at the end (None), or its complaint."""
+    """Pictures that the decoder returns for a packet, or at the end (None), or its error."""
     av = optional_import("av", extra="video", purpose="reading video")
     try:
         for picture in stream.decode(packet):
@@ -122,9 +125,10 @@ def _seconds(pts: int | None, stream: Any) -> float | None:
 
 
 def _find_truncation(container: Any, stream: Any, end_s: float) -> str | None:
-    """Missing part at the end according to the duration in the header, if any.
+    """Missing part at the end of the stream, by the duration in its header, if any.
 
-    Times are compared, not counts: an AVI counts the pictures it leaves out as well.
+    The function compares the time of the last picture with the duration. The number of pictures
+    would not show a truncation, because the header of an AVI file also counts the missing pictures.
     """
     rate = frame_rate(stream)
     if stream.frames > 0 and rate is not None:

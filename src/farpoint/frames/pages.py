@@ -21,16 +21,16 @@ _GREY_MODES = ("L", "I;16", "I;16B", "I;16L")
 
 
 def with_pages(images: Sequence[Path]) -> tuple[tuple[Path, ...], tuple[int, ...]]:
-    """Every page of the images with the number of it in its file, in order.
+    """Every page of the images with its number in the file, in order.
 
-    A file that cannot be read counts as one page: it becomes a frame with a fault.
+    An unreadable file counts as one page, which becomes a frame with a fault.
     """
     pages = [(image, page) for image in images for page in range(pages_of(image))]
     return tuple(image for image, _ in pages), tuple(page for _, page in pages)
 
 
 def pages_of(path: Path) -> int:
-    """Number of pages of an image file; 1 where it is unknown."""
+    """Number of pages of an image file; 1 if the number is unknown."""
     if path.suffix.lower() not in _OF_PAGES:
         return 1
     try:
@@ -42,7 +42,9 @@ def pages_of(path: Path) -> int:
 
 
 def read_page(path: Path, page: int) -> np.ndarray:
-    """Grey values of a page (H, W), uint8, or uint16 of a deep one; OSError where it is damaged."""
+    """Grey values of a page (H, W), uint8, or uint16 for a deep page; a damaged page raises
+    OSError.
+    """
     with _opened(path) as image:
         image.seek(page)
         if image.mode not in _GREY_MODES:
@@ -52,7 +54,7 @@ def read_page(path: Path, page: int) -> np.ndarray:
 
 
 def image_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height of the image in a file's bytes by its header; None without one."""
+    """Width and height of an image by the header in the bytes of its file; None without one."""
     Image = _pillow()
     try:
         with _opened(io.BytesIO(data)) as image:
@@ -70,7 +72,7 @@ def _pillow() -> Any:
 
 @contextmanager
 def _opened(file: Path | io.BytesIO) -> Iterator[Any]:
-    """An image by Pillow, without its warnings of damage and size: other code reports them."""
+    """An image opened by Pillow, without warnings of damage and size, which other code reports."""
     Image = _pillow()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

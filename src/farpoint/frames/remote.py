@@ -22,7 +22,9 @@ _STREAMS = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp", "rtp", "srt"
 
 
 def is_remote(source: str) -> bool:
-    """Whether fsspec reads it: schemes unknown to FFmpeg, or web folders (``/``) and bags."""
+    """Whether fsspec reads the URL: schemes unknown to FFmpeg, or folders (``/``) and bags of the
+    web.
+    """
     scheme, mark, rest = source.partition("://")
     if not mark:
         return False
@@ -37,9 +39,9 @@ def remote_place(url: str) -> tuple[Any, str]:
     Raises
     ------
     InputError
-        Where the scheme is unknown to fsspec.
+        If the scheme is unknown to fsspec.
     MissingExtraError
-        Where fsspec, or the library that it needs for this scheme, is not installed.
+        If fsspec, or the library that it needs for this scheme, is not installed.
     """
     fsspec = optional_import("fsspec", extra="remote", purpose="reading from other file systems")
     try:
@@ -56,7 +58,7 @@ def open_remote_file(url: str) -> IO[bytes]:
     Raises
     ------
     InputError
-        Where it is not there or cannot be read.
+        If it is not there or cannot be read.
     """
     system, path = remote_place(url)
     try:
@@ -72,12 +74,12 @@ def open_remote(
     fps: float | None,
     follow_playlists: bool = False,
 ) -> FrameSource:
-    """Open a video, which is read as it is decoded, or a folder or bag, which is copied first.
+    """Open a remote source: a video is read as it is decoded; a folder or bag is copied first.
 
     Parameters
     ----------
     url : str
-        Such as ``"s3://bucket/drive.mp4"``.
+        URL, such as ``"s3://bucket/drive.mp4"``.
     open_local : callable
         Opens a folder or bag on this machine. The copy lives as long as what it returns.
     fps : float or None
@@ -88,7 +90,7 @@ def open_remote(
     Raises
     ------
     InputError
-        Where it is missing, unreadable, or holds no pictures.
+        If it is missing, unreadable, or holds no pictures.
     """
     system, path = remote_place(url)
     name = PurePosixPath(path.rstrip("/")).name
@@ -108,7 +110,7 @@ def open_remote(
 
 
 class _Steady:
-    """A remote file that ends if its connection breaks, and raises the error when closed.
+    """A remote file that ends if the connection breaks, and raises the error when it is closed.
 
     FFmpeg does not pass on Python errors during a read.
     """

@@ -82,7 +82,7 @@ class ImageSequence:
 
     @cached_property
     def _deep(self) -> GreyTable | None:
-        """The table for deep samples; None where the first image that can be read is not deep."""
+        """The table for deep samples; None if the first readable image is not deep."""
         return GreyTable.for_source(self._examples())
 
     def _examples(self) -> Iterator[np.ndarray]:

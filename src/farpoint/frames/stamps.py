@@ -1,4 +1,4 @@
-"""Times of images: from a file of times, from the names, or from a frame rate."""
+"""Times of images: from a file of times, from the file names, or from a frame rate."""
 
 from __future__ import annotations
 
@@ -54,7 +54,9 @@ def find_stamps(images: Sequence[Path], fps: float | None) -> Stamps:
 
 
 def require_order(rows: Sequence[tuple[int, float]], file: Path) -> None:
-    """Raise InputError where the time of a row, given as (line, seconds), lies before the last."""
+    """Raise InputError if the time of a row, given as (line, seconds), is before that of the
+    previous row.
+    """
     for (_, earlier), (line, later) in pairwise(rows):
         if later < earlier:
             raise InputError(

@@ -11,7 +11,7 @@ __all__ = ["open_tum"]
 
 
 def open_tum(folder: Path) -> ImageSequence | None:
-    """Images and times as ``rgb.txt`` or ``images.txt`` lists them; None for other folders."""
+    """Images and times listed in ``rgb.txt`` or ``images.txt``; None for other folders."""
     for name in ("rgb.txt", "images.txt"):
         path = folder / name
         if is_image_list(path):

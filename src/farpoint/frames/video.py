@@ -1,4 +1,4 @@
-"""Video files, by PyAV: true time stamps, variable frame rates, damaged files."""
+"""Video files read by PyAV, with true time stamps, variable frame rates, and damaged files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class VideoFile:
     """A video file; decodes one picture at a time, and can be iterated again.
 
     Time stamps are those of the container, not shifted to zero. A picture without a time stamp
-    follows the last one by the nominal frame interval.
+    follows the previous picture by the nominal frame interval.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ def open_video(
     Raises
     ------
     InputError
-        Where the file is no video, or not one picture can be decoded.
+        If the file is no video, or not one picture can be decoded.
     """
     if not follow_playlists and _is_playlist(opener or partial(path.open, "rb")):
         raise InputError(
@@ -149,7 +149,7 @@ def frames_of(moments: Iterator[Moment], nominal_fps: float) -> Iterator[Frame]:
 
 
 def frame_count(container: Any, stream: Any) -> int | None:
-    """Frames in the header of a stream, else duration times rate, else None."""
+    """Frames in the header of a stream, or else duration times rate, or else None."""
     if stream.frames > 0:
         return stream.frames
     rate = frame_rate(stream)
@@ -159,7 +159,7 @@ def frame_count(container: Any, stream: Any) -> int | None:
 
 
 def video_stream(container: Any, source: str | Path) -> Any:
-    """The video stream of an open container; InputError where it has none."""
+    """The video stream of an open container; an InputError if there is none."""
     av = optional_import("av", extra="video", purpose="reading video")
     stream = container.streams.best("video")
     # The cover of a piece of music is a video stream of one picture.
@@ -171,7 +171,7 @@ def video_stream(container: Any, source: str | Path) -> Any:
 def open_container(address: str | IO[bytes], **options: Any) -> Any:
     """By PyAV, with its other ``options``, whatever bytes the metadata hold.
 
-    Bytes that are not UTF-8 keep PyAV before version 19 from opening, without this option.
+    With this option, PyAV before version 19 also opens files whose metadata is not UTF-8.
     """
     av = optional_import("av", extra="video", purpose="reading video")
     if int(av.__version__.partition(".")[0]) < 19:
@@ -180,7 +180,7 @@ def open_container(address: str | IO[bytes], **options: Any) -> Any:
 
 
 def _pixel_aspect(stream: Any, first: Moment) -> float:
-    """Width of a pixel over its height, as the pictures are turned upright; 1 if unknown."""
+    """Width of a pixel over its height in the upright pictures; 1 if unknown."""
     ratio = float(stream.sample_aspect_ratio or 1)
     if first.image is not None and first.image.shape == (stream.width, stream.height):
         ratio = 1.0 / ratio if stream.width != stream.height else ratio

@@ -59,7 +59,9 @@ class StartSigmas:
     accel_bias: float = 0.1
 
     def covariance(self) -> np.ndarray:
-        """Covariance (18, 18) of the error at an image: last attitude = current attitude."""
+        """Covariance (18, 18) of the initial error at an image, where last and current attitude are
+        equal.
+        """
         sigmas = np.zeros(ERROR_SIZE)
         sigmas[ATTITUDE] = (self.tilt_rad, self.tilt_rad, self.heading_rad)
         sigmas[VELOCITY] = self.velocity
@@ -101,7 +103,7 @@ class InertialFilter:
     start : StartSigmas
         Initial 1-sigma.
     noise : ImuNoise
-        Of the IMU.
+        Noise of the IMU.
     body_from_cam : ndarray, shape (4, 4)
         Pose of the camera on the IMU (Kalibr's and EuRoC's ``T_BS`` of the camera).
     gate : float
@@ -112,7 +114,7 @@ class InertialFilter:
     state : InertialState
         Current estimate.
     covariance : ndarray, shape (18, 18)
-        Of its error, in the order of `farpoint.fusion.state`.
+        Covariance of its error, in the order of `farpoint.fusion.state`.
 
     Examples
     --------
@@ -165,9 +167,10 @@ class InertialFilter:
         self.state, self.covariance = state, covariance
 
     def update(self, pose: RelativePose) -> Innovation:
-        """Update with the motion since the last image, and clone the attitude.
+        """Update the filter with the motion since the last image, and clone the attitude.
 
-        Uses what the pose contains: rotation and direction, rotation alone, or nothing.
+        The update uses the quantities that the pose contains: rotation and direction, rotation
+        alone, or none.
         """
         innovation = self._correct(pose)
         self.state = InertialState.at(
@@ -244,7 +247,9 @@ def _square_root(covariance: np.ndarray) -> np.ndarray:
 
 
 def _at_an_image(covariance: np.ndarray) -> np.ndarray:
-    """The covariance after an image: displacement 0, last attitude = current attitude."""
+    """The covariance after an image: the displacement is 0, and last and current attitude are
+    equal.
+    """
     carry = np.eye(ERROR_SIZE)
     carry[DISPLACEMENT] = carry[LAST_ATTITUDE] = 0.0
     carry[LAST_ATTITUDE, ATTITUDE] = np.eye(3)

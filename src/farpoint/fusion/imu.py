@@ -115,7 +115,7 @@ class ImuSamples:
     def between(self, start_s: float, end_s: float) -> ImuSteps:
         """The steps that lead from one time to another.
 
-        Measurements are interpolated linearly, so steps may begin and end between them.
+        Measurements are interpolated linearly, so steps may begin and end between two measurements.
 
         Raises
         ------
@@ -141,7 +141,7 @@ def read_euroc_imu(path: str | Path) -> ImuSamples:
     Raises
     ------
     InputError
-        With the file and the line.
+        If the file is invalid; the message has the file and the line.
     """
     path = Path(path)
     stamps, rows = array("d"), array("d")
@@ -178,7 +178,7 @@ def read_bag_imu(path: str | Path, topic: str) -> ImuSamples:
     Raises
     ------
     InputError
-        Where the bag cannot be read, has no such topic, or too few samples.
+        If the bag cannot be read, has no such topic, or too few samples.
     """
     rows = rows_of(
         open_bag(Path(path)), topic, frozenset({"Imu"}), _sample, "an IMU", field="topic"

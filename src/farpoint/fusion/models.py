@@ -1,6 +1,7 @@
 """Process and measurement model of the filter.
 
-Both are plain functions of states, which may be stacked; their derivatives are central differences.
+Both models are plain functions of states, which may be stacked. Their derivatives are central
+differences.
 """
 
 from __future__ import annotations
@@ -66,9 +67,10 @@ def predicted_motion(
 def motion_error(state: InertialState, pose: RelativePose, body_from_cam: np.ndarray) -> np.ndarray:
     """``[dtheta, dbeta]`` (..., 5), rad, from the measured motion to that of the state.
 
-    For the true state this is the error of the pose's covariance, except that ``dbeta`` is an angle
-    and not its tangent. So ``dbeta`` is finite for a state that moves in the opposite direction.
-    ``dtheta`` alone (..., 3) if the pose has no direction.
+    For the true state the result is the error that the pose's covariance describes, except that
+    ``dbeta`` is an angle and not its tangent. ``dbeta`` is therefore finite for a state that moves
+    in the opposite direction. If the pose has no direction, the result is ``dtheta`` alone (...,
+    3).
     """
     R_measured, d, B = (
         pose.rotation_cam1_from_cam0,

@@ -45,7 +45,7 @@ class InertialState:
     world_from_body : ndarray, shape (..., 3, 3)
         Attitude of the IMU.
     velocity : ndarray, shape (..., 3)
-        Of the IMU in the world, m/s.
+        Velocity of the IMU in the world, m/s.
     gyro_bias : ndarray, shape (..., 3)
         Bias of the gyroscope, rad/s.
     accel_bias : ndarray, shape (..., 3)
@@ -104,8 +104,9 @@ class InertialState:
 def retract(state: InertialState, error: np.ndarray) -> InertialState:
     """The true state of an estimate and its error (..., 18).
 
-    ``R_true = Exp(dtheta) @ R``, ``v_true = Exp(dtheta) @ v + dv`` and the displacement likewise;
-    biases add; the last attitude has a ``dtheta`` of its own.
+    The new state has ``R_true = Exp(dtheta) @ R`` and ``v_true = Exp(dtheta) @ v + dv``; the
+    displacement changes like the velocity. The errors of the biases are added. The last attitude
+    has a ``dtheta`` of its own.
     """
     rotation, last_rotation = so3.exp(error[..., ATTITUDE]), so3.exp(error[..., LAST_ATTITUDE])
     return InertialState(

@@ -1,6 +1,6 @@
 """Motions in degrees with their 1-sigma, for display.
 
-Everything works on stacks: leading axes are kept, and NaN in gives NaN out.
+All functions work on stacks: leading axes are kept, and NaN input gives NaN output.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ def rotation_vector_deg(R: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarr
     R : ndarray, shape (..., 3, 3)
         Rotations cam1_from_cam0.
     covariance : ndarray, shape (..., 3, 3)
-        Of the left perturbation ``dtheta``, rad^2. The vector moves by the inverse left Jacobian
-        of SO(3) times ``dtheta`` (Chirikjian, Stochastic Models 2, 2012, eq. 10.86).
+        Covariance of the left perturbation ``dtheta``, rad^2. The vector moves by the inverse left
+        Jacobian of SO(3) times ``dtheta`` (Chirikjian, Stochastic Models 2, 2012, eq. 10.86).
     """
     known = np.isfinite(R).all((-2, -1))
     vector = np.full(R.shape[:-1], np.nan)
@@ -45,7 +45,7 @@ def heading_angles_deg(
     heading : ndarray, shape (..., 3)
         Unit vectors in camera axes (x right, y down, z forward).
     covariance : ndarray, shape (..., 3, 3)
-        Of the heading, rad^2.
+        Covariance of the heading, rad^2.
     """
     x, y, z = np.moveaxis(heading, -1, 0)
     level = np.hypot(x, z)

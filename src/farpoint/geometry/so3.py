@@ -47,7 +47,7 @@ def log(R: np.ndarray) -> np.ndarray:
 
 
 def rotation_vector(R: np.ndarray) -> tuple[float, float, float]:
-    """`log` of one rotation (3, 3) in plain numbers: arrays take 50 times as long."""
+    """Logarithm of one rotation (3, 3) in plain numbers, because arrays take 50 times as long."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
     # With the quaternion q, 4 q q^T; the row of its largest element has the least rounding.
     w, x, y, z = max(

@@ -15,8 +15,8 @@ def normalize(v: np.ndarray) -> np.ndarray:
 def tangent_basis(direction: np.ndarray) -> np.ndarray:
     """Orthonormal basis (..., 3, 2) of the plane perpendicular to unit vectors (..., 3).
 
-    Without branches or singularities but for a sign at z = 0: Duff et al., "Building an
-    Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+    The formula has no branches, and no singularities except a change of sign at z = 0: Duff et al.,
+    "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
     """
     x, y, z = np.moveaxis(direction, -1, 0)
     sign = np.copysign(1.0, z)
@@ -43,15 +43,15 @@ def confidence_ring(
 ) -> np.ndarray:
     """Boundary of a confidence region of a direction: unit rays (points, 3).
 
-    The last is the first. It is drawn on the sphere, from the tangent plane, so that any lens can
-    project it.
+    The last ray equals the first. The ring is mapped from the tangent plane to the sphere, so that
+    any lens can project it.
 
     Parameters
     ----------
     direction : ndarray, shape (3,)
         Unit vector.
     covariance : ndarray, shape (3, 3)
-        Of the direction, rad^2; its component along the direction is ignored.
+        Covariance of the direction, rad^2; its component along the direction is ignored.
     confidence : float
         Between 0 and 1.
     points : int

@@ -71,7 +71,7 @@ class LiveState:
 class LiveSession:
     """Odometry over a live source into a folder and a display.
 
-    Used as a context manager; leaving it, by Ctrl-C as well, closes every file.
+    A session is a context manager. Leaving its block, also by Ctrl-C, closes every file.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class LiveSession:
     source : str
         Source as given by the user.
     camera : Camera or CameraGuess
-        Of the frames; a guess becomes a camera with the size of the first picture.
+        Camera of the frames; a guess becomes a camera with the size of the first picture.
     out : Path or None
         Folder for the outputs; ``farpoint-out/<source name>`` where None.
     odometry, output, viewer : dataclasses, optional

@@ -22,7 +22,7 @@ class Similarity:
     rotation : ndarray, shape (3, 3)
         Proper rotation.
     translation : ndarray, shape (3,)
-        In the unit of the target.
+        Lengths in the unit of the target.
     """
 
     scale: float
@@ -40,7 +40,7 @@ class Similarity:
 def align_sim3(source: np.ndarray, target: np.ndarray) -> Similarity:
     """Similarity that maps points ``source`` (N, 3) to ``target`` (N, 3) by least squares.
 
-    Least squares in closed form: Umeyama, "Least-Squares Estimation of Transformation Parameters
+    The closed form is that of Umeyama, "Least-Squares Estimation of Transformation Parameters
     Between Two Point Patterns", PAMI 13(4), 1991, doi:10.1109/34.88573, eqs. 40-42.
 
     Raises
@@ -61,8 +61,8 @@ def align_se3(source: np.ndarray, target: np.ndarray) -> Similarity:
 def sim3_misfit(source: np.ndarray, target: np.ndarray) -> float:
     """Root mean square distance of ``source`` (N, 3) from ``target`` after `align_sim3`: the ATE.
 
-    Points may lie on one line: the misfit is the same for every rotation about it (Umeyama 1991,
-    eq. 33).
+    The points may lie on one line, because the misfit is the same for every rotation about this
+    line (Umeyama 1991, eq. 33).
     """
     x, y = source - source.mean(axis=0), target - target.mean(axis=0)
     U, D, Vt = np.linalg.svd(y.T @ x / len(x))

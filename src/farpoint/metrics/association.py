@@ -1,4 +1,4 @@
-"""The true pose at the time, or at the frame, of each estimate."""
+"""Association of each estimate with the true pose at its time or frame."""
 
 from __future__ import annotations
 
@@ -77,7 +77,8 @@ def poses_at_times(
 def poses_at_frames(truth_poses: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """True poses (M, 4, 4) of frame numbers (M,), for truth with one pose per frame (KITTI).
 
-    NaN for frames beyond the truth; an InputError if all frames are beyond it.
+    Poses are NaN for frames beyond the truth. If all frames are beyond the truth, the function
+    raises an InputError.
     """
     frames = np.asarray(frames)
     known = (frames >= 0) & (frames < len(truth_poses))
@@ -102,7 +103,7 @@ def _snapped(times: np.ndarray, wanted: np.ndarray, tolerance_s: float) -> np.nd
 
 
 def _covered(times: np.ndarray, wanted: np.ndarray, max_gap_s: float) -> np.ndarray:
-    """Which requested times have a true pose, or lie in a short enough gap between two."""
+    """Mask of the requested times that have a true pose, or lie in a short enough gap."""
     after = np.searchsorted(times, wanted)
     inside = (after > 0) & (after < len(times))
     later = np.clip(after, 0, len(times) - 1)

@@ -188,7 +188,8 @@ def evaluate_motions(errors: PairErrors) -> MotionEvaluation:
 def evaluate_trajectory(
     estimate: np.ndarray, truth: np.ndarray, *, delta_frames: int = 1
 ) -> TrajectoryEvaluation:
-    """Figures of a trajectory, ``world_from_cam`` (N, 4, 4) each, in any two worlds and scales.
+    """Figures of a trajectory: two stacks ``world_from_cam`` (N, 4, 4), in any two worlds and
+    scales.
 
     Raises
     ------

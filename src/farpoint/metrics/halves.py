@@ -177,7 +177,7 @@ def split_half(
 
 
 def image_cells(points: np.ndarray, cell_px: float) -> np.ndarray:
-    """Number (N,) of the square image cell, this many px wide, that each point (N, 2) lies in.
+    """Number (N,) of the square image cell, ``cell_px`` wide, that contains each point (N, 2).
 
     Raises
     ------

@@ -21,7 +21,9 @@ _GAIN = 0.1
 
 
 class OtherFrame(NamedTuple):
-    """A rotation ``true_from_camera`` (3, 3) of axes; misfits, rad rms, without and with it."""
+    """A rotation ``true_from_camera`` (3, 3) of axes, with the misfits, rad rms, without and with
+    it.
+    """
 
     true_from_camera: np.ndarray
     without_rad: float
@@ -29,7 +31,7 @@ class OtherFrame(NamedTuple):
 
 
 def other_frame(estimated: np.ndarray, true: np.ndarray) -> OtherFrame | None:
-    """The rotation of the axes with which relative rotations (N, 3, 3) agree; None if they agree
+    """Rotation of the axes after which relative rotations (N, 3, 3) agree; None if they agree
     without it.
 
     Relative rotations of one motion in two frames fixed to each other have rotation vectors that
@@ -51,7 +53,9 @@ def other_frame(estimated: np.ndarray, true: np.ndarray) -> OtherFrame | None:
 
 
 def fits_better(estimated: np.ndarray, true: np.ndarray, other: np.ndarray) -> bool:
-    """Whether relative rotations (N, 3, 3) agree with others far better than with the true ones."""
+    """Whether relative rotations (N, 3, 3) agree far better with other rotations than with the true
+    ones.
+    """
     known = np.isfinite(estimated).all(axis=(1, 2))
     known &= np.isfinite(true).all(axis=(1, 2)) & np.isfinite(other).all(axis=(1, 2))
     if np.count_nonzero(known) < _LEAST_MOTIONS:

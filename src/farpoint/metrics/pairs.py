@@ -17,11 +17,11 @@ __all__ = ["PairErrors", "direction_error", "pair_errors", "relative_motions", "
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairErrors:
-    """Errors of each pair; NaN if a quantity was not given, has no truth or is not counted.
+    """Errors of each pair; NaN for a quantity that is not given, has no truth, or is not counted.
 
     Perturbations are on the left and in camera 1, as everywhere in farpoint. An error of direction
-    counts where the true translation is at least ``min_translation`` long: the direction of a
-    shorter one is mostly noise of the truth.
+    counts if the true translation is at least ``min_translation`` long, because the direction of a
+    shorter translation is mostly noise of the truth.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class PairErrors:
 def relative_motions(
     world_from_cam0: np.ndarray, world_from_cam1: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Motions between two poses each: rotations (N, 3, 3) and translations (N, 3) cam1_from_cam0.
+    """Motions between pairs of poses: rotations (N, 3, 3) and translations (N, 3), cam1_from_cam0.
 
     Parameters
     ----------
@@ -149,12 +149,12 @@ def pair_errors(
     directions : ndarray, shape (N, 3)
         ``direction_cam1_from_cam0``, unit; NaN unless the status is OK.
     covariances : ndarray, shape (N, 5, 5)
-        Of ``[dtheta, dbeta]``, rad^2; NaN where there is none. ROTATION_ONLY and STATIC have the
-        rotation block alone.
+        Covariances of ``[dtheta, dbeta]``, rad^2; NaN where there is none. ROTATION_ONLY and STATIC
+        have the rotation block alone.
     true_rotations : ndarray, shape (N, 3, 3)
         NaN where the truth is unknown.
     true_translations : ndarray, shape (N, 3)
-        In any unit; NaN where unknown.
+        Lengths in any unit; NaN where unknown.
     min_translation : float
         Directions of shorter true translations, or of none, are not counted.
     direction_bases : ndarray, shape (N, 3, 2), optional

@@ -33,12 +33,12 @@ class PathSamples:
     world_from_cam : ndarray, shape (N, 4, 4)
         Estimated poses.
     covariances : ndarray, shape (N, 7, 7)
-        Of ``[dtheta, dposition, dlog_scale]`` since the beginning of the segment, world axes; NaN
-        where there is none.
+        Covariances of ``[dtheta, dposition, dlog_scale]`` since the beginning of the segment, world
+        axes; NaN where there is none.
     truth : ndarray, shape (N, 4, 4)
         True poses in any world, NaN where unknown.
     lengths, length_sigmas : ndarray, shape (N,)
-        Of the motions that end at the frames, and their 1-sigmas; NaN where there is none.
+        Lengths of the motions that end at the frames, and their 1-sigmas; NaN where there is none.
     length_from : ndarray of int, shape (N,)
         Rows at which those motions begin.
     own_covariances : ndarray, shape (N, 7, 7), or None
@@ -99,13 +99,13 @@ class PathConsistency:
         Whether the covariances include an error of the unit (a path in metres). If not, the unit is
         the first motion of each segment.
     orientation, position, pose : PathFigure
-        Of 3, 3 and 6 degrees of freedom.
+        Figures of 3, 3 and 6 degrees of freedom.
     position_any_scale : PathFigure
-        Of 2 degrees of freedom: with the best-fitting scale for each position, so that unit and
-        scale do not count.
+        Figure of 2 degrees of freedom: with the best-fitting scale for each position, so that unit
+        and scale do not count.
     scale : PathFigure
-        Of 1 degree of freedom: errors of the logarithms of the lengths of motions, without that of
-        the unit, against their 1-sigmas. Lengths of a segment share the error of its scale.
+        Figure of 1 degree of freedom: errors of the logarithms of the lengths of motions, without
+        that of the unit, against their 1-sigmas. Lengths of a segment share the error of its scale.
     lengths : Consistency
         The figures of ``scale`` with each length as an independent sample; the bounds are therefore
         too narrow.
@@ -121,7 +121,7 @@ class PathConsistency:
 
 
 def evaluate_path(samples: PathSamples) -> PathConsistency | None:
-    """Compare every segment with the truth in its own gauge; None where nothing can be compared.
+    """Compare every segment with the truth in its own gauge; None if nothing can be compared.
 
     The gauge is that of the covariances, without a fit. The first pose of a segment, position and
     orientation, is taken as true. The length of the first motion is taken as true; if it has an
@@ -151,7 +151,7 @@ def evaluate_path(samples: PathSamples) -> PathConsistency | None:
 
 
 class _Segment(NamedTuple):
-    """A segment in its gauge: what can be compared of it, P poses and M lengths.
+    """A segment in its gauge, with the quantities that can be compared: P poses and M lengths.
 
     ``errors`` (P, 6) and ``covariances`` (P, 6, 6) of ``[dtheta, dposition]``, positions since the
     first pose as estimated and true, ``ways`` and ``true_ways`` (P, 3), and errors and variances
@@ -259,7 +259,7 @@ def _nees(errors: np.ndarray, covariances: np.ndarray, part: slice) -> np.ndarra
 
 
 def _nees_any_scale(ways: np.ndarray, true_ways: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """The least over ``a`` of the NEES of ``a * true_way - way``."""
+    """Smallest NEES of ``a * true_way - way`` over all scales ``a``."""
     C = covariances[:, 3:, 3:]
     by_way = np.linalg.solve(C, ways[..., None])[..., 0]
     by_true = np.linalg.solve(C, true_ways[..., None])[..., 0]

@@ -39,7 +39,7 @@ DEG = 180.0 / math.pi
 
 
 def pair_rows(errors: PairErrors) -> Iterator[list[str]]:
-    """Rows for a CSV file, a pair each, under `PAIR_COLUMNS`; undefined fields are empty."""
+    """Rows of a CSV file, one for each pair, with `PAIR_COLUMNS`; undefined fields are empty."""
     numbers = np.column_stack(
         [
             errors.true_rotation_angle_rad * DEG,
@@ -57,7 +57,7 @@ def pair_rows(errors: PairErrors) -> Iterator[list[str]]:
 
 
 def to_json(evaluation: Evaluation) -> str:
-    """JSON of the whole record, units in the names; a number that is not finite is null."""
+    """JSON of the whole record, with units in the names; a number that is not finite is null."""
     return json.dumps(_finite(asdict(evaluation)), indent=2, allow_nan=False)
 
 
@@ -119,7 +119,7 @@ def _consistency_lines(
 
 
 def _halves_lines(halves: HalvesEvaluation) -> list[str]:
-    """Without truth: the differences between estimates from two halves of the matches."""
+    """Lines of the split-half test: differences of estimates from two halves of the matches."""
     neither = halves.pairs - halves.compared - halves.compared_in_rotation
     r = halves.ratio
     opposed = f"opposite directions, not counted: {r.opposed} pairs"
@@ -257,7 +257,7 @@ def _number(value: float) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines with the first column to the left and the others to the right."""
+    """Lines of a table, with the first column aligned left and the others aligned right."""
     cells = [head, *rows]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
     return [

@@ -139,15 +139,16 @@ def summarize(errors: np.ndarray) -> Summary:
 
 
 def chi2_quantile(probability: float, dof: int) -> float:
-    """Value that a chi-square variable of ``dof`` degrees stays below with this probability."""
+    """Quantile of chi-square with ``dof`` degrees of freedom at this probability."""
     return float(2.0 * gammaincinv(0.5 * dof, probability))
 
 
 def binomial_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
     """Clopper-Pearson interval of a probability, seen ``successes`` times in ``trials``.
 
-    Clopper and Pearson, Biometrika 26(4), 1934, doi:10.1093/biomet/26.4.404. Its coverage is at
-    least the confidence for every number of trials; for 0 trials it is (0, 1).
+    The interval is that of Clopper and Pearson, Biometrika 26(4), 1934,
+    doi:10.1093/biomet/26.4.404. Its coverage is at least the confidence for every number of trials.
+    For 0 trials it is (0, 1).
     """
     tail = 0.5 * (1.0 - confidence)
     k, n = successes, trials
@@ -164,7 +165,7 @@ def nees(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     errors : ndarray, shape (N, D)
         Error vectors; NaN rows are undefined, infinite ones lie outside of every region.
     covariances : ndarray, shape (N, D, D)
-        Their covariances; NaN where there is none.
+        Covariances of the errors; NaN where there is none.
 
     Returns
     -------

@@ -106,8 +106,9 @@ def evaluate_stretches(
 
 
 class _Part(NamedTuple):
-    """A segment of P poses: how far ``along`` the true path they lie (P,), poses as found and true,
-    and the covariances (P, 7, 7) of ``x`` that are ``carried`` on and of each pose alone.
+    """A segment of P poses, with positions along the true path (P,), estimated and true poses, and
+    covariances (P, 7, 7) of ``x``: the part ``carried`` to later poses, and that of each pose
+    alone.
 
     Positions are those since the middle of the segment, in units of ``reach``.
     """
@@ -175,7 +176,7 @@ def _turn_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarra
 
 
 def _length_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Of ``s |p*1 - p*0| - |p1 - p0|`` with the ``s`` that makes their sum zero."""
+    """Squares of ``s |p*1 - p*0| - |p1 - p0|``, with the scale ``s`` that makes their sum zero."""
     ways, true_ways = part.p[last] - part.p[first], part.true_p[last] - part.true_p[first]
     lengths, true_lengths = np.linalg.norm(ways, axis=1), np.linalg.norm(true_ways, axis=1)
     total, true_total = float(np.sum(lengths)), float(np.sum(true_lengths))

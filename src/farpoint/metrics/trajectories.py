@@ -76,8 +76,9 @@ class SegmentErrors:
 def absolute_errors(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """Distances (N,) between positions of aligned trajectories; their RMSE is the ATE.
 
-    Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems", IROS 2012,
-    doi:10.1109/IROS.2012.6385773. Align first, by `align_sim3` or `align_se3`.
+    The error is defined by Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems",
+    IROS 2012, doi:10.1109/IROS.2012.6385773. Align the trajectories first, by `align_sim3` or
+    `align_se3`.
     """
     _check(estimate, truth)
     return np.linalg.norm(estimate[:, :3, 3] - truth[:, :3, 3], axis=1)
@@ -88,8 +89,9 @@ def relative_errors(
 ) -> RelativeErrors:
     """Errors of the motions from pose i to pose ``i + delta_frames``, i in steps of ``stride``.
 
-    ``E = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j)`` for truth Q and estimate P: Sturm et al. 2012, eq. 1.
-    Every start is used by default; ``stride=delta_frames`` gives motions that do not overlap.
+    The error is ``E = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j)`` for truth Q and estimate P (Sturm et al. 2012,
+    eq. 1). By default a motion starts at every pose; ``stride=delta_frames`` gives motions that do
+    not overlap.
     """
     _check(estimate, truth)
     for name, value in (("delta_frames", delta_frames), ("stride", stride)):
@@ -148,7 +150,7 @@ def scale_drift(estimate: np.ndarray, truth: np.ndarray) -> float:
     """Scale of the estimate over the last 20 % of the true path, relative to the first 20 %, minus
     1.
 
-    0.05 for a scale that grew by 5 %; NaN if one of the two parts has no length.
+    A scale that grew by 5 % gives 0.05. The result is NaN if one of the two parts has no length.
     """
     _check(estimate, truth)
     along, made = _travelled(truth), _travelled(estimate)

@@ -1,4 +1,4 @@
-"""Two-view motion of a camera at rest, by landmarks of known distance."""
+"""Two-view motion of a camera at rest, recognised by landmarks of known distance."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ class HalfRatios:
     """Mean of `PoseStats.half_ratio` over a video so far.
 
     The ratio of one pair has a large sampling error. On real video, ratios of neighbouring pairs
-    are not more correlated than those of any two pairs, but means of videos differ by a factor of
-    2.
+    are hardly more correlated than ratios of distant pairs, but the mean ratios of two videos can
+    differ by a factor of 2.
 
     Parameters
     ----------

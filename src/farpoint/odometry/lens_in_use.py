@@ -17,12 +17,13 @@ __all__ = ["LensInUse"]
 
 
 class LensInUse:
-    """The camera of two-view estimates: as given, until the path's estimate differs significantly.
+    """The camera of two-view estimates: the given camera, until the path's estimate differs
+    significantly.
 
-    Smaller differences are noise, and each change recomputes tables of the lens. After the change,
-    or if the given camera is uncertain, the lens covariance is that of the path's estimate plus the
-    squared difference between both lenses. An unknown shutter counts as global until its read-out
-    time exceeds 3 sigma.
+    Smaller differences are noise, and each change recomputes tables of the lens. After a change, or
+    if the given camera is uncertain, the lens covariance is that of the path's estimate plus the
+    squared difference between both lenses. An unknown shutter counts as global until the estimated
+    read-out time exceeds 3 sigma.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ class LensInUse:
             self.camera = self.camera.with_readout(lens.readout_s, sigma_s)
 
     def interval_s(self, seconds: float) -> float | None:
-        """Time between two views, at least the read-out time; None where unknown."""
+        """Time between two views, at least the read-out time; None if unknown."""
         if seconds <= 0.0 or self.camera.readout_s is None:
             return None
         return max(seconds, self.camera.readout_s)

@@ -1,4 +1,4 @@
-"""The region of the frames that is tracked: the field of the lens inside the mask."""
+"""The region of the frames in which points are tracked: the field of the lens inside the mask."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ __all__ = ["Odometry"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Reference:
-    """The frame that the next one is compared with, and its motion."""
+    """The frame to which the next frame is compared, and its motion."""
 
     index: int
     timestamp: float
@@ -65,11 +65,11 @@ class _Reference:
 class Odometry:
     """Motion of a calibrated camera from frame to frame.
 
-    Each frame is compared with the last usable one. A window estimates the poses of the last
-    keyframes together with the distances of points, the lens and the shutter; motions are estimated
-    with that lens. An unusable frame (not decoded, of another size, without texture) gives a FAILED
-    result and is skipped. Where the matches of a textured frame have no consensus, as at a cut, a
-    new segment of the trajectory begins at that frame; a segment has one scale.
+    Each frame is compared with the last usable frame. A sliding window estimates the poses of the
+    last keyframes together with the distances of points, the lens and the shutter; two-view motions
+    use that lens. An unusable frame (not decoded, of another size, without texture) gives a FAILED
+    result and is skipped. If the matches of a textured frame have no consensus, as at a cut, a new
+    segment of the trajectory begins at that frame. Each segment has one scale.
 
     Parameters
     ----------
@@ -78,15 +78,15 @@ class Odometry:
     options : OdometryOptions, optional
         One record for each stage.
     mask : ndarray of bool or uint8, shape (H, W), optional
-        Of the frames' size: True, or white (128 and above), where the image is used; False, or
-        black, on what moves with the camera, such as a bonnet, a mount, or a logo in the picture.
-        No track begins there, and none is kept whose window (15 px wide by default) reaches into
-        it.
+        Mask of the size of the frames: True, or white (128 and above), where the image is used;
+        False, or black, on objects that move with the camera, such as a bonnet, a mount, or a logo
+        in the picture. A track neither begins nor continues where its window (15 px wide by
+        default) reaches into the black part.
 
     Attributes
     ----------
     camera : Camera
-        As given, with the size of the frames, once there was one.
+        The given camera with the size of the frames, once there was one.
     seconds : dict
         Time spent so far in ``"tracks"``, ``"pose"`` and ``"path"``.
 
@@ -143,7 +143,8 @@ class Odometry:
     def final_poses(self) -> list[FinalPose]:
         """Poses that have left the window since the last call, in the order of their frames.
 
-        They change no more; `OdometryResult.world_from_cam` is the estimate at its frame.
+        These poses do not change any further. In contrast, `OdometryResult.world_from_cam` is the
+        estimate at the time of its frame.
         """
         return self._stamped(self._path.final_poses())
 
@@ -191,16 +192,16 @@ class Odometry:
             Grey values; None for a frame that could not be decoded. Of interlaced images, which
             are recognised, the even lines count.
         timestamp : float
-            Seconds. One before the last begins a new segment, and all that follow are moved: the
-            time stamps of results never fall.
+            Seconds. A time stamp before the previous one begins a new segment; it and all later
+            time stamps are then shifted, so that the time stamps of results never decrease.
         fault : str, optional
             Why there is no image.
 
         Raises
         ------
         InputError
-            Where the image is not of grey uint8 values, or the first image is not of the
-            calibration's size, or not of the mask's.
+            If the image is not of grey uint8 values, or the first image is not of the calibration's
+            size, or not of the mask's.
         """
         index, self._next_index = self._next_index, self._next_index + 1
         timestamp, fell = self._time.update(timestamp)
@@ -235,7 +236,7 @@ class Odometry:
         return self._compare(self._reference, image, index, timestamp)
 
     def split_half(self, result: OdometryResult, *, cell_px: float | None = None) -> SplitHalf:
-        """Estimate the motion of a pair from two halves of its tracks, and compare.
+        """Estimate the motion of a pair from two halves of its tracks, and compare the two motions.
 
         Over many pairs, `farpoint.metrics.evaluate_halves` tests the covariances without
         truth.
@@ -243,7 +244,7 @@ class Odometry:
         Parameters
         ----------
         result : OdometryResult
-            Of this odometry; its frame is part of the seed of the split.
+            Result of this odometry; its frame is part of the seed of the split.
         cell_px : float, optional
             Split whole image cells of this width, px, so that errors with a longer correlation do
             not cancel; by default patches of 3 to 6 tracks, whose windows overlap.
@@ -326,7 +327,7 @@ class Odometry:
     def _without_perspective(
         self, tracks: Tracks, seconds: float, reference: _Reference
     ) -> tuple[Tracks, Searched | None]:
-        """Tracks corrected for perspective by the motion of a search, and that motion."""
+        """Tracks corrected for perspective by the motion that a search finds, and this motion."""
         options = self.options.pose
         if not options.refine:
             return tracks, None

@@ -1,1 +1,3 @@
-"""The path of the camera on one scale: a window over keyframes that finds the lens, too."""
+"""The path of the camera on one scale: a sliding window over keyframes that also estimates the
+lens.
+"""

@@ -1,4 +1,6 @@
-"""Whether a path began from the right mode of its first motion, by two views with larger flow."""
+"""Whether a path began with the right mode of its first motion, tested by two views with larger
+flow.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,7 @@ def contradicting_motion(
     new_window: Callable[[], Window],
     most: int,
 ) -> Window | None:
-    """Window of both views for a motion that contradicts the path; None without a contradiction.
+    """Window of two views for a motion that contradicts the path; None without a contradiction.
 
     Short flow may have two modes of the motion, and the path may have started from the wrong one.
     Two motions between the views are optimised with lens and shutter free: the motion of the path,
@@ -80,7 +82,7 @@ def _optimised(first: WindowView, now: WindowView, window: Window, most: int) ->
 
 
 def _is_consistent(views: Window, now: WindowView) -> bool:
-    """Whether a motion, its length fixed, is consistent with the path's pose (chi^2)."""
+    """Whether a motion of fixed length is consistent with the path's pose (chi-square test)."""
     motion, covariance = views.relative_pose(0, 1)
     first, length = views.frames[0], float(np.linalg.norm(motion[:3, 3]))
     turn = so3.log(now.R.T @ first.R @ motion[:3, :3].T)

@@ -65,7 +65,7 @@ class TrackHistory:
         return self._now
 
     def update(self, tracks: Tracks) -> tuple[TrackObservations, TrackObservations]:
-        """Add a pair; its tracks in the first and in the second frame."""
+        """Add a pair: the tracks in its first frame and in its second frame."""
         order = self.order = np.argsort(tracks.ids)
         ids, points0 = tracks.ids[order], tracks.points0[order]
         covariance = packed(tracks.covariance_px2[order])

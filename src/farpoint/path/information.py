@@ -31,7 +31,7 @@ def solution(system: System, damping: float) -> np.ndarray:
 def inverse(H: np.ndarray) -> np.ndarray:
     """Covariance: inverse of an information matrix, diagonally scaled.
 
-    What has no information, or less than none by rounding, has a large variance.
+    Directions without information, or with negative information by rounding, have a large variance.
     """
     unit, factor, found = np.empty(len(H)), np.empty_like(H), np.empty_like(H)
     if factorise(H, ROUNDING, unit, factor):

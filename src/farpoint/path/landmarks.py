@@ -24,7 +24,8 @@ def packed(covariances: np.ndarray) -> np.ndarray:
 
 
 class Landmarks:
-    """Landmarks in anchored inverse depth: along the ray of their first observation.
+    """Landmarks in anchored inverse depth: the inverse distance along the ray of the first
+    observation.
 
     Attributes
     ----------
@@ -52,7 +53,8 @@ class Landmarks:
         Expected minus observed pixel, px, and its derivative by the inverse distance, at the last
         solution.
     by_pose, by_common : ndarray, shapes (N, 2, 6), (N, 2, r + 1)
-        Its derivatives by the pose of its keyframe, and by lens and read-out time.
+        Derivatives of the residuals by the pose of the observing keyframe, and by lens and read-out
+        time.
     """
 
     def __init__(self, lens: LensEstimate) -> None:
@@ -78,7 +80,9 @@ class Landmarks:
         return np.flatnonzero(self.slot == slot)
 
     def tracks_of(self, slot: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Ids, ascending, pixels and covariances of a keyframe's observations, as for `observe`."""
+        """Ids (ascending), pixels and covariances of a keyframe's observations, in the format of
+        `observe`.
+        """
         rows = self.observations_of(slot)
         rows = rows[np.argsort(self.point[rows])]
         return (
@@ -102,7 +106,7 @@ class Landmarks:
         last: np.ndarray,
         accumulated: np.ndarray,
     ) -> None:
-        """Add the newest keyframe's observations; a track without a point starts one."""
+        """Add the observations of the newest keyframe; an unknown track starts a new point."""
         rows = self.rows_of(ids)
         fresh = np.flatnonzero(rows < 0)
         rays, by_lens, seen = self.rays_at(pixels[fresh])
@@ -141,7 +145,9 @@ class Landmarks:
         self.point = row_of[self.point]
 
     def rays_at(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays of pixels (N, 2), derivatives by the lens, and whether both are finite."""
+        """Rays of pixels (N, 2), their derivatives by the lens, and whether ray and derivatives are
+        finite.
+        """
         rays, by_lens = self._lens.rays_of(pixels)
         seen = np.isfinite(rays).all(axis=1) & np.isfinite(by_lens).all(axis=(1, 2))
         return rays, by_lens, np.asarray(seen)
@@ -172,7 +178,9 @@ class Landmarks:
         self.slot -= self.slot > slot
 
     def update_rays(self) -> None:
-        """Recompute all rays with the current lens; points outside its field are removed."""
+        """Recompute all rays with the current lens; points outside the field of the lens are
+        removed.
+        """
         self.rays, self.ray_by_lens, seen = self.rays_at(self.pixels[self.anchor])
         if not seen.all():
             self.keep(seen)

@@ -31,7 +31,7 @@ class LensReport:
     camera : Camera
         Estimated camera with the covariance of its parameters.
     given : Camera
-        As given.
+        The given camera.
     sigma : dict of str to float
         1-sigma of each of the model's parameters, in its units.
     readout_s, readout_sigma_s : float
@@ -65,7 +65,9 @@ def given_lens(camera: Camera) -> LensReport:
 
 
 def with_prior(camera: Camera, options: LensRefinementOptions) -> Camera:
-    """The camera with sigmas: of its calibration, or of the options if the calibration has none."""
+    """The camera with sigmas of its calibration, or with those of the options if the calibration
+    has none.
+    """
     if not options.refine:
         return camera.with_uncertainty()
     if camera.uncertainty is not None:
@@ -83,7 +85,7 @@ class LensEstimate:
     Parameters
     ----------
     camera : Camera
-        As given, with its size.
+        The given camera with its size.
     options : LensRefinementOptions
     interval_s : float
         Time between two frames.
@@ -139,7 +141,9 @@ class LensEstimate:
         return float(np.sqrt(self.covariance[-1, -1]))
 
     def step(self, change: np.ndarray) -> None:
-        """Change lens and read-out time; the lens by at most 10 px, for its linearisation."""
+        """Change lens and read-out time. The lens changes by at most 10 px, because it is
+        linearised.
+        """
         lens = change[:-1]
         share = min(1.0, 5.0 * STALE_LENS_PX / max(self.moved_px(lens), 1e-12))
         self.z, self.readout_s = self.z + share * lens, self.readout_s + float(change[-1])

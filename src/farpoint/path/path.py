@@ -1,4 +1,4 @@
-"""The camera path: resection of frames, bundle adjustment of keyframes."""
+"""The camera path: resection of frames, and bundle adjustment of keyframes."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Pair:
     Attributes
     ----------
     frame0, frame1 : int
-        Their indices.
+        Indices of the keyframes.
     time0, time1 : float
         Seconds.
     """
@@ -161,14 +161,14 @@ class PathBuilder:
         self._add_pending(frame, timestamp)
 
     def relative_pose(self, frame0: int, frame1: int) -> tuple[np.ndarray, np.ndarray] | None:
-        """Motion between two keyframes and its covariance; None where one has left the window.
+        """Motion between two keyframes and its covariance; None if one of them has left the window.
 
         Returns
         -------
         cam1_from_cam0 : ndarray, shape (4, 4)
         covariance : ndarray, shape (6, 6)
-            Of ``[dtheta, dt]`` in camera 1: ``R_true = Exp(dtheta) R``, ``t_true = t + dt``, rad
-            and units of the path, including errors of lens and shutter.
+            Covariance of ``[dtheta, dt]`` in camera 1: ``R_true = Exp(dtheta) R``, ``t_true = t +
+            dt``, rad and units of the path, including errors of lens and shutter.
         """
         if self._window is None:
             return None
@@ -257,7 +257,9 @@ class PathBuilder:
         return self._point(pair, motion, None, last_p)
 
     def _since_keyframe(self, step: _Step, seconds: float) -> RelativePose | None:
-        """Two-view motion since the last keyframe; None where one from about this flow had none."""
+        """Two-view motion since the last keyframe; None if an estimate at about this flow found no
+        motion.
+        """
         before, now = self._key_tracks, step.inliers
         assert before is not None
         flow = self._flow(before, now)
@@ -284,10 +286,11 @@ class PathBuilder:
         return self._estimate(before.pixels[rows[rows >= 0]], both.pixels, covariances, seconds)
 
     def _restart(self, window: Window, step: _Step) -> np.ndarray:
-        """Restart the window where two views with larger flow contradict its first motion.
+        """Restart the window if two views with larger flow contradict its first motion.
 
-        The difference is spread evenly over the time between the two views, the length kept, and
-        all keyframes optimised again. Returns the shift (3,) of the last frame's position.
+        The difference is spread evenly over the time between the two views. The length is kept, and
+        all keyframes are optimised again. The function returns the shift (3,) of the last frame's
+        position.
         """
         assert self._first is not None
         (first, tracks), self._first, pair = self._first, None, step.pair
@@ -369,7 +372,7 @@ class PathBuilder:
         return sigma < self._options.speed_ratio_sigma * known
 
     def _extrapolate_scale(self, window: Window, step: _Step) -> PathPoint:
-        """Start a new window at the last frame, its unit extrapolated from the last speed."""
+        """Start a new window at the last frame; its unit is extrapolated from the last speed."""
         self._pending.freeze_all()
         self._base, self._base_p = self._covariance(), self._p
         self._base[6, 6] += self._options.speed_ratio_sigma**2
@@ -389,7 +392,8 @@ class PathBuilder:
     def _rest(
         self, window: Window, now: TrackObservations, motion: RelativePose, located: Located
     ) -> Rest | None:
-        """Rest of the camera, where landmarks contradict the translation of the two-view estimate.
+        """Evidence that the camera is at rest, if landmarks contradict the translation of the
+        two-view estimate.
 
         Most NEAR matches are then on moving objects: they have no landmark, or do not fit their
         landmark.
@@ -446,7 +450,7 @@ class PathBuilder:
         self._unobservable_flow = 0.0
 
     def _complete_keyframe(self, window: Window, before: TrackObservations) -> None:
-        """Add tracks that begin in the last keyframe, known from its next match."""
+        """Add tracks that begin in the last keyframe; they are known from the next match."""
         if not self._is_key:
             return
         self._is_key = False
@@ -516,7 +520,8 @@ class PathBuilder:
         )
 
     def _covariance(self) -> np.ndarray:
-        """Covariance (7, 7) of the pose: of the window's start, propagated, plus that within it.
+        """Covariance (7, 7) of the pose: the propagated covariance of the window's start, plus that
+        within the window.
 
         The scale error of the start multiplies the displacement since then.
         """
@@ -526,7 +531,9 @@ class PathBuilder:
         return self._covariance_within() + by_base @ self._base @ by_base.T
 
     def _covariance_within(self) -> np.ndarray:
-        """Covariance (7, 7) of the pose within its window: of the solution, plus its own."""
+        """Covariance (7, 7) of the pose within its window: that of the window's solution, plus that
+        of the resection.
+        """
         covariance = np.zeros((7, 7))
         if self._window is not None and self._by_state is not None:
             covariance = self._window.covariance_of(self._by_state, self._p)
@@ -551,9 +558,11 @@ class PathBuilder:
 def _between(
     before2: np.ndarray, before: np.ndarray, after: np.ndarray, after2: np.ndarray
 ) -> np.ndarray:
-    """Velocity at a time from its means over the two intervals before and the two after it.
+    """Velocity at a time, from the mean velocities over the two intervals before it and the two
+    after it.
 
-    Exact for polynomials of third degree. The mean of the inner two alone underestimates an
-    oscillating velocity, and the read-out time that explains the same shear would be too large.
+    The result is exact for polynomials of third degree. The mean of the inner two intervals alone
+    underestimates an oscillating velocity. The read-out time that explains the same shear would
+    then be too large.
     """
     return (7.0 * (before + after) - (before2 + after2)) / 12.0

@@ -85,7 +85,7 @@ class PendingPoses:
         p: np.ndarray,
         covariance: np.ndarray,
     ) -> None:
-        """Add a pose in the world, attached to a keyframe; final without one."""
+        """Add a pose in the world, attached to a keyframe. A pose without a keyframe is final."""
         if keyframe is not None:
             R, p = keyframe.R.T @ R, keyframe.R.T @ (p - keyframe.p)
         pose = _Pending(

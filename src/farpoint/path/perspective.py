@@ -31,8 +31,8 @@ def without_perspective(
 
     The matched warp is affine, but the motion of a slanted plane in a window has a quadratic part,
     which biases the match by 0.01 to 0.05 px. The bias is common to all windows on a road or a
-    wall, and not contained in the covariances of single matches. Surface slopes are estimated from
-    the warps; slopes and motion give the quadratic part.
+    wall, and the covariances of single matches do not include it. Surface slopes are estimated from
+    the warps. The slopes and the motion give the quadratic part.
 
     A window across a depth edge contains two motions. Planes of any slope change a warp along the
     flow only, so the warp's component across the flow increases the covariance of the match.
@@ -42,7 +42,7 @@ def without_perspective(
     tracks : Tracks
         Matches with the deformations of their windows.
     camera : Camera
-        Of both images.
+        Camera of both images.
     R_cam1_from_cam0 : ndarray, shape (3, 3)
         Approximate rotation between the images.
     direction : ndarray, shape (3,), or None
@@ -70,7 +70,7 @@ def without_perspective(
 
 
 class _Motion(NamedTuple):
-    """Maps a ray r at inverse distance s to ``R r + s direction``."""
+    """Motion of points: a ray r at inverse distance s maps to ``R r + s direction``."""
 
     R: np.ndarray
     direction: np.ndarray

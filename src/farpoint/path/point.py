@@ -18,7 +18,7 @@ class Rest:
     rotation_cam1_from_cam0 : ndarray, shape (3, 3)
         From the previous frame to this one.
     rotation_covariance : ndarray, shape (3, 3)
-        Of ``dtheta`` in camera 1, rad^2.
+        Covariance of ``dtheta`` in camera 1, rad^2.
     points : int
         Number of landmarks that fit.
     """
@@ -37,7 +37,8 @@ class PathPoint:
     world_from_cam : ndarray, shape (4, 4)
         Camera axes to world; the first frame is the world.
     covariance : ndarray, shape (7, 7)
-        Of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the segment.
+        Covariance of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the
+        segment.
     segment : int
         Number of the path segment; scale or tracking was lost between segments.
     scale, scale_sigma : float or None
@@ -76,7 +77,8 @@ class FinalPose:
     world_from_cam : ndarray, shape (4, 4)
         Camera axes to world; the first frame is the world.
     world_covariance : ndarray, shape (7, 7)
-        Of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the segment.
+        Covariance of ``[dtheta (3), dposition (3), dlog_scale]`` since the beginning of the
+        segment.
     """
 
     frame1: int

@@ -19,8 +19,8 @@ def inverse_depths(
 ) -> np.ndarray:
     """Inverse distances (N,) in camera 1, per unit translation, of matched rays (N, 3).
 
-    From the cross product of ``l1 b = l0 R a + t`` with ``R a``, where l0 and l1 are the distances;
-    negative behind the camera.
+    The distances l0 and l1 satisfy ``l1 b = l0 R a + t``. The cross product of this equation with
+    ``R a`` gives the inverse distance, which is negative for a point behind the camera.
     """
     rotated = rays0 @ R_cam1_from_cam0.T
     plane_of_motion = cross(direction, rotated)
@@ -37,7 +37,7 @@ def point_predictor(
     Parameters
     ----------
     camera : Camera
-        Of both images.
+        Camera of both images.
     motion : RelativePose
         The last motion; FAILED predicts no displacement.
     tracks : Tracks

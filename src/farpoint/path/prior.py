@@ -18,7 +18,8 @@ __all__ = ["Prior", "by_position_change"]
 class Prior:
     """Information and gradient of poses and common unknowns at a fixed linearisation point.
 
-    Poses deviate from it by ``R' = Exp(theta) R``, ``p' = Exp(theta) p + rho``.
+    Poses deviate from the linearisation point by ``R' = Exp(theta) R``, ``p' = Exp(theta) p +
+    rho``.
 
     Parameters
     ----------
@@ -46,7 +47,9 @@ class Prior:
         self._H[:6, :6] += np.eye(6) / sigma**2
 
     def add(self, row: np.ndarray, residual: float, sigma: float, deviation: np.ndarray) -> None:
-        """Add a linear measurement: derivatives (D,), residual and 1-sigma at a deviation."""
+        """Add a linear measurement: derivatives (D,), residual and 1-sigma at a deviation from the
+        linearisation point.
+        """
         self._H += np.outer(row, row) / sigma**2
         self._g += row * (residual - row @ deviation) / sigma**2
 
@@ -66,7 +69,7 @@ class Prior:
         return System(self._H, self._g + self._H @ deviation)
 
     def replace(self, system: System, slot: int, poses: Poses, common: np.ndarray) -> None:
-        """Replace the prior by a system, with the pose in a slot marginalised.
+        """Replace the prior by a system of equations, with the pose in one slot marginalised.
 
         ``poses`` are the remaining poses, the linearisation point of the system.
         """

@@ -28,8 +28,8 @@ class Located:
     R, p : ndarray, shapes (3, 3), (3,)
         Rotation ``world_from_cam`` and position.
     covariance : ndarray, shape (6, 6)
-        Of ``[theta, rho]``: ``R' = Exp(theta) R``, ``p' = p + rho``, with the window's keyframes,
-        lens and shutter fixed.
+        Covariance of ``[theta, rho]``: ``R' = Exp(theta) R``, ``p' = p + rho``, with the window's
+        keyframes, lens and shutter fixed.
     by_state : ndarray, shape (6, D)
         Derivatives of the same by the unknowns of the window.
     ids : ndarray of int64, shape (N,)
@@ -111,7 +111,7 @@ class _Points:
 
     @classmethod
     def of(cls, window: Window, rows: np.ndarray, observed: TrackObservations) -> _Points:
-        """From rows (N,) of the window's landmarks and their tracks in a frame."""
+        """Points of these rows (N,) of the window's landmarks, with their tracks in a frame."""
         marks, since = window.landmarks, window.landmarks.latest()[rows]
         homogeneous_points, base = window.homogeneous_points(rows)
         s = marks.s[rows]
@@ -138,7 +138,7 @@ class _Points:
         start: np.ndarray,
         seconds: float,
     ) -> Located | None:
-        """Optimised pose from an initial one; None with too few points in the lens' field."""
+        """Optimised pose from an initial pose; None with too few points in the lens' field."""
         R, p, (R0, p0) = R.copy(), start.copy(), last
         H, squares = np.empty((6, 6)), np.empty(len(self.s))
         expected = self._linearise(window, R, p)
@@ -188,9 +188,10 @@ class _Points:
     ) -> np.ndarray:
         """Derivatives (6, D) of the gradient by the unknowns of the window.
 
-        The residual of the point's last keyframe is subtracted from each residual. Both depend on
-        the pose of its anchor, on lens and read-out time, and on the inverse distance, which
-        follows from them; a common motion of the anchor and an observer changes neither.
+        The residual in the point's last keyframe is subtracted from each residual. Both residuals
+        depend on the pose of the anchor, on lens and read-out time, and on the inverse distance,
+        which is a function of these unknowns. A common motion of the anchor and an observer changes
+        neither residual.
         """
         marks, s = window.landmarks, self.s[:, None]
         anchors = marks.anchor[self.rows]
@@ -239,7 +240,7 @@ class _Points:
 
 
 class _Expected(NamedTuple):
-    """Unit rays (N, 3) to points, their pixels less the observed ones, and derivatives."""
+    """Unit rays (N, 3) to points, their expected minus observed pixels, and the derivatives."""
 
     rays: np.ndarray
     offsets: np.ndarray
@@ -248,6 +249,6 @@ class _Expected(NamedTuple):
 
 
 def _add_poses(columns: np.ndarray, slots: np.ndarray, values: np.ndarray) -> None:
-    """Add (N, 2, 6) to the columns of a keyframe each, of (N, 2, D)."""
+    """Add derivatives (N, 2, 6) to those columns of (N, 2, D) that belong to a keyframe."""
     rows = np.arange(len(slots))[:, None, None]
     columns[rows, np.arange(2)[:, None], 6 * slots[:, None, None] + np.arange(6)] += values

@@ -1,7 +1,8 @@
 """Reprojection residuals of a window, px: derivatives, likelihood and information.
 
-Errors of a track accumulate from match to match. Therefore the change of a track's residual between
-keyframes is weighted, by Student's t with the covariances of the matches in between.
+Errors of a track accumulate from match to match. The residual of a term is therefore the change of
+a track's residual between two keyframes. Its cost is that of Student's t, with the covariances of
+the matches in between.
 """
 
 from __future__ import annotations
@@ -45,7 +46,9 @@ class WindowNoise(NamedTuple):
     floor_px2: float = 0.03**2
 
     def covariances(self, last: np.ndarray, accumulated: np.ndarray) -> np.ndarray:
-        """Covariances (N, 3) of residuals: ``last``, and the sum since a keyframe."""
+        """Covariances (N, 3) of residuals, from those of the last match and the sum since a
+        keyframe.
+        """
         floor = self.floor_px2 * np.array([1.0, 0.0, 1.0])
         return self.last * last + self.accumulated * accumulated + floor
 
@@ -71,7 +74,9 @@ class Poses(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """Residuals of all observations, and their derivatives: 0 of anchors and unseen points."""
+    """Residuals of all observations and their derivatives; both are 0 for anchors and unseen
+    points.
+    """
 
     residuals: np.ndarray
     by_pose: np.ndarray
@@ -109,7 +114,7 @@ def row_phase(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 class Residuals:
-    """Residuals of a window; the lens is linearised once, at the expected points.
+    """Residuals of a window. The lens is linearised once, at the expected points.
 
     Parameters
     ----------

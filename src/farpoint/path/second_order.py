@@ -10,10 +10,11 @@ __all__ = ["second_order_variance"]
 def second_order_variance(displacement: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Variance (3, 3) of a position of known distance, to second order in its direction.
 
-    An error ``e`` across a ``displacement`` (3,) of length l shortens it by ``e . e / (2 l)``; for
-    a normal e with the covariance C that has the mean square ``(2 tr C^2 + (tr C)^2) / (4 l^2)``.
-    If the distance is the unit of the path, this is the only error along the displacement. The
-    variance is isotropic, because later frames rotate the displacement by a similar error.
+    An error ``e`` across a ``displacement`` (3,) of length l shortens the displacement by ``e . e /
+    (2 l)``. For a normal e with the covariance C, this shortening has the mean square ``(2 tr C^2 +
+    (tr C)^2) / (4 l^2)``. If the distance is the unit of the path, this is the only error along the
+    displacement. The variance is isotropic, because later frames rotate the displacement by a
+    similar error.
     """
     length2 = float(displacement @ displacement)
     if length2 == 0.0:

@@ -15,7 +15,7 @@ __all__ = ["redundant_keyframe", "select_tracks"]
 def select_tracks(
     observed: TrackObservations, landmarks: Landmarks, most: int
 ) -> TrackObservations:
-    """Tracks with a landmark, filled up to ``most`` with evenly sampled others."""
+    """Tracks with a landmark, and evenly sampled other tracks up to ``most`` in all."""
     known = landmarks.rows_of(observed.ids) >= 0
     free_slots = max(most - int(known.sum()), 0)
     fresh = np.flatnonzero(~known)
@@ -27,11 +27,12 @@ def select_tracks(
 
 
 def redundant_keyframe(window: Window, alive: np.ndarray) -> int:
-    """Slot of the keyframe to marginalise: fewest points in view, or most crowded position.
+    """Slot of the keyframe to marginalise: it has too few points in view, or the most crowded
+    position.
 
-    The score of Engel, Koltun and Cremers, "Direct Sparse Odometry", 2018, section 3.1: the root of
-    the distance to the newest keyframe times the sum of inverse distances to the others. The window
-    keeps a baseline under pure rotation.
+    The crowding is the score of Engel, Koltun and Cremers, "Direct Sparse Odometry", 2018, section
+    3.1: the root of the distance to the newest keyframe times the sum of inverse distances to the
+    others. By this score the window keeps a baseline under pure rotation.
 
     Parameters
     ----------

@@ -60,9 +60,10 @@ class Window:
     landmarks : Landmarks
         Landmarks and observations.
     covariance : ndarray, shape (D, D)
-        Of all poses, 6 each as in `Prior`, and the common unknowns, at the last solution.
+        Covariance of all poses, 6 each as in `Prior`, and the common unknowns, at the last
+        solution.
     size : (int, int)
-        Of the images.
+        Size of the images.
     origin : ndarray, shape (3,)
         Position of the first keyframe, the gauge.
     cost : float
@@ -329,8 +330,9 @@ class Window:
     def covariance_of(self, by_state: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Covariance (7, 7) of ``[dtheta, dp, dlog_scale]`` of a pose, in the world.
 
-        ``p_true = p + dp``. The derivatives ``by_state`` (6, D) are those by all unknowns of the
-        last solution. The error of the scale is that of its newest keyframe.
+        The error of the position is defined by ``p_true = p + dp``. ``by_state`` (6, D) are the
+        derivatives of the pose by all unknowns of the last solution. The error of the scale is that
+        of the newest keyframe.
         """
         rows = np.vstack([by_state, self._by_scale])
         by_unit = np.array([0.0, 0.0, 0.0, *(p - self.origin), 1.0])
@@ -378,7 +380,7 @@ class Window:
         return length, length**2 > GATE_SIGMA**2 * float(row @ self.covariance @ row)
 
     def _variance_of_unit(self) -> float:
-        """Variance of the log length of the unit baseline, given the gauge."""
+        """Variance of the logarithm of the unit baseline's length, given the gauge."""
         if self._unit is None:
             return 0.0
         row = self._by_log_length(self._unit)
@@ -387,7 +389,8 @@ class Window:
     def relative_pose(self, slot0: int, slot1: int) -> tuple[np.ndarray, np.ndarray]:
         """Motion ``cam1_from_cam0`` (4, 4) between two keyframes, and its covariance (6, 6).
 
-        Of ``[dtheta, dt]`` in camera 1: ``R_true = Exp(dtheta) R``, ``t_true = t + dt``.
+        The covariance is that of ``[dtheta, dt]`` in camera 1: ``R_true = Exp(dtheta) R``, ``t_true
+        = t + dt``.
         """
         first, second = self.frames[slot0], self.frames[slot1]
         motion = np.eye(4)
@@ -451,7 +454,7 @@ class Window:
     def _with_prior(
         self, system: System, deviation: np.ndarray, gauge: tuple[int, int] | None
     ) -> System:
-        """Add the prior, and a scale gauge: a fixed baseline between two keyframes."""
+        """Add the prior and a gauge of the scale: a fixed baseline between two keyframes."""
         known = self._prior.at(deviation)
         H = system.H + known.H
         if gauge is not None:
@@ -505,9 +508,9 @@ class Window:
     def remove(self, slot: int, alive: np.ndarray) -> Keyframe:
         """Marginalise a keyframe into the prior.
 
-        Its anchored points that are not ``alive`` (ids, ascending) are marginalised too; points
-        alive are re-anchored in the next keyframe that observes them. Points with a single
-        observation that are not alive carry no information and are dropped.
+        Points anchored in this keyframe that are not ``alive`` (ids, ascending) are marginalised,
+        too. Points that are alive get a new anchor: the next keyframe that observes them. Points
+        with a single observation that are not alive carry no information and are dropped.
         """
         marks, frame = self.landmarks, self.frames[slot]
         if self._unit is not None:

@@ -37,7 +37,7 @@ def epipole(
     pose : RelativePose
         A pose with a direction.
     camera : Camera
-        Of image 0.
+        Camera of image 0.
     image : ndarray, shape (height, width) or (height, width, 3), optional
         Image 0, drawn in the background.
     ax : matplotlib.axes.Axes, optional
@@ -46,7 +46,7 @@ def epipole(
     Returns
     -------
     matplotlib.axes.Axes
-        In pixels of image 0, y down.
+        Axes in pixels of image 0, y down.
 
     Raises
     ------

@@ -55,7 +55,7 @@ def flow(
     points0, points1 : ndarray, shape (N, 2)
         The matches of the pose, px, such as ``result.tracks.points0``.
     camera : Camera
-        Of both images.
+        Camera of both images.
     image : ndarray, shape (height, width) or (height, width, 3), optional
         Image 0, drawn in the background.
     ax : matplotlib.axes.Axes, optional
@@ -64,7 +64,7 @@ def flow(
     Returns
     -------
     matplotlib.axes.Axes
-        In pixels of image 0, y down.
+        Axes in pixels of image 0, y down.
 
     Raises
     ------

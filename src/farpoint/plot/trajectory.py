@@ -34,7 +34,7 @@ def trajectory(
     Returns
     -------
     matplotlib.axes.Axes
-        In the unit of the trajectory.
+        Axes in the unit of the trajectory.
 
     Raises
     ------

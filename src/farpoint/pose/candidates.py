@@ -1,11 +1,11 @@
 """Candidate motions beside the result of the search, and the likeliest of all.
 
-The search compares motions by a part of the matches and by residuals only. Its answer may be
-a local maximum where nearly all points are far, where noise is large, or where the residuals of
-neighbours are correlated. In these cases further candidates come from the flow of rejected matches,
-the secondary modes of the search, the rotation of the far points, and a search with a bounded noise
-scale. Each is refined by the likelihood of all matches, and the likeliest one replaces the first
-answer if its log likelihood is larger by a margin.
+The search compares motions by a part of the matches and by residuals only. Its answer may be a
+local maximum if nearly all points are far, if noise is large, or if the residuals of neighbours are
+correlated. In these cases further candidates come from the flow of rejected matches, the secondary
+modes of the search, the rotation of the far points, and a search with a bounded noise scale. Each
+candidate is refined by the likelihood of all matches. The likeliest candidate replaces the answer
+of the search if its log likelihood is larger by a margin.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def likeliest_motion(
 
 
 def _is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool:
-    """Whether a motion is likelier than another by the margin of candidates."""
+    """Whether the first motion is likelier than the second by the margin of candidates."""
     margin = 2.0 * CLEAR_MARGIN if fit.has_shrunk_flow else CLEAR_MARGIN
     return fit.log_likelihood - other.log_likelihood > margin * other.matches.misspecification
 
@@ -102,7 +102,9 @@ def _with_bounded_noise(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> Iterator[GeneralMotionFit]:
-    """A search with the noise bounded by its initial value, and the secondary modes of both."""
+    """Best motion of a search whose noise is bounded by its initial value, and the secondary modes
+    of this search and of the fit.
+    """
     found = fit_with_bounded_noise(
         matches, (tolerance / GATE_SIGMA) ** 2, CANDIDATE_SAMPLES, tolerance, options, state
     )
@@ -115,7 +117,9 @@ def _with_bounded_noise(
 def _from_far_points(
     matches: Matches, fit: GeneralMotionFit, tolerance: float, state: np.ndarray
 ) -> Iterator[GeneralMotionFit]:
-    """The closed form of 2008: the rotation of the far points, the epipole of the other flow."""
+    """The closed form of 2008: rotation of the far points, and epipole of the flow of the near
+    points.
+    """
     rotation = far_rotation(matches, tolerance, state)
     others = matches.select(~rotation.consistent)
     if len(others) < MIN_REJECTED:

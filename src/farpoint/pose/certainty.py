@@ -19,7 +19,8 @@ def largest_sigma(covariance: np.ndarray) -> float:
 def direction_sigma(covariance: np.ndarray) -> float:
     """The worst 1-sigma, rad, of the direction of a motion with this covariance (5, 5).
 
-    The value of `largest_sigma` in closed form, because every motion needs it.
+    The result equals `largest_sigma`, but is computed in closed form, because every motion needs
+    it.
     """
     (xx, xy), (_, yy) = covariance[3:, 3:].tolist()
     half = 0.5 * (xx - yy)

@@ -1,7 +1,8 @@
 """The closed form of the paper: SVD of the far rays, mean of the pairwise intersections.
 
-No likelihood, no iteration: the method of Burschka and Mair (2008) with the covariance by the
-scatter of the intersections, as the baseline for the refined estimate.
+This estimate uses no likelihood and no iteration. It is the method of Burschka and Mair (2008),
+with a covariance from the scatter of the intersections, and serves as the baseline for the refined
+estimate.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def estimate_closed_form(
     state: np.ndarray,
     diagnostics: Diagnostics,
 ) -> RelativePose:
-    """Rotation of the far rays, then the direction of the flow of the others."""
+    """Rotation of the far rays, then the direction from the flow of the near points."""
     diagnostics.iterations = rotation.iterations
     R, far = rotation.R_cam1_from_cam0, rotation.consistent
     area_share = np.pi / 4.0 * (tolerance / matches.outlier_half_width) ** 2
@@ -109,7 +110,7 @@ def _scatter_of_rotation(
 def _consistent_with(
     matches: Matches, R: np.ndarray, t: np.ndarray, tolerance: float
 ) -> np.ndarray:
-    """Mask (N,) of matches that flow towards ``t``, within the tolerance across their circle."""
+    """Mask (N,) of matches that flow towards ``t``, within the tolerance across."""
     rays1, rotated = matches.rays1, matches.rays0 @ R.T
     across = np.einsum("ni,ni->n", rays1, np.cross(t, rotated))
     length = np.linalg.norm(np.cross(t, rotated), axis=1)

@@ -1,4 +1,4 @@
-"""Competing motions: other modes of nearly the same likelihood, and which is the likelier."""
+"""Competing motions: other modes of nearly the same likelihood, and the choice between them."""
 
 from __future__ import annotations
 
@@ -71,15 +71,17 @@ class CompetingMotion(NamedTuple):
         return _cosine(self, fit) > COS_NEARBY
 
     def described_beside(self, fit: GeneralMotionFit) -> str:
-        """A sentence: why there are two motions, and the angle between their directions."""
+        """A sentence with the cause of the two motions and the angle between their directions."""
         apart = math.acos(min(max(_cosine(self, fit), -1.0), 1.0))
         return f"{self.cause}, whose directions are {math.degrees(apart):.0f} deg apart."
 
     def covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
-        """Covariance (5, 5), rad^2, of a motion that may be this one of a plane, or between both.
+        """Covariance (5, 5), rad^2, of another motion, widened because this competing motion may be
+        the true one.
 
-        The squared difference of the two motions times a probability; a share of 0.1 is rotated by
-        90 degrees about the direction. Zero if the directions are far apart.
+        The added term is the squared difference of the two motions times a probability; a share of
+        0.1 of the term is rotated by 90 degrees about the direction. The term is zero if the two
+        directions are far apart.
         """
         if _cosine(self, fit) < COS_SAME_MODE:
             return np.zeros((5, 5))
@@ -95,7 +97,9 @@ class CompetingMotion(NamedTuple):
         return self.probability(fit.matches.tempering, PLANE_TEMPERING) * mixed
 
     def rotation_covariance_beside(self, fit: GeneralMotionFit) -> np.ndarray:
-        """Covariance (3, 3), rad^2, of a rotation that may be that of this motion."""
+        """Covariance (3, 3), rad^2, of the rotation of another motion, widened because this
+        competing motion may be the true one.
+        """
         return covariance_between(self._turn_from(fit), self.probability(fit.matches.tempering))
 
     def probability(self, misspecification: float, tempering: float = LOG_RATIO_TEMPERING) -> float:
@@ -110,7 +114,7 @@ class CompetingMotion(NamedTuple):
 
 
 def covariance_between(apart: np.ndarray, probability: float) -> np.ndarray:
-    """Covariance (3, 3), rad^2, of a rotation if another rotation has this probability.
+    """Covariance (3, 3), rad^2, to add to a rotation if another rotation has this probability.
 
     The squared rotation vector ``apart`` between the two rotations, times the probability: a share
     of 0.9 along the vector, and 0.1 isotropic for a third rotation.
@@ -151,10 +155,11 @@ def compare_modes(
     pure_rotation: Callable[[], PureRotationFit],
     rate: float,
 ) -> ComparedModes:
-    """Compare a motion with that of a plane, the modes of the search, and other directions.
+    """Compare a motion with the second motion of a plane, the modes of the search, and other
+    directions.
 
-    If the direction is uncertain, other directions are searched for from the ``pure_rotation``. A
-    mode is ruled out at the false-alarm rate ``rate``.
+    If the direction is uncertain, a search for other directions starts from the ``pure_rotation``.
+    A mode is ruled out at the false-alarm rate ``rate``.
     """
     # A misspecified noise variance scales the log-likelihood ratio.
     limit = -fit.matches.tempering * math.log(rate)
@@ -189,20 +194,23 @@ def _candidate_mode(fit: GeneralMotionFit) -> CompetingMotion | None:
 
 
 def _within(limit: float, other: CompetingMotion | None) -> CompetingMotion | None:
-    """The other motion, if the log-likelihood ratio to it is below the limit."""
+    """The other motion if its log-likelihood ratio is below the limit, else None."""
     return other if other is not None and other.log_ratio < limit else None
 
 
 def likelier_of_plane(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier of the fit and the second motion of a plane, and the less likely one.
+    """The likelier and the less likely of two motions: the fit, and the second motion of a plane.
 
-    None if no plane explains the matches nearly as well, which is the usual case.
+    The second result is None if no plane explains the matches nearly as well, which is the usual
+    case.
     """
     return _likelier(fit, _other_of_plane(fit) if fit.is_planar else None)
 
 
 def likelier_of_search(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier of the fit and the secondary mode of its search, and the less likely one."""
+    """The likelier and the less likely of two motions: the fit, and the secondary mode of its
+    search.
+    """
     if fit.secondary_mode is None:
         return fit, None
     R, t = (each.copy() for each in fit.secondary_mode)
@@ -214,9 +222,11 @@ def likelier_of_search(fit: GeneralMotionFit) -> tuple[GeneralMotionFit, Competi
 def likelier_in_other_direction(
     fit: GeneralMotionFit, pure_rotation: Callable[[], PureRotationFit]
 ) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier of the fit and a mode in another direction, and the less likely one.
+    """The likelier and the less likely of two motions: the fit, and a mode in another direction.
 
-    If every mode found is less likely than the next, both count as equally likely.
+    The search for another direction is repeated for the likelier motion, up to `ROUNDS` times. If
+    each round finds a likelier motion again, or residuals and parallax contradict each other, both
+    motions count as equally likely.
     """
     # Two modes that exchange translation and rotation have the pure rotation half-way between them.
     middle, other = pure_rotation().R_cam1_from_cam0, None
@@ -234,7 +244,7 @@ def likelier_in_other_direction(
 def _likelier(
     fit: GeneralMotionFit, other: CompetingMotion | None
 ) -> tuple[GeneralMotionFit, CompetingMotion | None]:
-    """The likelier motion by residuals and parallax of all matches, and the less likely one.
+    """The likelier and the less likely of two motions, by residuals and parallax of all matches.
 
     The log-likelihood ratio to the other motion comes from the residuals (for a plane, from its
     relief), and may be due to chance or to correlated outliers. So the other motion is fitted to
@@ -309,7 +319,9 @@ def _competing(pose: Pose, log_ratio: float, cause: str) -> CompetingMotion:
 
 
 def _packed_subsample(fit: GeneralMotionFit, most: int) -> PackedMatches:
-    """An even subsample, as the kernels take it, without the soft cheirality penalty."""
+    """An even subsample of the matches in the format of the kernels, without the soft cheirality
+    penalty.
+    """
     part = fit.matches.subsample(most)
     return part.packed(part.weights(), soft_cheirality=False)
 

@@ -58,7 +58,7 @@ class Diagnostics:
 def label_matches(
     matches: Matches, inlier: np.ndarray, near: np.ndarray | None = None
 ) -> np.ndarray:
-    """Labels (total,) of all matches given, from masks (N,) over the matches used."""
+    """Labels (total,) of all given matches, from masks (N,) over the matches used."""
     labels = inlier.astype(np.uint8)  # TrackLabel.FAR is 1, NEAR 2
     if near is not None:
         labels += inlier & near
@@ -66,7 +66,7 @@ def label_matches(
 
 
 def full_labels(matches: Matches, labels: np.ndarray) -> np.ndarray:
-    """Labels (total,) of all matches given, from those (N,) of the matches used."""
+    """Labels (total,) of all given matches, from the labels (N,) of the matches used."""
     if len(labels) == matches.total:
         return labels
     full = np.full(matches.total, TrackLabel.OUTLIER, np.uint8)
@@ -75,7 +75,7 @@ def full_labels(matches: Matches, labels: np.ndarray) -> np.ndarray:
 
 
 def no_consensus(matches: Matches, agreeing: int, diagnostics: Diagnostics) -> RelativePose:
-    """FAILED: chance alone may have made the consensus of the best motion."""
+    """FAILED pose: as many matches may agree with the best motion by chance."""
     return failed_pose(
         f"No consensus: the best motion has {agreeing} inliers of {len(matches)} matches, "
         "no more than chance.",
@@ -85,7 +85,7 @@ def no_consensus(matches: Matches, agreeing: int, diagnostics: Diagnostics) -> R
 
 
 def undetermined_rotation(matches: Matches, diagnostics: Diagnostics) -> RelativePose:
-    """FAILED: the inliers are too few, at one point, or on a line."""
+    """FAILED pose: the inliers are too few, at one point, or on a line."""
     return failed_pose(
         f"Rotation not observable: the inliers among {len(matches)} matches are too few or too "
         "close together in the image.",
@@ -104,7 +104,8 @@ def observed(
     diagnostics: Diagnostics,
     detail: str = "",
 ) -> RelativePose:
-    """OK: rotation and direction, each with covariance; largest 1-sigma of the direction, rad.
+    """OK pose with rotation, direction and covariance; ``sigma`` is the largest 1-sigma of the
+    direction, rad.
 
     ``detail`` is a further sentence of the reason.
     """
@@ -130,7 +131,7 @@ def observed(
 
 
 def with_covariance(pose: RelativePose, covariance: np.ndarray) -> RelativePose:
-    """An OK pose with another covariance (5, 5), rad^2, and with the new 1-sigma in its reason."""
+    """The OK pose with another covariance (5, 5), rad^2, and with the new 1-sigma in the reason."""
     assert pose.covariance is not None
     before, after = (_sigma_text(direction_sigma(C)) for C in (pose.covariance, covariance))
     return replace(
@@ -172,7 +173,7 @@ def without_direction(
 def failed_pose(
     reason: str, total: int = 0, diagnostics: Diagnostics | None = None
 ) -> RelativePose:
-    """FAILED: no rotation can be trusted; all of the ``total`` matches given are OUTLIER."""
+    """FAILED pose without any quantity; all of the ``total`` given matches are OUTLIER."""
     labels = np.full(total, TrackLabel.OUTLIER, np.uint8)
     return RelativePose(
         status=PoseStatus.FAILED,

@@ -69,7 +69,7 @@ def general_motion_covariance(fit: GeneralMotionFit) -> np.ndarray:
 
 
 def split_half_ratio(fit: GeneralMotionFit, splits: int) -> float | None:
-    """Squared difference of the poses by halves of the matches, over its expected value.
+    """Squared difference of the poses by two halves of the matches, over its expected value.
 
     Tracks of one surface have correlated errors. Then the poses by two halves differ by more than
     their covariances predict (delete-d jackknife: Shao and Wu, Ann. Stat. 17, 1989, DOI
@@ -95,7 +95,8 @@ def split_half_ratio_of_rotation(
 ) -> float | None:
     """`split_half_ratio` of pure rotations.
 
-    Splits with a half that fixes no rotation are left out; 1 if all splits are left out.
+    A split with a half that determines no rotation is left out. The result is 1 if all splits are
+    left out.
     """
     if not _can_split(matches, splits):
         return None
@@ -121,7 +122,7 @@ def _can_split(matches: Matches, splits: int) -> bool:
 
 
 def inflation_by_halves(ratio: float | None, expected: float, freedom: int) -> float:
-    """Factor on the covariance by the measured and the expected `split_half_ratio`.
+    """Factor on the covariance: mean of the measured and the expected split-half ratio.
 
     The mean of both ratios, weighted by degrees of freedom; the measured ratio has ``freedom`` over
     all splits.
@@ -134,7 +135,9 @@ def inflation_by_halves(ratio: float | None, expected: float, freedom: int) -> f
 
 
 def mean_split_half_ratio(ratio: float | None, expected: float, pairs: int) -> float:
-    """Mean of the `split_half_ratio` of a pair and the ``expected`` one of ``pairs`` before it."""
+    """Mean of the `split_half_ratio` of this pair and the ``expected`` ratio of ``pairs`` earlier
+    pairs.
+    """
     if ratio is None:
         return expected
     return expected + (min(ratio, MAX_RATIO_OVER_MEAN * expected) - expected) / (pairs + 1)
@@ -143,11 +146,11 @@ def mean_split_half_ratio(ratio: float | None, expected: float, pairs: int) -> f
 def inflation_beyond_patches(ratio: float | None, options: RelativePoseOptions) -> float:
     """Factor on the covariance for errors that are correlated beyond a patch.
 
-    Patches in different halves share these errors, so the errors cancel in the difference of the
-    halves. A codec's errors are correlated over all lengths, from a block to the image, and their
-    variance is proportional to the part that the halves show:
-    ``f = 1 + slope * min(mean - 1.08, 1)``, at least 1. ``mean`` is the mean ratio of many pairs,
-    because the ratio of one pair has a large sampling error.
+    Both halves share these errors, so the errors cancel in the difference of the halves. Errors of
+    a video codec are correlated over all lengths, from a block to the image, and their variance is
+    proportional to the part that the halves show: ``f = 1 + slope * min(mean - 1.08, 1)``, at least
+    1. ``mean`` is the mean ratio of many pairs, because the ratio of one pair has a large sampling
+    error.
     """
     expected, pairs = options.expected_half_ratio, options.expected_half_ratio_pairs
     excess = mean_split_half_ratio(ratio, expected, pairs) - UNCOMPRESSED_SPLIT_RATIO
@@ -180,7 +183,7 @@ def _averaged(fit: GeneralMotionFit, covariance: np.ndarray) -> np.ndarray:
 
 
 def shared_covariance(matches: Matches, sigma: float) -> np.ndarray:
-    """Covariance (3, 3), rad^2, of the rotation by an error that is common to all matches.
+    """Covariance (3, 3), rad^2, of the rotation due to an error that is common to all matches.
 
     ``sigma`` is the 1-sigma displacement of a typical match by this error, in units of the noise.
     """

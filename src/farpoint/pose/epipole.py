@@ -39,8 +39,9 @@ def mean_epipole(
 ) -> EpipoleEstimate | None:
     """Mean of all pairwise great-circle intersections, each with weight and sign.
 
-    The paper intersects lines in the image; on the sphere, an epipole at 90 degrees or behind is an
-    ordinary case, and the cross product weighs a pair by the sine of the angle of its circles.
+    The paper intersects lines in the image. On the sphere, an epipole at 90 degrees or behind the
+    camera is an ordinary case. The cross product weighs a pair of great circles by the sine of the
+    angle between them.
 
     Parameters
     ----------

@@ -36,8 +36,8 @@ def far_rotation(
 ) -> FarRotation:
     """Rotation of the far points among ``matches``.
 
-    Without far points the result is the rotation that removes most of the flow, a start for the
-    joint search.
+    Without far points the result is the rotation that removes most of the flow. The joint search
+    then starts from this rotation.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """The general motion: rotation and direction of translation, fitted to their maximum likelihood.
 
-The essential-matrix model: a match is free along its epipolar line. Inliers have normal noise of
-unknown scale with a heavy tail; noise scale and outlier share are estimated jointly (EM).
+In the essential-matrix model, a match is free along its epipolar line. Inliers have normal noise of
+unknown scale with a heavy tail. EM estimates the noise scale and the outlier share together with
+the motion.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class ResidualCorrelation(NamedTuple):
     correlation : float
         0 for few inliers.
     z_score : float
-        Of the correlation, under independent noise.
+        z-score of the correlation, under independent noise.
     design_effect : float
         Variance of sums of residuals over parts of the image, over that of independent residuals;
         1 where independence is plausible.
@@ -72,7 +73,7 @@ class ResidualCorrelation(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Initial values of a refinement: those fields of a `GeneralMotionFit` that are known."""
+    """Initial values of a refinement: the known fields of a `GeneralMotionFit`."""
 
     R_cam1_from_cam0: np.ndarray
     direction_cam1_from_cam0: np.ndarray
@@ -114,7 +115,7 @@ class GeneralMotionFit:
     cost : float
         Mean negative log likelihood of a match.
     far_rotation_cam1_from_cam0 : ndarray, shape (3, 3)
-        Initial rotation of the search: that of the far points.
+        Initial rotation of the search: the rotation of the far points.
     laplace_factor : float
         Negative logarithm of the Laplace (Occam) factor: log likelihood of all matches at the mode
         minus its average over the poses nearby.
@@ -213,10 +214,10 @@ def fit_general_motion(
 ) -> GeneralMotionFit:
     """Maximum-likelihood rotation and direction, searched for from the far rotation.
 
-    The direction of the derotated flow is refined jointly with the rotation, then compared with
-    five-ray hypotheses: with no far points, or parallax that a rotation can imitate, the first
-    answer is a local maximum. If the search used a part of the matches and two modes have nearly
-    the same likelihood, the modes are compared by all matches; the second mode must be clearly
+    The direction of the derotated flow is refined jointly with the rotation. This first answer is a
+    local maximum if there are no far points, or if a rotation can imitate the parallax. It is
+    therefore compared with five-ray hypotheses. If the search used a part of the matches and two
+    modes have nearly the same likelihood, all matches decide; the second mode must be clearly
     likelier.
     """
     n = len(matches)
@@ -249,7 +250,8 @@ def fit_with_bounded_noise(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> GeneralMotionFit:
-    """`fit_general_motion` of a part of the matches, with a bounded noise scale and few samples.
+    """Fit of a part of the matches by `fit_general_motion`, with a bounded noise scale and few
+    samples.
 
     ``variance`` is the upper bound of the noise variance, in squared units of the matches' noise;
     ``samples`` is the largest number of samples.
@@ -261,7 +263,9 @@ def fit_with_bounded_noise(
 
 
 def is_clearly_likelier(fit: GeneralMotionFit, other: GeneralMotionFit) -> bool:
-    """Whether a fit is likelier than another by more than the margin of modes to be compared."""
+    """Whether a fit is likelier than another fit by more than the margin below which modes are
+    compared.
+    """
     return is_likelier(fit, other, by=MODE_MARGIN)
 
 
@@ -278,12 +282,14 @@ def is_likelier(fit: GeneralMotionFit, other: GeneralMotionFit, by: float = 0.0)
 
 
 def _log_ratios(fit: GeneralMotionFit) -> float:
-    """Logarithm of the ratio of two densities: of all parallax, and of the ratios of parallax."""
+    """Logarithm of two ratios of densities: one of all parallax, one of the ratios of parallax."""
     return float(fit.probability @ np.log(np.hypot(fit.parallax / fit.noise.sigma, GATE_SIGMA)))
 
 
 def refit_general_motion(matches: Matches, fit: GeneralMotionFit | Start) -> GeneralMotionFit:
-    """The fit to these matches, or to the same with another noise model, from an earlier fit."""
+    """Fit to the same matches, or to the same with another noise model, that starts from an earlier
+    fit.
+    """
     found = _empty_buffers(len(matches))._replace(
         R_far=fit.far_rotation_cam1_from_cam0,
         R=fit.R_cam1_from_cam0.copy(),
@@ -308,9 +314,9 @@ def start_at(pose: RelativePose) -> Start:
 
 
 def evaluate_matches(matches: Matches, fit: GeneralMotionFit | Start) -> np.ndarray:
-    """Residual, parallax and inlier probability (3, N) of any matches by the motion fitted.
+    """Residual, parallax and inlier probability (3, N) of any matches under the fitted motion.
 
-    The values of `likelihood.evaluate_residuals`, with the noise of these matches and a uniform
+    The function calls `likelihood.evaluate_residuals` with the noise of these matches and a uniform
     prior along the epipolar lines.
     """
     rows = np.empty((3, packed_length(len(matches))))
@@ -344,14 +350,15 @@ def packed_pose(fit: GeneralMotionFit) -> Pose:
 def _least_signal(matches: Matches) -> float:
     """Least share of signal in the flow with which a direction is observable.
 
-    Larger if the noise may be misspecified: 50 % of the factor on sigma is allowed for.
+    The least share is larger if the noise may be misspecified: 50 % of the misspecification factor
+    on sigma is allowed for.
     """
     sigma = 0.5 * (1.0 + math.sqrt(matches.misspecification))
     return 1.0 - MAX_FLOW_NOISE_SHARE / (sigma * sigma)
 
 
 def _packed(matches: Matches, found: MotionBuffers) -> PackedMatches:
-    """The matches as the kernels take them; the kernels write their prior into ``found``."""
+    """The matches in the format of the kernels, which write the parallax prior into ``found``."""
     return matches.packed(found.per_match[0], soft_cheirality=True)
 
 

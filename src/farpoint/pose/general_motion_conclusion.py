@@ -1,4 +1,6 @@
-"""Conclusion from a general motion: mode, covariance, and whether the direction is observable."""
+"""Conclusion from a general motion: the mode, the covariance, and whether the direction is
+observable.
+"""
 
 from __future__ import annotations
 
@@ -126,7 +128,9 @@ class Unobservable(NamedTuple):
 def _unobservable_direction(
     modes: ComparedModes, sigma: float, pure_rotation: Callable[[], PureRotationFit], rate: float
 ) -> Unobservable | None:
-    """Why a direction with this largest ``sigma``, rad, is not observable; None where it is."""
+    """Reason why a direction with this largest ``sigma``, rad, is not observable; None if it is
+    observable.
+    """
     fit, mode = modes.fit, modes.secondary_mode
     if mode is not None and not mode.is_nearby(fit):
         ambiguity = _ambiguity(modes)

@@ -1,7 +1,8 @@
 """A motion as a factor of a GTSAM graph; the variables are poses ``world_from_cam``.
 
 GTSAM perturbs on the right: a pose by ``T @ Exp(xi)``, an essential matrix by ``aRb @ Exp(w)`` and
-by a step in GTSAM's own tangent basis of the unit direction ``aTb``. Its ``a`` is camera 0 here.
+by a step in GTSAM's own tangent basis of the unit direction ``aTb``. Frame ``a`` of GTSAM is camera
+0 here, and frame ``b`` is camera 1.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ def between_factor(
 ) -> Any:
     """``gtsam.BetweenFactorPose3`` with the covariance (6, 6) of the left twist of cam1_from_cam0.
 
-    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``, so GTSAM's covariance is the same matrix.
+    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``, so GTSAM's covariance is the given
+    matrix.
     """
     gtsam = _gtsam()
     least, *_, largest = np.linalg.eigvalsh(twist)

@@ -26,11 +26,15 @@ def symmetric_inverse(information: np.ndarray) -> np.ndarray:
 
 
 def inverse_root(information: np.ndarray) -> np.ndarray:
-    """``W`` with ``W W^T`` the inverse of a symmetric positive semidefinite matrix, and bounded."""
+    """Matrix ``W`` so that ``W W^T`` is the bounded inverse of a symmetric positive semidefinite
+    matrix.
+    """
     values, vectors = np.linalg.eigh(information)
     return vectors / np.sqrt(np.maximum(values, max(1e-14 * values[-1], 1e-12)))
 
 
 def positive(covariance: np.ndarray) -> np.ndarray:
-    """The covariance with its diagonal times 1 + 1e-12: rounding must make no correlation 1."""
+    """The covariance with its diagonal times 1 + 1e-12, so that rounding makes no correlation equal
+    to 1.
+    """
     return covariance * _LOADED_DIAGONAL[len(covariance)]

@@ -1,10 +1,9 @@
-"""Uncertainty of the calibration in a motion: its covariance, and whether it has a direction.
+"""Covariance of a motion due to the uncertainty of the calibration, and the test of its direction.
 
-An error of the lens is not noise: it displaces all matches together, and no number of them averages
-it out. The covariance of a motion ``x`` by a lens of parameters ``c`` therefore grows by
-``J S J.T``, with ``S`` the covariance of ``c`` and ``J = dx/dc`` at the optimum, by the implicit
-function theorem: ``J = -H^-1 sum(w dr/dx dr/dc)`` for weighted residuals ``r(x, c)`` of information
-``H``.
+An error of the lens is not noise: it displaces all matches together, and no number of matches
+averages it out. The covariance of a motion ``x`` therefore grows by ``J S J.T``, with ``S`` the
+covariance of the lens parameters ``c`` and ``J = dx/dc`` at the optimum. By the implicit function
+theorem ``J = -H^-1 sum(w dr/dx dr/dc)`` for weighted residuals ``r(x, c)`` of information ``H``.
 """
 
 from __future__ import annotations
@@ -37,10 +36,11 @@ __all__ = ["View", "with_lens_uncertainty"]
 
 
 class View(NamedTuple):
-    """One image: its camera, and of the matches pixels and rays, before correction of the rows.
+    """One image: the camera, and the pixels and rays of the matches, not yet corrected for the
+    rolling shutter.
 
-    Shapes are (N, 2) of the pixels, (N, 3) of the rays, and (N, 3, 2) of their derivatives by the
-    pixel.
+    The pixels have the shape (N, 2), the rays (N, 3), and the derivatives of the rays by the pixel
+    (N, 3, 2).
     """
 
     camera: Camera
@@ -66,7 +66,7 @@ def with_lens_uncertainty(
     is_observable: Callable[[Camera, Camera, Shutter | None], bool],
     false_alarm_rate: float,
 ) -> RelativePose:
-    """The motion with a covariance that holds the uncertainty of its cameras and their shutter.
+    """The motion with a covariance that includes the uncertainty of the cameras and of the shutter.
 
     The direction is dropped if an error of the lens may have made the flow. To test this, the lens
     is changed within its uncertainty until a rotation explains most of the flow. If the matches
@@ -75,9 +75,9 @@ def with_lens_uncertainty(
     Parameters
     ----------
     pose : RelativePose
-        By the given cameras.
+        Motion by the given cameras.
     view0, view1 : View
-        Of its matches. If both have the same camera, its error is common to both.
+        Views of its matches. If both have the same camera, its error is common to both.
     shutter : Shutter or None
         None for a global one.
     is_observable : callable
@@ -89,7 +89,8 @@ def with_lens_uncertainty(
     Returns
     -------
     RelativePose
-        The same pose where the cameras are exact, or it FAILED.
+        The pose with its covariance widened; the same pose if the cameras are exact or the status
+        is FAILED.
     """
     is_exact = shutter is None or shutter.sigma == shutter.angular_prior_sigma == 0.0
     if pose.status is PoseStatus.FAILED or (
@@ -123,7 +124,7 @@ class _Rays(NamedTuple):
 
 
 class _Lenses(NamedTuple):
-    """Both views as functions of ``z`` (r,), errors of their lenses in units of one sigma.
+    """Both views as functions of ``z`` (r,), the errors of the lenses in units of one sigma.
 
     ``factors`` are of the parameters (P, r) of ``camera.refinable``. The last four errors are those
     of the read-out and of the derivative of the angular velocity, behind a shutter that undoes the
@@ -154,7 +155,7 @@ class _Lenses(NamedTuple):
         return self.factors[0].shape[1] + SHUTTER_ERRORS
 
     def rays(self, z: np.ndarray | None = None) -> tuple[_Rays, _Rays]:
-        """Rays of both images, by the given lenses or by those with the errors z."""
+        """Rays of both images, seen by the given lenses or by the lenses with the errors z."""
         views, shutter = self.views, self.shutter
         if z is not None:
             *cameras, shutter = self.at(z)
@@ -168,7 +169,9 @@ class _Lenses(NamedTuple):
         return _unrolled(first, 0, shutter, self.theta), _unrolled(second, 1, shutter, self.theta)
 
     def at(self, z: np.ndarray) -> tuple[Camera, Camera, Shutter | None]:
-        """Exact cameras with these errors of the lenses, halved until the lens is valid."""
+        """Exact cameras with these errors of the lenses; the errors are halved until they are
+        valid.
+        """
         shutter = self.shutter
         if shutter is not None:
             readout, derivative = float(z[-SHUTTER_ERRORS]), z[1 - SHUTTER_ERRORS :]
@@ -193,7 +196,7 @@ def _rays_of(view: View, factor: np.ndarray) -> _Rays:
 
 
 def _unrolled(rays: _Rays, image: int, shutter: Shutter, theta: np.ndarray) -> _Rays:
-    """Rays with the rotation undone up to the read-out of their rows."""
+    """Rays, with the rotation up to the read-out of each row undone."""
     unrolled, by_pixel = shutter.unrolled(theta, image, rays.rays, rays.by_pixel)
     by_lens = shutter.columns_unrolled(theta, image, rays.by_lens)
     phases = shutter.phases(image)[:, None]
@@ -250,17 +253,19 @@ def _variance(direction: np.ndarray, rays: _Rays) -> np.ndarray:
 
 
 def _solved(by_x: np.ndarray, by_lens: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """``-H^-1 sum(w dr/dx dr/dz)``; no change along what the matches do not fix."""
+    """Solution ``-H^-1 sum(w dr/dx dr/dz)``; zero along directions that the matches do not
+    determine.
+    """
     known = np.isfinite(weight) & np.isfinite(by_x).all(axis=1) & np.isfinite(by_lens).all(axis=1)
     weighted = (by_x * weight[:, None])[known]
     return -np.linalg.pinv(weighted.T @ by_x[known], hermitian=True) @ (weighted.T @ by_lens[known])
 
 
 class _Flow(NamedTuple):
-    """The derotated flow, ``b - R a`` in the plane across ``b``.
+    """Derotated flow: ``b - R a`` in the plane perpendicular to ``b``.
 
-    ``left`` (N, 2), with its derivatives by ``x = [dtheta, dz]`` (N, 2, 3 + r), and its variance
-    (N,) along one direction for one px^2.
+    ``left`` (N, 2) is the flow. Each flow has derivatives by ``x = [dtheta, dz]`` (N, 2, 3 + r),
+    and a variance (N,) along one direction for pixel noise of one px^2.
     """
 
     left: np.ndarray
@@ -281,7 +286,8 @@ class _Flow(NamedTuple):
         )
 
     def per_sigma(self, noise_px: float) -> tuple[np.ndarray, np.ndarray]:
-        """Flow (M, 2) and derivatives (M, 2, 3 + r) in units of the noise, of rays that exist.
+        """Flow (M, 2) and derivatives (M, 2, 3 + r) in units of the noise, of the M matches whose
+        rays exist.
 
         With a lens in error some do not.
         """
@@ -296,9 +302,10 @@ def _explained_by_a_rotation(
 ) -> np.ndarray | None:
     """Errors of the lenses (r,) with which a rotation explains most of the flow.
 
-    None where most of the matches contradict a rotation through every lens. The maximum over
-    ``dtheta`` and ``z`` of a likelihood with heavy tails (the points that carry translation) and
-    of the prior of ``z``, by Gauss-Newton; the flow is linearised anew where it is not linear.
+    None if most of the matches contradict a rotation through every lens. The function maximises
+    over ``dtheta`` and ``z`` a likelihood with heavy tails (the points that carry translation)
+    times the prior of ``z``, by Gauss-Newton. The flow is linearised again in every step in which
+    it is not linear.
     """
     R, noise_px = pose.rotation_cam1_from_cam0, pose.noise_px
     assert R is not None

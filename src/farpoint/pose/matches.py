@@ -1,4 +1,4 @@
-"""Matches as the estimator takes them: pairs of rays with the noise of each."""
+"""Matches in the format of the estimator: pairs of rays, each with its noise."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class GivenNoise:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matches:
-    """Pairs of rays with the noise of each, and where they came from.
+    """Pairs of rays with their noise, and the rows of the user's arrays they come from.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Matches:
     total : int
         Number of matches that the user gave.
     unit : str
-        What one unit of noise is: ``"px"``, or ``"noise_rad"`` where rays were given.
+        Unit of the noise: ``"px"``, or ``"noise_rad"`` where rays were given.
     outlier_half_width : float
         Half-width of the outlier domain, in units of the noise: that of a uniform distribution with
         the second moment of the later rays.
@@ -108,8 +108,9 @@ class Matches:
     def tempering(self) -> float:
         """Divisor of log-likelihood ratios.
 
-        A misspecified variance scales them by its factor; with correlated residuals the effective
-        number of matches is their number over the design effect.
+        A misspecified variance scales log likelihoods by the misspecification factor. With
+        correlated residuals, the effective number of matches is their number over the design
+        effect.
         """
         return max(self.misspecification, self.design_effect)
 
@@ -136,7 +137,7 @@ class Matches:
         return self if total <= most else self.select(np.arange(most) * total // most)
 
     def used(self, labels: np.ndarray) -> np.ndarray:
-        """Rows, of what the user gave, of the matches whose label (N,) is not 0."""
+        """Rows, in the user's arrays, of the matches whose label (N,) is not 0."""
         return self.index[np.flatnonzero(labels)]
 
     def with_design_effect(self, design_effect: float, *, is_misspecified: bool) -> Matches:
@@ -145,17 +146,19 @@ class Matches:
         return replace(self, misspecification=factor, design_effect=design_effect)
 
     def with_noise_up_to(self, variance: float) -> Matches:
-        """The matches with this upper bound of the noise variance, at least its lower bound."""
+        """The matches with this upper bound of the noise variance; the bound is at least the lower
+        bound of the noise.
+        """
         return replace(self, max_variance=max(variance, self.min_variance))
 
     def packed(self, prior: np.ndarray, *, soft_cheirality: bool) -> PackedMatches:
-        """As the kernels take them, in panels, with the ``prior`` of each match."""
+        """The matches in panels, the format of the kernels, with the ``prior`` of each match."""
         n, width = len(self), self.outlier_half_width
         least, most = self.min_variance, self.max_variance
         return PackedMatches(self.pairs, prior, n, width, LONG_TAIL, least, most, soft_cheirality)
 
     def weights(self, values: np.ndarray | float = 1.0) -> np.ndarray:
-        """Values of the matches (N,) as the kernels take them: 0 where the panels are filled up."""
+        """Values of the matches (N,) in the format of the kernels; padding of the panels is 0."""
         packed = np.zeros(packed_length(len(self)))
         packed[: len(self)] = values
         return packed
@@ -176,7 +179,7 @@ class Matches:
         return 1.0 / self._rows(FLOW, FLOW + 1)[:, 0]
 
     def _rows(self, first: int, end: int) -> np.ndarray:
-        """What these rows of the panels hold of each match (N, end - first)."""
+        """Values (N, end - first) of every match in these rows of the panels."""
         panels = self.pairs.reshape(-1, PANEL // LANES, LANES)[:, first:end]
         return panels.transpose(0, 2, 1).reshape(-1, end - first)[: len(self)]
 
@@ -194,9 +197,9 @@ class PixelMatches:
     rays : tuple of ndarray, shape (N, 3)
         Unit rays of each image.
     by_pixel : tuple of ndarray, shape (N, 3, 2)
-        Their derivatives.
+        Derivatives of the rays by the pixel.
     covariances : tuple of ndarray, shape (N, 2, 2) or (1, 2, 2)
-        Of the pixels, over their common median variance.
+        Covariances of the pixels, over their common median variance.
     min_variance : float
         Lower bound of the noise variance.
     """
@@ -218,7 +221,8 @@ class PixelMatches:
     ) -> PixelMatches:
         """Unproject pixels (N, 2) with their noise, (N, 2, 2) px^2 up to a common factor.
 
-        An image without covariances has isotropic noise of the median variance of the other.
+        If only one image has covariances, the other image has isotropic noise of their median
+        variance.
         """
         check_camera("camera0", camera0)
         check_camera("camera1", camera1)
@@ -283,7 +287,9 @@ def _rays_of(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) -> Matches:
-    """Unit rays (N, 3), normalised here, with isotropic noise of ``noise_rad`` each."""
+    """Matches of rays (N, 3), which are normalised here, with isotropic noise of ``noise_rad`` for
+    each ray.
+    """
     rays0 = checked_rows("rays0", rays0, (3,))
     rays1 = checked_rows("rays1", rays1, (3,), rows=len(rays0))
     if not (isinstance(noise_rad, int | float | np.number) and 0 < noise_rad < np.inf):
@@ -298,7 +304,7 @@ def matches_from_rays(rays0: np.ndarray, rays1: np.ndarray, noise_rad: float) ->
 
 
 def _of_usual_length(rays: np.ndarray) -> np.ndarray:
-    """Rays (N, 3), not 0, scaled where squares of their length overflow or vanish."""
+    """Non-zero rays (N, 3), scaled if the square of a length would overflow or vanish."""
     longest = np.abs(rays).max(axis=1, initial=0.0)
     unusual = (longest > 1e100) | (longest < 1e-100)
     if not unusual.any():
@@ -390,7 +396,8 @@ def _covariances(
 
 
 def _bounded(covariances: np.ndarray, least: float, most: float) -> np.ndarray:
-    """Covariances (N, 2, 2) with variances within bounds.
+    """Variances with a limited ratio to their median, so that products do not overflow and every
+    match keeps some weight.
 
     Squares and quotients of others overflow, or leave no weight for the other matches.
     """

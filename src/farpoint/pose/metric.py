@@ -1,4 +1,4 @@
-"""Covariance of a motion with known length, in the orders of other programs."""
+"""Covariance of a motion with known length, in the component order of other programs."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def pose_covariance_in(
 ) -> np.ndarray:
     """`twist_covariance` (6, 6) in the given order.
 
-    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``: in camera 0 both halves of the twist are
-    rotated by ``-R.T``.
+    The inverse of ``Exp(xi) @ T`` is ``T^-1 @ Exp(-xi)``. In camera 0, both halves of the twist are
+    therefore rotated by ``-R.T``.
     """
     if order is PoseOrder.COLMAP:
         return twist
@@ -57,7 +57,7 @@ def twist_covariance(
     Parameters
     ----------
     direction, direction_basis, covariance : ndarray, shapes (3,), (3, 2), (5, 5)
-        Of a `RelativePose`.
+        Values of a `RelativePose`.
     scale, scale_sigma : float
         Length of the translation and its 1-sigma, in the unit of the result; the error of the
         length is taken as independent of the errors of rotation and direction.

@@ -73,8 +73,9 @@ def is_motion(fit: GeneralMotionFit, rate: float) -> bool:
 def is_clearly_translating(fit: GeneralMotionFit) -> bool:
     """Whether many inliers contradict every rotation that may fit them.
 
-    The common case, decided without fitting a pure rotation: more than 0.1 of the inliers, and more
-    than 8 plus 4 times the outliers expected on their epipolar lines by chance.
+    This is the common case, decided without fitting a pure rotation. It requires more than 0.1 of
+    the inliers, and more than 8 plus 4 times the outliers expected on their epipolar lines by
+    chance.
     """
     outliers = min(len(fit.matches), MAX_SEARCHED) - fit.supporting
     chance = min(GATE_SIGMA * fit.noise.sigma / fit.matches.outlier_half_width, 1.0)
@@ -91,8 +92,8 @@ def translation_evidence(
 ) -> float:
     """Evidence for translation, 0 to 1: 1 where a test passes at the false-alarm ``rate``.
 
-    Between 0 and 1 if a test passes only at a higher rate or only under the given noise, or if the
-    general motion is likelier by less than ``1 / rate``.
+    The evidence is between 0 and 1 in three cases: a test passes only at a higher rate, a test
+    passes only under the given noise, or the general motion is likelier by less than ``1 / rate``.
     """
     band = GATE_SIGMA * fit.noise.mean_sigma
     unexplained, near, by_chance, bulk, across, flow = flow_beside_rotation(

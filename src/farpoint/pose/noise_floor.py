@@ -1,6 +1,6 @@
 """Noise floor: variance that all matches have in addition to their given covariances.
 
-The covariances of a tracker hold the noise within its windows. The noise beyond them
+The covariances of a tracker contain the noise within its windows. Noise of other causes
 (interpolation, blur, curved surfaces) is the same for all tracks and matters most for tracks with
 the smallest covariances: without a floor these tracks have too much weight.
 """
@@ -22,8 +22,9 @@ def noise_floor(matches: Matches, fit: GeneralMotionFit | Start) -> float:
     """Variance that all matches have in common, over the median of the given variances.
 
     The residuals ``e`` of inliers, with given variances ``v`` across the epipolar lines, have the
-    variance ``a (v + floor)`` with a common factor; of a grid of floors, the most likely by
-    Student's distribution. 0 without given noise, and for few matches.
+    variance ``a (v + floor)`` with a common factor ``a``. The result is the floor, from a grid of
+    values, that is most likely by Student's distribution; 0 without given noise, and for few
+    matches.
     """
     if matches.given_noise is None:
         return 0.0

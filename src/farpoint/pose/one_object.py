@@ -21,7 +21,7 @@ __all__ = ["is_one_object"]
 
 
 def is_one_object(rays: np.ndarray, labels: np.ndarray) -> bool:
-    """Whether the near matches lie on one compact part of the image, and the far ones around it.
+    """Whether the near matches lie on one compact part of the image, surrounded by far matches.
 
     Parameters
     ----------

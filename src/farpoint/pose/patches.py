@@ -13,10 +13,10 @@ __all__ = ["patches_of"]
 
 
 def patches_of(rays: np.ndarray) -> np.ndarray:
-    """Number (N,) of the patch of the image that each of the unit ``rays`` (N, 3) is in.
+    """Number (N,) of the image patch that contains each of the unit ``rays`` (N, 3).
 
-    Windows of neighbouring points share pixels and surfaces. The errors of one patch are
-    correlated, those of two patches nearly independent.
+    Windows of neighbouring points share pixels and surfaces. Errors of matches in one patch are
+    therefore correlated; errors of matches in different patches are nearly independent.
     """
     splits = max(int(math.log2(max(len(rays) / PATCH_MATCHES, 1.0))), 0)
     patch = np.empty(len(rays), np.int64)

@@ -1,7 +1,8 @@
 """The pure rotation, fitted to its maximum likelihood.
 
 The pure-rotation model predicts both coordinates of a match. Inliers have normal noise of unknown
-scale, outliers are uniform; noise scale and outlier share are estimated jointly (EM).
+scale, and outliers are uniform. EM estimates the noise scale and the outlier share together with
+the rotation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Conclusion from a pure rotation: rotating or static, and the covariance of the rotation."""
+"""Conclusion from a pure rotation: whether the camera rotates or is static, and the covariance of
+the rotation.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +40,8 @@ def conclude_pure_rotation(
 ) -> RelativePose:
     """Result by the pure rotation fitted.
 
-    Its covariance includes the difference to the general motion, in proportion to the ``evidence``
-    for it.
+    The covariance of the result includes the difference to the general motion, in proportion to the
+    ``evidence`` for the general motion.
     """
     sigma, rate = fit.noise.sigma, options.false_alarm_rate
     inlier = fit.probability > 0.5
@@ -92,7 +94,8 @@ def _inflated_covariance(
 def _covariance_if_general(fit: PureRotationFit, general: GeneralMotionFit) -> np.ndarray:
     """Covariance (3, 3), rad^2, of the pure rotation if the general motion is the true one.
 
-    Isotropic, because the axis of the difference depends on the unknown direction.
+    The covariance is isotropic, because the axis of the difference depends on the unknown
+    direction.
     """
     apart = rotation_vector(fit.R_cam1_from_cam0 @ general.R_cam1_from_cam0.T)
     isotropic = 0.5 * math.hypot(*apart) ** 2 * IDENTITY

@@ -101,8 +101,9 @@ def estimate_relative_pose_from_rays(
 ) -> RelativePose:
     """Motion between two views of any central camera, from rays (N, 3) in camera 0 and camera 1.
 
-    Like `estimate_relative_pose`. The unit of noise is ``noise_rad``, the 1-sigma noise of a ray in
-    each direction, rad: ``noise_px`` of the result is a multiple of ``noise_rad``.
+    Arguments and result are those of `estimate_relative_pose`. The unit of noise is ``noise_rad``,
+    the 1-sigma noise of a ray in each direction, rad: ``noise_px`` of the result is a multiple of
+    ``noise_rad``.
     """
     options = options or DEFAULTS
     matches = matches_from_rays(rays0, rays1, noise_rad)

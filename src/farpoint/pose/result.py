@@ -126,7 +126,8 @@ class RelativePose:
 
     @property
     def heading_cam0(self) -> np.ndarray | None:
-        """Direction of travel seen by camera 0, unit vector, shape (3,); its pixel is the epipole.
+        """Direction of travel in the axes of camera 0, unit vector, shape (3,). The pixel of this
+        vector is the epipole.
 
         ``-R.T @ direction``, or None unless status is OK.
         """
@@ -136,7 +137,8 @@ class RelativePose:
 
     @property
     def heading_covariance(self) -> np.ndarray | None:
-        """Covariance of `heading_cam0`, shape (3, 3), rad^2, of rank 2 (none along the heading).
+        """Covariance of `heading_cam0`, shape (3, 3), rad^2. The rank is 2: the variance along the
+        heading is zero.
 
         To first order ``dheading = -R.T @ ([direction]x @ dtheta + direction_basis @ dbeta)``.
         """
@@ -171,14 +173,14 @@ class RelativePose:
     def epipole_ellipse_px(self, camera: Camera, confidence: float = 0.95) -> np.ndarray | None:
         """Boundary, in image 0, of the region that contains the epipole with this probability.
 
-        The projection of `heading_region`: an ellipse for a small region and a lens without
-        distortion. If only the opposite point is in view, as for a pinhole that travels backwards,
-        the region is around the opposite point.
+        The boundary is the projection of `heading_region`: an ellipse for a small region and a lens
+        without distortion. If only the opposite of the heading is in view, as for a pinhole that
+        travels backwards, the region is around this opposite point.
 
         Parameters
         ----------
         camera : Camera
-            Of image 0.
+            Camera of image 0.
         confidence : float
             Probability, between 0 and 1.
 
@@ -230,7 +232,7 @@ class RelativePose:
     def to_gtsam_factor(
         self, key0: int, key1: int, *, scale: float | None = None, scale_sigma: float = 0.0
     ) -> Any:
-        """Give this motion as a factor between two poses ``world_from_cam`` of a GTSAM graph.
+        """Factor of a GTSAM graph for this motion, between two poses ``world_from_cam``.
 
         Parameters
         ----------

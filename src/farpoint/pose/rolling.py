@@ -42,7 +42,9 @@ class Searched(NamedTuple):
 def search_rolling(
     shutter: Shutter | None, pixels: PixelMatches, options: RelativePoseOptions, seed: int
 ) -> Searched | None:
-    """The motion of a search with the prior rotation undone; None for too few matches."""
+    """Search for the motion with the rotation predicted for each row undone; None for too few
+    matches.
+    """
     theta = np.zeros(3)
     if shutter is None or shutter.angular_prior is None or shutter.angular_prior.before is None:
         fit = search(pixels.matches(), options, seed)
@@ -59,12 +61,13 @@ def estimate_rolling(
     seed: int,
     searched: Searched | None,
 ) -> RelativePose:
-    """The motion that is estimated with its own rotation undone in each row.
+    """Estimate the motion with a rotation vector equal to its own rotation undone in each row.
 
-    A fixed point: an error of the undone rotation returns in the estimate, times the read-out phase
-    of a match. The mean over the matches is removed (Newton); the rest shrinks in every pass by the
-    scatter of the phases. Without a motion ``searched`` a first search finds the initial rotation,
-    and each pass begins with another search.
+    The estimate is a fixed point: an error of the undone rotation returns in the estimate,
+    multiplied by the read-out phase of a match. A Newton step removes the mean of this error over
+    the matches. The remaining error shrinks in every pass by the scatter of the phases. Without a
+    motion ``searched`` a first search finds the initial rotation, and each pass begins with another
+    search.
     """
     theta, start = np.zeros(3), None
     if searched is not None:
@@ -108,7 +111,9 @@ def _closer(
 def _closer_to(
     shutter: Shutter, pixels: PixelMatches, fit: GeneralMotionFit, theta: np.ndarray
 ) -> tuple[GeneralMotionFit, np.ndarray]:
-    """A motion and its rotation, refitted until the rest is within its noise."""
+    """A motion and its rotation, refitted until the remaining error of the rotation is within its
+    noise.
+    """
     theta, _ = _unrolled(shutter, fit.R_cam1_from_cam0, fit.matches.used(fit.labels), theta)
     for _ in range(ALTERNATIONS):
         matches = pixels.matches(partial(shutter.unrolled, theta))
@@ -121,7 +126,7 @@ def _closer_to(
 
 
 def _remaining(shutter: Shutter, matches: Matches, change: np.ndarray, noise: float) -> float:
-    """Error of the next pass by a change of the rotation, (3,) rad, in sigma of a rotation."""
+    """Error of the rotation (3,) that the last change leaves to the next pass, in sigmas."""
     spread = abs(shutter.share) * float(np.std(shutter.phase1 - shutter.phase0))
     # Of a rotation by all matches: the stated sigma is larger where two modes compete.
     sigma = noise / float(np.sqrt(np.sum(matches.precision)))
@@ -131,7 +136,7 @@ def _remaining(shutter: Shutter, matches: Matches, change: np.ndarray, noise: fl
 def _unrolled(
     shutter: Shutter, R_cam1_from_cam0: np.ndarray, used: np.ndarray, theta: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Rotation vector of a motion estimated with ``theta`` undone, and mean time between rows.
+    """Rotation vector of a motion estimated with ``theta`` undone, and the mean time between rows.
 
     Over the matches ``used``, indices.
     """

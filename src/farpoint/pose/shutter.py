@@ -1,12 +1,12 @@
 """A rolling shutter in two views: rays corrected to the time of the middle row of each image.
 
-The rows of an image are read one after the other while the camera goes on turning. A row whose
-phase is ``q`` (-1/2 of the first row to 1/2 of the last) is read ``q r`` after the middle one, with
-``r`` the read-out time. With the velocities between the two views constant over a time ``T`` the
-camera has turned by then by the share ``q r / T`` of the rotation vector ``theta``: in the axes of
-the middle row a ray ``b`` is ``Exp(-q r / T theta) b``. The centres of two rows' views lie apart by
-``1 + (q1 - q0) r / T`` times the translation, along the same direction: with such rays the epipolar
-constraint is that of a global shutter.
+The rows of an image are read one after the other while the camera rotates. A row of phase ``q``
+(-1/2 for the first row to 1/2 for the last) is read ``q r`` after the middle row, with ``r`` the
+read-out time. The velocities are constant over the time ``T`` between the two views, and ``theta``
+is the rotation vector over ``T``. When the row is read, the camera has rotated by the share ``q r /
+T`` of ``theta``: in the axes of the middle row a ray ``b`` is ``Exp(-q r / T theta) b``. The camera
+positions of two rows are ``1 + (q1 - q0) r / T`` times the translation apart, along the same
+direction. With such rays the epipolar constraint is that of a global shutter.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ __all__ = ["AngularVelocityPrior", "Shutter", "shutter_of"]
 class AngularVelocityPrior(NamedTuple):
     """Prior of the camera's angular velocity at the two views.
 
-    Linear in time through the mean over the interval before image 0, or constant without that.
-    For a velocity w(t) with means over (-1, 0) and (0, 1), w(0) and w(1) differ from the line
-    through these means by -1/6 and 1/3 of its second derivative, and from the last mean by -1/2 and
-    1/2 of its first derivative (Taylor).
+    The angular velocity is linear in time, through the mean over the interval before image 0;
+    without this mean it is constant. For a velocity w(t) with means over (-1, 0) and (0, 1), w(0)
+    and w(1) differ from the line through these means by -1/6 and 1/3 of its second derivative, and
+    from the last mean by -1/2 and 1/2 of its first derivative (Taylor).
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class AngularVelocityPrior(NamedTuple):
 
     @property
     def by_derivative(self) -> tuple[float, float]:
-        """Factors of the unknown derivative in the angular velocity at image 0 and 1."""
+        """Factors of the unknown derivative in the angular velocity at images 0 and 1."""
         return (-0.5, 0.5) if self.before is None else (-1.0 / 6.0, 1.0 / 3.0)
 
     def largest_error(self) -> float:
@@ -54,7 +54,7 @@ class AngularVelocityPrior(NamedTuple):
 
 
 class Shutter(NamedTuple):
-    """Read-out time over the time between two views, and when the rows of the matches are read.
+    """Read-out time over the time between two views, and the read-out phases of the matches.
 
     Attributes
     ----------
@@ -63,9 +63,9 @@ class Shutter(NamedTuple):
     sigma : float
         1-sigma of it.
     phase0, phase1 : ndarray, shape (N,)
-        Of the rows in each image, -1/2 to 1/2.
+        Phases of the rows in each image, -1/2 to 1/2.
     phase_per_px : float
-        From one row to the next.
+        Change of the phase from one row to the next.
     angular_prior : AngularVelocityPrior or None
         None: the angular velocity is constant.
     derivative : ndarray, shape (3,)
@@ -86,7 +86,9 @@ class Shutter(NamedTuple):
         return 0.0 if self.angular_prior is None else self.angular_prior.sigma
 
     def rate(self, theta: np.ndarray, image: int) -> np.ndarray:
-        """Angular velocity (3,) at the middle row of image 0 or 1, rad in the time between both."""
+        """Angular velocity (3,) at the middle row of image 0 or 1, in rad per time between the
+        views.
+        """
         if self.angular_prior is None:
             return theta
         rate = theta + self.angular_prior.by_derivative[image] * self.derivative
@@ -103,8 +105,8 @@ class Shutter(NamedTuple):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Rays (N, 3) of image 0 or 1 in the axes of its middle row, for a rotation vector.
 
-        And their derivatives by the pixel (N, 3, 2): a pixel one row lower is also read one row
-        later.
+        The function also returns the derivatives by the pixel (N, 3, 2): a pixel one row lower is
+        also read one row later.
         """
         rate, unrolled = (
             self.share * self.rate(theta, image),
@@ -124,7 +126,7 @@ class Shutter(NamedTuple):
         return self._replace(phase0=self.phase0[rows], phase1=self.phase1[rows])
 
     def time_between(self, rows: np.ndarray) -> float:
-        """Mean time between the views of some matches, over that of the middle rows."""
+        """Mean time between the views of some matches, over the time between the middle rows."""
         apart = self.phase1[rows] - self.phase0[rows]
         return 1.0 + self.share * float(np.mean(apart)) if len(apart) else 1.0
 
@@ -137,7 +139,7 @@ def shutter_of(
     interval_s: float | None,
     angular_prior: AngularVelocityPrior | None = None,
 ) -> Shutter | None:
-    """The shutter of matches (N, 2); None where it is global or unknown.
+    """The shutter of matches (N, 2); None if the shutter is global or unknown.
 
     Without ``readout_s`` it is that of the camera, with its 1-sigma.
 

@@ -1,4 +1,4 @@
-"""Functions of single 3 x 3 matrices in plain numbers, because NumPy takes 10 times as long."""
+"""Functions of single 3 x 3 matrices as plain numbers, because NumPy takes 10 times as long."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["inverse_three", "size2"]
 def inverse_three(A: np.ndarray) -> np.ndarray | None:
     """Inverse of a symmetric matrix (3, 3), by cofactors.
 
-    None if the matrix is not finite, not positive definite, or nearly singular.
+    The result is None if the matrix is not finite, not positive definite, or nearly singular.
     """
     inverse = _inverse(A)
     if inverse is None:

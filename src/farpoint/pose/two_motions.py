@@ -1,9 +1,10 @@
-"""Explanations of the matches by two motions: that of the camera, and another beside it.
+"""Pairs of images with two motions: that of the camera, and that of an object or of stationary
+matches.
 
-A merged mode between the two explains all matches with more noise and may be likelier, because the
-noise scale is free. Two signs of it: matches that stand still in the image while the others move
-(dirt on the lens, the bonnet, a caption), and residuals that are correlated between neighbours
-until they are split into two motions.
+A merged mode between the two motions explains all matches with more noise. The merged mode may be
+likelier, because the noise scale is free. It has two signs: matches that stand still in the image
+while the others move (dirt on the lens, the bonnet, a caption), and residuals that are correlated
+between neighbours until the matches are split into two motions.
 """
 
 from __future__ import annotations
@@ -63,11 +64,11 @@ def without_stationary(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> tuple[Matches, GeneralMotionFit]:
-    """The matches and their fit, without those that stand still in the image, if some do.
+    """The matches and their fit, without stationary matches that contradict the other matches.
 
-    Stationary matches are left out if they contradict the motion of the others, and more of these
-    agree on it than stand still. Far points stand still where the camera does not turn, and
-    contradict nothing.
+    Stationary matches are left out if they contradict the motion of the other matches, and if more
+    of the other matches agree on this motion than matches stand still. Far points stand still if
+    the camera does not rotate; they contradict no motion.
     """
     stationary = np.empty(len(matches), bool)
     within = min(GATE_SIGMA * fit.noise.sigma, tolerance)
@@ -100,12 +101,13 @@ def dominant_motion(
     options: RelativePoseOptions,
     state: np.ndarray,
 ) -> GeneralMotionFit:
-    """The fit, or the dominant motion, if the fit is a merged mode of that and another.
+    """The fit, or the dominant motion if the fit is a merged mode of the dominant and another
+    motion.
 
-    With the noise bounded by its part that is independent between neighbours, either motion is
+    If the noise is bounded by its part that is independent between neighbours, either motion is
     likelier than the merged mode. A split counts if the residuals have a gap between the two
-    motions and are independent; else the fit stays, unless the search with bounded noise found a
-    motion that is clearly likelier.
+    motions, and are independent within each. Otherwise the fit stays, unless the search with
+    bounded noise found a motion that is clearly likelier.
     """
     if (
         fit.neighbours.correlation < SUSPECT_CORRELATION
@@ -132,9 +134,10 @@ def dominant_motion(
 
 
 def _independent_variance(fit: GeneralMotionFit) -> float:
-    """Variance of the residuals that is independent between neighbours.
+    """Part of the residual variance that is independent between neighbours.
 
-    Of core and heavy tail: matches of a second motion may be in the tail.
+    The estimate includes core and heavy tail, because matches of a second motion may be in the
+    tail.
     """
     sigma = MAD_TO_SIGMA * float(np.median(np.abs(fit.residual[fit.probability > 0.5])))
     return max(1.0 - fit.neighbours.correlation, MIN_INDEPENDENT_SHARE) * sigma**2
@@ -143,7 +146,9 @@ def _independent_variance(fit: GeneralMotionFit) -> float:
 def _split(
     matches: Matches, fit: GeneralMotionFit, start: GeneralMotionFit
 ) -> GeneralMotionFit | None:
-    """The motion near a start, if most matches have it, and others have their own."""
+    """The motion near a start if most matches agree with it and other matches agree on another
+    motion.
+    """
     variance = _independent_variance(fit)
     residual = np.abs(evaluate_matches(matches, start)[0, fit.probability > 0.5])
     for bound in REFINED_NOISE_BOUNDS:
@@ -166,11 +171,12 @@ def _has_gap(residual: np.ndarray, bound: float) -> bool:
 
 
 def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMotionFit]:
-    """The motions of two parts of the image that are best explained by one each.
+    """The motions of the two parts of the image that two motions explain best.
 
-    Parts are made of patches. A motion of its own leaves a part, to first order, the residuals
-    ``r + J x`` with ``x = -H^-1 g``, the gradient g and the information H at the fit. From the best
-    of some discs and the rest on, each patch goes to the part that it fits better.
+    Each part is a set of patches. A motion of its own leaves a part, to first order, the residuals
+    ``r + J x`` with ``x = -H^-1 g``, the gradient g and the information H at the fit. The first
+    split is the best of some discs and the matches outside it. Then each patch moves to the part
+    that fits it better.
     """
     if len(matches) < 2 * MIN_PART_MATCHES:
         return
@@ -195,7 +201,9 @@ def _of_two_parts(matches: Matches, fit: GeneralMotionFit) -> Iterator[GeneralMo
 
 
 def _best_disc(rays: np.ndarray, rows: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Mask (N,) of a disc, around one of the rays, that leaves the least with two motions."""
+    """Mask (N,) of the disc around one of the rays that leaves the smallest residuals with two
+    motions.
+    """
     some = np.arange(0, len(rays), max(len(rays) // DISC_MATCHES, 1))
     n, scale = len(some), len(rays) / len(some)
     cosines = rays[some[np.arange(DISC_CENTERS) * n // DISC_CENTERS]] @ rays[some].T

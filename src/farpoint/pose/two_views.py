@@ -1,5 +1,5 @@
-"""The method on one screen: rotation from far rays, direction of travel from the remaining flow,
-joint refinement, and model selection by what is observable.
+"""The whole method: rotation from far rays, direction from the remaining flow, joint refinement,
+and model selection by what is observable.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def estimate(
     seed: int,
     start: GeneralMotionFit | None = None,
 ) -> RelativePose:
-    """The motion of the matches; with a ``start`` from an earlier search, without a new search."""
+    """The motion of the matches. With a ``start`` from an earlier search there is no new search."""
     diagnostics = Diagnostics()
     if len(matches) < MIN_MATCHES:
         return failed_pose(

@@ -1,4 +1,6 @@
-"""Two views of cameras with their shutter: from pixels to a motion with the lens's uncertainty."""
+"""Motion between two views of cameras with a shutter: from pixels to a motion with lens
+uncertainty.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,8 @@ def estimate_views(
     seed: int,
     searched: Searched | None = None,
 ) -> RelativePose:
-    """The motion between two views, from ``searched`` where a search of the same matches was made.
+    """The motion between two views. A motion ``searched`` from the same matches replaces the
+    search.
 
     That search may have used their pixels before correction.
     """
@@ -91,9 +94,10 @@ def search_views(
     seed: int,
     predicted: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Searched | None:
-    """The motion that a search finds, or one near a predicted motion, if clearly likelier.
+    """The motion found by a search, or a motion near the predicted one if that is clearly likelier.
 
-    ``predicted`` is a rotation and a direction, cam1_from_cam0. None for too few matches.
+    ``predicted`` is a rotation and a direction, cam1_from_cam0. The result is None for too few
+    matches.
     """
     shutter = views.shutter()
     searched = search_rolling(shutter, views.pixels(), options, seed)
@@ -113,7 +117,7 @@ def search_views(
 def rough_motion(
     searched: Searched, options: RelativePoseOptions
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Rotation, cam1_from_cam0, and direction, if there is evidence for it, of a search."""
+    """Rotation, cam1_from_cam0, of a search, and the direction if there is evidence for it."""
     fit = searched.fit
     if is_clearly_translating(fit):
         return fit.R_cam1_from_cam0, fit.direction_cam1_from_cam0

@@ -24,8 +24,8 @@ _NOTES = 1000  # small things beside the frames; so many wait only for a sink th
 class BackgroundSink:
     """Passes all results to another sink, in order, in a thread.
 
-    If this sink falls behind, `write` waits: no frame is left out, and memory stays bounded. An
-    error in the thread is raised once, by the next call. The thread only waits; a `SinkProcess`
+    If the other sink falls behind, `write` waits: no frame is left out, and memory stays bounded.
+    An error in the thread is raised once, by the next call. The thread only waits; a `SinkProcess`
     should do the work.
 
     Parameters
@@ -58,13 +58,15 @@ class BackgroundSink:
         return True
 
     def note(self, step: _Step) -> None:
-        """Queue a small call between frames; left out if very many calls wait."""
+        """Queue a small call between frames; the call is left out if very many calls wait."""
         if self._steps.qsize() < _NOTES:
             self._steps.put((step, _nothing))
         self._raise_problem()
 
     def close(self) -> None:
-        """Wait until all is written and the sink is closed; a second call does nothing."""
+        """Wait until everything is written and the other sink is closed. A second call does
+        nothing.
+        """
         if not self._closed:
             self._closed = True
             self._steps.put(None)

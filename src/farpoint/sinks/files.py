@@ -1,4 +1,4 @@
-"""Writing of outputs: a piece is in its file completely or not at all."""
+"""Output files; each piece is in its file completely or not at all."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ __all__ = [
 
 
 class AppendFile:
-    """A file that grows by whole pieces, each written before the next one.
+    """A file that grows by whole pieces; each piece is written before the next one.
 
-    A piece that does not fit on the disk is removed again; earlier pieces stay. The file is created
-    with its first piece.
+    A piece that does not fit on the disk is removed again, and earlier pieces stay. The file is
+    created with its first piece.
 
     Parameters
     ----------
@@ -53,7 +53,9 @@ class AppendFile:
             raise unwritable(path, error) from error
 
     def append(self, piece: bytes) -> None:
-        """Add a piece, unbuffered: a process that is killed afterwards does not lose it."""
+        """Add a piece without buffering. If the process is killed afterwards, the piece is not
+        lost.
+        """
         try:
             rest = memoryview(piece)
             while rest:
@@ -65,7 +67,7 @@ class AppendFile:
         self._size += len(piece)
 
     def is_at_its_path(self) -> bool:
-        """Whether the open file is still the one at its path: another run may have replaced it."""
+        """Whether the open file is still the file at its path; another run may have replaced it."""
         with contextlib.suppress(OSError):
             return os.fstat(self._file.fileno()).st_ino == self._path.stat().st_ino
         return False
@@ -155,5 +157,5 @@ def check_writable(path: Path) -> None:
 
 
 def unwritable(path: Path, error: OSError) -> InputError:
-    """The error that names a file and why it cannot be written."""
+    """The error that names a file and the reason why it cannot be written."""
     return InputError(f"cannot be written: {error.strerror or error}", file=path)

@@ -31,7 +31,7 @@ _COVARIANCE = slice(COLUMNS.index("cov_00"), len(COLUMNS))
 
 
 class HalvesFile(TextFile):
-    """Writes a row per test: the difference of two estimates, and its covariance."""
+    """Writer of a row for each test: the difference of two estimates, and its covariance."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, header=",".join(COLUMNS) + "\n")
@@ -55,12 +55,12 @@ class HalvesFile(TextFile):
 
 
 def read_halves(path: str | Path) -> list[SplitHalf]:
-    """Read a ``halves.csv``; a last line without its end is left out.
+    """Read a ``halves.csv``. An incomplete last line is left out.
 
     Raises
     ------
     InputError
-        With the file, the line and what was expected there.
+        If the file is invalid; the message has the file, the line and the expected value.
     """
     path = Path(path)
     try:

@@ -10,7 +10,7 @@ __all__ = ["lens_facts"]
 
 
 def lens_facts(lens: LensReport) -> dict[str, Any]:
-    """Given and estimated parameters with their sigmas, by name; and the read-out time.
+    """Given and estimated parameters with their sigmas, by name, and the read-out time.
 
     Returns
     -------

@@ -62,7 +62,7 @@ class FolderLock:
             raise unwritable(folder, error) from error
 
     def release(self) -> None:
-        """Unlock; remove the lock file and an empty folder; a second call does nothing."""
+        """Unlock, and remove the lock file and an empty folder. A second call does nothing."""
         if self._file.closed:
             return
         if sys.platform == "win32":  # which removes no open file

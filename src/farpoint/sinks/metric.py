@@ -1,4 +1,4 @@
-"""Sink that converts a run's files to metres at its end, with aiding measurements."""
+"""Sink that converts the files of a run to metres at the end, by aiding measurements."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ NO_READING = (
 
 
 class MetricSink:
-    """Compares results with aiding measurements; at the end converts the text files to metres.
+    """Sink that compares results with aiding measurements, and finally converts text files to
+    metres.
 
     Parameters
     ----------
     hints : list of Hint
         Aiding measurements of length.
     camera : Camera
-        Of the frames.
+        Camera of the frames.
     say : callable
         Called with the text of each contradiction.
     put : callable

@@ -1,4 +1,4 @@
-"""``motions.csv``: a row per pair of frames, with numbers that read back to the same bits."""
+"""``motions.csv``: a row for each pair of frames. Reading a number gives the same bits."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _REQUIRED = {
 
 
 class MotionsFile(TextSink):
-    """The sink ``motions.csv``: writes a row per pair; the first frame has no pair.
+    """The sink ``motions.csv``, which writes a row for each pair; the first frame has no pair.
 
     The covariance of the direction is in the basis `tangent_basis` of the direction in the row, so
     the file is self-contained.
@@ -104,7 +104,8 @@ class Motions:
     noise_px : ndarray, shape (M,)
         1-sigma track noise per coordinate.
     covariance : ndarray, shape (M, 5, 5)
-        Of ``[dtheta, dbeta]``, rad^2; beyond the rotation block NaN unless the status is OK.
+        Covariance of ``[dtheta, dbeta]``, rad^2; beyond the rotation block NaN unless the status is
+        OK.
     """
 
     timestamp0: np.ndarray
@@ -153,7 +154,8 @@ def read_motions(path: str | Path) -> Motions:
     Raises
     ------
     InputError
-        With the file, the line, the column and what was expected there.
+        If the file is invalid; the message has the file, the line, the column and the expected
+        value.
     """
     parts = list(iter_motions(path))
     if not parts:
@@ -175,7 +177,7 @@ def iter_motions(path: str | Path, chunk_rows: int = 2000) -> Iterator[Motions]:
 
 
 def _cells(values: Iterable[float | None] | None, count: int) -> list[str]:
-    """Numbers as text that reads back to the same bits; empty where there are none."""
+    """Numbers as text from which the same bits are read; empty for missing values."""
     if values is None:
         return [""] * count
     return ["" if value is None else repr(float(value)) for value in values]

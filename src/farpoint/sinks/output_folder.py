@@ -1,4 +1,4 @@
-"""All outputs of a run in one folder: opened together, closed together."""
+"""All outputs of a run in one folder; they are opened together and closed together."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ class OutputFolder:
             opened.pop_all()
 
     def add(self, name: str, sink: Sink) -> None:
-        """Add a sink, which gets all results and is closed with the others."""
+        """Add a sink, which gets all results and is closed with the other outputs."""
         self._sinks[name] = sink
 
     def at_end(self, step: Callable[[Path], object]) -> None:
@@ -253,11 +253,11 @@ class OutputFolder:
         self._record.note(words)
 
     def add_time(self, stage: str, seconds: float) -> None:
-        """Add to the time of a stage outside of this class, such as reading."""
+        """Add to the time of a stage outside of this class, such as reading images."""
         self._record.add_time(stage, seconds)
 
     def close(self, state: RunState = RunState.DONE, error: str | None = None) -> None:
-        """Finish every output, each even if another one fails; a second call does nothing.
+        """Finish every output, even if another output fails. A second call does nothing.
 
         Raises
         ------
@@ -279,7 +279,9 @@ class OutputFolder:
             raise problems[0]
 
     def _last_of_all(self) -> list[Callable[[], object]]:
-        """Steps that finish every output but the record and the report, which describe them."""
+        """Steps that finish every output except the record and the report, which describe the
+        others.
+        """
         steps: list[Callable[[], object]] = [sink.close for sink in self._sinks.values()]
         steps += [file.close for file in self._path_files.values()]
         if self._halves is not None:
@@ -338,7 +340,9 @@ def _verdict(error: BaseException) -> tuple[RunState, str | None]:
 def _with_problems(
     state: RunState, error: str | None, problems: list[BaseException]
 ) -> tuple[RunState, str | None]:
-    """The same where outputs could not be finished; Ctrl-C meanwhile does not keep them from it."""
+    """The end of the run, with the outputs that could not be finished. Ctrl-C does not interrupt
+    this step.
+    """
     problem = next((problem for problem in problems if isinstance(problem, Exception)), None)
     if problem is None or error is not None:
         return state, error

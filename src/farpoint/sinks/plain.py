@@ -14,9 +14,10 @@ __all__ = ["plain"]
 
 
 def plain(value: object) -> Any:
-    """Dataclasses and mappings as dicts, enums by value, arrays as lists, the rest as text.
+    """Plain values for JSON: dataclasses and mappings as dicts, enums by value, arrays as lists,
+    other objects as text.
 
-    JSON knows no infinity and no NaN: they become the words ``"inf"``, ``"-inf"`` and ``"nan"``.
+    JSON has no infinity and no NaN; they become the words ``"inf"``, ``"-inf"`` and ``"nan"``.
     """
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}

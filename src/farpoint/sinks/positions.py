@@ -1,4 +1,4 @@
-"""``positions.csv``: poses of the camera with covariances; and the same as Parquet."""
+"""``positions.csv``: poses of the camera with covariances; the same rows as Parquet."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _UNIT_TOLERANCE = 1e-6
 
 
 class PositionRow(NamedTuple):
-    """A row: ``world_from_cam`` (4, 4), and ``covariance`` (7, 7), NaN where there is none."""
+    """A row of the file: ``world_from_cam`` (4, 4) and ``covariance`` (7, 7), NaN if unknown."""
 
     timestamp: float
     frame: int
@@ -53,7 +53,9 @@ class PositionRow(NamedTuple):
 
 
 class PositionsFile(PathFile):
-    """Writes a row per frame: ``world_from_cam`` and its covariance with the scale's."""
+    """Writer of a row for each frame: ``world_from_cam``, and its covariance with that of the
+    scale.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, header=",".join(COLUMNS) + "\n")
@@ -93,11 +95,11 @@ class Positions:
     frames, segments : ndarray of int64, shape (N,)
         Indices of the frames in their source, and of the segment of the path.
     positions : ndarray, shape (N, 3)
-        Of the camera, in the unit of the trajectory.
+        Positions of the camera, in the unit of the trajectory.
     quat_xyzw : ndarray, shape (N, 4)
         Orientations ``world_from_cam``.
     covariances : ndarray, shape (N, 7, 7)
-        Of ``[dtheta, dposition, dlog_scale]``; NaN where there is none.
+        Covariances of ``[dtheta, dposition, dlog_scale]``; NaN where there is none.
     """
 
     timestamps: np.ndarray
@@ -121,19 +123,21 @@ class Positions:
 
 
 def read_positions(path: str | Path) -> Positions:
-    """Read a ``positions.csv``; a last line without its end is left out.
+    """Read a ``positions.csv``. An incomplete last line is left out.
 
     Raises
     ------
     InputError
-        With the file, the line and what was expected there.
+        If the file is invalid; the message has the file, the line and the expected value.
     """
     path = Path(path)
     return _columns(np.array(list(_rows(path))), path)
 
 
 def iter_positions(path: str | Path) -> Iterator[Positions]:
-    """The same in parts of some thousand rows, so that a long file takes no more memory."""
+    """Read a ``positions.csv`` in parts of some thousand rows, so that memory does not grow with
+    the file.
+    """
     path = Path(path)
     return (_columns(part, path) for part in _parts(_rows(path)))
 

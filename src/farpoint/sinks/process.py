@@ -27,7 +27,7 @@ _FEW_THREADS = {
 
 
 class SinkProcess:
-    """Passes each call to a sink in another process and waits for its end.
+    """Proxy that passes each call to a sink in another process and waits for its end.
 
     Python runs one thread at a time, so drawing in a thread would slow down the estimation. The
     other process reads from a pipe; at the end of the pipe it closes its sink and ends, even if
@@ -41,7 +41,7 @@ class SinkProcess:
     output : str or Path
         Output of the sink, for the message if its process dies.
     process : Popen, optional
-        From `start_process`, if it was called beforehand.
+        Process from `start_process`, if it was called beforehand.
 
     Raises
     ------
@@ -75,7 +75,7 @@ class SinkProcess:
         self._receive()
 
     def close(self) -> None:
-        """Close the sink and wait for the end of its process; a second call does nothing."""
+        """Close the sink and wait for the end of its process. A second call does nothing."""
         if self._closed:
             return
         self._closed = True
@@ -152,7 +152,7 @@ def start_process(*modules: str, niceness: int = 5, **environment: str) -> subpr
 
 
 def wait_until_loaded(process: subprocess.Popen[bytes]) -> None:
-    """Wait for a process that was started beforehand, or for its end."""
+    """Wait until a process that was started beforehand has loaded its modules, or has ended."""
     reader = process.stdout
     assert isinstance(reader, io.BufferedReader)
     reader.peek(1)  # its first answer, which stays to be read

@@ -42,7 +42,7 @@ def main() -> NoReturn:
 
 
 def _end_with_messages_only() -> None:
-    """Leave signals that stop a whole group of processes to the one that sends the messages."""
+    """Ignore signals to the process group; the sender of the messages handles them."""
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):  # Windows lacks the last
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -67,7 +67,7 @@ class _Worker:
 
 
 def _next(messages: BinaryIO) -> Any | None:
-    """A message; None at the end, also where it comes within one."""
+    """The next message; None at the end of the messages, also if the end is within a message."""
     try:
         return pickle.load(messages)
     except (EOFError, OSError, pickle.UnpicklingError):
@@ -75,7 +75,7 @@ def _next(messages: BinaryIO) -> Any | None:
 
 
 def _pipes() -> tuple[BinaryIO, BinaryIO]:
-    """Messages and answers, out of the reach of libraries that print or read."""
+    """Pipes of messages and answers, hidden from libraries that print or read."""
     messages, answers = os.dup(0), os.dup(1)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)

@@ -1,4 +1,4 @@
-"""Reserved disk space for a file that must be written even on a full disk."""
+"""Reserved disk space for a file that must be written even if the disk is full."""
 
 from __future__ import annotations
 

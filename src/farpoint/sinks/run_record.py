@@ -64,7 +64,7 @@ class RunDescription:
     frame_count : int or None
         Frames of the source where they are known.
     timestamp_source : str
-        Where the time stamps come from.
+        Origin of the time stamps.
     notes : tuple of str
         Notes about the results, one sentence each.
     mask : ndarray of bool, shape (H, W), or None
@@ -91,7 +91,7 @@ class RunRecord:
     path : Path
         Replaced if it exists.
     run : RunDescription
-        What is run.
+        Description of the run.
 
     Raises
     ------
@@ -131,7 +131,7 @@ class RunRecord:
         self._save()
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Count one frame; update the file when the last update is old enough."""
+        """Count one frame; update the file if the last update is old enough."""
         self._frames += 1
         self._first_s = result.timestamp if self._first_s is None else self._first_s
         self._last_s = result.timestamp

@@ -1,4 +1,4 @@
-"""Interface of sinks: results are written one by one; after closing the file is valid."""
+"""Interface of sinks: results are written one by one, and after closing the file is valid."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Sink(Protocol):
     """Receives results in the order of the frames."""
 
     def write(self, result: OdometryResult, image: np.ndarray | None) -> None:
-        """Add the result of one frame; the image is None if it could not be decoded."""
+        """Add the result of one frame; the image is None if the frame could not be decoded."""
         ...
 
     def close(self) -> None:
@@ -60,7 +60,7 @@ class TextFile:
 
 
 class Posed(Protocol):
-    """A pose of the path: final, or as known with a result."""
+    """A pose of the path: a final pose, or the pose of a result."""
 
     @property
     def frame1(self) -> int:

@@ -29,7 +29,7 @@ def cramer_rao_bound(scene: PointScene) -> np.ndarray:
     Raises
     ------
     InputError
-        Where the direction has no information: no translation, no noise or too few matches.
+        If the direction has no information: no translation, no noise or too few matches.
     """
     direction = scene.direction_cam1_from_cam0
     if direction is None:
@@ -60,7 +60,7 @@ def rotation_cramer_rao_bound(scene: PointScene) -> np.ndarray:
     Raises
     ------
     InputError
-        Where the scene has a translation, no noise or fewer than two true matches.
+        If the scene has a translation, no noise or fewer than two true matches.
     """
     if scene.direction_cam1_from_cam0 is not None:
         raise InputError("expected a scene without translation", field="scene")
@@ -75,7 +75,7 @@ def rotation_cramer_rao_bound(scene: PointScene) -> np.ndarray:
 
 
 def _information(by_pose: np.ndarray, by_point1: np.ndarray, by_point0: np.ndarray) -> np.ndarray:
-    """Information of the pose, its points eliminated, for noise of 1 px."""
+    """Information on the pose for noise of 1 px, with the points eliminated."""
     transposed1 = np.swapaxes(by_point1, 1, 2)
     points = transposed1 @ by_point1 + np.swapaxes(by_point0, 1, 2) @ by_point0
     weight = np.eye(2) - by_point1 @ np.linalg.solve(points, transposed1)

@@ -18,7 +18,8 @@ __all__ = ["HandheldTracks"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HandheldTracks:
-    """Tracks from exact geometry, without images: matches of consecutive frames when iterated.
+    """Tracks from exact geometry, without images. Iteration gives the matches of consecutive
+    frames.
 
     The camera swings slowly along all axes. Errors add up along a track, as in a tracker.
 
@@ -103,7 +104,7 @@ class HandheldTracks:
         return so3.exp([0.20, 0.25, 0.10] * swings[0]), [0.25, 0.20, 0.15] * swings[1]
 
     def _seen(self, X: np.ndarray, frame: int) -> np.ndarray:
-        """Pixels (N, 2), each at the time its own row is read; NaN outside the image."""
+        """Pixels (N, 2), each at the time at which its own row is read; NaN outside the image."""
         assert self.camera.size is not None
         width, height = self.camera.size
         pixels = np.full((len(X), 2), [0.0, 0.5 * (height - 1)])

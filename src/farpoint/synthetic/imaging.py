@@ -59,7 +59,9 @@ class ImagingOptions:
 
     @property
     def exposure_delays_s(self) -> np.ndarray:
-        """Times (K,), s, relative to the middle of the exposure, whose mean is the image."""
+        """Times (K,), s, relative to the middle of the exposure; the image is the mean over these
+        times.
+        """
         if self.exposure_s == 0.0:
             return np.zeros(1)
         count = self.exposure_samples

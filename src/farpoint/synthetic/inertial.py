@@ -53,7 +53,9 @@ class InertialPath:
         return self._position(time_s, 1)
 
     def measured(self, times_s: np.ndarray) -> ImuSteps:
-        """Measurements of an ideal IMU in the N steps between N + 1 times, s from the start."""
+        """Measurements of an ideal IMU in the N steps between N + 1 times, s since the start of the
+        path.
+        """
         dt = np.diff(times_s)[:, None]
         attitudes = self._attitude(times_s).as_matrix()
         gyro = so3.log(np.swapaxes(attitudes[:-1], 1, 2) @ attitudes[1:]) / dt

@@ -64,7 +64,7 @@ def street_drive(frames: int, fps: float = 10.0, seed: int = 0) -> Trajectory:
     Raises
     ------
     InputError
-        Where an argument is out of its range.
+        If an argument is out of its range.
     """
     times = times_of(frames, fps)
     if seed < 0:
@@ -104,7 +104,8 @@ def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajec
     Parameters
     ----------
     body : Trajectory
-        Poses ``world_from_body`` with their times; axes of both are x ahead, y left, z up.
+        Poses ``world_from_body`` with their times; the axes of the world and of the body are x
+        ahead, y left, z up.
     start_s : float
         Start time, s after the first pose.
     frames : int
@@ -120,7 +121,7 @@ def carried(body: Trajectory, start_s: float, frames: int, fps: float) -> Trajec
     Raises
     ------
     InputError
-        Where an argument is out of its range, or poses are missing within this time.
+        If an argument is out of its range, or poses are missing within this time.
     """
     times = _finite(start_s, "start_s") + times_of(frames, fps)
     if body.timestamps is None:

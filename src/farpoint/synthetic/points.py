@@ -52,14 +52,14 @@ class PointSceneOptions:
     rotation_vector_rad : (float, float, float)
         ``R_cam1_from_cam0 = Exp(rotation_vector)``.
     translation_m : (float, float, float)
-        Of ``X_cam1 = R_cam1_from_cam0 @ X_cam0 + translation``, m.
+        Translation of ``X_cam1 = R_cam1_from_cam0 @ X_cam0 + translation``, m.
     noise_px : float
         1-sigma of the normal noise on each coordinate in each image, px.
 
     Raises
     ------
     InputError
-        Where a field is out of its range.
+        If a field is out of its range.
     """
 
     camera: Camera

@@ -46,9 +46,9 @@ class RenderedView:
 class RenderedSequence:
     """Images of a street along a path, through any lens: a source of frames with truth.
 
-    Each frame is rendered on request and independently of the others. So memory does not grow with
-    the length of the sequence, and frame 700 does not depend on whether frames 0 to 699 were
-    rendered.
+    Each frame is rendered on request and independently of the other frames. Memory therefore does
+    not grow with the length of the sequence, and frame 700 does not depend on whether frames 0 to
+    699 were rendered.
 
     Parameters
     ----------
@@ -147,8 +147,8 @@ class RenderedSequence:
     def distances(self, index: int, pixels: np.ndarray) -> np.ndarray:
         """Distances (N,), m, along the rays of any pixels (N, 2) of a frame, by exact ray casting.
 
-        Each distance is that at the read-out time of its row. Infinite for the sky, NaN without a
-        ray.
+        Each distance is that at the read-out time of its row. The distance is infinite for the sky,
+        and NaN without a ray.
         """
         return self._cast(self._poses(index, pixels[:, 1]), self.camera.unproject(pixels))
 
@@ -189,7 +189,7 @@ class RenderedSequence:
         write_tum(path, truth)
 
     def _poses(self, index: int, rows: np.ndarray, delay_s: float = 0.0) -> np.ndarray:
-        """Poses (N, 4, 4) of the camera when rows (N,) of a frame are read, or so much later."""
+        """Poses (N, 4, 4) of the camera when rows (N,) of a frame are read, or after a delay."""
         if self._motion is None:
             return np.tile(self.world_from_cam[index], (len(rows), 1, 1))
         delays = self._imaging.row_delays_s(rows, self._rays.shape[0]) + delay_s
@@ -203,9 +203,11 @@ class RenderedSequence:
         poses0: np.ndarray,
         distance0: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 3) in the axes of a camera that reads their rows now, and its poses.
+        """Points (N, 3) in the axes of a camera that is reading their rows, and the poses of the
+        camera.
 
-        Divided by their distances from camera 0: the sky is an ordinary point.
+        The points are divided by their distances from camera 0, so that the sky is an ordinary
+        point.
         """
         poses = self._poses(index, np.nan_to_num(rows))
         cam_from_cam0 = np.linalg.inv(poses) @ poses0

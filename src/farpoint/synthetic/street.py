@@ -1,7 +1,7 @@
 """A town around a path: streets in a grid, houses, parked cars, poles, trees, hills and sky.
 
-World axes are x right, y down, z forward, in metres; the ground is y = 0. Streets run along x
-and z, their middles at multiples of `BLOCK_M`. The objects at a place depend on the seed and the
+World axes are x right, y down, z forward, in metres; the ground is y = 0. Streets run along x and
+z, with their middles at multiples of `BLOCK_M`. The objects at a place depend on the seed and the
 place only, but no object is on the path. Only places near the path are built, so a longer drive
 does not cost more per frame.
 """
@@ -49,7 +49,7 @@ def build_street(positions: np.ndarray, seed: int) -> Scene:
     Parameters
     ----------
     positions : ndarray, shape (N, 3)
-        Where the camera will be, world, m; above ground (y < 0).
+        Positions of the camera in the world, m; above ground (y < 0).
     seed : int
         The same seed gives the same town.
     """
@@ -69,7 +69,7 @@ def build_street(positions: np.ndarray, seed: int) -> Scene:
 
 
 def _furnish(shapes: Shapes, rng: np.random.Generator, i: int, j: int) -> None:
-    """Put things into the cell centred at ``(CELL_M * i, CELL_M * j)``."""
+    """Put objects into the cell centred at ``(CELL_M * i, CELL_M * j)``."""
     x, z = CELL_M * i, CELL_M * j
     along_z, along_x = i % BLOCK_CELLS == 0, j % BLOCK_CELLS == 0
     if along_z and along_x:
@@ -124,7 +124,9 @@ def _assemble(
 
 @lru_cache(maxsize=1)
 def _pictures(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Texels and table of all textures; they take longer to make than the rest of the town."""
+    """Texels and table of all textures, computed once, because they take longer than the rest of
+    the town.
+    """
     rng = np.random.default_rng((seed, 0))
     pictures = [textures.noise(rng)]
     pictures += [textures.facade(rng) for _ in range(FACADES)]
@@ -161,7 +163,9 @@ def _sort_into_grid(rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> Bloc
 
 
 def _raise_hills(positions: np.ndarray, rng: np.random.Generator) -> Hills:
-    """Rings around the town, each higher and farther than the one before, and their skylines."""
+    """Rings around the town, each higher and farther away than the previous ring, and their
+    skylines.
+    """
     flat = positions[:, [0, 2]]
     centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
     town = np.linalg.norm(flat - centre, axis=1).max() + _REACH_M

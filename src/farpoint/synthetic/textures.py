@@ -29,7 +29,7 @@ def noise(rng: np.random.Generator, log2_width: int = 9) -> np.ndarray:
 def facade(rng: np.random.Generator, log2_width: int = 10, *, bays: int = 8) -> np.ndarray:
     """Wall of ``bays`` x ``bays`` windows, each in its own state: frames, panes, sills, curtains.
 
-    Values from -1 (a dark pane) to 1 (a white frame), 0 is the wall.
+    Values are from -1 (a dark pane) to 1 (a white frame); 0 is the wall.
     """
     width = 1 << log2_width
     image = np.zeros((width, width))
@@ -61,8 +61,8 @@ def road(
 ) -> np.ndarray:
     """Ground of one block of a street grid, streets along x = 0 and z = 0 with their markings.
 
-    Rows run along z, columns along x, one period is ``block_m``. Values in grey levels relative to
-    asphalt.
+    Rows run along z, and columns along x; one period is ``block_m``. Values are in grey levels
+    relative to asphalt.
     """
     width = 1 << log2_width
     place = (np.arange(width) + 0.5) / width * block_m
@@ -90,7 +90,8 @@ def road(
 def pyramids(textures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """All levels of all textures in one float32 array, and the start and log2 width of each.
 
-    Levels halve the width down to one texel; their texels are centred in those they replace.
+    Each level halves the width, down to one texel. A texel is centred in the texels that it
+    replaces.
     """
     parts: list[np.ndarray] = []
     table, start = [], 0

@@ -22,9 +22,9 @@ FACADES = 4
 
 @dataclass
 class Shapes:
-    """Shapes as they are put up, one row each; see `Blocks` and `Finish`.
+    """Shapes in the order in which they are added, one row each; see `Blocks` and `Finish`.
 
-    Shapes of one ``thing``, such as the parts of a car, stay or go together.
+    Shapes of one ``thing``, such as the parts of a car, are kept or removed together.
     """
 
     thing: list[int] = field(default_factory=list)
@@ -80,7 +80,7 @@ def build_house(shapes: Shapes, rng: np.random.Generator, x: float, z: float) ->
 
 
 def lay_garden(shapes: Shapes, rng: np.random.Generator, x: float, z: float) -> None:
-    """A hedge and a few trees; hills and sky are seen over them."""
+    """A hedge and a few trees, low enough that hills and sky are visible above them."""
     shapes.begin()
     hedge = _plain(rng, 60.0, 95.0, 13.0)
     half_x, half_z = ((5.5, 0.35), (0.35, 5.5))[rng.integers(2)]
@@ -131,7 +131,7 @@ def line_street(
 def _plain(
     rng: np.random.Generator, darkest: float, lightest: float, noise: float
 ) -> tuple[float, ...]:
-    """Paint without a pattern: a mean grey in this range and a gain of the noise."""
+    """Paint without a pattern: a mean grey level in this range, and a gain of the noise."""
     return (rng.uniform(darkest, lightest), 0.0, 1.0, 0.0, noise, *rng.uniform(0.0, 90.0, 2))
 
 

@@ -57,7 +57,8 @@ class HandheldOptions:
 def handheld_walk(
     frames: int, fps: float = 30.0, seed: int = 0, options: HandheldOptions | None = None
 ) -> Trajectory:
-    """Walk along the lane with a camera in the hand, looking half to the houses on the right.
+    """Walk along the lane with a camera in the hand, which looks halfway to the houses on the
+    right.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def handheld_walk(
     Raises
     ------
     InputError
-        Where an argument is out of its range.
+        If an argument is out of its range.
 
     Examples
     --------
@@ -106,7 +107,9 @@ def handheld_walk(
 def _waves(
     times: np.ndarray, range_hz: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
-    """Three smooth oscillations (N, 3), 1 at most: means of waves, each slower one larger."""
+    """Three smooth oscillations (N, 3) of at most 1: means of waves, in which slower waves are
+    larger.
+    """
     frequencies = np.sort(rng.uniform(*range_hz, (3, _WAVES)))
     phases = rng.uniform(0.0, 2.0 * math.pi, (3, _WAVES))
     amplitudes = 1.0 / frequencies

@@ -1,4 +1,4 @@
-"""Corner detection, evenly spread: Shi and Tomasi, "Good Features to Track", CVPR 1994."""
+"""Detection of evenly spread corners: Shi and Tomasi, "Good Features to Track", CVPR 1994."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def thin_out(
     """Indices of the points outside the occupied mask, in their order.
 
     Every accepted point marks the pixels within ``reach`` along either axis in ``occupied``, bool
-    (H, W). Stops after ``count`` points.
+    (H, W). The function stops after ``count`` points.
     """
     limit = len(points) if count is None else count
     kept = np.empty(len(points), np.int64)

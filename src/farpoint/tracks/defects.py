@@ -60,11 +60,11 @@ class _Suspects:
 class DefectivePixels:
     """Detect pixels that stand out while the image moves, and repair them.
 
-    A pixel stands out where it is brighter, or darker, than all pixels of a ring around it. Scene
-    content does so too, but not at the same pixel after an image motion of 1 px. A suspect is
+    A pixel stands out if it is brighter, or darker, than all pixels of a ring around it. Scene
+    content stands out, too, but not at the same pixel after an image motion of 1 px. A suspect is
     tested whenever nearby tracks have moved that far since its last test; each test adds a log
     likelihood ratio (sequential test: A. Wald, 1945, doi:10.1214/aoms/1177731118). A defect stands
-    out with probability 0.8, a pixel of the scene with the rate of the whole image.
+    out with a probability of 0.8, and a pixel of the scene with the rate of the whole image.
 
     A repair interpolates the defect and its eight neighbours from the ring.
     """
@@ -86,7 +86,9 @@ class DefectivePixels:
         return self._suspects.indices[self._suspects.defective]
 
     def learn(self, image: np.ndarray, tracks: Tracks) -> None:
-        """Test an unrepaired image, uint8 (H, W); the tracks end in it."""
+        """Test an image that is not repaired, uint8 (H, W), at the ends of the tracks in this
+        image.
+        """
         if image.shape != self._shape:
             self._suspects, self._shape = _no_suspects(), (image.shape[0], image.shape[1])
             self._near_suspects = np.empty(image.shape, bool)
@@ -108,7 +110,9 @@ class DefectivePixels:
         self._suspects = _merged(known, new, math.log(DETECTION_RATE / rate))
 
     def _scored(self, known: _Suspects, seen: np.ndarray, rate: float, tracks: Tracks) -> _Suspects:
-        """The suspects with the log likelihood ratios of this image, where it has moved enough."""
+        """The suspects with the log likelihood ratios of this image, for those that have moved
+        enough.
+        """
         displacements = known.displacements + self._motion_at(known.indices, tracks)
         tested = np.hypot(*displacements.T) >= MIN_MOTION_PX
         miss = math.log((1.0 - DETECTION_RATE) / (1.0 - rate))
@@ -146,7 +150,7 @@ class DefectivePixels:
         return np.median(moves[near], axis=1)
 
     def repaired(self, image: np.ndarray) -> np.ndarray:
-        """A copy of the image with its defects repaired; the image itself where there are none."""
+        """A copy of the image with repaired defects; the image itself if it has none."""
         indices = self._defects
         if len(indices) == 0 or image.shape != self._shape:
             return image

@@ -29,8 +29,9 @@ def track_points(
     """Positions in the second image of points in the first.
 
     Every point is tracked forward and backward (Kalal et al., "Forward-Backward Error", ICPR 2010,
-    doi:10.1109/ICPR.2010.675). The backward pass starts as far from ``points0`` as the forward pass
-    started from its result, so that a wrong match cannot return by starting at the answer.
+    doi:10.1109/ICPR.2010.675). The forward pass starts at some distance from its result. The
+    backward pass starts at the same distance from ``points0``. If it started at ``points0``, a
+    wrong match could pass the check without any iteration.
 
     A subset of probes is tracked first, from the coarsest level. The 0.9 quantile of their
     distances from ``start`` selects the level at which the other points start.
@@ -38,7 +39,7 @@ def track_points(
     Parameters
     ----------
     image0, image1 : Pyramid
-        Of images of one size.
+        Pyramids of images of one size.
     points0 : ndarray of float64, shape (N, 2)
         Pixels in the first image.
     start : ndarray of float64, shape (N, 2)
@@ -69,7 +70,9 @@ def track_points(
 
 
 def _start_level(offsets: np.ndarray, coarsest: int, options: LucasKanadeOptions) -> int:
-    """Pyramid level whose window covers the displacements (N, 2) of the probes; NaN where lost."""
+    """Pyramid level whose window covers the displacements (N, 2) of the probes; NaN rows are lost
+    probes.
+    """
     offset_px = np.linalg.norm(offsets, axis=1)
     offset_px = offset_px[~np.isnan(offset_px)]
     if len(offset_px) < max(MIN_PROBES, MIN_FOUND_SHARE * len(offsets)):

@@ -41,7 +41,7 @@ def refine(
     Parameters
     ----------
     image0, image1 : Pyramid
-        Of images of one size; only the finest levels are used.
+        Pyramids of images of one size; only the finest levels are used.
     points0 : ndarray of float64, shape (N, 2)
         Pixels in ``image0``.
     points1 : ndarray of float64, shape (N, 2)

@@ -14,7 +14,7 @@ __all__ = ["trackable_region", "unmasked_region"]
 
 
 def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> np.ndarray | None:
-    """Pixels whose matching window lies within the lens' field; None where all do.
+    """Pixels whose matching window lies within the lens' field; None if all pixels do.
 
     The rim of a fisheye's image circle is a strong edge fixed to the camera: windows across it
     measure no motion.
@@ -22,7 +22,7 @@ def trackable_region(camera: Camera, options: TrackerOptions | None = None) -> n
     Parameters
     ----------
     camera : Camera
-        Of known image size.
+        Camera of known image size.
     options : TrackerOptions, optional
         Window sizes.
 

@@ -25,17 +25,20 @@ __all__ = ["normalize_rows", "remove_row_gains", "row_gains"]
 def normalize_rows(image: np.ndarray) -> np.ndarray:
     """Scale every row of an image (H, W), uint8, to one mean.
 
-    Removes row gains, and all image content that is constant along rows: for coarse tracking only.
+    This removes the gains of rows, and also all image content that is constant along rows. The
+    result therefore serves for coarse tracking only.
     """
     means = np.maximum(image.mean(axis=1), 1.0)
     return np.clip(np.rint(image * (110.0 / means[:, None])), 0, 255).astype(np.uint8)
 
 
 def row_gains(before: Pyramid, after: Pyramid, tracks: Tracks) -> np.ndarray | None:
-    """Gain (H,) of each row of ``after`` over ``before``; None without row-wise changes.
+    """Gain (H,) of each row of ``after`` over ``before``; None if the rows have no gains of their
+    own.
 
-    Each track gives a log ratio of local means. Row gains are fitted where the median of tracks in
-    neighbouring rows predicts the log ratio with less than 0.6 of its total median deviation.
+    Each track gives a log ratio of local means. Row gains are fitted if the median of tracks in
+    neighbouring rows predicts the log ratio well: the remaining median deviation is below 0.6 of
+    the total one.
     """
     if len(tracks) < MIN_ROW_TRACKS:
         return None

@@ -44,8 +44,8 @@ class Tracker:
     makes the image the next reference with its inlier tracks (`advance`), starts new tracks in the
     image (`restart`), or keeps the reference. `track` is `match` and `advance`.
 
-    Hot and dead pixels are detected and interpolated (`DefectivePixels`). Row-wise gain changes, as
-    of mains light under a rolling shutter, are estimated and removed (`row_gains`).
+    Hot and dead pixels are detected and interpolated (`DefectivePixels`). Gains that change from
+    row to row, as of mains light under a rolling shutter, are estimated and removed (`row_gains`).
 
     Equal images, options and calls give equal tracks, bit for bit.
 
@@ -114,7 +114,7 @@ class Tracker:
         Raises
         ------
         InputError
-            Where the image is not two-dimensional uint8, or not of the reference's size.
+            If the image is not two-dimensional uint8, or not of the reference's size.
         """
         image = _checked_image(image)
         reference = self._reference
@@ -168,7 +168,8 @@ class Tracker:
         return len(self._new_corners(image, np.empty((0, 2)), wanted)) == wanted
 
     def advance(self, image: np.ndarray, tracks: Tracks) -> None:
-        """Make ``image`` the reference with the given tracks; missing tracks are detected anew.
+        """Make ``image`` the reference with the given tracks, and detect new tracks in place of
+        missing ones.
 
         If tracks have converged to one point, the oldest is kept.
 
@@ -289,7 +290,7 @@ def _checked_image(image: np.ndarray) -> np.ndarray:
 
 
 def grey_size(image: np.ndarray) -> tuple[int, int]:
-    """Width and height of an image; an InputError where it is not grey uint8."""
+    """Width and height of an image; an InputError if the image is not grey uint8."""
     height, width = _checked_image(image).shape
     return width, height
 

@@ -1,7 +1,7 @@
 """Trajectory files: TUM, KITTI and EuRoC, read and written.
 
-All of them hold poses ``world_from_body``; the body is the camera in TUM and KITTI files and the
-IMU in EuRoC's. Positions keep the unit of the file.
+All formats hold poses ``world_from_body``. The body is the camera in TUM and KITTI files, and the
+IMU in EuRoC files. Positions keep the unit of the file.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def read_trajectory(path: str | Path, quaternion: QuaternionOrder | None = None)
     Raises
     ------
     InputError
-        With the file, the line and what was expected there.
+        If the file is invalid; the message has the file, the line and the expected value.
     """
     path = Path(path)
     for line, text in _rows(path):
@@ -111,7 +111,7 @@ def read_tum(path: str | Path) -> Trajectory:
 def iter_tum(path: str | Path, *, whole_lines: bool = False) -> Iterator[tuple[float, np.ndarray]]:
     """Time and pose (4, 4) of each row of a TUM file, one at a time.
 
-    With ``whole_lines`` an incomplete last line, as of a killed run, is left out.
+    With ``whole_lines`` an incomplete last line, as in the file of a killed run, is left out.
     """
     return _tum(Path(path), "xyzw", whole_lines)
 
@@ -143,14 +143,14 @@ def _euroc(path: Path, order: QuaternionOrder) -> Iterator[tuple[float, np.ndarr
 
 
 def named_order(path: Path) -> QuaternionOrder | None:
-    """Order of the quaternions by the names of the columns; None where the file names none."""
+    """Order of the quaternions by the names of the columns; None if the file names no columns."""
     for _, w, x in _named_places(path):
         return "wxyz" if w < x else "xyzw"
     return None
 
 
 def _named_places(path: Path) -> Iterator[tuple[int, int, int]]:
-    """Of each line that names a quaternion: its columns, and which have qw and qx."""
+    """For each line with names of a quaternion: its number of columns, and those of qw and qx."""
     for text in itertools.islice(_lines(path), _HEADER_LINES):
         names = [re.sub(r"[^a-z]", "", cell.lower()) for cell in _cells(text.lstrip("# "))]
         at = {
@@ -162,7 +162,7 @@ def _named_places(path: Path) -> Iterator[tuple[int, int, int]]:
 
 
 def _check_places(path: Path, columns: int) -> None:
-    """Raise an InputError where the names of as many columns put the quaternion elsewhere."""
+    """Raise an InputError if a line with as many columns names other columns for the quaternion."""
     for named, w, x in _named_places(path):
         if named == columns and (w, x) not in ((4, 5), (7, 4)):
             raise InputError(
@@ -252,7 +252,9 @@ def _stacked(rows: Iterator[tuple[float, np.ndarray]], path: str | Path) -> Traj
 
 
 def _stack(poses: Iterator[np.ndarray], path: str | Path) -> np.ndarray:
-    """Poses (N, 4, 4), block by block: an array of its own for each would take twice the memory."""
+    """Poses (N, 4, 4), stacked block by block, because one array per pose would take twice the
+    memory.
+    """
     blocks, count = [], 0
     while block := list(itertools.islice(poses, _BLOCK)):
         blocks.append(np.stack(block))
@@ -300,7 +302,9 @@ def _is_number(cell: str) -> bool:
 
 
 def _has_nanoseconds(text: str, cells: list[str]) -> bool:
-    """Whether a row is EuRoC's: a whole number first, long, or in a row with commas."""
+    """Whether a row is in EuRoC's format: it begins with a whole number that is long or followed by
+    a comma.
+    """
     if not cells[0].isdecimal():
         return False
     parted = "," in text or ";" in text

@@ -32,7 +32,7 @@ _PEERS = {
 
 
 def all_estimators() -> tuple[Estimator, ...]:
-    """Every estimator there is: farpoint first, then the peers that are installed."""
+    """All available estimators: farpoint first, then the peers that are installed."""
     return (
         FARPOINT,
         *poselib_estimators(),

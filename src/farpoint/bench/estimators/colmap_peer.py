@@ -39,7 +39,7 @@ def _preparation(
         setattr(options, name, value)
 
     def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
-        """Matches and camera as pycolmap takes them; what is timed comes back."""
+        """Convert matches and camera to pycolmap's format; returns the call that is timed."""
         ideal = pinhole_points(views)
         width, height = views.camera.size or (0, 0)
         camera = pycolmap.Camera(

@@ -18,7 +18,7 @@ __all__ = ["Estimator", "Motion", "PinholePoints", "load_peer", "pinhole_points"
 
 
 class Motion(NamedTuple):
-    """An answer: ``X_cam1 = R_cam1_from_cam0 @ X_cam0 + s * direction``, s > 0.
+    """The result of an estimator: ``X_cam1 = R_cam1_from_cam0 @ X_cam0 + s * direction``, s > 0.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Estimator:
     Attributes
     ----------
     name : str
-        With the choice of settings.
+        Name of the estimator and of its settings.
     settings : str
         Settings that differ from the defaults of the library, as text.
     prepare : callable
@@ -70,7 +70,8 @@ def pinhole_points(views: TwoViews) -> PinholePoints:
     """The matches without lens distortion; the time of a peer excludes this conversion.
 
     Pixels and principal point stay in farpoint's convention. COLMAP and PoseLib count both from the
-    corner of the top-left pixel, 0.5 px more; without distortion the two halves cancel exactly.
+    corner of the top-left pixel, which adds 0.5 px to both; without distortion the two shifts
+    cancel exactly.
     """
     model = views.camera.model
     if not isinstance(model, Pinhole):
@@ -93,7 +94,7 @@ def _ideal_pixels(
 
 
 def load_peer(module: str) -> ModuleType | None:
-    """A library to compare with, or None: peers are nothing that farpoint needs or installs."""
+    """Import a library of a peer, or return None: farpoint neither needs nor installs the peers."""
     try:
         return importlib.import_module(module)
     except ImportError:

@@ -1,4 +1,6 @@
-"""MAGSAC++ and GC-RANSAC by their authors' packages; OpenCV decomposes their essential matrices."""
+"""MAGSAC++ and GC-RANSAC by the packages of their authors; OpenCV decomposes the essential
+matrices.
+"""
 
 from __future__ import annotations
 
@@ -69,7 +71,7 @@ def _preparation(
     cv2: Any, search: _Search
 ) -> Callable[[TwoViews, int], Callable[[], Motion | None]]:
     def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
-        """Matches and camera as the packages take them; what is timed comes back."""
+        """Convert matches and camera for the packages; returns the call that is timed."""
         del seed  # neither takes one
         ideal = pinhole_points(views)
         matches = np.ascontiguousarray(np.hstack([ideal.points0, ideal.points1]))

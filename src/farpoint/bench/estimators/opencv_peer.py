@@ -45,7 +45,7 @@ def _preparation(
     cv2: Any, method: int, reach: float
 ) -> Callable[[TwoViews, int], Callable[[], Motion | None]]:
     def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
-        """Matches and camera as OpenCV takes them; what is timed comes back."""
+        """Convert matches and camera to OpenCV's format; returns the call that is timed."""
         del seed  # OpenCV draws the same samples every time
         ideal = pinhole_points(views)
 
@@ -74,9 +74,10 @@ def _preparation(
 def recovered_motion(
     cv2: Any, E: np.ndarray, ideal: PinholePoints, mask: np.ndarray | None, reach: float
 ) -> Motion | None:
-    """The motion of an essential matrix by cheirality of the inliers within a ``reach``.
+    """The motion of an essential matrix, with the sign by cheirality of the inliers within
+    ``reach``.
 
-    In baselines; ``mask`` (N, 1) is of the inliers, None for all.
+    ``reach`` is in baselines. ``mask`` (N, 1) marks the inliers; with None all matches count.
     """
     try:
         _, R, t, _, _ = cv2.recoverPose(

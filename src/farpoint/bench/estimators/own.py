@@ -13,7 +13,7 @@ __all__ = ["CLOSED_FORM", "FARPOINT"]
 
 def _estimator(name: str, settings: str, options: RelativePoseOptions) -> Estimator:
     def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
-        """Nothing to convert: pixels and the camera go in as they are."""
+        """Return the call that is timed; pixels and camera need no conversion."""
 
         def estimate() -> Motion | None:
             """What a user would call."""

@@ -38,7 +38,7 @@ def _preparation(
     poselib: Any, ransac: dict[str, Any], bundle: dict[str, Any]
 ) -> Callable[[TwoViews, int], Callable[[], Motion | None]]:
     def prepare(views: TwoViews, seed: int) -> Callable[[], Motion | None]:
-        """Matches and camera as PoseLib takes them; what is timed comes back."""
+        """Convert matches and camera to PoseLib's format; returns the call that is timed."""
         ideal = pinhole_points(views)
         width, height = views.camera.size or (0, 0)
         camera = {

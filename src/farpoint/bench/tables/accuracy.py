@@ -1,4 +1,4 @@
-"""Accuracy against the Cramer-Rao bound and against every installed peer, cell by cell."""
+"""The table of accuracy: errors against the Cramer-Rao bound and against every installed peer."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ _COLUMNS = (
 
 
 def accuracy_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Cells of the paper's protocol, as they are filled: 110 matches, 20 wrong, noise 0.22 px."""
+    """The table, yielded after each cell, with the paper's protocol: 110 matches, 20 wrong, noise
+    0.22 px.
+    """
     rng = np.random.default_rng(options.seed)
     rows: list[tuple[Cell, ...]] = []
     for baseline_m in _BASELINES_M:
@@ -53,13 +55,13 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
         columns=_COLUMNS,
         rows=tuple(rows),
         notes=(
-            f"{options.pairs or _PAIRS} pairs a cell, the same for all: 110 matches, 20 of them "
-            "wrong, noise 0.22 px, turns up to 5 deg about every axis; near points at 1-4 m, far "
-            "ones at 25-35 m",
-            "over_bound: median of the normalised error over the median of chi; a missing answer "
-            "counts as infinitely wrong",
-            "means are over the answers given, gross ones included; gross: rotation more than "
-            "1 deg or direction more than 30 deg off",
+            f"{options.pairs or _PAIRS} pairs a cell, the same for all estimators: 110 matches, "
+            "20 of them wrong, noise 0.22 px, turns up to 5 deg about every axis; near points at "
+            "1-4 m, far ones at 25-35 m",
+            "over_bound: median of the normalised error over the median of chi; a missing "
+            "estimate counts as an infinite error",
+            "means are over the pairs with an estimate, gross errors included; gross: rotation "
+            "more than 1 deg or direction more than 30 deg off",
         ),
     )
 

@@ -35,7 +35,7 @@ _OBSERVABLE = math.radians(5.0)
 
 
 def coverage_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each cell of the grid, as they are filled, and their summary."""
+    """The table with a row for each cell of the grid, yielded after each row, and the summary."""
     grid = CoverageGrid.whole() if options.full else options.grid
     cells = list(
         product(
@@ -72,18 +72,22 @@ def coverage_table(options: BenchOptions, progress: Progress) -> Iterator[Table]
 def _table(rows: Sequence[tuple[Cell, ...]], grid: CoverageGrid, options: BenchOptions) -> Table:
     return Table(
         name="coverage",
-        title="Coverage: how often the 68 % and 95 % regions of the covariances hold the truth",
+        title="Coverage: share of the 68 % and 95 % regions that contain the truth",
         command=options.command("coverage"),
         columns=_COLUMNS,
         rows=tuple(rows),
         notes=(
             f"{grid.trials} scenes a cell; low, high: 95 % binomial interval of the coverage",
-            "pose: rotation and direction where the status is OK, 5 degrees of freedom; "
-            "rotation: all but FAILED, 3; nees: mean, ideally the degrees of freedom",
-            "sigma_over_error: above 1 the sigmas are too large by this factor (median)",
+            "pose: rotation and direction of pairs that are OK, 5 degrees of freedom; rotation: "
+            "of all pairs that are not FAILED, 3 degrees of freedom; nees: mean NEES, ideally "
+            "the degrees of freedom",
+            "sigma_over_error: factor by which the sigmas are too large (above 1) or too small, "
+            "by the median error",
             "observable: motions whose direction has a Cramer-Rao bound below 5 degrees along "
-            f"every axis (1 sigma); observable_OK: those that are OK{_share_observed(rows)}",
-            "at baseline 0 nothing moves, so OK is a false alarm and the pose has no truth",
+            "every axis (1 sigma); observable_OK: observable motions that are "
+            f"OK{_share_observed(rows)}",
+            "at baseline 0 the camera does not translate, so OK is a false alarm and the "
+            "direction has no truth",
         ),
     )
 

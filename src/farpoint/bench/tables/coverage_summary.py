@@ -1,4 +1,4 @@
-"""The table of coverage in few rows: cells of one kind of scene together, and the lowest cell."""
+"""Summary of the table of coverage: a row for all cells of one kind of scene."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ _Cell = dict[str, Any]
 
 
 def coverage_summary(coverage: Table) -> Table:
-    """A row for each kind of scene, share of outliers and number of matches in the table."""
+    """A row for each kind of scene, share of outliers and number of matches in the table of
+    coverage.
+    """
     names = [column.name for column in coverage.columns]
     groups: dict[tuple[Cell, ...], list[_Cell]] = {}
     for row in coverage.rows:
@@ -44,17 +46,17 @@ def coverage_summary(coverage: Table) -> Table:
         )
     return Table(
         name="coverage_summary",
-        title="Coverage by kind of scene: all cells of a kind together, and the lowest",
+        title="Coverage by kind of scene: all cells of a kind together, and the lowest cell",
         command=coverage.command,
         columns=_COLUMNS,
         rows=tuple((*kind, *_figures(cells)) for kind, cells in sorted(groups.items())),
         notes=(
-            "rotation only: baseline 0, an OK is a false alarm; far points only: none nearer than "
-            "25 m; near points: all others",
+            "rotation only: scenes with baseline 0, so OK is a false alarm; far points only: no "
+            "point is nearer than 25 m; near points: all other scenes",
             "observable, observable_OK: as in the table of coverage",
-            "68, 95: shares of the regions that hold the truth; the pose where the status is OK, "
-            "the rotation of all but FAILED",
-            f"lowest: of the cells with {_LEAST} estimates and more",
+            "68, 95: shares of the regions that contain the truth; the pose of pairs that are "
+            "OK, the rotation of all pairs that are not FAILED",
+            f"lowest: the lowest share among cells with at least {_LEAST} estimates",
         ),
     )
 
@@ -87,7 +89,9 @@ def _figures(cells: Sequence[_Cell]) -> tuple[Cell, ...]:
 
 
 def _shares(cells: Sequence[_Cell], kind: str, counts: Sequence[int]) -> tuple[Cell, ...]:
-    """Shares in 68 % and 95 % of all estimates together, and the lowest of a cell in 95 %."""
+    """Shares in 68 % and 95 % regions of all estimates together, and the lowest 95 % share of a
+    cell.
+    """
     counted = [(cell, count) for cell, count in zip(cells, counts, strict=True) if count]
     if not counted:
         return None, None, None

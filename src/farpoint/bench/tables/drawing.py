@@ -1,4 +1,4 @@
-"""Cost of drawing: time of the estimation with and without each output."""
+"""Cost of drawing: time of the estimation with and without each drawn output."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _WAYS: tuple[tuple[str, OutputOptions | None, bool], ...] = (
 
 
 def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """A row for each choice of outputs, over the same frames, in turn."""
+    """A row for each choice of outputs; all choices process the same frames in turn."""
     sequence = (find_sequences(options.data) or [rendered_sequence(options.seed)])[0]
     images = sequence.images((options.pairs or _FRAMES) + _WARM_UP)
     times_s: list[list[np.ndarray]] = [[] for _ in _WAYS]
@@ -53,7 +53,7 @@ def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...
     return (
         Table(
             name="drawing",
-            title=f"What drawing costs, {sequence.name}",
+            title=f"Cost of drawing, {sequence.name}",
             command=options.command("drawing"),
             columns=(
                 Column("outputs"),
@@ -77,11 +77,11 @@ def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...
                 for (name, *_), ms in zip(_WAYS, medians_ms, strict=True)
             ),
             notes=(
-                "estimation: tracking and pose, while other processes draw: by the clock, and by "
-                "the processor's time that they took, which other programs hardly disturb; "
-                "drawing: what those processes took, and all other threads of this one, the "
-                "estimation's own helpers included; frame: until the next one can begin, waiting "
-                "for a full queue included",
+                "estimation: wall-clock and processor time of tracking and pose while other "
+                "processes draw; other programs hardly change the processor time; drawing: "
+                "processor time of the drawing processes and of all other threads of this "
+                "process; frame: wall-clock time until the next frame can begin, with waiting "
+                "for a full queue",
                 f"median of {_ROUNDS} rounds over {len(images) - _WARM_UP} frames",
             ),
         ),
@@ -91,7 +91,7 @@ def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...
 def _run(
     sequence: Sequence, images: list[np.ndarray], output: OutputOptions | None, viewer: bool
 ) -> np.ndarray:
-    """Seconds of each frame, (N, 4): see `_WALL` and what follows it."""
+    """Seconds of each frame, (N, 4), in the columns named by `_WALL` and the constants after it."""
     odometry = Odometry(sequence.camera)
     seconds = np.empty((len(images), 4))
     with ExitStack() as opened:
@@ -119,7 +119,7 @@ def _run(
 
 
 def _drawing_cpu_s() -> float:
-    """What the processes that draw have taken so far, when they have caught up."""
+    """CPU time of the drawing processes so far, measured when they have caught up."""
     now_s, before_s = children_cpu_s(), -1.0
     while now_s > before_s:
         time.sleep(_CAUGHT_UP_S)

@@ -39,7 +39,9 @@ _COLUMNS = (
 
 
 def halves_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each image sequence of the data, as filled; the same runs by image cells."""
+    """The table with a row for each image sequence of the data, yielded after each row, and the
+    table by image cells.
+    """
     sequences: dict[str, list[HalvesBySplit]] = {}
     seeds = range(options.seed, options.seed + _RUNS)
     for sequence in find_sequences(options.data):
@@ -63,18 +65,22 @@ def _run(sequence: Sequence, seed: int) -> HalvesBySplit:
 def _table(sequences: dict[str, list[HalvesBySplit]], seeds: range, options: BenchOptions) -> Table:
     return Table(
         name="halves",
-        title="Two halves of the tracks of real images: their difference over its covariance",
+        title="Split halves of the tracks of real images: difference of both estimates over its "
+        "covariance",
         command=options.command("halves"),
         columns=_COLUMNS,
         rows=tuple(
             (name, *_cells([run[PATCHES] for run in runs])) for name, runs in sequences.items()
         ),
         notes=(
-            "ratio: squared differences over what the covariances say, 1 if honest, more if "
-            "they are too small; of all runs together, and of the lowest and highest by itself",
-            "in_pose: pairs whose halves both have a direction; in_rotation: both a rotation",
-            "opposed: pairs whose halves claim opposite directions; in no ratio",
-            "pose_68, pose_95: of the former, the share within these regions",
+            "ratio: squared differences over their expectation by the covariances; 1 for honest "
+            "covariances, above 1 if they are too small; of all runs together, and of the runs "
+            "with the lowest and the highest ratio",
+            "in_pose: pairs whose halves both have a direction; in_rotation: pairs whose halves "
+            "both have a rotation",
+            "opposed: pairs whose halves have opposite directions; they are in no ratio",
+            "pose_68, pose_95: share of the pairs in_pose whose difference is within the 68 % "
+            "and 95 % region",
             "patches of 3 to 6 tracks stay in one half; seeds of the runs: "
             f"{seeds[0]} to {seeds[-1]}",
         ),

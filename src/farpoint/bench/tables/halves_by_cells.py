@@ -1,4 +1,6 @@
-"""The split-half test by how the tracks are split: errors that neighbours share stay in cells."""
+"""The split-half test for several ways to split the tracks: with image cells, errors shared by
+neighbours do not cancel.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,7 @@ HalvesBySplit = dict[str, list[SplitHalf]]
 
 
 def split_halves(odometry: Odometry, results: Iterable[OdometryResult]) -> HalvesBySplit:
-    """The test on every pair of frames of a run, as it goes, split in each way."""
+    """The split-half test on every pair of frames of a run, with each way to split the tracks."""
     halves: HalvesBySplit = {name: [] for name in _CELLS_PX}
     for result in results:
         if result.pose is not None:
@@ -45,7 +47,7 @@ def split_halves(odometry: Odometry, results: Iterable[OdometryResult]) -> Halve
 
 
 def halves_by_cells(sequences: Mapping[str, Sequence[HalvesBySplit]], command: str) -> Table:
-    """A row for each sequence, given by its runs, and each way to split its tracks."""
+    """A row for each sequence (given by its runs) and each way to split its tracks."""
     return Table(
         name="halves_by_cells",
         title="Halves of the tracks of real images, split by patches and by image cells",
@@ -57,12 +59,13 @@ def halves_by_cells(sequences: Mapping[str, Sequence[HalvesBySplit]], command: s
             for split_by in _CELLS_PX
         ),
         notes=(
-            "split_by: what stays in one half, patches of 3 to 6 tracks or all tracks of an image "
-            "cell; errors that tracks share within it do not cancel in the difference",
-            "compared: pairs whose halves both have a direction; of these sigma_over_error, "
-            "pose_68 and pose_95",
-            "ratio: as in the table of halves; sigma_over_error: above 1 the sigmas are too large "
-            "for the median difference by this factor",
+            "split_by: patches of 3 to 6 tracks, or all tracks of an image cell, stay in one "
+            "half; errors common to the tracks of one patch or cell do not cancel in the "
+            "difference",
+            "compared: pairs whose halves both have a direction; sigma_over_error, pose_68 and "
+            "pose_95 are those of these pairs",
+            "ratio: as in the table of halves; sigma_over_error: factor by which the sigmas are "
+            "too large (above 1) for the median difference",
             "all runs together: those of the table of halves",
         ),
     )

@@ -67,7 +67,7 @@ _COLUMNS = (
 
 
 def lens_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Rows for every lens and error of its calibration, and two for all lenses together."""
+    """Rows for every lens and every calibration error, and two rows for all lenses together."""
     runs = options.pairs or _RUNS
     rows: list[tuple[Cell, ...]] = []
     together: dict[LensError, list[LensTrial]] = {error: [] for error in _ERRORS}
@@ -111,7 +111,7 @@ def _cells(trials: Sequence[LensTrial]) -> tuple[Cell, ...]:
 
 
 def _ends_within(trials: Sequence[LensTrial]) -> float:
-    """Share of the recordings whose last pose lies within its 95 %."""
+    """Share of the recordings whose last pose lies within its 95 % region."""
     ends = [path.pose.end_nees for trial in trials if (path := evaluate_path(trial.path))]
     return float(np.mean(np.array(ends) <= chi2_quantile(0.95, 6)))
 
@@ -119,19 +119,22 @@ def _ends_within(trials: Sequence[LensTrial]) -> float:
 def _table(rows: Sequence[tuple[Cell, ...]], options: BenchOptions) -> Table:
     return Table(
         name="lens",
-        title="Handheld recordings, the lens calibrated wrong: is it found as surely as stated?",
+        title="Handheld recordings with a wrong calibration: errors of the estimated lens and "
+        "path over their sigmas",
         command=options.command("lens"),
         columns=_COLUMNS,
         rows=tuple(rows),
         notes=(
-            "simulated tracks of 45 frames, read out in 0 to a whole frame time; drawn: the error "
-            "of the calibration is one of its prior; two sigmas: of the focal length, 6 %",
+            "simulated tracks of 45 frames with a read-out time of 0 to 1 frame times; drawn: "
+            "the error of the calibration is drawn from its prior; two sigmas: the error of the "
+            "focal length is two sigmas, 6 %",
             "parameters_95: share of the model's parameters within 1.96 of their sigmas, 0.95 if "
             "honest; lens_nees: mean NEES of the lens over its number of parameters, 1 if honest",
             "readout_95: share of read-out times within 1.96 of their sigmas; readout_z_rms: root "
             "mean square error in its sigma, 1 if honest",
-            "nees: of the path's poses that move no more, mean over its segments of the mean over "
-            "their poses; 3, 3, 6 and 1 if honest; low, high: where 95 % of such means lie, of one "
-            "sample a segment; end_95: share of recordings whose last pose lies within its 95 %",
+            "nees: of the final poses of the path, mean over the segments of the mean over their "
+            "poses; 3, 3, 6 and 1 if honest; low, high: 95 % interval of such means, with one "
+            "sample per segment; end_95: share of recordings whose last pose lies within its 95 "
+            "% region",
         ),
     )

@@ -1,4 +1,6 @@
-"""Every lens: time to unproject, and odometry through wide ones over rendered images."""
+"""The tables of lenses: time to unproject for every lens, and odometry over images rendered with
+wide lenses.
+"""
 
 from __future__ import annotations
 
@@ -84,7 +86,7 @@ def unprojection_table(options: BenchOptions, progress: Progress) -> tuple[Table
     return (
         Table(
             name="unprojection",
-            title="A million pixels to rays, by every model",
+            title="Time to unproject a million pixels, by lens model",
             command=options.command("lenses"),
             columns=(Column("lens"), Column("seconds", 3)),
             rows=tuple(rows),

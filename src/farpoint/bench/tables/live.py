@@ -1,4 +1,4 @@
-"""A live session with faults: is its account true, are its files valid, is its memory bounded?"""
+"""The tables of a live session with faults: correctness of its counts and files, and its memory."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SHORT_S, _FULL_S = 60, 600
 
 
 def live_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """What was delivered beside what was accounted for, and the memory as the session goes on."""
+    """Table of known and counted faults, and table of the memory over the session."""
     seconds = options.pairs or (_FULL_S if options.full else _SHORT_S)
     progress("live", 0, 1)
     with tempfile.TemporaryDirectory(prefix="farpoint-live-") as folder:
@@ -34,13 +34,13 @@ def _account_table(trial: LiveTrial, seconds: int, command: str) -> Table:
         columns=(Column("what"), Column("expected"), Column("found")),
         rows=tuple((claim.what, claim.expected, claim.found) for claim in trial.claims),
         notes=(
-            "a looped drive at 30 frames a second, the newest frame wins; expected: what the "
-            "source truly did, or what the account has of the files",
+            "a looped drive at 30 frames a second, of which the newest frame is used; expected: "
+            "counts of the source, or counts of the session for its files",
             f"{account.taken} frames used, {account.dropped} dropped for newer ones; "
             f"{state.not_drawn} not drawn; {trial.black} frames were black, "
             f"{trial.failed} pairs FAILED; longest silence {account.longest_silence_s:.1f} s, "
             f"longest latency {1e3 * state.longest_latency_s:.0f} ms",
-            "how many frames are dropped is this machine's affair and differs from run to run",
+            "the number of dropped frames depends on the machine and differs from run to run",
         ),
     )
 
@@ -48,7 +48,7 @@ def _account_table(trial: LiveTrial, seconds: int, command: str) -> Table:
 def _memory_table(trial: LiveTrial, command: str) -> Table:
     return Table(
         name="live_memory",
-        title="The same session as it went on",
+        title="The same session over time",
         command=command,
         columns=(
             Column("elapsed_s", 0),
@@ -68,6 +68,6 @@ def _memory_table(trial: LiveTrial, command: str) -> Table:
             for moment in trial.moments
         ),
         notes=(
-            "memory of the whole process, the source's pictures included, and of those that draw",
+            "memory of the process, with the pictures of the source, and of the drawing processes",
         ),
     )

@@ -1,4 +1,6 @@
-"""Odometry over rendered streets, moved as a car, a hand or a drone: are its covariances honest?"""
+"""Odometry over rendered streets with the motion of a car, a hand or a drone: coverage of the
+covariances.
+"""
 
 from __future__ import annotations
 
@@ -44,11 +46,11 @@ class _Motion:
     Attributes
     ----------
     name, kind : str
-        Of the motion, and of those it belongs to.
+        Name of the motion, and of its kind.
     fps : float
         Frames a second.
     paths : callable
-        Paths through so many streets, each of so many frames, for a seed.
+        Returns paths, for a number of streets, a number of frames for each path, and a seed.
     """
 
     name: str
@@ -58,7 +60,7 @@ class _Motion:
 
 
 def motions_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each motion and lens, as they are filled, and their summary."""
+    """The table with a row for each motion and lens, yielded after each row, and the summary."""
     pairs = options.pairs or _PAIRS
     streets, frames = math.ceil(pairs / _PAIRS_PER_STREET), min(pairs, _PAIRS_PER_STREET) + 1
     rows: list[tuple[Cell, ...]] = []
@@ -111,7 +113,7 @@ def _motions(options: BenchOptions) -> Iterator[_Motion]:
 
 
 def _kind(name: str) -> str:
-    """What names of recordings of one kind have in common: all up to the first digit."""
+    """Common part of the names of recordings of one kind: all characters before the first digit."""
     return re.split(r"\d", name, maxsplit=1)[0].rstrip("-_ ") or name
 
 
@@ -120,7 +122,9 @@ def _drives(fps: float, streets: int, frames: int, seed: int) -> list[Trajectory
 
 
 def _parts(body: Trajectory, streets: int, frames: int, seed: int) -> list[Trajectory]:
-    """Parts of a measured motion, one of each of as many equal stretches; none where it is lost."""
+    """Parts of a measured motion, one from each of several equal stretches; none where the motion
+    is lost.
+    """
     assert body.timestamps is not None  # TUM's format has them
     duration = body.timestamps[-1] - body.timestamps[0] - frames / _CARRIED_FPS
     places = np.arange(streets) + np.random.default_rng(seed).uniform(size=streets)

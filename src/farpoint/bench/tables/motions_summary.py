@@ -1,4 +1,4 @@
-"""The table of motions in few rows: all recordings of a kind together."""
+"""Summary of the table of motions: a row for all recordings of one kind together."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class MotionErrors:
     streets : int
         Rendered streets that the camera is moved through.
     errors : RenderedErrors
-        Of all of them.
+        Errors in all of these streets.
     """
 
     kind: str
@@ -45,7 +45,7 @@ class MotionErrors:
 
 
 def motions_summary(found: Sequence[MotionErrors], command: str) -> Table:
-    """A row for each kind of motion, rate of frames and lens."""
+    """A row for each kind of motion, frame rate and lens."""
     groups: dict[tuple[str, float, str], list[MotionErrors]] = {}
     for one in found:
         groups.setdefault((one.kind, one.fps, one.lens), []).append(one)
@@ -65,7 +65,7 @@ def motions_summary(found: Sequence[MotionErrors], command: str) -> Table:
             for (kind, fps, lens), group in groups.items()
         ),
         notes=(
-            "motion: a drive, or the file of a measured motion by its name up to the first digit",
+            "motion: a drive, or the name of the file of a measured motion up to the first digit",
             RENDERED_NOTES[-1],
         ),
     )

@@ -1,4 +1,6 @@
-"""Accuracy where something moves by itself, or along with the camera, against installed peers."""
+"""Accuracy with an object that moves by itself or with the camera, for farpoint and installed
+peers.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,7 @@ _COLUMNS = (
 
 
 def movers_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Rows for what takes more and more of the image, moves farther and farther, or not at all."""
+    """Rows for objects that fill more of the image, that move farther, and that do not move."""
     rng = np.random.default_rng(options.seed)
     rows: list[tuple[Cell, ...]] = []
     for share in _SHARES:
@@ -53,8 +55,8 @@ def with_mover(
 ) -> TwoViews:
     """Views with an object that moves by itself.
 
-    This share of the matches is on the object: a random match, and those nearest to it in image 0.
-    In image 1 they are all displaced by ``shift_px`` in the same random direction.
+    This share of the matches is on the object: a random match, and the matches nearest to it in
+    image 0. In image 1 they are all displaced by ``shift_px`` in the same random direction.
     """
     middle, angle = views.points0[rng.integers(len(views.points0))], rng.uniform(0.0, 2 * math.pi)
     nearest = np.argsort(np.linalg.norm(views.points0 - middle, axis=1))
@@ -65,7 +67,9 @@ def with_mover(
 
 
 def with_stationary(views: TwoViews, share: float, rng: np.random.Generator) -> TwoViews:
-    """Views with dirt on the lens: this share of matches, anywhere, stand still in the image."""
+    """Views through a lens with dirt: this share of the matches, anywhere in the image, stands
+    still.
+    """
     stationary = rng.permutation(len(views.points0))[: round(share * len(views.points0))]
     points1 = views.points1.copy()
     points1[stationary] = views.points0[stationary] + rng.normal(
@@ -87,7 +91,7 @@ _MOVES: dict[str, _Make] = {
 def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
     return Table(
         name="movers",
-        title="Something moves by itself: errors of the camera's motion",
+        title="Scenes with a moving object: errors of the camera's motion",
         command=options.command("movers"),
         columns=_COLUMNS,
         rows=tuple(rows),
@@ -95,12 +99,12 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
             f"{options.pairs or _PAIRS} pairs a cell, the same for all: {_MATCHES} matches, noise "
             f"{_NOISE_PX:g} px, {100 * _BASELINE_M:g} cm, turns up to 5 deg about every axis; half "
             "of the points at 1-4 m, half at 25-35 m",
-            "aside: the matches nearest to some point are shifted by so much in image 1, to some "
-            "side",
-            "with the camera: matches anywhere stand still in the image, as dirt on the lens does",
-            "means are over the answers given; gross: rotation more than 1 deg or direction more "
-            "than 30 deg off",
-            "pose_95: share of the 95 % regions that hold the truth; no peer has any",
+            "aside: the matches nearest to a random point are shifted by shift_px in image 1, in "
+            "a random direction",
+            "with the camera: matches anywhere stand still in the image, like dirt on the lens",
+            "means are over the pairs with an estimate; gross: rotation more than 1 deg or "
+            "direction more than 30 deg off",
+            "pose_95: share of the 95 % regions that contain the truth; the peers have no regions",
         ),
     )
 
@@ -144,7 +148,7 @@ def _cell_rows(
 
 
 def _coverage(views: list[TwoViews], seed: int) -> tuple[Cell, ...]:
-    """Share of farpoint's 95 % regions that hold the truth, between what chance makes of it."""
+    """Share of farpoint's 95 % regions that contain the truth, with its 95 % interval."""
     poses = [estimate_relative_pose(v.points0, v.points1, v.camera, seed=seed) for v in views]
     errors = pose_errors(
         poses,

@@ -51,10 +51,11 @@ def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
         columns=_COLUMNS,
         rows=tuple(rows),
         notes=(
-            "pairs spread evenly over each file, the same for all; times interleaved, on one "
-            "thread: the best of three calls, and the first, when others have had the caches",
-            "peers are given points without lens distortion, outside of their time",
-            "the truth is noisy itself: KITTI's by some 0.02-0.04 deg from frame to frame",
+            "pairs are spread evenly over each file, the same for all estimators, which take "
+            "turns on one thread; times: the best of three calls, and the first call, with cold "
+            "caches",
+            "peers get points without lens distortion; this conversion is not timed",
+            "the truth is noisy, too: that of KITTI by 0.02-0.04 deg from frame to frame",
             *REAL_NOTES,
         ),
     )

@@ -1,4 +1,6 @@
-"""The simulation table of Burschka and Mair (2008): their figures, their method, and ours."""
+"""The simulation table of Burschka and Mair (2008): the paper's figures, its closed form, and
+farpoint.
+"""
 
 from __future__ import annotations
 
@@ -80,12 +82,13 @@ def paper_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
             columns=_COLUMNS,
             rows=tuple(rows),
             notes=(
-                "89.8 matches on average, 20 of them wrong, noise variance 0.05 px^2; what else "
-                "the paper leaves open is stated in farpoint.synthetic.paper_protocol",
-                "no_direction: a rotation with the verdict that the direction is not observable; "
-                "gross: rotation more than 1 deg or direction more than 30 deg off",
-                "the bound is that of an estimator that knows nothing about the depths; the closed "
-                "form takes far points to be infinitely far, which can be better where they are",
+                "89.8 matches on average, 20 of them wrong, noise variance 0.05 px^2; "
+                "farpoint.synthetic.paper_protocol documents the values that the paper does not "
+                "give",
+                "no_direction: the direction is reported as not observable; gross: rotation more "
+                "than 1 deg or direction more than 30 deg off",
+                "the bound is that of an estimator without knowledge of the depths; the closed "
+                "form assumes that far points are infinitely far, which helps if they are",
             ),
         ),
     )

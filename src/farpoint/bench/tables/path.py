@@ -34,7 +34,7 @@ _CAMERAS: tuple[tuple[str, Camera], ...] = (
 
 
 def path_tables(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Of the recordings of the data, or of rendered streets where it holds none."""
+    """Tables of the recordings of the data; without recordings, of rendered streets."""
     if find_sequences(options.data):
         yield from recordings_table(options, progress)
     else:
@@ -69,7 +69,8 @@ def path_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
     return (
         Table(
             name="path",
-            title=f"Paths over rendered streets, {_FPS:g} frames a second: as sure as they say?",
+            title=f"Paths over rendered streets, {_FPS:g} frames a second: errors over their "
+            "sigmas",
             command=options.command("path"),
             columns=(
                 Column("lens"),
@@ -88,9 +89,9 @@ def path_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
             ),
             rows=tuple(rows),
             notes=(
-                "of poses that move no more, as a run writes them",
+                "the poses are final poses, as a run writes them",
                 "nees: mean over segments of the mean over their poses; 3, 3, 6 and 1 if honest",
-                "low, high: where 95 % of such means lie, of one sample for each segment",
+                "low, high: 95 % interval of such means, with one sample per segment",
                 "lengths_95: share of the lengths of motions within 1.96 of their sigmas",
             ),
         ),

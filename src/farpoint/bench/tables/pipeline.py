@@ -1,4 +1,4 @@
-"""The whole pipeline, from file to motion, against the plain OpenCV script."""
+"""The whole pipeline, from file to motion, compared with the basic OpenCV program."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _COLUMNS = (
 
 
 def pipeline_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """A row for each image sequence of the data, or for a rendered drive where there is none."""
+    """A row for each image sequence of the data; without data, for a rendered drive."""
     sequences = find_sequences(options.data) or [rendered_sequence(options.seed)]
     count = (options.pairs or _FRAMES) + 1
     rows = []

@@ -1,4 +1,4 @@
-"""Paths over real recordings with their truth: how far off, how sure, and what they cost."""
+"""Paths over real recordings with true poses: errors, sigmas, and time."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _COLUMNS = (
 
 
 def recordings_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each image sequence of the data with its truth, and one for all together."""
+    """A row for each image sequence of the data with true poses, and a row for all together."""
     rows: list[tuple[Cell, ...]] = []
     stretches: list[tuple[StretchFigure, ...]] = []
     for sequence in find_sequences(options.data):
@@ -62,7 +62,7 @@ def recordings_table(options: BenchOptions, progress: Progress) -> Iterator[Tabl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Run:
-    """What came of a recording: N frames, and P poses that are final, with their truth."""
+    """Result for a recording: N frames, and P final poses with their truth."""
 
     results: list[OdometryResult]
     samples: PathSamples
@@ -148,20 +148,21 @@ def _together(runs: Sequence[tuple[StretchFigure, ...]]) -> tuple[Cell, ...]:
 def _table(rows: Sequence[tuple[Cell, ...]], options: BenchOptions) -> Table:
     return Table(
         name="recordings",
-        title="Paths over real recordings: how far off, how sure, and what they cost",
+        title="Paths over real recordings: errors, sigmas and time",
         command=options.command("path"),
         columns=_COLUMNS,
         rows=tuple(rows),
         notes=(
-            "ate: root mean square distance of the poses that move no more, after the similarity "
-            "that fits best (Sim(3)); drift: how much longer the last fifth was made than the "
-            "first",
-            "lengths_n, rotations_n: share of stretches of n % of the path whose length, by one "
-            "scale for all, and rotation lie within their 95 %; of truth without positions, n % of "
-            "the poses",
-            "focal: along x, as the calibration gives it and as found, with its sigma",
-            "breaks: new segments; guesses: lengths that the last speed alone carries on",
-            "path_ms: processor time of the path a frame, keyframes included, the first "
-            f"{_WARM_UP} left out: that of the whole frame times the path's share of the clock",
+            "ate: root mean square distance of the final poses after the best similarity "
+            "transform (Sim(3)); drift: scale of the last 20 % of the path over that of the "
+            "first 20 %, minus 1",
+            "lengths_n, rotations_n: share of stretches of n % of the path whose length (with "
+            "one scale for all) or rotation lies within its 95 % region; if the truth has no "
+            "positions, stretches are n % of the poses",
+            "focal: focal length along x, given by the calibration and estimated, with its sigma",
+            "breaks: new segments; guesses: lengths extrapolated from the last speed",
+            "path_ms: processor time of the path per frame, with keyframes, without the first "
+            f"{_WARM_UP} frames: the processor time of the frame, times the share of the path in "
+            "its wall-clock time",
         ),
     )

@@ -1,4 +1,4 @@
-"""How the time of an estimate grows: with the matches, the wrong ones, and shorter steps."""
+"""Growth of the time of an estimate with the matches, the outliers, and shorter steps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,9 @@ _BASELINE_SIZE = (110, 20)  # matches, and wrong ones, while steps become shorte
 
 
 def scaling_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """A row for each number of matches, each share of wrong ones, and each length of a step."""
+    """Tables with a row for each number of matches, each share of outliers, and each length of a
+    step.
+    """
     estimators = all_estimators()
     by_matches = _median_ms(
         [(n, round(_OUTLIER_PERCENT / 100 * n), _BASELINE_CM) for n in _MATCHES],
@@ -84,7 +86,7 @@ def scaling_tables(options: BenchOptions, progress: Progress) -> tuple[Table, ..
             by_baselines,
             estimators,
             options,
-            ("half of the matches 1-4 m away; for 0 m farpoint gives ROTATION_ONLY",),
+            ("half of the matches are 1-4 m away; at 0 m the result of farpoint is ROTATION_ONLY",),
         ),
     )
 
@@ -95,7 +97,8 @@ def _median_ms(
     options: BenchOptions,
     progress: Callable[[int, int], None],
 ) -> np.ndarray:
-    """Median times (cells, estimators), ms, of cells of so many matches, wrong ones, and cm.
+    """Median times (cells, estimators), ms; a cell has a number of matches, of outliers, and a step
+    in cm.
 
     The cells take turns too: their ratios are what counts.
     """

@@ -1,4 +1,4 @@
-"""What the first estimate of a fresh process costs, before and after the kernels are compiled."""
+"""Time of the first estimate of a new process, before and after the kernels are compiled."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _COLUMNS = (
 
 
 def start_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """Seconds to import farpoint and to the first estimate, in fresh processes."""
+    """Seconds to import farpoint and to compute the first estimate, in new processes."""
     count = 1 + _WARM_STARTS
     times_s = []
     with tempfile.TemporaryDirectory(prefix="farpoint-bench-") as cache:

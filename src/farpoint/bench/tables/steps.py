@@ -1,4 +1,4 @@
-"""Accuracy on real images that are frames apart, matched by OpenCV, against every peer."""
+"""Accuracy on real images several frames apart, matched by OpenCV, for farpoint and every peer."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ _MATCHERS: dict[str, Callable[[Camera], Matcher]] = {
 
 
 def steps_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """Rows for every sequence with its truth, kind of match and step, as filled; their summary."""
+    """The table with rows for every sequence, kind of match and step, yielded after each row, and
+    the summary.
+    """
     rows: list[tuple[Cell, ...]] = []
     for sequence in find_sequences(options.data):
         recording = posed_sequence(sequence)
@@ -90,7 +92,7 @@ def _rows(
 def _table(rows: list[tuple[Cell, ...]], options: BenchOptions) -> Table:
     return Table(
         name="steps",
-        title="Real images that are frames apart: errors against the truth",
+        title="Real images several frames apart: errors against the truth",
         command=options.command("steps"),
         columns=(
             Column("sequence"),

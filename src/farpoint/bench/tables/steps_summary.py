@@ -1,4 +1,4 @@
-"""The table of steps in few rows: farpoint's errors over those of each peer."""
+"""Summary of the table of steps: errors of farpoint over those of each peer."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _Row = dict[str, Any]
 
 
 def steps_summary(steps: Table) -> Table:
-    """A row for each sequence and peer, and one for each peer over all sequences."""
+    """A row for each sequence and peer, and a row for each peer over all sequences."""
     names = [column.name for column in steps.columns]
     cases: list[list[_Row]] = []  # rows of one sequence, kind and step, farpoint's first
     for cells in steps.rows:
@@ -44,18 +44,18 @@ def steps_summary(steps: Table) -> Table:
     ]
     return Table(
         name="steps_summary",
-        title="Real images that are frames apart: farpoint's errors over those of each peer",
+        title="Real images several frames apart: farpoint's errors over those of each peer",
         command=steps.command,
         columns=_COLUMNS,
         rows=tuple(rows),
         notes=(
-            "cases: kinds of matches and steps; ratios: geometric means over them of farpoint's "
-            "mean error over the peer's, below 1 where farpoint is more accurate; the rotation of "
-            "pairs that both answered, the direction of all answers",
-            "better, worse: cases where farpoint's mean rotation is better or worse beyond chance "
-            "(95 %)",
-            "gross: answers whose rotation is more than 1 deg or whose direction is more than 30 "
-            "deg off",
+            "cases: kinds of matches and steps; ratios: mean error of farpoint over that of the "
+            "peer, geometric mean over the cases, below 1 if farpoint is more accurate; "
+            "rotations of the pairs that both estimate, directions of all estimates",
+            "better, worse: cases in which the mean rotation error of farpoint is smaller or "
+            "larger beyond chance (95 %)",
+            "gross: estimates whose rotation is more than 1 deg off or whose direction is more "
+            "than 30 deg off",
         ),
     )
 

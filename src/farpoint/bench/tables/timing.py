@@ -1,4 +1,4 @@
-"""Time of one estimate, every estimator on the same matches in turn."""
+"""Time of one estimate, with all estimators on the same matches in turn."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _COLUMNS = (
 
 
 def timing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """Median time at the paper's number of matches and at a video's."""
+    """Median time at the paper's number of matches and at that of a video."""
     rng = np.random.default_rng(options.seed)
     rows: list[tuple[Cell, ...]] = []
     for matches, outliers in _SIZES:
@@ -68,9 +68,9 @@ def timing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]
             rows=tuple(rows),
             notes=(
                 f"median over {options.pairs or _SCENES} scenes (baseline 5 cm, half of the true "
-                "matches far) of the best of three calls, after one that does not count; "
-                "converting the matches to what a library wants is not timed",
-                "farpoint's time includes the covariance, the labels and the verdict",
+                "matches far) of the fastest of three calls, after one call without timing; the "
+                "conversion of matches to the input of a library is not timed",
+                "the time of farpoint includes the covariance, the labels and the status",
             ),
         ),
     )

@@ -1,4 +1,4 @@
-"""Covariances of what OpenCV tracks and matches, without given noise, against exact truth."""
+"""Coverage of the covariances for OpenCV's tracks and matches, whose noise is not given."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _FPS = (30.0, 10.0)
 
 
 def tracks_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
-    """A row for each kind of match and rate of frames, as they are filled."""
+    """The table with a row for each kind of match and frame rate, yielded after each row."""
     rows: list[tuple[Cell, ...]] = []
     for name, fps in itertools.product(_MATCHERS, _FPS):
         rows.append((name, round(fps), *_figures(name, fps, options, progress)))
@@ -52,10 +52,11 @@ def tracks_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
             ),
             rows=tuple(rows),
             notes=(
-                "tracks as the plain script makes them, features by the ratio of their distances; "
-                f"{_PAIRS_PER_STREET} pairs in each street, every other one",
+                "tracks are those of the basic OpenCV program, features are matched by ratio "
+                f"test; {_PAIRS_PER_STREET} pairs in each street, every other one",
                 "without given covariances",
-                "matches: median of a pair; the rest as in the table of coverage",
+                "matches: median number per pair; the other columns are those of the table of "
+                "coverage",
             ),
         )
 

@@ -1,4 +1,4 @@
-"""BoofCV's YAML: a group ``pinhole`` and a ``model``, of one camera or inside a pair's."""
+"""BoofCV's YAML: a group ``pinhole`` and a ``model``, for one camera or both of a pair."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_RADIAL = 3
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether there is a ``model`` with a group ``pinhole``, or a group with both."""
+    """Whether the file has a ``model`` and a group ``pinhole``, at the top or in a group."""
     return bool(_cameras(file))
 
 
@@ -80,7 +80,9 @@ def _lens(camera: Fields, pinhole: Fields, kind: str) -> CameraModel:
 
 
 def _distortion(camera: Fields) -> tuple[float, ...]:
-    """Its ``r += radial[i] r^(2 i + 3)`` and t1, t2 are OpenCV's, with any number of the first."""
+    """Coefficients in OpenCV's order: BoofCV's ``r += radial[i] r^(2 i + 3)``, t1 and t2 are those
+    of OpenCV, with any number of radial ones.
+    """
     if camera.values.get("radial_tangential") is None:
         return ()
     group = camera.group("radial_tangential")

@@ -1,4 +1,6 @@
-"""The MATLAB toolbox of Bouguet: ``fc``, ``cc`` and ``kc``, as ``Calib_Results.m`` or JSON."""
+"""Calibrations of Bouguet's MATLAB toolbox: ``fc``, ``cc`` and ``kc``, as ``Calib_Results.m`` or
+JSON.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,8 @@ def names(file: CalibrationFile) -> list[str]:
 def read(file: CalibrationFile, name: str) -> Camera:
     """The camera; the toolbox counts pixels from 0 and has OpenCV's formula.
 
-    Its ``kc`` has five numbers. Four, as its fisheye version and its first ones wrote, do not say
-    which lens they are of: they are refused.
+    ``kc`` must have five numbers. Its fisheye version and its first versions wrote four, which may
+    belong to either lens; such a file is refused.
     """
     fields = _fields(file)
     side = f"_{name}" if f"fc_{name}" in fields else ""
@@ -82,6 +84,6 @@ def _fields(file: CalibrationFile) -> Fields:
 
 
 def _sides(fields: Fields) -> list[str]:
-    """Suffixes of the cameras, one of which is empty for a single one."""
+    """Suffixes of the names of the cameras; a single camera has an empty suffix."""
     hits = (FOCAL.fullmatch(str(key)) for key in fields.values)
     return [hit[1] for hit in hits if hit and f"cc{hit[1]}" in fields]

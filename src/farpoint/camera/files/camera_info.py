@@ -1,4 +1,4 @@
-"""ROS's ``CameraInfo``, as a message: the lens behind binning and a region of interest."""
+"""The message ``CameraInfo`` of ROS: a lens, a binning and a region of interest."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class CameraInfo:
     Attributes
     ----------
     width, height : int
-        Of the full image, px.
+        Size of the full image, px.
     distortion_model : str
         ``plumb_bob``, ``rational_polynomial``, ``equidistant``, or another name of one of these.
     d : sequence of float
-        Its coefficients, OpenCV's.
+        Coefficients of the distortion, in OpenCV's order.
     k : sequence of float
         Camera matrix of raw images, 3x3 by rows, px of the full image.
     p : sequence of float
         Projection matrix of rectified images, 3x4 by rows.
     read_out : ReadOut
-        Which part of the full image is in the images, and how.
+        Binning and region of interest of the images.
     """
 
     width: int
@@ -55,12 +55,12 @@ def camera_of_info(info: CameraInfo, *, rectified: bool, file: Path, topic: str)
     rectified : bool
         Whether the images are rectified: then P counts, and there is no distortion.
     file, topic : Path, str
-        Named in errors.
+        Names for errors.
 
     Raises
     ------
     InputError
-        Where the camera is not calibrated, or the lens is unknown.
+        If the camera is not calibrated, or the lens is unknown.
     """
     key, matrix = ("P", _left_of(info.p)) if rectified else ("K", list(info.k))
     if len(matrix) != 9 or matrix[0] == 0.0:

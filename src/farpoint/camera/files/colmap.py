@@ -31,7 +31,7 @@ class _Record:
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether the first camera is written as ``1 OPENCV 640 480 ...`` or as its binary twin."""
+    """Whether the first camera is written as ``1 OPENCV 640 480 ...`` or in the binary format."""
     if file.lines:
         return LINE.fullmatch(file.lines[0]) is not None
     if len(file.data) < COUNT.size + HEAD.size:
@@ -51,7 +51,7 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """One camera, its principal point moved by half a pixel into OpenCV's convention."""
+    """The camera of this name; its principal point is shifted by -0.5 px, as OpenCV counts."""
     record = _records(file)[name]
     fields = Fields(
         {name: record.parameters, f"{name} size": record.size}, file.path, within="camera "

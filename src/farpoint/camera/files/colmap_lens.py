@@ -1,4 +1,4 @@
-"""COLMAP's lens models by name: parameters in its order, pixels shifted by half."""
+"""COLMAP's lens models by name: parameters in COLMAP's order, with pixels shifted by 0.5."""
 
 from __future__ import annotations
 
@@ -83,14 +83,14 @@ LENSES: dict[str, Callable[..., CameraModel]] = {
 
 
 def lens_of_colmap(fields: Fields, key: str, model: str) -> CameraModel:
-    """The lens of COLMAP's model of this name; its pixels have their centres at (0.5, 0.5).
+    """The lens of COLMAP's model of this name. COLMAP's pixel centres are at (0.5, 0.5).
 
     Parameters
     ----------
     fields : Fields
-        What is being read.
+        The fields that are being read.
     key : str
-        Where the parameters stand, in COLMAP's order.
+        Key of the parameters, in COLMAP's order.
     model : str
         Name of the model, such as ``"OPENCV"``.
     """

@@ -36,17 +36,17 @@ class _Place:
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether a matrix has its principal point in the last row of three, not the last column."""
+    """Whether a matrix is stored by columns: its principal point is in the last row of three."""
     return bool(_places(file))
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name; of a trajectory's cameras that differ their numbers."""
+    """The name of the file, or the numbers of the cameras of a trajectory if they differ."""
     return list(_places(file))
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera; ARKit counts from the corner of the first pixel, Open3D from its centre."""
+    """The camera. ARKit counts from the corner of the first pixel, Open3D from its centre."""
     place = _places(file)[name]
     fields, key = place.fields, place.key
     refuse_others(fields, (key, *OTHER), only=LENS_WORDS)

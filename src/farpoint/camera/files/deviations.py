@@ -17,16 +17,17 @@ FEWEST = 4  # fx fy cx cy
 
 
 def with_deviations(camera: Camera, fields: Fields, matrix: str, distortion: str | None) -> Camera:
-    """The camera with the deviations of its parameters, if the file has them.
+    """The camera with the standard deviations of its parameters, if the file has them.
 
-    OpenCV's interactive calibration puts ``_std_dev`` behind the names of the matrix and of the
-    coefficients. Both kinds are in OpenCV's order, which is that of `Pinhole`, and are zero for a
-    parameter that was not estimated; with a fixed aspect ratio fx is not, it follows fy.
+    OpenCV's interactive calibration appends ``_std_dev`` to the names of the matrix and of the
+    coefficients. Both kinds of deviations are in OpenCV's order, which is that of `Pinhole`, and
+    are zero for a parameter that was not estimated. With a fixed aspect ratio the deviation of fx
+    is zero, too, although fx follows fy.
 
     Parameters
     ----------
     camera : Camera
-        As it was read.
+        Camera read from the file.
     fields : Fields
         The file.
     matrix, distortion : str
@@ -46,7 +47,7 @@ def with_deviations(camera: Camera, fields: Fields, matrix: str, distortion: str
 
 
 def _with_fixed_aspect(camera: Camera) -> Camera:
-    """The camera with the relative error of fy as that of fx, too."""
+    """The camera in which the relative error of fx equals that of fy."""
     covariance, parameters = camera.parameter_covariance(), camera.model.parameters
     ratio = parameters["fx"] / parameters["fy"]
     covariance[0, 0] = ratio**2 * covariance[1, 1]
@@ -57,7 +58,7 @@ def _with_fixed_aspect(camera: Camera) -> Camera:
 def _deviations(
     fields: Fields, matrix: str, distortion: str | None
 ) -> tuple[str | None, list[float]]:
-    """The key of the deviations, None if there are none, and all of them in OpenCV's order."""
+    """The key of the deviations (None without deviations), and all values in OpenCV's order."""
     key = f"{matrix}_std_dev"
     if key in fields:
         beside = f"{distortion}_std_dev"

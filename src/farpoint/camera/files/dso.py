@@ -1,4 +1,4 @@
-"""DSO's ``camera.txt``, also what the TUM monoVO and TUM-VI data sets ship for it."""
+"""DSO's ``camera.txt``, which the TUM monoVO and TUM-VI data sets also contain."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ LENSES: dict[str, tuple[Callable[..., CameraModel], int]] = {
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether a line of a lens is followed by one of an image size."""
+    """Whether a line with a lens is followed by a line with an image size."""
     lines = file.lines
     return (
         2 <= len(lines) <= 4
@@ -61,9 +61,9 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera of the images as they are; how DSO would crop and rectify them is not looked at.
+    """The camera of the recorded images. DSO's crop and rectification are not applied.
 
-    A principal point below 1 is relative to the image, and DSO takes 0.5 px from it then.
+    A principal point below 1 is relative to the size of the image, and DSO then subtracts 0.5 px.
     """
     found = FIRST.fullmatch(file.lines[0])
     kind = (found["kind"] or "fov").lower() if found else ""

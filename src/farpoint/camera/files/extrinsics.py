@@ -26,7 +26,7 @@ def read_body_from_cam(path: str | Path) -> np.ndarray:
     Raises
     ------
     InputError
-        Where the file has none, or it is no rigid motion.
+        If the file has none, or it is no rigid motion.
     """
     file = CalibrationFile.open(Path(path))
     numbers = file.text.replace(",", " ").split()

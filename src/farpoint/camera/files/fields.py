@@ -24,9 +24,9 @@ class Fields:
     Attributes
     ----------
     values : mapping
-        From key to text, number, list or mapping.
+        Mapping from key to text, number, list or mapping.
     file : Path
-        Named in every error.
+        Name of the file for every error.
     within : str
         Prefix of the keys in errors, such as ``"cam0."``.
     read : set of str
@@ -81,7 +81,7 @@ class Fields:
         Parameters
         ----------
         key : str
-            Where they stand.
+            Key of the numbers.
         counts : collection of int, optional
             How many there may be; any number by default.
         """
@@ -95,7 +95,7 @@ class Fields:
         return values
 
     def size(self, width_key: str, height_key: str) -> tuple[int, int] | None:
-        """Image width and height under two keys, px; None if neither is present."""
+        """Image width and height, px, under two keys; None if both keys are absent."""
         if width_key not in self and height_key not in self:
             return None
         return self._as_pixels(width_key, self.number(width_key)), self._as_pixels(
@@ -103,7 +103,7 @@ class Fields:
         )
 
     def size_pair(self, key: str) -> tuple[int, int] | None:
-        """Image width and height in a list under a key, px; None if it is absent."""
+        """Image width and height, px, in a list under one key; None if the key is absent."""
         if key not in self:
             return None
         width, height = self.numbers(key, (2,))
@@ -135,12 +135,12 @@ class Fields:
 
 @contextmanager
 def blame(fields: Fields, key: str, **keys: str) -> Iterator[None]:
-    """Complete an error about a lens parameter with the file and the field it was read from.
+    """Add the file and the field to an error about a lens parameter.
 
     Parameters
     ----------
     fields : Fields
-        What is being read.
+        The fields that are being read.
     key : str
         The field that holds the parameters.
     **keys : str
@@ -158,7 +158,9 @@ def blame(fields: Fields, key: str, **keys: str) -> Iterator[None]:
 
 
 def _flat(value: Any) -> list[Any]:
-    """The items of a list, nested lists, a matrix's ``data`` or a text with spaces or commas."""
+    """The items of a list, of nested lists, of the ``data`` of a matrix, or of a text with spaces
+    or commas.
+    """
     if isinstance(value, Mapping):
         return _flat(value.get("data", []))
     if isinstance(value, list):
@@ -169,7 +171,7 @@ def _flat(value: Any) -> list[Any]:
 
 
 def _hides_groups(value: Any) -> bool:
-    """Whether there are fields among the numbers, or in place of them."""
+    """Whether a value has fields among its numbers, or in place of the numbers."""
     if isinstance(value, Mapping):
         return "data" not in value or _hides_groups(value["data"])
     return isinstance(value, list) and any(

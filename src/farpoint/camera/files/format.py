@@ -20,7 +20,7 @@ class CalibrationFormat(Protocol):
 
     @property
     def FIRST_IS_DEFAULT(self) -> bool:
-        """Whether the first of several cameras is meant when no name is given."""
+        """Whether the first of several cameras is the default when no name is given."""
         ...
 
     def matches(self, file: CalibrationFile) -> bool:
@@ -28,7 +28,7 @@ class CalibrationFormat(Protocol):
         ...
 
     def names(self, file: CalibrationFile) -> list[str]:
-        """Names of the cameras in the file, in its order; at least one."""
+        """Names of the cameras in the order of the file; at least one."""
         ...
 
     def read(self, file: CalibrationFile, name: str) -> Camera:

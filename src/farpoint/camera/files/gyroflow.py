@@ -49,9 +49,10 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera of pictures of ``calib_dimension``, its principal point as it was calibrated.
+    """The camera of pictures of size ``calib_dimension``, with the principal point of the
+    calibration.
 
-    Gyroflow itself, unless a profile is ``asymmetrical``, moves it to the middle.
+    Gyroflow itself moves the principal point to the middle, unless a profile is ``asymmetrical``.
     """
     fields = file.fields
     refuse_others(fields, (*KNOWN, *EXTRAS))
@@ -71,7 +72,7 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _readout_s(fields: Fields) -> float | None:
-    """Read-out time from the first row to the last; None where the profile has none.
+    """Read-out time from the first row to the last; None if the profile has none.
 
     Of sensors that are read in another direction nothing is taken.
     """

@@ -1,4 +1,4 @@
-"""Kalibr ``camchain.yaml``: a group of fields for each camera, also what TUM-VI ships."""
+"""Kalibr's ``camchain.yaml``, with a group of fields for each camera; also a file of TUM-VI."""
 
 from __future__ import annotations
 

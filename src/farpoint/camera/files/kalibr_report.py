@@ -1,4 +1,4 @@
-"""Kalibr's ``results-cam.txt``: the lenses of a camera chain with the sigma of each parameter."""
+"""Kalibr's ``results-cam.txt``: the lenses of a camera chain, with the sigma of each parameter."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _lens(section: str, file: CalibrationFile, name: str) -> tuple[str, str]:
-    """Projection and distortion of a camera; a lens behind a rolling shutter is the same lens."""
+    """Projection and distortion of a camera. A rolling shutter does not change the lens."""
     hit = KIND.search(section)
     kind = hit[1] if hit else ""
     lens = KINDS.get(kind.removesuffix("Rs"))

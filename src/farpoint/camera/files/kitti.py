@@ -1,4 +1,6 @@
-"""KITTI: ``calib.txt`` of the odometry benchmark and ``calib_cam_to_cam.txt`` of the raw data."""
+"""Files of KITTI: ``calib.txt`` of the odometry benchmark and ``calib_cam_to_cam.txt`` of the raw
+data.
+"""
 
 from __future__ import annotations
 

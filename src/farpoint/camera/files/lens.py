@@ -1,4 +1,4 @@
-"""From the names and numbers of EuRoC and Kalibr files to a lens model."""
+"""Lens models from the names and numbers of EuRoC and Kalibr files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading of a camera from a calibration file of any known format."""
+"""Reader of a camera from a calibration file of any known format."""
 
 from __future__ import annotations
 
@@ -68,7 +68,8 @@ _STEREO = (
 
 
 def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera:
-    """Read a camera calibration, recognised by what is in the file and not by its name.
+    """Read a camera calibration. The format is recognised by the contents of the file, not by its
+    name.
 
     Parameters
     ----------
@@ -81,13 +82,14 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
         RealSense, ZED, DepthAI, Open3D, ARKit, Metashape, OpenSfM, Gyroflow, mrcal, MC-Calib,
         Autoware, BoofCV and Bouguet's toolbox.
     name : str, optional
-        Which of several cameras. Without it KITTI's first (``P0``) is meant, and the left one of
-        a stereo pair; elsewhere a file of several cameras needs it.
+        Name of one of several cameras. The default is ``P0`` of a KITTI file and the left camera of
+        a stereo pair. Other files with several cameras need a name.
 
     Returns
     -------
     Camera
-        Its ``size`` is None if the file has none, its ``uncertainty`` if it has no sigma.
+        The camera of the file. ``size`` is None if the file has no image size, and ``uncertainty``
+        is None if the file has no sigmas.
 
     Raises
     ------
@@ -123,7 +125,7 @@ def _seems_structured(text: str) -> bool:
 
 
 def _left_of(names: list[str]) -> str | None:
-    """The left one of a stereo pair's names, by OpenCV's numbers too; None of other cameras."""
+    """Name of the left camera of a stereo pair, also by OpenCV's numbers; otherwise None."""
     if len(names) != 2:
         return None
     for left, right in _STEREO:

@@ -1,4 +1,4 @@
-"""Camera matrices: from nine or twelve numbers to focal lengths and principal point."""
+"""Camera matrices: focal lengths and principal point from nine or twelve numbers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Intrinsics(TypedDict):
 def intrinsics_from_matrix(
     fields: Fields, key: str, *, columns: int = 3, skewed: bool = False
 ) -> Intrinsics:
-    """Focal lengths and principal point of a 3x3 camera matrix, or a 3x4 one of rectified images.
+    """Focal lengths and principal point of a camera matrix, 3x3, or 3x4 for rectified images.
 
     Raises
     ------

@@ -1,4 +1,6 @@
-"""Metashape's camera calibration (XML): formulas of the manual's appendix on camera models."""
+"""Metashape's camera calibration (XML), with the formulas of the appendix on camera models in the
+manual.
+"""
 
 from __future__ import annotations
 
@@ -38,10 +40,10 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera; the principal point is an offset from the middle of the picture.
+    """The camera. Metashape gives the principal point as an offset from the middle of the picture.
 
-    The corner of the first pixel is (0, 0) there: the middle of the picture is
-    ``(width - 1) / 2`` here.
+    Metashape counts from the corner of the first pixel. In farpoint's convention the middle of the
+    picture is ``(width - 1) / 2``.
     """
     fields = file.fields
     kind = fields.text("projection").lower()

@@ -1,4 +1,4 @@
-"""mrcal's ``.cameramodel``: a Python dictionary, of which only the fields needed are parsed."""
+"""mrcal's ``.cameramodel``: a Python dictionary, of which only the necessary fields are parsed."""
 
 from __future__ import annotations
 

@@ -25,18 +25,18 @@ SPHERE = "EQUIRECTANGULAR"
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether there is a list of frames, or a focal length under its name for it."""
+    """Whether the file has a list of frames, or a focal length under nerfstudio's name."""
     fields = file.fields
     return isinstance(fields.values.get("frames"), list) or fields.first(*FOCAL) is not None
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name; where every frame has its own camera, the names of the images."""
+    """The name of the file; if every frame has its own camera, the names of the images."""
     return list(_frames(file)) or [file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera; as in COLMAP, whose numbers these are, pixels have their centres at 0.5."""
+    """The camera. The numbers are those of COLMAP, so pixels have their centres at 0.5."""
     whole = file.fields
     fields = _frames(file).get(name, whole)
     size = fields.size("w", "h")
@@ -85,7 +85,7 @@ def _focal_key(fields: Fields, axis: str) -> str:
 
 
 def _focal(fields: Fields, axis: str, size: tuple[int, int] | None, side: int) -> float:
-    """The focal length, px, or what the angle across the image makes of it."""
+    """The focal length, px, given directly or computed from the angle across the image."""
     key = _focal_key(fields, axis)
     if key.startswith("fl_"):
         return fields.number(key)

@@ -1,4 +1,4 @@
-"""NumPy archives (``.npz``) of calibration scripts: small arrays by name, nothing unpickled."""
+"""NumPy archives (``.npz``) of calibration scripts: small arrays, read without unpickling."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ PICKLED = "<pickled-objects>"
 
 
 def arrays_of_npz(data: bytes) -> dict[str, Any]:
-    """Arrays of an archive as nested lists; those too large for a calibration are left out.
+    """Arrays of an archive as nested lists. Arrays too large for a calibration are left out.
 
-    An array of Python objects becomes `PICKLED`: reading numbers from it fails with that word.
+    An array of Python objects becomes `PICKLED`. Reading numbers from such an array fails with an
+    error that contains this word.
 
     Raises
     ------

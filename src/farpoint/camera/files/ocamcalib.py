@@ -24,7 +24,9 @@ DIRECT, INVERSE, CENTRE, AFFINE, SIZE = (
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether the toolbox's comments are there, or lines that count their numbers as its do."""
+    """Whether the file has the comments of the toolbox, or lines that begin with a count of their
+    numbers.
+    """
     if COMMENT.search(file.text) is not None:
         return True
     rows = [line.split() for line in file.lines]

@@ -1,6 +1,7 @@
 """OpenCV's FileStorage (YAML, XML or JSON) and ROS ``camera_info``: a camera matrix by name.
 
-So are files of people's own making that have ``fx fy cx cy`` by their names in its place.
+Files with ``fx fy cx cy`` by name in place of the matrix, as people write them by hand, are read,
+too.
 """
 
 from __future__ import annotations
@@ -91,19 +92,25 @@ LENS_NAME = re.compile(
 
 @dataclass(frozen=True)
 class _Keys:
-    """Where one camera's matrix (or the first of its numbers by name) and distortion stand."""
+    """Keys of one camera: of its matrix (or the first of its numbers by name) and of its
+    distortion.
+    """
 
     matrix: str
     distortion: str | None
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether a field, or one of a group or list, is named like a camera matrix and is one."""
+    """Whether a field, at the top or in a group or list, has the name and the content of a camera
+    matrix.
+    """
     return bool(_cameras(file.fields) or _groups(file.fields))
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name or its ``camera_name``; of several cameras the matrices' or groups'."""
+    """The name of the file or its ``camera_name``; for several cameras the names of the matrices or
+    groups.
+    """
     fields = file.fields
     if cameras := _cameras(fields):
         found = [keys.matrix for keys in cameras]
@@ -126,9 +133,9 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _groups(fields: Fields) -> dict[str, Fields]:
-    """Groups that describe a camera each, such as ``left`` and ``right``, or a list of such ones.
+    """Groups that describe a camera each, such as ``left`` and ``right``, or the items of a list.
 
-    Those of a list have the names that they give themselves, else ``cam0`` and so on.
+    An item of a list has the name given in it, otherwise ``cam0`` and so on.
     """
     found: dict[str, Fields] = {}
     for key, value in fields.values.items():
@@ -151,7 +158,7 @@ def _label(camera: Fields) -> str:
 
 
 def read_fields(fields: Fields, name: str) -> Camera:
-    """One camera of fields that may come from elsewhere than a file."""
+    """One camera from fields, which need not come from a file."""
     cameras = _cameras(fields)
     keys = next((keys for keys in cameras if keys.matrix == name), cameras[0])
     size = _size(fields)
@@ -165,9 +172,10 @@ def read_fields(fields: Fields, name: str) -> Camera:
 
 
 def _as_read_out(camera: Camera, fields: Fields) -> Camera:
-    """The camera of the images, where ROS's ``camera_info`` has the part of the sensor they are.
+    """The camera of the images, if ROS's ``camera_info`` gives the part of the sensor that they
+    show.
 
-    One of its fields without the others is left to whoever refuses what was not read.
+    An incomplete set of these fields is ignored here; the check for unread fields refuses it.
     """
     if not {"binning_x", "binning_y"} <= fields.values.keys():
         return camera
@@ -213,7 +221,7 @@ def _lens(fields: Fields, keys: _Keys) -> CameraModel:
 
 
 def _intrinsics(fields: Fields, key: str) -> Intrinsics:
-    """Of a matrix, or of ``fx fy cx cy`` in its place."""
+    """Focal lengths and principal point of a matrix, or of ``fx fy cx cy`` in its place."""
     value = fields.values[key]
     if not isinstance(value, list | Mapping):
         return intrinsics_by_name(fields)
@@ -223,7 +231,7 @@ def _intrinsics(fields: Fields, key: str) -> Intrinsics:
 
 
 def _has_focal_names(values: Mapping[str, object]) -> bool:
-    """Whether all of ``fx fy cx cy`` are there, each a single number or word."""
+    """Whether the file has all of ``fx fy cx cy``, each as a single number or word."""
     return all(name in values and not isinstance(values[name], list | Mapping) for name in NAMED)
 
 
@@ -255,7 +263,7 @@ def _is_none(value: object) -> bool:
 
 
 def _named_distortion(group: Fields, *, is_fisheye: bool) -> tuple[float, ...]:
-    """By their names, in the order of the lens; four of one kind may be either lens's."""
+    """Coefficients by name, in the order of the lens; four may belong to either lens."""
     if not _has_any(group):
         return ()
     if is_fisheye:
@@ -290,7 +298,7 @@ def _cameras(fields: Fields) -> list[_Keys]:
 
 
 def _which(hit: re.Match[str]) -> str:
-    """The side or number of a camera, before the name or behind it."""
+    """The side or number of a camera, before or behind the name of a field."""
     return f"{hit[1] or ''}{hit[2]}".lower()
 
 
@@ -300,7 +308,7 @@ def _is_a_word(value: object) -> bool:
 
 
 def _is_fisheye(fields: Fields, keys: _Keys) -> bool:
-    """Whether the coefficients are a fisheye's; an InputError for a lens that is unknown here."""
+    """Whether the coefficients are those of a fisheye; an InputError for an unknown lens."""
     if keys.distortion is not None and FISHEYE_COEFFICIENTS.fullmatch(keys.distortion):
         return True
     flags = [_is_fisheye_flag(fields, key) for key in fields.values if "fisheye" in key.lower()]
@@ -310,7 +318,7 @@ def _is_fisheye(fields: Fields, keys: _Keys) -> bool:
 
 
 def _names_opencv_fisheye(key: str, value: object) -> bool:
-    """Whether a text, or one of a list, is how OpenCV's fisheye is called."""
+    """Whether a text, or one of a list of texts, is a name of OpenCV's fisheye model."""
     texts = value if isinstance(value, list) else [value]
     return names_lens_model(key, value) and any(
         OPENCV_FISHEYE.fullmatch(str(text)[:200]) for text in texts
@@ -328,7 +336,7 @@ def _is_fisheye_flag(fields: Fields, key: str) -> bool:
 
 
 def _kind(fields: Fields, key: str) -> list[str]:
-    """The lens that a field names; none of a sensor's name or a number without meaning."""
+    """The lens that a field names; None for the name of a sensor or a number without meaning."""
     if is_nothing(fields.values[key]) or isinstance(fields.values[key], list | Mapping):
         return []
     word = re.sub(r"[^a-z0-9]", "", fields.text(key).lower())

@@ -1,6 +1,6 @@
 """OpenSfM's ``camera_models.json``, also OpenDroneMap's ``cameras.json``: relative to the picture.
 
-A length is multiplied by the larger side; the origin is the middle of the picture.
+Lengths are relative to the larger side of the image; the origin is the middle of the picture.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The identifiers of the cameras, as OpenSfM makes them from the images' EXIF."""
+    """Identifiers of the cameras, which OpenSfM generates from the EXIF data of the images."""
     return [
         key
         for key, group in file.fields.values.items()
@@ -98,7 +98,7 @@ def _lens(camera: Fields, kind: str, size: tuple[int, int]) -> CameraModel:
 
 
 def _either(camera: Fields) -> str:
-    """What the lens between a pinhole and a fisheye is where it is one of the two."""
+    """The lens as a pinhole or a fisheye, if a lens between both is one of the two."""
     transition = camera.number("transition") if "transition" in camera else 0.5
     if transition not in (0.0, 1.0):
         raise camera.error(

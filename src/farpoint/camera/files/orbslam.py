@@ -1,4 +1,4 @@
-"""Settings of ORB-SLAM 2 and 3: flat keys such as ``Camera.fx`` or ``Camera1.fx``."""
+"""Settings of ORB-SLAM 2 and 3, with flat keys such as ``Camera.fx`` or ``Camera1.fx``."""
 
 from __future__ import annotations
 
@@ -33,7 +33,9 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """``Camera1`` and ``Camera2`` of version 3; the file's own name for the one of version 2."""
+    """``Camera1`` and ``Camera2`` for version 3; the name of the file for the single camera of
+    version 2.
+    """
     found = [KEY.fullmatch(key) for key in file.fields.values]
     numbered = {hit[1]: None for hit in found if hit and hit[1] != "Camera"}
     return list(numbered) or [file.path.stem]
@@ -64,7 +66,9 @@ def _lens(fields: Fields, prefix: str) -> CameraModel:
 
 
 def _distortion(fields: Fields, prefix: str) -> tuple[float, ...]:
-    """Coefficients in OpenCV's order; those left out are zero, none at all is no distortion."""
+    """Coefficients in OpenCV's order. Missing coefficients are zero; without coefficients there is
+    no distortion.
+    """
     order = [f"{prefix}.{name}" for name in ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")]
     present = [index for index, key in enumerate(order) if key in fields]
     if not present:

@@ -33,8 +33,8 @@ def names(file: CalibrationFile) -> list[str]:
 def read(file: CalibrationFile, name: str) -> Camera:
     """The camera of the raw images.
 
-    The file does not say which lens its coefficients are of; four are written for a fisheye
-    only, but by others for a pinhole, too: they are refused.
+    The file does not name the lens of its coefficients. Four coefficients can belong to a fisheye
+    or to a pinhole, so a file with four is refused.
     """
     sections = _sections(file)
     camera = Fields(sections[name], file.path, f"[{name}] ")

@@ -41,7 +41,7 @@ TERMS = ("focal", "center_px", "distortion_px")
 
 
 def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
-    """Write a camera so that `load_camera` gives it back, to the last digit.
+    """Write a camera to a file from which `load_camera` reads it back to the last digit.
 
     The lens, the image size, the name, the uncertainty and the read-out time are kept; `source`
     is not.
@@ -49,7 +49,7 @@ def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
     Parameters
     ----------
     camera : Camera
-        What to keep.
+        Camera to write.
     path : str or path
         The file, overwritten if it exists.
 
@@ -106,7 +106,7 @@ def _lines(camera: Camera) -> list[str]:
 
 
 def _quoted(text: str) -> str:
-    """The text between quotation marks, on one line, whatever is in it."""
+    """The text between quotation marks on one line; special characters are escaped."""
     import yaml
 
     return yaml.safe_dump(text, default_style='"', width=math.inf).strip()
@@ -142,7 +142,7 @@ def _model(fields: Fields) -> LensModel:
 
 
 def _with_uncertainty(camera: Camera, fields: Fields) -> Camera:
-    """The camera with the covariance of the file, else its sigmas, else its general terms."""
+    """The camera with the covariance of the file, or else its sigmas, or else its general terms."""
     if "covariance" in fields:
         group = fields.group("covariance")
         expected = list(camera.model.refinable().parameters)

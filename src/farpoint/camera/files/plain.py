@@ -49,6 +49,8 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _is_matrix(fields: Fields) -> bool:
-    """Whether nine numbers on one line are a matrix: as coefficients fy would be zero."""
+    """Whether nine numbers on one line are a matrix. As focal lengths and coefficients, they would
+    give an fy of zero.
+    """
     numbers = fields.numbers("numbers")
     return len(numbers) == 9 and numbers[1] == numbers[3] == 0.0

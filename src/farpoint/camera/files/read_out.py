@@ -1,4 +1,4 @@
-"""ROS's binning and region of interest: the part of the sensor in the images."""
+"""ROS's binning and region of interest: the part of the sensor that the images show."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ class ReadOut:
     def of(self, camera: Camera) -> Camera:
         """The camera of the images by that of the full image.
 
-        A pixel (u, v) of the full image is ``((u - x) / bx, (v - y) / by)`` of a region of interest
-        that begins at (x, y), binned by (bx, by), as ``image_geometry`` has it.
+        A pixel (u, v) of the full image is ``((u - x) / bx, (v - y) / by)`` in a region of interest
+        that begins at (x, y) and is binned by (bx, by), as in ``image_geometry``.
 
         Raises
         ------
         InputError
-            Where the region is not within the full image.
+            If the region is not within the full image.
         """
         bx, by = (max(binning, 1) for binning in self.binning)
         x, y, width, height = self.roi

@@ -54,12 +54,12 @@ TANGENTIAL_AFTER_RADIAL = MODELS[1:3]
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether a stream's intrinsics stand there in one of the ways that librealsense prints."""
+    """Whether the file has the intrinsics of a stream in a form that librealsense prints."""
     return bool(_cameras(file))
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """Streams with their size, such as ``Color 640x480``; groups of JSON; the file's own name.
+    """Streams with their size, such as ``Color 640x480``; groups of JSON; or the name of the file.
 
     Several printed ones have numbers, from 1.
     """

@@ -1,4 +1,4 @@
-"""EuRoC ``sensor.yaml``: one camera with its intrinsics, as the ASL dataset format has it."""
+"""EuRoC's ``sensor.yaml``: one camera with its intrinsics, in the ASL dataset format."""
 
 from __future__ import annotations
 

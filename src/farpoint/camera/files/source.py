@@ -30,14 +30,14 @@ MOST_ITEMS = 100_000
 
 @dataclass(frozen=True)
 class CalibrationFile:
-    """The bytes of a file, and the views of it that the formats look at.
+    """The bytes of a file, with the views (text, lines, fields) that the format readers use.
 
     Attributes
     ----------
     path : Path
-        Where it lies; its stem names a camera that has no name of its own.
+        Path of the file; the stem of its name is the name of a camera without one.
     data : bytes
-        All of it.
+        Bytes of the file.
     """
 
     path: Path
@@ -67,13 +67,13 @@ class CalibrationFile:
 
     @property
     def fields(self) -> Fields:
-        """The mapping at the top of a YAML, JSON, XML or NumPy file; empty if it is none."""
+        """The mapping at the top of a YAML, JSON, XML or NumPy file; empty for other files."""
         content = self._content
         return Fields(content if isinstance(content, dict) else {}, self.path)
 
     @property
     def fault(self) -> InputError | None:
-        """Why the file could not be parsed, if it is written as YAML, JSON, XML or NumPy's."""
+        """Reason why a YAML, JSON, XML or NumPy file could not be parsed; None for other files."""
         return self._content if isinstance(self._content, InputError) else None
 
     @property
@@ -116,7 +116,7 @@ def _whole(digits: str) -> int | float:
 
 
 def _mapping(pairs: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
-    """A mapping; a key that stands twice, with another value, is a fault."""
+    """A mapping; a key that occurs twice with different values is a fault."""
     found: dict[Any, Any] = {}
     for key, value in pairs:
         if found.setdefault(key, value) != value:
@@ -174,7 +174,7 @@ def _yaml_loader() -> type[Any]:
 
     class Loader(yaml.BaseLoader):
         def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-            """As the base class does, but no key may stand twice with different values."""
+            """Mapping as in the base class, but a key with two different values is an error."""
             found = super().construct_mapping(node, deep=deep)
             if len(found) < len(node.value):
                 pairs = (
@@ -203,7 +203,7 @@ def _is_bounded(content: Any) -> bool:
 
 
 def _parse_xml(text: str) -> Any:
-    """XML as nested mappings of tag to text, as OpenCV's FileStorage writes it.
+    """XML as nested mappings of tag to text, in the form that OpenCV's FileStorage writes.
 
     Without document types: no entity is defined, and none expanded.
     """

@@ -35,7 +35,9 @@ PARAMETERS = {
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether a camera has a ``model``, in a group ``Camera`` or as ``Camera.model``."""
+    """Whether the file names the ``model`` of a camera, in a group ``Camera`` or as
+    ``Camera.model``.
+    """
     group = file.fields.values.get(GROUP)
     return f"{GROUP}.model" in file.fields or (
         isinstance(group, Mapping) and any(key in group for key in ("model", "setup", *FOCAL))

@@ -1,4 +1,4 @@
-"""SVO Pro's camera files: a list ``cameras``, each with its intrinsics and distortion."""
+"""SVO Pro's camera files: a list ``cameras``, each item with intrinsics and distortion."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OMNI_COUNTS = (22, 24)
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether there is a list of groups ``camera``, or one such camera alone."""
+    """Whether the file has a list of groups ``camera``, or one such group."""
     fields = file.fields
     cameras = fields.values.get("cameras")
     if isinstance(cameras, list):
@@ -103,7 +103,9 @@ def _pinhole(camera: Fields) -> CameraModel:
 
 
 def _omni(camera: Fields) -> CameraModel:
-    """OCamCalib's polynomial; its inverse is a fit to it and is not used."""
+    """OCamCalib's polynomial. The inverse polynomial of the file is an approximation and is not
+    used.
+    """
     _distortion(camera, ("none",))
     numbers = camera.numbers("intrinsics", OMNI_COUNTS)
     cx, cy, c, d, e = numbers[5:10]

@@ -80,14 +80,14 @@ def refuse_others(
 
 
 def refuse_unread(fields: Fields, others: Collection[str] = ()) -> None:
-    """Raise an InputError about a property of a lens that the reader of a file passed over.
+    """Raise an InputError about a property of a lens that the reader of a file did not use.
 
     Parameters
     ----------
     fields : Fields
-        What was read from, with the groups in it that were.
+        The fields that were read, with their groups.
     others : collection of str
-        Keys that are of another camera.
+        Keys that belong to another camera.
     """
     for key, value in fields.values.items():
         if key in fields.groups:
@@ -99,14 +99,14 @@ def refuse_unread(fields: Fields, others: Collection[str] = ()) -> None:
 
 
 def refuse_contradiction(fields: Fields, model: str, coefficients: str) -> None:
-    """Raise an InputError about coefficients beside the word that there is no distortion.
+    """Raise an InputError if the file states that there is no distortion but has coefficients.
 
     Parameters
     ----------
     fields : Fields
         The group that describes a camera.
     model : str
-        Key of that word.
+        Key of the word.
     coefficients : str
         Key of the numbers; they may be absent or zero.
     """
@@ -130,7 +130,7 @@ def _is_of_a_lens(key: str, value: Any) -> bool:
 
 
 def names_lens_model(key: str, value: Any) -> bool:
-    """Whether a text, or one of a list, is about a lens and is not a name."""
+    """Whether a text, or one of a list of texts, describes a lens and is not a mere name."""
     if _A_NAME.fullmatch(str(key)[:_LONGEST].lower()):
         return False
     texts = value if isinstance(value, list) else [value]
@@ -138,7 +138,7 @@ def names_lens_model(key: str, value: Any) -> bool:
 
 
 def named_distortion(fields: Fields) -> tuple[float, ...]:
-    """OpenCV's coefficients under ``k1 k2 p1 p2 k3 k4 k5 k6``; absent ones are zero.
+    """OpenCV's coefficients under ``k1 k2 p1 p2 k3 k4 k5 k6``; a missing coefficient is zero.
 
     Empty without any of them, else 4, 5 or 8 numbers.
     """
@@ -150,7 +150,7 @@ def named_distortion(fields: Fields) -> tuple[float, ...]:
 
 
 def is_nothing(value: Any) -> bool:
-    """Whether a value is absent or zero, alone or throughout a list or a matrix."""
+    """Whether a value is absent or zero, or a list or matrix with such values only."""
     if isinstance(value, list):
         return all(is_nothing(item) for item in value)
     if isinstance(value, Mapping):

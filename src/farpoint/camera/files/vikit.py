@@ -1,4 +1,4 @@
-"""Camera files of rpg_vikit, which SVO and FAST-LIVO use: keys such as ``cam_fx``."""
+"""Camera files of rpg_vikit, used by SVO and FAST-LIVO, with keys such as ``cam_fx``."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera of the images as recorded: how ``scale`` would shrink them is not looked at."""
+    """The camera of the recorded images; the field ``scale`` is not applied."""
     camera = _cameras(file)[name]
     fields = camera.fields
     kind = fields.text(camera.key("model")).lower()
@@ -89,7 +89,7 @@ def _cameras(file: CalibrationFile) -> dict[str, _Camera]:
 
 
 def _gather(fields: Fields, name: str, found: dict[str, _Camera], depth: int = 0) -> None:
-    """Add the cameras among a group and the groups below it, each by its group's name."""
+    """Add the cameras of a group and of the groups in it, each under the name of its group."""
     if f"{PREFIX}model" in fields and fields.first(f"{PREFIX}width", f"{PREFIX}fx"):
         found[name if name not in found else fields.within.rstrip(".")] = _Camera(fields, PREFIX)
     elif ROS in fields.within and all(key in fields for key in ("model", "width", "fx")):

@@ -45,7 +45,7 @@ def names(file: CalibrationFile) -> list[str]:
 def read(file: CalibrationFile, name: str) -> Camera:
     """One camera at one resolution, not rectified.
 
-    Its coefficients stand in its own section or in that of the side's ``DISTO``.
+    The coefficients are in the camera's own section or in the section ``DISTO`` of its side.
     """
     sections = _sections(file)
     camera = Fields(sections[name], file.path, f"[{name}] ")

@@ -23,8 +23,9 @@ _HELP = "give a calibration by --camera"
 def camera_of(bag: Bag, images: Topic, frame_id: str) -> Camera:
     """The camera of an image topic.
 
-    It comes from ``camera_info`` beside the images (``/cam/camera_info`` for ``/cam/image_raw`` or
-    ``/cam/image_raw/compressed``), or the only one with the images' ``frame_id``.
+    The calibration is the ``camera_info`` beside the images (``/cam/camera_info`` for
+    ``/cam/image_raw`` or ``/cam/image_raw/compressed``), or the only one with the same ``frame_id``
+    as the images.
 
     Raises
     ------
@@ -49,7 +50,7 @@ def camera_of(bag: Bag, images: Topic, frame_id: str) -> Camera:
 
 
 def _first(bag: Bag, topic: Topic) -> Any:
-    """The first message that can be read and is calibrated, else the first, else None."""
+    """The first readable and calibrated message; without one the first message, or None."""
     decode, first = decoder_of(topic), None
     for message in bag.messages((topic.name,)):
         if message.topic is None or message.fault is not None:

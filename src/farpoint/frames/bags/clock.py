@@ -56,7 +56,7 @@ class HeaderClock:
         return stamp_ns
 
     def _begins_at_zero(self, recorded_ns: int | None) -> bool:
-        """Whether the headers' clock was about zero at that time, and has not gone on since."""
+        """Whether the headers' clock was about zero at that time, and has stayed there."""
         if self.offset_ns is None or recorded_ns is None or self._last_ns:
             return False
         return abs(recorded_ns + self.offset_ns) < _ABOUT_ZERO_NS

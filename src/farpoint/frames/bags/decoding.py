@@ -37,7 +37,9 @@ def decoder_of(topic: Topic) -> Decoder:
 
 
 def stamp_ns(message: Any) -> int:
-    """Time stamp of a message, ns; 0 if none was set. BrokenBagError if its type has none."""
+    """Time stamp of a message, ns; 0 if none was set. A type without a time stamp raises
+    BrokenBagError.
+    """
     with by_definition():
         header = getattr(message, "header", None)
         stamp = message.timestamp if header is None else header.stamp
@@ -46,7 +48,9 @@ def stamp_ns(message: Any) -> int:
 
 @contextmanager
 def by_definition() -> Iterator[None]:
-    """Context in which missing fields raise BrokenBagError: definitions of a bag may be damaged."""
+    """Context in which a missing field raises BrokenBagError, because the definitions of a bag may
+    be damaged.
+    """
     try:
         yield
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
@@ -67,7 +71,7 @@ def _function(topic: Topic) -> Decoder:
 
 @lru_cache(maxsize=64)
 def _typestore(name: str, encoding: str, definition: str, is_idl: bool) -> Any:
-    """Types from the definition in the bag, or, without one, from those of ROS."""
+    """Types by the definition in the bag; without a definition, the types of ROS."""
     typesys = optional_import("rosbags.typesys", extra="ros", purpose="reading a bag")
     stores = typesys.Stores
     if definition:

@@ -40,7 +40,7 @@ def open_bag(path: Path) -> Bag:
     InputError
         If it is no bag, or cannot be read.
     MissingExtraError
-        Where the library that reads messages is not installed.
+        If the library that reads messages is not installed.
     """
     require("rosbags", extra="ros", purpose="reading a bag")
     try:

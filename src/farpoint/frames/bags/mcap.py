@@ -174,7 +174,7 @@ class McapFile(RecordFile):
         return None
 
     def _begins(self, file: BinaryIO, at: int) -> bool:
-        """Whether a record begins here: what follows it must be one, too."""
+        """Whether a record begins here; the bytes after it must begin another record."""
         try:
             record = self._record(file, at)
             if record is None:

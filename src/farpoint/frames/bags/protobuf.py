@@ -1,6 +1,6 @@
 """Foxglove's messages as MCAP files hold them: Protocol Buffers and JSON.
 
-The numbers of the fields are those of Foxglove's ``.proto`` files, which never change.
+The field numbers are those of Foxglove's ``.proto`` files, which never change:
 https://github.com/foxglove/foxglove-sdk/tree/main/schemas
 """
 
@@ -35,7 +35,9 @@ _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 
 def from_protobuf(data: bytes | memoryview, kind: str) -> SimpleNamespace:
-    """The fields of a message; absent ones have their default. ValueError where it is damaged."""
+    """The fields of a message. An absent field has its default; a damaged message raises
+    ValueError.
+    """
     fields = _blank(kind)
     for number, value in _wire(memoryview(data)):
         name = FOXGLOVE_FIELDS[kind].get(number)

@@ -126,8 +126,8 @@ class RecordFile(ABC):
     def _record(self, file: BinaryIO, at: int) -> Record | None:
         """The record at a position of the file; None after the last record.
 
-        Only a chunk may extend beyond the end of the file. Raises BrokenBagError if no record
-        begins here.
+        Only a chunk may extend beyond the end of the file. The method raises BrokenBagError if no
+        record begins at the position.
         """
 
     @abstractmethod
@@ -136,7 +136,7 @@ class RecordFile(ABC):
 
     @abstractmethod
     def _declare(self, record: Record, data: bytes) -> None:
-        """Add the topics of a record; a damaged one is left out."""
+        """Add the topics of a record; a damaged topic is left out."""
 
     @abstractmethod
     def _parse(self, record: Record, data: memoryview) -> Parsed:
@@ -152,7 +152,7 @@ class RecordFile(ABC):
 
     @abstractmethod
     def _read_summary(self, file: BinaryIO) -> Counter[str]:
-        """Declare all topics and count their messages by the end of the file.
+        """Declare all topics and count their messages from the summary at the end of the file.
 
         Raises BrokenBagError where the end has no summary.
         """
@@ -162,7 +162,7 @@ class RecordFile(ABC):
         """Position of the next recognisable chunk or message after a byte."""
 
     def _messages(self, file: BinaryIO, names: Collection[str] | None) -> Iterator[Message]:
-        """Messages of some topics, or of all where no names are given."""
+        """Messages of some topics; of all topics if no names are given."""
 
         def wanted(number: int) -> Topic | None:
             topic = self._channels.get(number)
@@ -237,7 +237,7 @@ class RecordFile(ABC):
     def _by_index(
         self, raw: memoryview, entries: list[IndexEntry], wanted: Wanted
     ) -> Iterator[Message]:
-        """Messages by the index; a record that contradicts the index is lost."""
+        """Messages found by the index; a record that contradicts the index is lost."""
         for entry in entries:
             topic = wanted(entry.channel)
             if topic is None:

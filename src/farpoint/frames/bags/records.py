@@ -21,13 +21,14 @@ class Topic:
     Attributes
     ----------
     name : str
-        Such as ``/camera/image_raw``.
+        Name, such as ``/camera/image_raw``.
     type_name : str
-        Such as ``sensor_msgs/msg/Image`` (also for ROS 1) or ``foxglove.CompressedVideo``.
+        Name of the type, such as ``sensor_msgs/msg/Image`` (also for ROS 1) or
+        ``foxglove.CompressedVideo``.
     encoding : str
         ``ros1``, ``cdr``, ``protobuf`` or ``json``.
     definition : str
-        Of the type, in ROS's language; empty where the bag has none.
+        Definition of the type, in ROS's language; empty where the bag has none.
     is_idl : bool
         Whether the definition is in IDL.
     count : int or None
@@ -78,7 +79,7 @@ class Bag(Protocol):
         Raises
         ------
         InputError
-            Where the file is no bag of its kind, or nothing of it can be read.
+            If the file is no bag of its kind, or nothing of it can be read.
         """
         ...
 

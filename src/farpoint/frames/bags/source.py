@@ -41,13 +41,13 @@ class BagImages:
     bag : Bag
         The recording.
     topic : Topic
-        Of the images.
+        Topic of the images.
     name : str
         Name of the bag, without suffix.
     clock : HeaderClock
         Clock from the first images; the start of each iteration.
     frame_id : str
-        Of the first image: the camera's optical frame.
+        Frame id of the first image, which is the camera's optical frame.
     max_megapixels : float
         Larger images are frames with a fault.
     """
@@ -79,7 +79,7 @@ class BagImages:
         return (self._deep.words,) if self._deep.words else ()
 
     def camera(self) -> Camera:
-        """The camera by the bag's own CameraInfo; InputError where it has none for the images."""
+        """The camera by the bag's own CameraInfo; an InputError if the images have none."""
         return camera_of(self.bag, self.topic, self.frame_id)
 
     def __iter__(self) -> Iterator[Frame]:
@@ -124,7 +124,7 @@ class BagImages:
         yield from video.close()
 
     def _messages(self) -> Iterator[tuple[int, Any, str | None]]:
-        """Time of each message, ns, and the message, or what is wrong with it."""
+        """Time of each message, ns, and the message or the reason why it is unreadable."""
         decode, clock = decoder_of(self.topic), replace(self.clock)
         for message in self.bag.messages((self.topic.name,)):
             found, fault = None, message.fault
@@ -141,7 +141,7 @@ class BagImages:
 
     @cached_property
     def _deep(self) -> GreyTable:
-        """The table for deep samples, by images from all over the bag."""
+        """The table for deep samples, from images throughout the bag."""
         return GreyTable.for_source(self._examples())
 
     def _examples(self) -> Iterator[np.ndarray]:
@@ -187,7 +187,7 @@ def open_bag_images(path: Path, topic: str | None) -> BagImages:
 
 
 def _first(bag: Bag, topic: Topic) -> tuple[list[tuple[int, int | None]], list[str]]:
-    """Headers and times of recording, ns, of the first messages; and their frames."""
+    """Headers and recording times, ns, of the first messages, and the frames of these messages."""
     decode, stamps, frames = decoder_of(topic), [], []
     for message in bag.messages((topic.name,)):
         if message.fault is None:

@@ -34,7 +34,7 @@ class SqliteBag:
         self._topics: dict[int, Topic] = {}
 
     def topics(self) -> list[Topic]:
-        """By its tables; counts are None where the messages cannot be counted."""
+        """Topics from the tables of the bag. A count is None if the messages cannot be counted."""
         with closing(self._connect()) as database:
             try:
                 definitions = self._definitions(database)
@@ -90,7 +90,7 @@ class SqliteBag:
                 done = rows[-1]
 
     def _one(self, database: sqlite3.Connection, row: int, wanted: list[int]) -> Iterator[Message]:
-        """The message of one row, if it is wanted and there is one."""
+        """The message of one row, if its topic is wanted and the row is readable."""
         known = None
         try:
             # What is wanted stands at the beginning of a row, and often can still be read.
@@ -122,7 +122,7 @@ class SqliteBag:
 
     @staticmethod
     def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, bool]]:
-        """Definition of each type, and whether it is in IDL; older bags have none."""
+        """Definition of each type, and whether it is in IDL; bags of older versions have none."""
         try:
             rows = database.execute(
                 "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
@@ -133,7 +133,9 @@ class SqliteBag:
 
     @staticmethod
     def _counts(database: sqlite3.Connection) -> Counter[int] | None:
-        """Messages of each topic, row by row: a table of any length takes no memory."""
+        """Number of messages of each topic, counted row by row, so that memory does not grow with
+        the table.
+        """
         try:
             return Counter(
                 number for (number,) in database.execute("SELECT topic_id FROM messages")

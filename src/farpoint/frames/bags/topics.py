@@ -18,12 +18,12 @@ _DEPTH = "/compressedDepth"  # a transport whose images are distances
 
 
 def image_topic(bag: Bag, name: str | None) -> Topic:
-    """The topic of the images: the one that is named, or the only one.
+    """The topic of the images: the named one, or the only one.
 
     Raises
     ------
     InputError
-        Where there is none, or there are several; then it lists them with their counts.
+        If there is none, or there are several; then it lists them with their counts.
     """
     if name is not None:
         return topic_of_kind(bag, name, _IMAGES, "images", field="topic")
@@ -49,7 +49,7 @@ def topic_of_kind(bag: Bag, name: str, kinds: Collection[str], what: str, *, fie
     Raises
     ------
     InputError
-        Where there is none; it lists those that there are.
+        If there is none; it lists those that there are.
     """
     plain = name.strip("/")
     of_kind = [topic for topic in bag.topics() if kind_of(topic) in kinds]
@@ -83,7 +83,7 @@ def rows_of(
     bag : Bag
         The recording.
     name : str
-        Of the topic.
+        Name of the topic.
     kinds : collection of str
         Types that it may have.
     read : callable
@@ -96,7 +96,7 @@ def rows_of(
     Raises
     ------
     InputError
-        Where the bag has no topic of this name and kind; it lists those that it has.
+        If the bag has no topic of this name and kind; it lists those that it has.
     """
     topic = topic_of_kind(bag, name, kinds, what, field=field)
     decode, last_ns = decoder_of(topic), -1

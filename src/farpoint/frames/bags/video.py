@@ -1,4 +1,4 @@
-"""A topic of compressed video: each message is one picture, decoded with those before it."""
+"""A topic of compressed video: each message is one picture, decoded after the earlier ones."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class VideoTopic(Generic[Label]):
         self._count = 0
 
     def add(self, data: bytes, kind: str, label: Label) -> Iterator[Picture[Label]]:
-        """Pictures that leave the decoder on a message, named by a label."""
+        """Pictures that the decoder returns for a message; ``label`` names them in messages."""
         av = optional_import("av", extra="video", purpose="reading video")
         number, self._count = self._count, self._count + 1
         self._waiting.append((number, label))

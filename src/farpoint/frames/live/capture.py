@@ -41,11 +41,11 @@ class LiveFrame:
 
 
 class Capture:
-    """Reads a live source without blocking it; keeps the newest frame only.
+    """Reader of a live source that never blocks the source; it keeps the newest frame only.
 
-    A source that is lost (a camera unplugged, a stream that breaks off) is opened again, twice a
-    second, until it is back or the session ends. Used as a context manager it stops at the end of
-    the block; a source that hangs is left behind after 2 s.
+    If the source is lost (a camera is unplugged, a stream breaks off), it is opened again, twice a
+    second, until it returns or the session ends. As a context manager the capture stops at the end
+    of the block; if the source hangs, the thread is abandoned after 2 s.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ class Capture:
                 self._changed.notify_all()
 
     def _read(self, source: FrameSource) -> str | None:
-        """Frames until the source ends or this session does; why, where it is a fault."""
+        """Deliver frames until the source or the session ends; returns a fault that ended it."""
         fault = None
         try:
             for frame in source:

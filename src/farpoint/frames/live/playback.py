@@ -115,7 +115,7 @@ class Playback:
             yield replace(frame, image=image, timestamp=time.time())
 
     def _paced(self) -> Iterator[tuple[Frame, float]]:
-        """Each frame with the time since the one before, s; over and over if it loops."""
+        """Each frame with the time since the previous frame, s; endless if the playback loops."""
         gap_s = 0.0
         for _ in count() if self.loop else range(1):
             earlier_s = None

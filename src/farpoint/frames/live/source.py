@@ -19,7 +19,9 @@ class LiveSource(Protocol):
 
     @property
     def endless(self) -> bool:
-        """Whether its end is a fault (an unplugged camera), not the end of a recording."""
+        """Whether the end of the source is a fault (an unplugged camera), not the end of a
+        recording.
+        """
         ...
 
     def open(self) -> FrameSource:
@@ -28,7 +30,7 @@ class LiveSource(Protocol):
         Raises
         ------
         InputError
-            Where it cannot be opened now.
+            If it cannot be opened now.
         """
         ...
 
@@ -40,9 +42,9 @@ class Device:
     Parameters
     ----------
     source : str
-        As `open_frames` takes it.
+        Source, as in `open_frames`.
     max_megapixels, follow_playlists
-        As `open_frames` takes them.
+        Limits, as in `open_frames`.
 
     Attributes
     ----------
@@ -75,16 +77,16 @@ def open_live(
     max_megapixels: float = MAX_MEGAPIXELS,
     follow_playlists: bool = False,
 ) -> LiveSource:
-    """A camera index or URL; a file, folder or pattern is played at its frame rate.
+    """Open a camera index or a URL; a file, folder or pattern is played at its frame rate.
 
     Parameters
     ----------
     source : str
-        As `open_frames` takes it.
+        Source, as in `open_frames`.
     loop : bool
         Repeat a file or folder endlessly.
     max_megapixels, follow_playlists
-        As `open_frames` takes them.
+        Limits, as in `open_frames`.
     """
     is_camera = source.isascii() and source.isdecimal() and not Path(source).exists()
     if is_camera or "://" in source:

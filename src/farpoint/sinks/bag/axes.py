@@ -37,7 +37,7 @@ class Twist:
     angular : ndarray, shape (3,)
         rad/s.
     covariance : ndarray, shape (6, 6)
-        Of ``[linear, angular]``, ROS's order.
+        Covariance of ``[linear, angular]``, ROS's order.
     """
 
     linear: np.ndarray
@@ -59,8 +59,8 @@ def pose_covariance(world_covariance: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     world_covariance : ndarray, shape (6, 6) or (7, 7)
-        Of ``[dtheta, dposition]`` in world axes, ``R_true = Exp(dtheta) @ R``; a seventh row is
-        left out.
+        Covariance of ``[dtheta, dposition]`` in world axes, ``R_true = Exp(dtheta) @ R``; a seventh
+        row is left out.
     """
     order = [3, 4, 5, 0, 1, 2]
     return _ADJOINT @ world_covariance[np.ix_(order, order)] @ _ADJOINT.T
@@ -84,7 +84,8 @@ def motion_twist(
     translation : ndarray, shape (3,)
         ``t``, in camera 1.
     covariance : ndarray, shape (6, 6)
-        Of ``[dtheta, dt]``: ``R_true = Exp(dtheta) R`` and ``t_true = t + dt``, in camera 1.
+        Covariance of ``[dtheta, dt]``: ``R_true = Exp(dtheta) R`` and ``t_true = t + dt``, in
+        camera 1.
     seconds : float
         Between the two, positive.
     lever : ndarray, shape (3,), optional

@@ -42,7 +42,7 @@ class Length:
 
 
 def length_in_units(result: OdometryResult, seconds: float) -> Length:
-    """In the unit of the path; unknown where the path has no scale."""
+    """Length in the unit of the path; unknown if the path has no scale."""
     if result.scale is None:
         return _unknown(0.0, seconds)
     return Length(value=result.scale, sigma=result.scale_sigma or 0.0, lever=result.scale)
@@ -89,7 +89,7 @@ class MetricPath:
         return None if self._metres is None else self._metres()
 
     def add(self, result: OdometryResult) -> tuple[np.ndarray, np.ndarray]:
-        """Pose (4, 4) ``world_from_cam`` and covariance (7, 7) as `OdometryResult` has them.
+        """Pose (4, 4) ``world_from_cam`` and covariance (7, 7) in the format of `OdometryResult`.
 
         After a break of the path the pose is unknown; the covariance is then very large.
         """

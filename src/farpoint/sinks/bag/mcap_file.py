@@ -1,4 +1,4 @@
-"""MCAP file that grows by whole chunks with their index; the summary follows at the end.
+"""MCAP file that grows by whole chunks with their index. The summary is written at the end.
 
 https://mcap.dev/spec
 """
@@ -32,7 +32,7 @@ class Channel:
 
 
 class McapFile:
-    """Writes messages of ROS 2; every chunk is in the file as a whole or not at all.
+    """Writer of ROS 2 messages; every chunk is in the file completely or not at all.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class McapFile:
             self._put_chunk()
 
     def close(self) -> None:
-        """Write the remaining messages and the summary; a second call does nothing."""
+        """Write the remaining messages and the summary. A second call does nothing."""
         if self._closed:
             return
         self._closed = True

@@ -1,4 +1,4 @@
-"""``overlay.mp4``: the display of the method, as pictures and as a video."""
+"""``overlay.mp4``: the display of the method, drawn as pictures and encoded as a video."""
 
 from farpoint.sinks.overlay.palette import PALETTES, PaletteName
 from farpoint.sinks.overlay.picture import draw_overlay

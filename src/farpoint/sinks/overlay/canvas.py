@@ -43,7 +43,7 @@ class Canvas:
         return (points_px + 0.5) * self.scale - 0.5
 
     def path(self, points_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
-        """A line through camera pixels (K, 2), broken where a point is NaN or far off."""
+        """Draw a line through camera pixels (K, 2), broken at points that are NaN or far off."""
         points = self.to_pane(points_px)
         near = np.all(np.abs(points) < _REACH_PX, axis=1)
         breaks = np.flatnonzero(np.diff(near)) + 1
@@ -52,13 +52,15 @@ class Canvas:
         self._lines(pieces[first::2], colour, thickness)
 
     def segments(self, ends_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
-        """Lines between camera pixels (N, 2, 2); those with NaN or far off are left out."""
+        """Draw lines between camera pixels (N, 2, 2), except those with a point that is NaN or far
+        off.
+        """
         ends = self.to_pane(ends_px)
         ends = ends[(np.abs(ends) < _REACH_PX).all(axis=(1, 2))]
         self._lines(list(_fixed(ends)), colour, thickness)
 
     def dots(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
-        """Filled discs at camera pixels (N, 2); the radius is in strokes."""
+        """Draw filled discs at camera pixels (N, 2); the radius is in strokes."""
         # A frame has hundreds of them: OpenCV would take half of the drawing's time.
         draw_discs(self.pixels, self._seen(points_px), radius * self.stroke, colour)
 
@@ -70,14 +72,16 @@ class Canvas:
             cv2.circle(self.pixels, centre, size, colour, self.stroke, cv2.LINE_AA, _SHIFT)
 
     def holes(self, points_px: np.ndarray, colour: Colour, radius: float) -> None:
-        """Thick rings, dark within, at camera pixels (N, 2); the radius is in strokes."""
+        """Draw thick dark rings at camera pixels (N, 2); the radius is in strokes."""
         self.dots(points_px, colour, radius)
         self.dots(points_px, BACKGROUND, 0.5 * radius)
 
     def crosses(
         self, points_px: np.ndarray, colour: Colour, reach: float, *, slanting: bool = False
     ) -> None:
-        """Upright or slanting crosses at camera pixels (N, 2); their arms reach so many strokes."""
+        """Draw upright or slanting crosses at camera pixels (N, 2); the length of an arm is in
+        strokes.
+        """
         arm = reach * self.stroke / self.scale
         arms = np.array([[1.0, 1.0], [1.0, -1.0]]) * np.sqrt(0.5) if slanting else np.eye(2)
         for offset in arm * arms:
@@ -120,7 +124,7 @@ def text_width(text: str, height: float, *, bold: bool = False) -> int:
 
 
 def _size(height: float) -> float:
-    """OpenCV's font scale for capitals of this height, px: they are 22 px high at 1."""
+    """OpenCV's font scale for capitals of this height, px; at scale 1 capitals are 22 px high."""
     return height / 22.0
 
 

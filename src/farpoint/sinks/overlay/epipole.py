@@ -59,7 +59,7 @@ def view_epipole(pose: RelativePose, camera: Camera, size: tuple[int, int]) -> E
 
 
 def _outline(camera: Camera, ring: np.ndarray) -> np.ndarray:
-    """A closed ring of rays (K, 3) as the lens shows it, (M, 2) px."""
+    """Image of a closed ring of rays (K, 3), (M, 2) px."""
     pixels = camera.project(ring)
     steps = np.linalg.norm(np.diff(pixels, axis=0), axis=1)
     # A small ring in the middle of the view needs no finer steps, and has to keep those it has.

@@ -15,7 +15,7 @@ _LAST_OF_FRAGMENT = b"mdat"
 
 
 class FragmentFile:
-    """Takes an MP4 file in fragments from PyAV, in pieces of any size, and adds whole fragments.
+    """File that receives an MP4 from PyAV in pieces of any size, and adds whole fragments.
 
     The file is created with its first fragment. If a fragment cannot be written, the file ends
     before it, so the video plays up to there; `raise_problem` raises the cause.
@@ -36,7 +36,7 @@ class FragmentFile:
         self._identity: tuple[int, ...] | None = None
 
     def write(self, data: bytes) -> int:
-        """Add a piece. Raises no error, because FFmpeg calls it; see `raise_problem`."""
+        """Add a piece. The method raises no error, because FFmpeg calls it; see `raise_problem`."""
         if not self._ended:
             self._waiting += data
             while not self._ended and (kind := self._skip_box()) is not None:
@@ -62,7 +62,7 @@ class FragmentFile:
         self._identity = _identity(self._path) if at_its_path else None
 
     def is_at_its_path(self) -> bool:
-        """Whether the file is still there as it was closed: a later run may have replaced it."""
+        """Whether the closed file is still at its path; a later run may have replaced it."""
         return self._identity is not None and self._identity == _identity(self._path)
 
     def _skip_box(self) -> bytes | None:

@@ -14,7 +14,7 @@ _PANEL_LINES = 6.8
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Sizes in the picture, px; all of them even, as H.264 in 4:2:0 needs them.
+    """Sizes in the picture, px. All sizes are even, because H.264 in 4:2:0 requires it.
 
     Attributes
     ----------

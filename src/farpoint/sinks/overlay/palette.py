@@ -36,9 +36,9 @@ class Palette:
     Attributes
     ----------
     far, near, outlier : Colour
-        Of matches, by their label.
+        Colours of matches, by their label.
     heading : Colour
-        Of the region that holds the epipole.
+        Colour of the region that holds the epipole.
     good, partial, still, bad : Colour
         Behind the words OK, ROTATION_ONLY, STATIC and FAILED.
     """

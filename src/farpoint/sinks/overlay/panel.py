@@ -1,4 +1,4 @@
-"""The values below the panes: status, rotation, heading and matches, with their 1-sigma."""
+"""The panel below the panes: status, rotation, heading and matches, with their 1-sigma."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _draw_verdict(
     line_px: float,
     palette: Palette,
 ) -> None:
-    """The status as a coloured label, the frames, and the reason below."""
+    """Draw the status as a coloured label, the frames, and below them the reason."""
     capital, word = 0.5 * line_px, pose.status.value
     width = text_width(word, capital, bold=True) + line_px
     top, left = 0.35 * line_px, 0.4 * line_px
@@ -129,14 +129,14 @@ def _write(
     *,
     to_the_left: bool = False,
 ) -> None:
-    """Text whose baseline and left (or right) end are given in lines."""
+    """Draw text whose baseline and left (or right) end are given in lines."""
     capital = 0.46 * line_px
     start = left * line_px - (text_width(text, capital) if to_the_left else 0)
     draw_text(pixels, text, start, line * line_px, capital, colour)
 
 
 def _shortened(text: str, width_px: float, capital: float) -> str:
-    """The text, cut at a word where it is wider than the room."""
+    """The text, cut after a word if it is wider than the space."""
     if text_width(text, capital) <= width_px:
         return text
     words = text.split()

@@ -37,7 +37,7 @@ def draw_flow_pane(
     size: tuple[int, int],
     line_px: float,
 ) -> None:
-    """The flow with the rotation removed, in pixels of the older image, and the epipole."""
+    """Draw the flow without the rotation, in pixels of the older image, and the epipole."""
     pose = result.pose
     if pose is None or pose.rotation_cam1_from_cam0 is None:
         _caption(canvas, "translational flow (rotation removed)", line_px, top=True)
@@ -61,7 +61,7 @@ _DRAWN_IN_ORDER = (TrackLabel.OUTLIER, TrackLabel.FAR, TrackLabel.NEAR)
 def _draw_matches(
     canvas: Canvas, pose: RelativePose, camera: Camera, tails: np.ndarray, heads: np.ndarray
 ) -> None:
-    """A line and a sign for each match; lines follow great circles where the lens bends them."""
+    """Draw a line and a marker for each match; a bent line follows its great circle."""
     for label in _DRAWN_IN_ORDER:
         chosen = pose.labels == label
         colour = _colour(canvas, label)
@@ -75,7 +75,7 @@ def _draw_matches(
 
 
 def _is_curved(camera: Camera) -> bool:
-    """Whether straight lines in space are not straight in the picture, or may cross its seam."""
+    """Whether straight lines in space are curved in the picture, or may cross its seam."""
     return not isinstance(camera.model, Pinhole)
 
 
@@ -89,7 +89,7 @@ def _colour(canvas: Canvas, label: TrackLabel) -> tuple[int, int, int]:
 
 
 def _draw_heads(canvas: Canvas, heads: np.ndarray, label: TrackLabel) -> None:
-    """A sign for each label, so that they differ not in colour alone."""
+    """Draw a marker of another shape for each label, so that labels differ not only in colour."""
     colour = _colour(canvas, label)
     if label is TrackLabel.OUTLIER:
         canvas.crosses(heads, colour, 3.0)
@@ -100,7 +100,7 @@ def _draw_heads(canvas: Canvas, heads: np.ndarray, label: TrackLabel) -> None:
 
 
 def _draw_epipole(canvas: Canvas, view: EpipoleView, camera: Camera) -> None:
-    """The two ends of the line of travel, and on top their region: a sure one is small."""
+    """Draw both ends of the line of travel, and on top the 95 % region, which may be small."""
     if view.ahead_px is None and view.behind_px is None:
         _draw_border_arrow(canvas, view, camera)
     if view.behind_px is not None:
@@ -111,7 +111,7 @@ def _draw_epipole(canvas: Canvas, view: EpipoleView, camera: Camera) -> None:
 
 
 def _draw_marker(canvas: Canvas, pixel: np.ndarray, *, slanting: bool) -> None:
-    """The circle with a cross; dark underneath, so that it stands out of any flow."""
+    """Draw the circle with a cross, with a dark outline, so that it is visible on any flow."""
     centre = pixel[None]
     for colour, width in ((BACKGROUND, 3), (WHITE, 1)):
         heavy = replace(canvas, stroke=width * canvas.stroke)
@@ -150,7 +150,7 @@ def _epipole_caption(view: EpipoleView | None, pose: RelativePose) -> str:
 
 
 def _caption(canvas: Canvas, text: str, line_px: float, *, top: bool) -> None:
-    """A line of small text on a darkened ground along the top or the bottom of the pane."""
+    """Draw a line of small text on a dark background along the top or the bottom of the pane."""
     capital = 0.46 * line_px
     height, width = canvas.pixels.shape[:2]
     bar = round(line_px)

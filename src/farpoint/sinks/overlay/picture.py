@@ -29,13 +29,13 @@ def draw_overlay(
     palette: PaletteName = "red-green",
     mask: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Draw the display of the method, after the screen-shots of the paper.
+    """Draw the display of the method in the style of the paper's screenshots.
 
-    The newer image with its tracks (far red, near green, outliers grey); the translational flow
-    in the older image's pixels, along great circles as the lens bends them, with the epipole as a
-    circle with a cross inside its 95 % ellipse, the opposite end of the line of travel as a circle
-    with a slanting cross, or an arrow at the border where both are outside the image; the motion
-    with its 1-sigma.
+    The left pane is the newer image with its tracks (far red, near green, outliers grey). The right
+    pane is the translational flow in pixels of the older image, along great circles if the lens
+    bends them. The epipole is a circle with a cross inside its 95 % ellipse, and the opposite end
+    of the line of travel is a circle with a slanting cross. If both ends are outside the image, an
+    arrow at the border points to the epipole. The panel below has the motion with its 1-sigma.
 
     Parameters
     ----------
@@ -107,7 +107,9 @@ def _fitted(image: np.ndarray, pane: tuple[int, int]) -> np.ndarray:
 
 
 def _hatch(pane: np.ndarray, mask: np.ndarray, line_px: float) -> None:
-    """Darken where the mask is False, and draw stripes over it: a bonnet may be dark itself."""
+    """Darken the picture where the mask is False, and draw stripes, because a bonnet may be dark
+    itself.
+    """
     cv2 = optional_import("cv2", extra="video", purpose="drawing the overlay")
     height, width = pane.shape[:2]
     fitted = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)

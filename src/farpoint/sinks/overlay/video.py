@@ -1,4 +1,4 @@
-"""The sink ``overlay.mp4``: H.264 for browsers and phones, playable during the run."""
+"""The sink ``overlay.mp4``: an H.264 video for browsers and phones, playable during the run."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ def open_video(
 
 
 def require_libraries() -> None:
-    """Raise a MissingExtraError where a library that draws or encodes is not installed."""
+    """Raise a MissingExtraError if a library for drawing or encoding is not installed."""
     for name, purpose in _LIBRARIES.items():
         require(name, extra="video", purpose=purpose)
 

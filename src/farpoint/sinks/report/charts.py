@@ -35,7 +35,7 @@ class Curve:
     style : str
         CSS class that gives the colour.
     values : Series
-        What is drawn.
+        Values of the curve.
     sigma : ndarray, shape (B,), or None
         1-sigma of the first values: the band.
     period : float
@@ -58,7 +58,7 @@ class Chart:
     title, unit : str
         Words above it.
     curves : list of Curve
-        What it shows.
+        Curves of the chart.
     log : bool
         Draw on a logarithmic axis.
     """
@@ -70,7 +70,7 @@ class Chart:
 
 
 def draw_chart(chart: Chart, digest: Digest, number: int) -> str:
-    """A figure; `number` is its place among the charts, by which the cursor finds its values."""
+    """Draw a figure; the cursor finds the values of a chart by its `number`."""
     low, high = _log_range(chart.curves) if chart.log else _range(chart.curves)
     height = _height_map(low, high, log=chart.log)
     span_s = max(digest.span_s, 1e-9)
@@ -189,7 +189,9 @@ def _log_range(curves: list[Curve]) -> tuple[float, float]:
 
 
 def _height_map(low: float, high: float, *, log: bool) -> Callable[[ArrayLike], Any]:
-    """Function from values to heights in the square, downwards; far outside is cut."""
+    """Function from values to heights in the unit square, downwards; values far outside are
+    clipped.
+    """
 
     def height(value: ArrayLike) -> Any:
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -212,14 +214,14 @@ def _ticks(low: float, high: float, *, log: bool = False) -> list[float]:
 
 
 def _time_ticks(span_s: float) -> list[float]:
-    """Seconds to mark on an axis of this length: whole minutes where there are many."""
+    """Seconds to mark on an axis of this length: whole minutes on a long axis."""
     step = next((s for s in _MINUTE_STEPS_S if span_s > 120.0 and span_s <= 7 * s), 0)
     step = step or nice_step(span_s / 7.0)
     return [round(k * step, 12) for k in range(math.floor(span_s / step) + 1)]
 
 
 def nice_step(rough: float) -> float:
-    """Least of 1, 2, 5 times a power of ten that is at least `rough`."""
+    """Smallest of 1, 2, 5 times a power of ten that is at least `rough`."""
     decade = 10.0 ** math.floor(math.log10(rough))
     return next(m * decade for m in (1.0, 2.0, 5.0, 10.0) if m * decade >= rough * (1 - 1e-9))
 

@@ -24,7 +24,7 @@ _BINS_AT_ONCE = 10
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Series:
-    """One quantity over time, NaN where it is not known; all arrays of shape (B,).
+    """One quantity over time, NaN where it is unknown; all arrays have the shape (B,).
 
     Attributes
     ----------

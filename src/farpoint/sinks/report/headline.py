@@ -67,7 +67,7 @@ def _how_far(digest: Digest, paths: Paths, unit: LengthUnit) -> str:
 
 
 def _final_sigma(paths: Paths) -> float | None:
-    """Along the longest axis; None where it is not known or the scale was lost on the way."""
+    """Final 1-sigma of the position along its longest axis; None without one scale."""
     covariance = paths.covariance[-1]
     if paths.segments[-1] != paths.segments[0] or not np.isfinite(covariance).all():
         return None

@@ -16,9 +16,9 @@ class LengthUnit:
     Attributes
     ----------
     singular, plural : str
-        As they stand behind a number.
+        Name of the unit behind a number.
     name : str
-        As it stands beside a chart.
+        Name of the unit beside a chart.
     meaning : str
         Explanation for readers; empty where everybody knows.
     """

@@ -14,7 +14,9 @@ __all__ = ["charts_of"]
 
 
 def charts_of(digest: Digest, unit: LengthUnit) -> list[Chart]:
-    """Rotation and direction with their bands, the sigmas, the noise and the matches."""
+    """Charts of rotation and direction with their 1-sigma bands, of the sigmas, the noise and the
+    matches.
+    """
     if not digest.series:
         return []
     series = digest.series

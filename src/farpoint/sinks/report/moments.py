@@ -18,16 +18,16 @@ _LONG_GAP = 1.5  # as a multiple of the usual time between frames
 
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """One pair of frames, or a stretch of pairs, and what is wrong with it.
+    """One pair of frames, or a stretch of pairs, with a problem.
 
     Attributes
     ----------
     time_s : float
-        Of the newer frame of its first pair, seconds since the first frame.
+        Time of the newer frame of its first pair, seconds since the first frame.
     frame0, frame1 : int
-        That pair.
+        Indices of the frames of this pair.
     title : str
-        What is wrong.
+        Name of the problem.
     reason : str
         Why, in a sentence; may be empty.
     """
@@ -48,7 +48,7 @@ class _Stretch:
 
 
 class MomentSeeker:
-    """Finds the worst moments of a run, part by part, with bounded memory.
+    """Search for the worst moments of a run, part by part, with bounded memory.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class MomentSeeker:
         self._usual_gap_s = np.inf
 
     def look(self, motions: Motions, quantities: Mapping[str, np.ndarray]) -> None:
-        """Look at the next rows, with the curves that are drawn of them."""
+        """Examine the next rows, and the curves drawn from these rows."""
         counted = np.maximum(motions.far + motions.near + motions.outliers, 1)
         known = motions.status != PoseStatus.FAILED
         share = np.where(known, 100.0 * motions.outliers / counted, np.nan)
@@ -83,7 +83,7 @@ class MomentSeeker:
             self._not_ok(motions, int(row))
 
     def found(self, reasons: Mapping[int, str]) -> list[Moment]:
-        """The stretches that are not OK, the longest first, then the extremes of the rest.
+        """The stretches that are not OK, longest first, then the extremes of the other pairs.
 
         Parameters
         ----------

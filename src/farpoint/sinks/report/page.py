@@ -192,7 +192,7 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def _script(charts: list[Chart], page: PageContents) -> str:
-    """The curves as data for the cursor, and the code that moves it."""
+    """JavaScript of the page: the values of the curves, and the code that moves the cursor."""
     if not charts:
         return ""
     digest, paths = page.digest, page.paths

@@ -30,9 +30,10 @@ class Paths:
     x_z : ndarray, shape (P, 2)
         Positions, in metres or the unit of the trajectory, as the files are.
     segments : ndarray of int, shape (P,)
-        Which part of the path each belongs to; between parts the scale was lost.
+        Segment of the path of each position; between parts the scale was lost.
     covariance : ndarray, shape (P, 2, 2)
-        Of each position since its segment began, squared units; NaN where it is not known.
+        Covariance of each position since its segment began, squared units; NaN where it is not
+        known.
     true_x_z : ndarray, shape (P, 2), or None
         True positions at the same times after Sim(3) alignment with the path; NaN where the truth
         is missing. None without a truth.
@@ -83,7 +84,7 @@ def _cells(
 
 
 def _thinned(folder: Path) -> Iterator[_Row]:
-    """Every so manyth frame, few enough to be drawn, and the last."""
+    """Every k-th frame, with k so large that few frames remain, and the last frame."""
     path = folder / "positions.csv"
     rows = _from_positions(path) if path.is_file() else _from_tum(folder / "trajectory.tum")
     path = path if path.is_file() else folder / "trajectory.tum"
@@ -115,7 +116,7 @@ def _from_tum(path: Path) -> Iterator[_Row]:
 def _true_places(
     truth: Path, stamps: np.ndarray, frames: np.ndarray, places: np.ndarray
 ) -> np.ndarray | None:
-    """True positions (P, 3) in the axes of the estimate; None where too few are known to fit."""
+    """True positions (P, 3) in the axes of the estimate; None if too few are known for a fit."""
     reference = read_trajectory(truth)
     if reference.timestamps is None:
         poses = poses_at_frames(reference.world_from_body, frames)

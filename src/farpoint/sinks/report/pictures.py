@@ -16,7 +16,7 @@ _SAME_S = 1e-3
 
 
 def data_uri(still: Still) -> str:
-    """A picture as text, so that the page needs no other file."""
+    """A picture encoded as text, so that the page needs no other file."""
     return f"data:image/jpeg;base64,{base64.b64encode(still.jpeg).decode()}"
 
 

@@ -33,10 +33,10 @@ class Still:
 
 
 def thumbs_of(path: Path, count: int) -> list[Still]:
-    """At most `count` small key frames, spread evenly over a film; none if there is no film.
+    """At most `count` small key frames, evenly spread over a video; empty without a video.
 
-    Only the packets of key frames are held, and never more than twice `count`; a film cut off by
-    a kill gives what it has.
+    Only the packets of key frames are held, at most twice `count`. A video that a kill has cut off
+    gives the frames that it has.
     """
 
     def read(stream: Any, packets: Iterable[Any]) -> list[Still]:
@@ -49,14 +49,16 @@ def thumbs_of(path: Path, count: int) -> list[Still]:
 
 
 def stills_at(path: Path, times_s: Iterable[float]) -> list[Still]:
-    """The pictures a film shows at these times, s since its start, in their order.
+    """Pictures of a video at these times, s since its start, in the order of the times.
 
-    A time beyond what can be read, as of a film cut off by a kill, gives none.
+    A time beyond the readable part of a video (cut off by a kill) gives no picture.
     """
     wanted = sorted(set(times_s))
 
     def read(stream: Any, packets: Iterable[Any]) -> list[Still]:
-        """Decode each wanted picture from its key frame on; ``packets`` in the film's order."""
+        """Decode each wanted picture from its key frame on; ``packets`` are in the order of the
+        video.
+        """
         stills: list[Still] = []
         group: list[Any] = []  # from the last key frame on: what a picture is decoded from
         for packet in packets:
@@ -86,7 +88,7 @@ def _from_video(path: Path, read: Callable[[Any, Iterable[Any]], list[Still]]) -
 
 
 def evenly_spaced_key_packets(packets: Iterable[Any], count: int) -> list[Any]:
-    """Key packets evenly spread: every k-th is kept, and k doubles when there are too many."""
+    """Evenly spread key packets: every k-th is kept, and k doubles if there are too many."""
     kept: list[Any] = []
     step = 1
     keys = (packet for packet in packets if packet.is_keyframe and packet.pts is not None)

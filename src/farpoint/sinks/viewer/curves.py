@@ -20,7 +20,7 @@ _BAND_ALPHA = 110
 
 
 class Curves:
-    """Draws values with their 1-sigma band; where there is no value the line breaks.
+    """Curves of values with their 1-sigma band; a line breaks where the value is missing.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Curves:
 
 
 def _rotation_rate(result: OdometryResult) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation vector over time (3,) and its 1-sigma (3,), deg/s; NaN where it is not known."""
+    """Rotation vector over time (3,) and its 1-sigma (3,), deg/s; NaN if unknown."""
     pose, elapsed_s = result.pose, result.timestamp - result.timestamp0
     unknown = np.full(3, np.nan)
     if pose is None or pose.rotation_cam1_from_cam0 is None or elapsed_s <= 0.0:
@@ -66,7 +66,7 @@ def _rotation_rate(result: OdometryResult) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _heading(result: OdometryResult) -> tuple[np.ndarray, np.ndarray]:
-    """Angles to the right and up (2,) and their 1-sigma (2,), deg; NaN where there are none."""
+    """Angles to the right and up (2,) and their 1-sigma (2,), deg; NaN without a direction."""
     pose, unknown = result.pose, np.full(2, np.nan)
     if pose is None or pose.heading_cam0 is None or pose.heading_covariance is None:
         return unknown, unknown

@@ -25,14 +25,14 @@ __all__ = ["LiveViewer", "start_live_viewer"]
 
 
 class LiveViewer:
-    """A sink that leaves frames out rather than wait, and counts them.
+    """A sink that leaves frames out instead of waiting, and counts the frames left out.
 
     Parameters
     ----------
     options : ViewerOptions
-        Where the display goes.
+        Window and file of the display.
     name : str
-        Of the source, for the title.
+        Name of the source, for the title.
     camera : Camera
         Camera of the frames.
     palette : {"red-green", "orange-blue"}
@@ -84,7 +84,7 @@ class LiveViewer:
 
 
 def start_live_viewer() -> subprocess.Popen[bytes]:
-    """Start the process that draws, so that it is ready when the first frame comes."""
+    """Start the process that draws, so that it is ready for the first frame."""
     # It leaves frames out rather than wait, so it can step back far.
     return start_process(__name__, "rerun", niceness=10, RUST_LOG=QUIET)
 

@@ -26,7 +26,7 @@ _NOTHING = np.empty((0, 2, 2), np.float32)
 
 
 class Pictures:
-    """Draws the image with its tracks, and the flow with the epipole.
+    """Panes of the image with its tracks, and of the flow with the epipole.
 
     Colours and sizes are logged once; a frame adds positions only.
 
@@ -102,7 +102,9 @@ class Pictures:
 
 
 def _marker(at: np.ndarray, radius: float, turn: float) -> list[np.ndarray]:
-    """The paper's circle with a cross around a pixel (2,); turned where the camera comes from."""
+    """The paper's circle with a cross around a pixel (2,); slanting for the point the camera comes
+    from.
+    """
     angles = np.linspace(0.0, 2.0 * np.pi, 33)
     strips = [at + radius * np.column_stack([np.cos(angles), np.sin(angles)])]
     for angle in (turn, turn + np.pi / 2.0):
@@ -112,7 +114,7 @@ def _marker(at: np.ndarray, radius: float, turn: float) -> list[np.ndarray]:
 
 
 def _pieces(path_px: np.ndarray) -> list[np.ndarray]:
-    """A path (K, 2) with rows of NaN as the strips between them."""
+    """Strips of a path (K, 2), which rows of NaN separate."""
     gaps = np.flatnonzero(~np.isfinite(path_px).all(axis=1))
     parts = [part[np.isfinite(part).all(axis=1)] for part in np.split(path_px, gaps)]
     return [part.astype(np.float32) for part in parts if len(part) > 1]

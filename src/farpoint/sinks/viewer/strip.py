@@ -15,7 +15,7 @@ __all__ = ["Strip"]
 
 
 class Strip:
-    """Draws the status, when it changes, and the values of every pair.
+    """Panes of the status, drawn at each change, and of the values of every pair.
 
     Parameters
     ----------

@@ -34,12 +34,12 @@ _YEAR_2001_S = 1e9  # time stamps beyond are dates, before it they count from a 
 
 
 class Viewer:
-    """Draws every result: pictures, path, curves and text, at the time of its frame.
+    """Sink that draws every result (pictures, path, curves and text) at the time of its frame.
 
     Parameters
     ----------
     recording : rerun.RecordingStream
-        Drawn into, and closed.
+        Recording that receives the drawings; the viewer closes it.
     camera : Camera
         Camera of the frames; without a size, the first image gives it.
     palette : Palette
@@ -52,7 +52,7 @@ class Viewer:
     Raises
     ------
     InputError
-        By `write` and `close`, where the file cannot be written any more.
+        Raised by `write` and `close` if the file can no longer be written.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class Viewer:
         self._recording.disconnect()
 
     def _flush(self, rrd: Path) -> None:
-        """Find out whether the file grows: Rerun, in a thread of its own, raises nothing."""
+        """Check that the file grows, because Rerun writes in its own thread and raises no error."""
         try:
             self._recording.flush(timeout_sec=_TIMEOUT_S)
         except RuntimeError as error:
@@ -116,7 +116,7 @@ class Viewer:
 
 
 def set_moment(recording: Any, result: OdometryResult) -> None:
-    """Set the time and the frame number of what is drawn next."""
+    """Set the time and the frame number of the next drawings."""
     recording.set_time("frame", sequence=result.frame1)
     if result.timestamp >= _YEAR_2001_S:
         recording.set_time(TIMELINE, timestamp=result.timestamp)
@@ -134,7 +134,7 @@ def open_viewer(
     options : ViewerOptions
         Options of the display.
     name : str
-        Of the source, for the title.
+        Name of the source, for the title.
     camera : Camera
         Camera of the frames.
     palette : {"red-green", "orange-blue"}

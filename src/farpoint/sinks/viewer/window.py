@@ -1,4 +1,4 @@
-"""The viewer's window: a process of its own that only this machine can reach."""
+"""The window of the viewer: a process of its own, which only this machine can reach."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ _EDGES = ((0, 1, 2, 0), (0, 3, 4, 0), (1, 4), (2, 3))
 
 
 class World:
-    """Draws the path step by step: each frame adds its own, so that time can be scrubbed.
+    """Pane of the path, which grows with each frame, so that the cursor can move through time.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class World:
         recording.log(f"{places.CAMERA}/body", body, static=True)
 
     def draw(self, result: OdometryResult, camera: Camera) -> None:
-        """The camera, the step that led to it, the region of its heading, and near points."""
+        """Draw the camera, the step that led to it, the region of its heading, and near points."""
         pose = result.world_from_cam
         position = pose[:3, 3]
         turn = self._rr.Quaternion(xyzw=so3.quat_xyzw_from_matrix(pose[:3, :3]))
@@ -98,12 +98,12 @@ def position_region(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     covariance : ndarray, shape (3, 3)
-        Of the position.
+        Covariance of the position.
 
     Returns
     -------
     half_axes : ndarray, shape (3,)
-        In the unit of the position.
+        Lengths in the unit of the position.
     axes : ndarray, shape (3, 3)
         A rotation; its columns are the directions of the axes.
     """
