@@ -22,8 +22,8 @@ class Noise(NamedTuple):
     outlier_share : float
         Share of outliers among all matches.
     tail_share : float
-        Share of the inliers that have `TAIL_RATIO` times the sigma of the core; of these, the same share
-        has `TAIL_RATIO` times more, and so on (heavy tail).
+        Share of the inliers that have `TAIL_RATIO` times the sigma of the core; of these, the same
+        share has `TAIL_RATIO` times more, and so on (heavy tail).
     repeated_share : float
         Share of repeated-structure outliers (one window matched to the next) among the outliers; 0
         for a pure rotation, which has no such component.
