@@ -7,11 +7,8 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from types import FrameType
+from collections.abc import Callable
 from typing import Any
 
 import tyro
@@ -25,6 +22,7 @@ from farpoint.cli.evaluate import Evaluate
 from farpoint.cli.fleet import Fleet
 from farpoint.cli.live import Live
 from farpoint.cli.run import Run
+from farpoint.cli.signals import interruptible
 from farpoint.cli.streams import lasting_streams
 from farpoint.cli.wrong_usage import in_one_line
 from farpoint.errors import InputError, MissingExtraError, printable
@@ -51,7 +49,7 @@ def main() -> int:
     """Run the command of ``sys.argv``; the return value is the exit code of the process."""
     with lasting_streams():
         try:
-            with _ended_like_ctrl_c():
+            with interruptible():
                 return _run(sys.argv[1:])
         except (InputError, MissingExtraError) as error:
             return _refuse(str(error))
@@ -93,33 +91,6 @@ def _discard_results() -> None:
     except OSError:
         with contextlib.suppress(io.UnsupportedOperation):  # standard output is no file
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-@contextlib.contextmanager
-def _ended_like_ctrl_c() -> Iterator[None]:
-    """Handle SIGTERM, and SIGHUP of a closed terminal, like Ctrl-C, so that every output is
-    completed.
-
-    A signal that the caller ignores stays ignored (``nohup``).
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {}
-    for name in ("SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)  # Windows has no SIGHUP
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-            before[number] = signal.signal(number, _interrupt)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    del number, frame
-    raise KeyboardInterrupt
 
 
 def parse(arguments: list[str]) -> Callable[[], int | None]:

@@ -1,0 +1,57 @@
+"""Signals that end a command in order."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+COMPILE = """
+import os, sys, threading, time
+import numba
+from farpoint.cli.signals import interruptible
+
+@numba.njit
+def inverse(a):
+    return a @ a @ a if a.size > 9 else a + a.T
+
+def compile_function():
+    inverse(np.eye(3))
+    print("compiled", len(inverse.signatures), flush=True)
+    time.sleep(60.0)
+
+import numpy as np
+
+with interruptible():
+    # Once the compiler is at work, as a look at the frames of this thread shows.
+    def signal_when_compiling():
+        main = threading.main_thread().ident
+        while True:
+            frame = sys._current_frames()[main]
+            while frame is not None:
+                if frame.f_code.co_name == "type_inference_stage":
+                    os.kill(os.getpid(), NUMBER)
+                    return
+                frame = frame.f_back
+            time.sleep(0.001)
+
+    threading.Thread(target=signal_when_compiling, daemon=True).start()
+    try:
+        compile_function()
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_during_a_compilation_waits_for_its_end(number: signal.Signals):
+    done = subprocess.run(
+        [sys.executable, "-c", COMPILE.replace("NUMBER", str(int(number)))],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),
+    )
+    assert (done.returncode, done.stdout) == (0, "compiled 1\ninterrupted\n"), done.stderr
