@@ -97,7 +97,7 @@ def regular_lines(
 
 
 class _UpTo(io.RawIOBase):
-    """Stream of the bytes of a file; an InputError beyond the limit, or if reading fails."""
+    """Stream of the bytes of a file. It raises an InputError beyond the limit, or if reading fails."""
 
     def __init__(self, descriptor: int, path: Path, limit_bytes: int, what: str) -> None:
         self._descriptor, self._path, self._what = descriptor, path, what
@@ -107,7 +107,7 @@ class _UpTo(io.RawIOBase):
         return True
 
     def readinto(self, buffer: WriteableBuffer, /) -> int:
-        """Fill a buffer, and count the bytes; an InputError beyond the limit."""
+        """Fill a buffer, and count the bytes. Beyond the limit the method raises an InputError."""
         # One byte beyond the limit shows whether the file ends there.
         view = memoryview(buffer)[: self._remaining + 1]
         try:

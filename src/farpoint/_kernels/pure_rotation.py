@@ -131,8 +131,8 @@ def translation_log_ratio(
 ) -> float:
     """Log-likelihood ratio of a general motion to a pure rotation, over all matches.
 
-    Matches that both models explain count only against the motion. A rotation explains the common
-    flow of these matches, and another test compares their residuals.
+    Together, the matches that both models explain can lower the ratio but not raise it. A rotation
+    explains the common flow of these matches, and another test compares their residuals.
 
     The prior of the parallax is the density of the other inliers. Here a share of the inliers, 0.5
     or 0.9, is far and has parallax by noise only: at infinity, or with a common mean parallax that

@@ -33,7 +33,7 @@ stand at first."""
 
 
 class Deinterlacer:
-    """Filter that uses the even lines of every picture after the first interlaced picture.
+    """Filter that uses the even lines of every picture from the first interlaced picture on.
 
     Attributes
     ----------

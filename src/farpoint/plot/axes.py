@@ -25,7 +25,7 @@ def new_axes(aspect: float = 1.0) -> Axes:
 
 
 def image_axes(axes: Axes | None, size: tuple[int, int], image: np.ndarray | None) -> Axes:
-    """Axes in pixels of an image of `size` (width, height), y down, over the image."""
+    """Axes in pixels with y down, for an image of `size` (width, height), drawn if it is given."""
     width, height = size
     axes = new_axes(width / height) if axes is None else axes
     if image is not None:

@@ -58,9 +58,9 @@ def paper_protocol(
     direction and a length of 1 to 5 cm.
 
     The results of the paper imply such small motions and such distant points. The rotation errors
-    of the paper, (0.0113, 0.0107, 0.0231) deg, have the proportions of a rotation from points that
-    are known to be far. If all depths are unknown, the Cramer-Rao bound about x and y is 0.026 deg
-    for any depths and any baseline. Far points at 25-35 m would bias the rotation by more than the
+    of the paper, (0.0113, 0.0107, 0.0231) deg, have the proportions of errors from points that are
+    known to be far. If all depths are unknown, the Cramer-Rao bound about x and y is 0.026 deg for
+    any depths and any baseline. Far points at 25-35 m would bias the rotation by more than the
     errors of the paper. The direction error of 2.59 deg is the Cramer-Rao bound of a baseline near
     2 cm.
 

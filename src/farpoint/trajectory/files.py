@@ -162,7 +162,7 @@ def _named_places(path: Path) -> Iterator[tuple[int, int, int]]:
 
 
 def _check_places(path: Path, columns: int) -> None:
-    """Raise an InputError if a line with as many columns names other columns for the quaternion."""
+    """Raise an InputError if a header of ``columns`` names does not put qw, qx in 5, 6 or 8, 5."""
     for named, w, x in _named_places(path):
         if named == columns and (w, x) not in ((4, 5), (7, 4)):
             raise InputError(
