@@ -97,7 +97,7 @@ def regular_lines(
 
 
 class _UpTo(io.RawIOBase):
-    """Stream of the bytes of a file. It raises an InputError beyond the limit, or if reading fails."""
+    """Bytes of a file as a stream. Reading raises an InputError beyond the limit or if it fails."""
 
     def __init__(self, descriptor: int, path: Path, limit_bytes: int, what: str) -> None:
         self._descriptor, self._path, self._what = descriptor, path, what
