@@ -55,3 +55,33 @@ def test_a_signal_during_a_compilation_waits_for_its_end(number: signal.Signals)
         preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),
     )
     assert (done.returncode, done.stdout) == (0, "compiled 1\ninterrupted\n"), done.stderr
+
+
+DESTROY = """
+import os, signal, time
+from farpoint.cli.signals import interruptible
+
+class Slow:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(1.0)
+        print("never", flush=True)
+
+def destroy():
+    slow = Slow()
+    del slow
+    time.sleep(60.0)
+
+with interruptible():
+    try:
+        destroy()
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+"""
+
+
+def test_a_signal_that_is_lost_in_a_destructor_is_sent_once_more():
+    done = subprocess.run(
+        [sys.executable, "-c", DESTROY], capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from types import FrameType
+from typing import Any
 
 __all__ = ["interruptible"]
 
@@ -20,19 +22,29 @@ def interruptible() -> Iterator[None]:
     """Raise KeyboardInterrupt on Ctrl-C, on SIGTERM, and on SIGHUP of a terminal that closes.
 
     A signal that the caller ignores stays ignored (``nohup``). A signal during the compilation of a
-    kernel waits for its end: an exception in the middle of it can crash the process.
+    kernel waits for its end, because an exception in the middle of it can crash the process. Python
+    ignores an exception in a destructor or a callback: the signal is then sent once more.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {}
+    before, unraisable = {}, sys.unraisablehook
+
+    def send_again(lost: Any) -> None:
+        if before and issubclass(lost.exc_type, KeyboardInterrupt):
+            _send_later(next(iter(before)))
+        else:
+            unraisable(lost)
+
     for name in _SIGNALS:
         number = getattr(signal, name, None)  # Windows has no SIGHUP
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
             before[number] = signal.signal(number, _interrupt)
+    sys.unraisablehook = send_again
     try:
         yield
     finally:
+        sys.unraisablehook = unraisable
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -40,9 +52,7 @@ def interruptible() -> Iterator[None]:
 def _interrupt(number: int, frame: FrameType | None) -> None:
     if not _is_compiling(frame):
         raise KeyboardInterrupt
-    again = threading.Timer(_AGAIN_S, _raise_in_main_thread, (number,))
-    again.daemon = True
-    again.start()
+    _send_later(number)
 
 
 def _is_compiling(frame: FrameType | None) -> bool:
@@ -54,10 +64,15 @@ def _is_compiling(frame: FrameType | None) -> bool:
     return False
 
 
-def _raise_in_main_thread(number: int) -> None:
-    if hasattr(signal, "pthread_kill"):  # else on Windows, where no call has to be interrupted
-        main = threading.main_thread().ident
-        assert main is not None
-        signal.pthread_kill(main, number)
-    else:
+def _send_later(number: int) -> None:
+    timer = threading.Timer(_AGAIN_S, _send_to_main_thread, (number,))
+    timer.daemon = True
+    timer.start()
+
+
+def _send_to_main_thread(number: int) -> None:
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, number)  # ends a call that waits
+    else:  # on Windows
         signal.raise_signal(number)
