@@ -33,7 +33,7 @@ PAIR_COLUMNS = (
     "direction_nees",
     "pose_nees",
 )
-"""Names of what `pair_rows` yields."""
+"""Names of the columns of `pair_rows`."""
 
 DEG = 180.0 / math.pi
 
@@ -62,7 +62,7 @@ def to_json(evaluation: Evaluation) -> str:
 
 
 def to_text(evaluation: Evaluation) -> str:
-    """Aligned tables for a terminal; without truth only the figures that need no truth."""
+    """Aligned tables for a terminal. Without truth, only figures that need no truth are shown."""
     motions = evaluation.motions
     lines = _motion_lines(motions)
     if motions.pairs_with_truth:
@@ -106,7 +106,7 @@ def _motion_lines(motions: MotionEvaluation) -> list[str]:
 def _consistency_lines(
     found: MotionEvaluation | HalvesEvaluation, points: str, errors: str
 ) -> list[str]:
-    """Errors against covariances; ``points`` and ``errors`` name what was compared."""
+    """Lines of errors against covariances; ``points`` and ``errors`` name what was compared."""
     head = ("covariance", "dof", "pairs", "NEES mean", "95 % bounds", "median")
     head += ("in 68 %", "in 95 %", "sigma, deg", "sigma/error")
     kinds = (("rotation", found.rotation), ("direction", found.direction), ("pose", found.pose))
