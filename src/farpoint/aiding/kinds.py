@@ -93,7 +93,7 @@ class KnownDistance:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GnssPositions:
-    """Positions with time stamps, in any fixed axes, which are used for the scale only.
+    """Positions with time stamps, in any fixed axes, used only to find the scale.
 
     Attributes
     ----------

@@ -50,17 +50,17 @@ class Equirectangular(LensModel):
 
     @property
     def title(self) -> str:
-        """What people call this projection."""
+        """Common name of this projection."""
         return "equirectangular (360 degrees)"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         return {"width": self.width, "height": self.height}
 
     @property
     def roles(self) -> ParameterRoles:
-        """None: the size of the picture is what it is."""
+        """Empty roles, because the size of the picture has no error."""
         return ParameterRoles(scale={}, affine=(), center=(), radial=())
 
     def _project(self, points: np.ndarray) -> np.ndarray:

@@ -108,9 +108,10 @@ def direction_error(
 ) -> np.ndarray:
     """``dbeta`` (N, 2), rad, of ``direction_true = normalize(direction_est + basis @ dbeta)``.
 
-    To solve this definition for ``dbeta``, project the true direction centrally on the tangent
-    plane, ``basis.T @ direction_true / (direction_est . direction_true)``. The projection is
-    infinite for an error of 90 degrees. The result is infinite for larger errors, too.
+    The solution of this definition for ``dbeta`` is the central projection of the true direction on
+    the tangent plane, ``basis.T @ direction_true / (direction_est . direction_true)``. The
+    projection is infinite for an error of 90 degrees. The result is infinite for larger errors,
+    too.
 
     Parameters
     ----------

@@ -125,14 +125,14 @@ class PathConsistency:
 
 
 def evaluate_path(samples: PathSamples) -> PathConsistency | None:
-    """Compare each segment with the truth in the segment's own gauge; None without any truth.
+    """Compare every segment with the truth; None if nothing can be compared.
 
-    The gauge is the gauge of the covariances, and nothing is fitted to the truth. The first pose of
-    a segment, position and orientation, is taken as true. The length of the first motion is also
-    taken as true. If this length has an error of its own, the length with the smallest relative
-    error is taken as true instead. If the covariances include an error of the unit, no length is
-    taken as true. An error of the true first pose, or of the true length that is used, counts as an
-    error of the path.
+    The gauge of the comparison is the gauge of the covariances, and nothing is fitted to the truth.
+    The first pose of a segment, position and orientation, is taken as true. The length of the first
+    motion is also taken as true. If this length has an error of its own, the length with the
+    smallest relative error is taken as true instead. If the covariances include an error of the
+    unit, no length is taken as true. An error of the true first pose, or of the true length that is
+    used, counts as an error of the path.
     """
     found = list(_segments(samples))
     if not found:

@@ -104,7 +104,7 @@ class Consistency:
         Coverage of the 68 % and 95 % ellipsoids.
     median_sigma : float
         Sharpness: median of ``sqrt(trace(covariance))``, in the unit of the errors. Of two honest
-        estimators, the one with the smaller value is better.
+        estimators, the estimator with the smaller value is better.
     sigma_over_error : float
         Square root of the expected median NEES divided by the measured median NEES. This is the
         factor by which the sigmas are too large (above 1) or too small (below 1). A few large

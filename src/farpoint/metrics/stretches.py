@@ -3,10 +3,10 @@
 Each pose has the covariance of its error since the beginning of the segment. The error of a stretch
 is the error that is added between the two ends of the stretch. Let ``x = [dtheta, rho,
 dlog_scale]`` with ``dp = dtheta x p + p dlog_scale + rho`` be the error of a pose as a perturbation
-of the whole world. An error that later poses inherit has the same ``x`` at all of them, so its
-covariance ``W_t`` grows with each motion. A pose that is located independently has an additional
-error of its own, with the covariance ``N_t``. The covariance of a pose is then ``C_t = W_t + N_t``.
-If ``N`` is not given, it is estimated from the decrease of ``C``,
+of the whole world. An error that later poses inherit has the same ``x`` at all these poses, so the
+covariance ``W_t`` of the inherited error grows with each motion. A pose that is located
+independently has an additional error of its own, with the covariance ``N_t``. The covariance of a
+pose is then ``C_t = W_t + N_t``. If ``N`` is not given, it is estimated from the decrease of ``C``,
 
     W_t = C_t - (C_t - W_{t+1})_+
 
@@ -74,10 +74,10 @@ def evaluate_stretches(
     A stretch begins at every pose and lies within one segment.
 
     For a given length, a stretch ends at the first pose that is at least this length farther along
-    the true path. Each segment is scaled so that the summed length of its stretches is the true
-    one, and the variances take this scaling into account. For honest covariances, 0.95 of the
-    stretches lie within their 95 % regions on average. Stretches overlap, but the interval of
-    `Coverage` assumes independent samples, so the interval is too narrow.
+    the true path. Each segment is scaled so that the estimated and the true lengths of its
+    stretches have the same sum, and the variances take this scaling into account. For honest
+    covariances, 0.95 of the stretches lie within their 95 % regions on average. Stretches overlap,
+    but the interval of `Coverage` assumes independent samples, so the interval is too narrow.
 
     Returns
     -------
@@ -184,8 +184,9 @@ def _turn_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarra
 
 
 def _length_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Normalised squares of ``s |p*1 - p*0| - |p1 - p0|``, errors whose sum is 0 by the scale
-    ``s``.
+    """Normalised squares of the errors ``s |p*1 - p*0| - |p1 - p0|``.
+
+    The scale ``s`` makes the sum of these errors zero.
     """
     ways, true_ways = part.p[last] - part.p[first], part.true_p[last] - part.true_p[first]
     lengths, true_lengths = np.linalg.norm(ways, axis=1), np.linalg.norm(true_ways, axis=1)

@@ -41,7 +41,7 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The name of the file, or the numbers of the cameras of a trajectory if they differ."""
+    """The name of the file, or the numbers of a trajectory's cameras if the cameras differ."""
     return list(_places(file))
 
 
@@ -76,7 +76,7 @@ def _places(file: CalibrationFile) -> dict[str, _Place]:
 
 
 def _trajectory(fields: Fields, stem: str) -> dict[str, _Place]:
-    """The cameras of Open3D's ``PinholeCameraTrajectory``, one if all are alike."""
+    """The cameras of Open3D's ``PinholeCameraTrajectory``, or one camera if all are equal."""
     items = fields.values.get("parameters")
     places = {}
     for index, item in enumerate(items if isinstance(items, list) else []):

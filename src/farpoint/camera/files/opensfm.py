@@ -64,7 +64,7 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """One camera."""
+    """The camera of this name."""
     camera = file.fields.group(name)
     kind = camera.text(KIND).lower()
     if kind not in PARAMETERS:
