@@ -108,8 +108,7 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The ``camera_name``, or the name of the file, or keys of the matrices or groups of cameras.
-    """
+    """Keys of the matrices or groups of several cameras; else the ``camera_name`` or file name."""
     fields = file.fields
     if cameras := _cameras(fields):
         found = [keys.matrix for keys in cameras]
