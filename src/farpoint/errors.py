@@ -1,4 +1,4 @@
-"""Errors that a user can cause; each message is one line."""
+"""Errors that a user can cause. Each message is one line."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def printable(text: str) -> str:
 
 
 class MissingExtraError(ImportError):
-    """An optional library is absent. The message names the extra that installs it."""
+    """An optional library is absent. The message names the extra that installs the library."""
 
 
 def optional_import(module: str, *, extra: str, purpose: str) -> ModuleType:

@@ -85,7 +85,7 @@ class FolderEvaluation:
     Attributes
     ----------
     evaluation : Evaluation
-        The figures; `farpoint.metrics.to_text` and `to_json` write them.
+        Figures of the run, which `farpoint.metrics.to_text` and `to_json` write.
     errors : PairErrors
         Errors of the motion in each row of ``motions.csv``; NaN without truth.
     motions : Motions
@@ -297,7 +297,7 @@ def _motion_errors(
 def _evaluated_trajectory(
     file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
 ) -> tuple[TrajectoryEvaluation | None, str | None]:
-    """Figures of the trajectory, or the reason why there are none, such as a camera at rest."""
+    """Figures of the trajectory, or the reason for their absence, such as a camera at rest."""
     rows = list(iter_tum(file, whole_lines=True))
     if not rows:  # of a run that was killed early
         return None, f"{file.name} holds no pose"

@@ -1,4 +1,4 @@
-"""Validation of options: a number of the declared kind, in its range."""
+"""Validation of options: each number must be of the declared kind and in the valid range."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ _LEAST = 1e-15  # smallest positive number
 def coerce_float(
     options: object, expected: str, is_valid: Callable[[float], bool], *names: str
 ) -> None:
-    """Coerce the named fields of a record of options to Python's ``float`` and validate them.
+    """Coerce the named fields of a record of options to Python's ``float``, and validate the
+    values.
 
     Integers and NumPy scalars are converted, because a compiled kernel has one argument type. The
     magnitude is at most 1e9.

@@ -94,7 +94,7 @@ def _fix(fix: Any) -> tuple[float, ...] | None:
 
 
 def _velocity(message: Any) -> tuple[np.ndarray, np.ndarray | None]:
-    """Linear velocity (3,), m/s, and its covariance (3, 3), if the message has one."""
+    """Linear velocity (3,), m/s, and its covariance (3, 3); None for a missing covariance."""
     twist, covariance = message.twist, getattr(message.twist, "covariance", None)
     linear = twist.linear if covariance is None else twist.twist.linear
     velocity = np.array([linear.x, linear.y, linear.z])

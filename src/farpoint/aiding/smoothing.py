@@ -30,7 +30,7 @@ class Contradiction:
     kind : str
         Kind of aiding measurement.
     start_s, end_s : float
-        Times of the first and the last of the readings, s.
+        Begin of the first reading and end of the last reading, s.
     readings : int
         Number of readings.
     ratio : float
@@ -140,7 +140,7 @@ def _reweighted(
     x: np.ndarray,
     common: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Solution of `_solve`, repeated with new weights from the residuals until it is constant."""
+    """Solution of `_solve`, repeated with weights from the residuals until convergence."""
     fit_variance = np.zeros(len(z))
     for _ in range(_ROUNDS):
         residuals = z - x - common[kind]

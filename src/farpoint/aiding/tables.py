@@ -29,7 +29,7 @@ def read_speeds(path: str | Path, column: str = "speed") -> tuple[np.ndarray, np
     Raises
     ------
     InputError
-        If the file is invalid; the message has the file, the line and the expected value.
+        If the file is invalid. The message has the file, the line and the expected value.
     """
     table = _read(Path(path), ("timestamp", column))
     return table[:, 0], np.abs(table[:, 1])
@@ -45,7 +45,7 @@ def read_gnss(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     InputError
-        If the file is invalid; the message has the file, the line and the expected value.
+        If the file is invalid. The message has the file, the line and the expected value.
     """
     path = Path(path)
     if "latitude" in _header(path):

@@ -81,7 +81,7 @@ class Camera:
         return cls(model=model, size=_checked_size(width, height))
 
     def with_size(self, width: int, height: int) -> Camera:
-        """The same camera for images of this size. A camera of another size is an InputError."""
+        """Camera for images of this size, or an InputError if this camera has another size."""
         if self.size is not None and self.size != (width, height):
             raise InputError(
                 f"images are {width}x{height} but the calibration is for "

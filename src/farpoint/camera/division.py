@@ -29,7 +29,7 @@ class Division(FocalModel):
     visible.
 
     The model is from Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens
-    distortion", CVPR 2001, doi:10.1109/CVPR.2001.990465. COLMAP calls it DIVISION.
+    distortion", CVPR 2001, doi:10.1109/CVPR.2001.990465. COLMAP calls this model DIVISION.
 
     Attributes
     ----------

@@ -107,7 +107,7 @@ class ExtendedUnified(FocalModel):
 def lowest_cosine(alpha: float) -> float:
     """Cosine on the sphere down to which ``sin / (alpha + (1 - alpha) cos)`` increases.
 
-    At this cosine the divisor vanishes if alpha is at most 1/2; for larger alpha the slope
-    vanishes.
+    At this cosine the divisor vanishes if alpha is at most 1/2. For larger alpha the slope vanishes
+    at this cosine.
     """
     return -alpha / (1.0 - alpha) if alpha <= 0.5 else -(1.0 - alpha) / alpha

@@ -58,7 +58,7 @@ class CameraModel(Protocol):
         ...
 
     def refinable(self) -> CameraModel:
-        """The same lens with every parameter that can be estimated among its `parameters`."""
+        """The same lens, whose `parameters` include every parameter that can be estimated."""
         ...
 
     def with_parameters(self, values: np.ndarray | Mapping[str, float]) -> Self:

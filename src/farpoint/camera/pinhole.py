@@ -82,9 +82,7 @@ class Pinhole(FocalModel):
         return gather_coefficients(parameters)
 
     def refinable(self) -> Pinhole:
-        """The same lens, or the lens with coefficients k1 k2 p1 p2 of zero if it has no
-        coefficients.
-        """
+        """The same lens. A lens without distortion gets the coefficients k1 k2 p1 p2, all zero."""
         if self.distortion:
             return self
         return replace(self, distortion=(0.0,) * FEWEST_COEFFICIENTS)

@@ -34,8 +34,8 @@ class RadialCurve:
 def radial_curve(camera: Camera) -> RadialCurve:
     """The curve from the axis to the point of the image border that is farthest from the axis.
 
-    For most images this point is a corner. For a 360-degree picture it is the middle of a side. The
-    curve ends where pixels have no ray.
+    For most images this point is a corner. For a 360-degree picture this point is the middle of a
+    side. The curve ends where pixels have no ray.
 
     Raises
     ------

@@ -29,9 +29,9 @@ class Scaramuzza(LensModel):
     -f(rho))``.
 
     ``f(rho) = a0 + a1 rho + a2 rho^2 + ...`` with ``rho = sqrt(p^2 + q^2)`` px, and ``u = p + e q +
-    cx``, ``v = d p + c q + cy``. The toolbox's axes are x down, y right and z backward; the axes
-    here are x right, y down and z forward. Points are visible up to the radius at which the angle
-    off the axis stops increasing. Projection inverts f itself; the inverse polynomial of the
+    cx``, ``v = d p + c q + cy``. The toolbox's axes are x down, y right and z backward. farpoint's
+    axes are x right, y down and z forward. Points are visible up to the radius at which the angle
+    off the axis stops increasing. Projection inverts f itself. The inverse polynomial of the
     toolbox is only a fit and is not used.
 
     The model is from Scaramuzza, Martinelli and Siegwart, "A toolbox for easily calibrating

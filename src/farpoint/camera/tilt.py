@@ -54,7 +54,7 @@ class Tilt:
         return _project(self.homography, x, y)
 
     def invert(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates without the tilt, from tilted ones; NaN beyond the sensor's horizon."""
+        """Coordinates before the tilt, from tilted coordinates; NaN beyond the sensor's horizon."""
         return _project(np.linalg.inv(self.homography), a, b)
 
     def chain(self, inner: PlaneMap) -> PlaneMap:

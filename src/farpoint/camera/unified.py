@@ -117,8 +117,8 @@ class Unified(FocalModel):
     def _lowest_cosine(self) -> float:
         """Bound that ``Z / |(X, Y, Z)|`` must exceed for a visible point.
 
-        At this cosine the divisor vanishes if xi is at most 1; for larger xi ``sin / (xi + cos)``
-        stops increasing.
+        At this cosine the divisor vanishes if xi is at most 1. For larger xi, ``sin / (xi + cos)``
+        stops increasing at this cosine.
         """
         return -min(self.xi, 1.0 / self.xi) if self.xi > 0.0 else 0.0
 

@@ -80,7 +80,7 @@ class Innovation:
         Degrees of freedom: 5 for rotation and direction, 3 for rotation alone, 0 without a
         measurement.
     nis : float
-        Normalised innovation squared; its mean is `dof` for a consistent filter.
+        Normalised innovation squared. For a consistent filter the mean is `dof`.
     used : bool
         False if the gate rejected the motion, or if there was no measurement.
     """

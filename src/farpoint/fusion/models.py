@@ -1,7 +1,7 @@
 """Process and measurement model of the filter.
 
-Both models are plain functions of states, which may be stacked. Their derivatives are central
-differences.
+Both models are plain functions of states, which may be stacked. The derivatives of the models are
+central differences.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from farpoint.pose import RelativePose
 __all__ = ["GRAVITY", "central_differences", "motion_error", "predicted_motion", "propagated"]
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-"""Acceleration of free fall in the world, m/s^2; it varies by 0.25 % over the Earth."""
+"""Acceleration of free fall in the world, m/s^2. This value varies by 0.25 % over the Earth."""
 
 _STEP = 1e-5
 

@@ -23,7 +23,7 @@ class AssociationOptions:
         Largest time difference, s, at which a true pose is used without interpolation. The
         tolerance is for rounded time stamps.
     max_gap_s : float
-        Largest time between two true poses, s, at which poses between them are interpolated.
+        Largest time between two true poses, s, for interpolation between these poses.
     """
 
     tolerance_s: float = 1e-3
@@ -93,7 +93,7 @@ def poses_at_frames(truth_poses: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
 
 def _snapped(times: np.ndarray, wanted: np.ndarray, tolerance_s: float) -> np.ndarray:
-    """Each requested time, replaced by the nearest true time if it is within the tolerance."""
+    """Each requested time, or the nearest true time if the two differ by at most the tolerance."""
     after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(

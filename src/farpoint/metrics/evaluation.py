@@ -147,7 +147,7 @@ class Evaluation:
     motions : MotionEvaluation
         Figures of the motions of all frame pairs.
     trajectory : TrajectoryEvaluation or None
-        Figures of the trajectory; None if it cannot be compared.
+        Figures of the trajectory; None if the trajectory cannot be compared.
     trajectory_fault : str or None
         Reason why `trajectory` is None.
     path : PathConsistency or None

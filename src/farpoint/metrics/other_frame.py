@@ -36,10 +36,10 @@ def other_frame(estimated: np.ndarray, true: np.ndarray) -> OtherFrame | None:
 
     The result is None if no rotation, except a small one, reduces the misfit by a large factor.
 
-    Relative rotations of one motion in two frames fixed to each other have rotation vectors that
-    differ by the constant rotation between the frames (the rotation part of hand-eye calibration).
-    The SVD of the products of these vectors gives this rotation (Kabsch, Acta Crystallographica
-    A32, 1976).
+    If two frames are fixed to each other, the rotation vectors of a motion in one frame and in the
+    other frame differ by the constant rotation between the frames (the rotation part of hand-eye
+    calibration). The SVD of the products of these vectors gives this rotation (Kabsch, Acta
+    Crystallographica A32, 1976).
     """
     known = np.isfinite(estimated).all(axis=(1, 2)) & np.isfinite(true).all(axis=(1, 2))
     if np.count_nonzero(known) < _LEAST_MOTIONS:

@@ -45,8 +45,8 @@ class PathSamples:
     length_from : ndarray of int, shape (N,)
         Rows at which the motions of ``lengths`` begin.
     own_covariances : ndarray, shape (N, 7, 7), or None
-        The part of each covariance that belongs to one pose only, so that later poses do not
-        inherit it; None if unknown.
+        The part of each covariance that belongs to one pose only and that later poses do not
+        inherit; None if unknown.
     """
 
     segments: np.ndarray
@@ -100,7 +100,8 @@ class PathConsistency:
     ----------
     unit_is_given : bool
         Whether the covariances include an error of the unit of length, as for a path in metres. If
-        they do not, the unit is the length of the first motion of each segment.
+        the covariances include no such error, the unit is the length of the first motion of each
+        segment.
     orientation, position, pose : PathFigure
         Figures of 3, 3 and 6 degrees of freedom.
     position_any_scale : PathFigure

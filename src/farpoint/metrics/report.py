@@ -39,7 +39,7 @@ DEG = 180.0 / math.pi
 
 
 def pair_rows(errors: PairErrors) -> Iterator[list[str]]:
-    """Rows of a CSV file, one for each pair, with `PAIR_COLUMNS`; undefined fields are empty."""
+    """One CSV row for each pair, with the columns `PAIR_COLUMNS`; undefined fields are empty."""
     numbers = np.column_stack(
         [
             errors.true_rotation_angle_rad * DEG,
@@ -257,7 +257,7 @@ def _number(value: float) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table, with the first column aligned left and the others aligned right."""
+    """Lines of a table, with the first column aligned left and all other columns right."""
     cells = [head, *rows]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
     return [

@@ -76,7 +76,7 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """``inside / count``; NaN where there is no region."""
+        """``inside / count``; NaN without regions."""
         return self.inside / self.count if self.count else float("nan")
 
     @property

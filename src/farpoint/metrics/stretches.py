@@ -6,7 +6,8 @@ dlog_scale]`` with ``dp = dtheta x p + p dlog_scale + rho`` be the error of a po
 of the whole world. An error that later poses inherit has the same ``x`` at all these poses, so the
 covariance ``W_t`` of the inherited error grows with each motion. A pose that is located
 independently has an additional error of its own, with the covariance ``N_t``. The covariance of a
-pose is then ``C_t = W_t + N_t``. If ``N`` is not given, it is estimated from the decrease of ``C``,
+pose is then ``C_t = W_t + N_t``. If ``N`` is not given, ``N`` is estimated from the decrease of
+``C``,
 
     W_t = C_t - (C_t - W_{t+1})_+
 
@@ -44,7 +45,7 @@ _ROUNDING = 1e-9  # relative, of lengths
 
 @dataclass(frozen=True, kw_only=True)
 class StretchFigure:
-    """Stretches of one length against their covariances.
+    """Errors of all stretches of one length, compared with the covariances of these errors.
 
     Attributes
     ----------

@@ -75,7 +75,7 @@ class SegmentErrors:
 
 
 def absolute_errors(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Distances (N,) between positions of aligned trajectories; their RMSE is the ATE.
+    """Distances (N,) between positions of aligned trajectories. The RMSE of distances is the ATE.
 
     The error is defined by Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems",
     IROS 2012, doi:10.1109/IROS.2012.6385773. Align the trajectories first, by `align_sim3` or
@@ -91,7 +91,7 @@ def relative_errors(
     """Errors of the motions from pose i to pose ``i + delta_frames``, for i in steps of ``stride``.
 
     The error is ``E = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j)`` for truth Q and estimate P (Sturm et al. 2012,
-    eq. 1). By default a motion starts at every pose; ``stride=delta_frames`` gives motions that do
+    eq. 1). By default a motion starts at every pose. With ``stride=delta_frames``, the motions do
     not overlap.
     """
     _check(estimate, truth)

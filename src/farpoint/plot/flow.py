@@ -71,7 +71,8 @@ def flow(
     Raises
     ------
     InputError
-        If the points are not those of the pose, or neither the camera nor the image has a size.
+        If the points are not the matches of the pose, or if neither the camera nor the image has a
+        size.
     MissingExtraError
         If matplotlib is not installed (extra ``plot``).
 

@@ -36,7 +36,7 @@ class _Place:
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether a matrix is stored by columns: its principal point is in the last row of three."""
+    """Whether a matrix is stored by columns, with the principal point in the last of three rows."""
     return bool(_places(file))
 
 
@@ -46,7 +46,7 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera. ARKit counts from the corner of the first pixel, Open3D from its centre."""
+    """The camera. ARKit counts from the corner of the first pixel, and Open3D from the centre."""
     place = _places(file)[name]
     fields, key = place.fields, place.key
     refuse_others(fields, (key, *OTHER), only=LENS_WORDS)

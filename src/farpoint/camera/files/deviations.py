@@ -17,7 +17,7 @@ FEWEST = 4  # fx fy cx cy
 
 
 def with_deviations(camera: Camera, fields: Fields, matrix: str, distortion: str | None) -> Camera:
-    """The camera with the standard deviations of its parameters, if the file has them.
+    """The camera with the standard deviations of its parameters, if the file has deviations.
 
     OpenCV's interactive calibration appends ``_std_dev`` to the names of the matrix and of the
     coefficients. The deviations are in OpenCV's order, which is also the order of the parameters of

@@ -47,7 +47,7 @@ COEFFICIENTS = {
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether the text has Kalibr's heading and a camera below it."""
+    """Whether the text has Kalibr's heading, and a camera below this heading."""
     return "Camera-system parameters:" in file.text and bool(names(file))
 
 

@@ -261,7 +261,11 @@ def _is_none(value: object) -> bool:
 
 
 def _named_distortion(group: Fields, *, is_fisheye: bool) -> tuple[float, ...]:
-    """Coefficients from fields such as ``k1``, in the order of the lens: pinhole or fisheye."""
+    """Coefficients from fields such as ``k1``, in the order of the lens: pinhole or fisheye.
+
+    Fields ``k1 k2 k3 k4`` alone may belong to either lens, and raise an InputError if no field
+    names the lens.
+    """
     if not _has_any(group):
         return ()
     if is_fisheye:
@@ -324,7 +328,7 @@ def _names_opencv_fisheye(key: str, value: object) -> bool:
 
 
 def _is_fisheye_flag(fields: Fields, key: str) -> bool:
-    """Value of a flag."""
+    """Value of a flag that tells whether the lens is a fisheye."""
     word = fields.text(key).lower()
     if word in ("true", "yes", "on", "1", "1.0", "1."):
         return True
@@ -334,7 +338,7 @@ def _is_fisheye_flag(fields: Fields, key: str) -> bool:
 
 
 def _kind(fields: Fields, key: str) -> list[str]:
-    """The lens that a field names; None for the name of a sensor or a number without meaning."""
+    """The lens model that a field names, in a list; empty for a field that names no lens."""
     if is_nothing(fields.values[key]) or isinstance(fields.values[key], list | Mapping):
         return []
     word = re.sub(r"[^a-z0-9]", "", fields.text(key).lower())

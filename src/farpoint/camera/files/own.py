@@ -51,7 +51,7 @@ def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
     camera : Camera
         Camera to write.
     path : str or path
-        The file, overwritten if it exists.
+        The file, which is overwritten if it exists.
 
     Raises
     ------

@@ -55,7 +55,7 @@ class CalibrationFile:
 
     @cached_property
     def text(self) -> str:
-        """The contents as UTF-8; empty if they are not text."""
+        """The contents as UTF-8 text; empty if the contents are not text."""
         try:
             return self.data.decode("utf-8-sig")
         except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""Check for unknown properties of a lens: an unknown field is an error with its name."""
+"""Check for unknown properties of a lens: an unknown field raises an error that names the field."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def named_distortion(fields: Fields) -> tuple[float, ...]:
 
 
 def is_nothing(value: Any) -> bool:
-    """Whether a value is absent or zero, or a list or matrix with such values only."""
+    """Whether a value is absent or zero, or a list or matrix of absent or zero values."""
     if isinstance(value, list):
         return all(is_nothing(item) for item in value)
     if isinstance(value, Mapping):
