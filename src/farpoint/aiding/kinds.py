@@ -19,9 +19,9 @@ class KnownSpeed:
     Attributes
     ----------
     timestamps_s : ndarray, shape (N,)
-        Ascending, on the clock of the frames.
+        Times, s, ascending, on the clock of the frames.
     speeds : ndarray, shape (N,)
-        m/s, without sign.
+        Speeds, m/s, without sign.
     sigma : float
         Relative 1-sigma of the independent error of each second, and also of the error common to
         all speeds (such as the error of a wheel's diameter).
@@ -98,7 +98,7 @@ class GnssPositions:
     Attributes
     ----------
     timestamps_s : ndarray, shape (N,)
-        Ascending, on the clock of the frames.
+        Times, s, ascending, on the clock of the frames.
     positions_m : ndarray, shape (N, 3)
         Positions of the antenna. If the antenna is not near the camera, rotations cause an error.
     sigma_m : float

@@ -23,7 +23,7 @@ __all__ = ["HeightOptions", "MetricOptions"]
 
 @dataclass(frozen=True, kw_only=True)
 class HeightOptions:
-    """Height of the camera, which is known before a drive. If given, the outputs are in metres.
+    """Camera height, which is known before a drive. If it is given, the outputs are in metres.
 
     Attributes
     ----------
@@ -64,14 +64,14 @@ class MetricOptions(HeightOptions):
     speed_column : str
         Name of the column with the speed.
     speed_sigma : float
-        1-sigma of the speeds, relative.
+        Relative 1-sigma of the speeds.
     speed_topic : str or None
         Topic with speeds in the bag of the images: ``nav_msgs/Odometry``,
         ``geometry_msgs/TwistStamped`` or ``TwistWithCovarianceStamped``.
     distance : tuple of int, int, float or None
         Indices of two frames, and the distance in m between the camera positions at these frames.
     distance_sigma : float
-        1-sigma of the distance, relative.
+        Relative 1-sigma of the distance.
     gnss : Path or None
         CSV file of positions: ``timestamp,latitude,longitude,altitude`` or ``timestamp,x,y,z``.
     gnss_sigma : float

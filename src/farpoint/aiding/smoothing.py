@@ -30,11 +30,11 @@ class Contradiction:
     kind : str
         Kind of aiding measurement.
     start_s, end_s : float
-        Begin of the first reading and end of the last reading, s.
+        Start of the first reading and end of the last reading, s.
     readings : int
         Number of readings.
     ratio : float
-        Median of the readings divided by the fit: 1.3 for lengths that are 30 % too large.
+        Median of the ratios of the readings to the fit: 1.3 for lengths that are 30 % too large.
     """
 
     kind: str
@@ -96,8 +96,8 @@ def fit_readings(readings: list[Reading]) -> MetricFit:
     The logarithm of metres per unit is modelled as a random walk from reading to reading, with the
     variance of the scale drift of the trajectory. A reading has two errors: an independent error
     with Student's t distribution of 3 degrees of freedom, and a normally distributed error that all
-    readings of the same kind share. The iteration starts from the weighted median. Readings beyond
-    3 sigma are then excluded, since outliers of one sign would bias the scale.
+    readings of the same kind share. The iteration starts from the weighted median of each segment.
+    Readings beyond 3 sigma are then excluded, since outliers of one sign would bias the scale.
 
     Parameters
     ----------

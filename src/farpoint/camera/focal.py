@@ -21,7 +21,7 @@ __all__ = [
 ]
 
 FOCAL_RANGE_PX = 1e-3, 1e9
-"""Smallest and largest focal length, px; outside, angles of pixels are lost in rounding."""
+"""Range of focal lengths, px. Outside this range, angles of pixels are lost in rounding."""
 
 PlaneJacobian = tuple[tuple[np.ndarray, ...], ...]
 """Rows of d(a, b) / d(x, y, z): two triples of arrays (N,)."""

@@ -13,7 +13,7 @@ __all__ = ["CameraModel"]
 
 
 class CameraModel(Protocol):
-    """Interface of a lens model; every model of this package is a frozen dataclass of floats.
+    """Interface of a lens model. Every model of this package is a frozen dataclass of floats.
 
     Pixel coordinates are OpenCV's: the centre of the top-left pixel is (0, 0). Camera axes are x
     right, y down, z forward.

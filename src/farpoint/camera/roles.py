@@ -17,7 +17,7 @@ class ParameterRoles:
     Attributes
     ----------
     scale : Direction
-        Derivative of the parameters by the logarithm of the image's scale about its centre.
+        Derivative of the parameters by the logarithm of the scale of the image about the centre.
     affine : tuple of Direction
         Derivatives of the parameters by the other affine deformations of the sensor: ratio of the
         sides, and shear.

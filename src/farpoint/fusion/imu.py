@@ -74,7 +74,7 @@ class ImuSteps:
         return len(self.dt)
 
     def parts(self, size: int) -> Iterator[ImuSteps]:
-        """The same steps in parts of limited length."""
+        """The same steps in parts of at most ``size`` steps."""
         for k in range(0, len(self), size):
             part = slice(k, k + size)
             yield ImuSteps(gyro=self.gyro[part], accel=self.accel[part], dt=self.dt[part])
@@ -97,7 +97,7 @@ class ImuSamples:
     Raises
     ------
     InputError
-        If shapes differ, times do not increase or a number is not finite.
+        If shapes differ, if times do not increase, or if a number is not finite.
     """
 
     timestamps: np.ndarray

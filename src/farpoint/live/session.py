@@ -81,7 +81,7 @@ class LiveSession:
     source : str
         Source as given by the user.
     camera : Camera or CameraGuess
-        Camera of the frames; a guess becomes a camera with the size of the first picture.
+        Camera of the frames. A guess becomes a camera with the size of the first picture.
     out : Path or None
         Folder for the outputs; ``farpoint-out/<source name>`` if None.
     odometry, output, viewer : dataclasses, optional
@@ -90,7 +90,7 @@ class LiveSession:
         Aiding measurements of length. If any of them is given, the files are converted to metres at
         the end.
     mask_file : Path, optional
-        8-bit image of the size of the frames; black pixels are not tracked.
+        8-bit image of the size of the frames. Black pixels are not tracked.
     warn : callable, optional
         Called with each warning about the results, such as a guessed camera or contradicting aiding
         measurements. ``run.json`` has the warnings, too.

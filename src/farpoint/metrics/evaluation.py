@@ -51,14 +51,15 @@ class MotionEvaluation:
     min_translation : float
         Shortest true translation whose direction is compared, in the unit of the truth.
     directions_not_counted : int
-        Number of directions that were not compared, because the true translation is shorter.
+        Number of directions that were not compared, because the true translation is shorter than
+        ``min_translation``.
     directions_opposed : int
         Number of directions with an error of 90 degrees or more.
     rotation_rad, direction_rad : Summary
         Sizes of the errors, rad.
     rotation_sigma_rad, direction_sigma_rad : Summary
-        Sharpness, which is ``sqrt(trace)`` of a covariance, of all pairs with or without truth,
-        rad.
+        Sharpness, rad, which is ``sqrt(trace)`` of each covariance, for all pairs with or without
+        truth.
     rotation, direction, pose : Consistency
         Comparison of the errors with their covariances, for 3, 2 and 5 degrees of freedom, rad.
     """
@@ -111,7 +112,7 @@ class TrajectoryEvaluation:
     path_length : float
         Length of the true path through the compared poses.
     scale : float
-        Factor from the estimate's unit to that of the truth, from the Sim(3) alignment.
+        Factor from the unit of the estimate to the unit of the truth, from the Sim(3) alignment.
     scale_drift : float
         Relative change of the scale of the estimate from the first 20 % of the true path to the
         last 20 %.

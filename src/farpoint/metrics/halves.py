@@ -70,7 +70,7 @@ class SplitHalf:
 
 @dataclass(frozen=True, kw_only=True)
 class ConsistencyRatio:
-    """Normalised squares summed over many differences, against their expectation.
+    """Sum of the normalised squares of many differences, compared with the expected sum.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class HalvesEvaluation:
     Attributes
     ----------
     pairs : int
-        Pairs of frames that were tested.
+        Number of frame pairs that were tested.
     compared, compared_in_rotation : int
         Number of pairs for which both halves have a direction, and of pairs that were compared in
         rotation only.

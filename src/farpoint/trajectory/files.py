@@ -75,8 +75,8 @@ def read_trajectory(path: str | Path, quaternion: QuaternionOrder | None = None)
     path : str or Path
         The file.
     quaternion : {"xyzw", "wxyz"}, optional
-        Order of the quaternions in the file. Default: from the names of the columns, if the file
-        has any; otherwise w is first in EuRoC files and last in TUM files.
+        Order of the quaternions in the file. By default the names of the columns give the order, if
+        the file has any. Otherwise w is first in EuRoC files and last in TUM files.
 
     Raises
     ------
