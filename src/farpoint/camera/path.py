@@ -28,8 +28,8 @@ def project_path(camera: Camera, rays: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     camera : Camera
-        Camera with any lens. Without an image size the line ends only at the end of the lens's
-        field or at a seam.
+        Camera with any lens. If the camera has no image size, the line ends only at the end of the
+        field of the lens, or at a seam.
     rays : ndarray, shape (K, 3)
         Corners of the path, as rays of any length in camera axes. Neighbours must be less than 180
         degrees apart. A row of NaN begins a new path, so that many paths can be drawn in one call.

@@ -65,7 +65,7 @@ class Fields:
         return self.groups.setdefault(key, found)
 
     def text(self, key: str) -> str:
-        """The text under a key, without space at both ends."""
+        """The text under a key, without leading and trailing spaces."""
         value = self._required(key)
         if isinstance(value, list | Mapping):
             raise self.error(key, f"expected a word, got {_short(value)}")
