@@ -1,4 +1,4 @@
-"""Errors that a user can cause; each message is one line."""
+"""Errors that a user can cause. Each message is one line."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ __all__ = ["InputError", "MissingExtraError", "optional_import", "printable", "r
 
 
 class InputError(ValueError):
-    """An argument, option or file cannot be used. The message names it and the expected value.
+    """An argument, option or file cannot be used. The message names the cause and the expected
+    value.
 
     Parameters
     ----------
     problem : str
         The given and the expected value, without a full stop.
     file : str or Path, optional
-        The file at fault; named first in the message.
+        The file at fault, which the message names first.
     field : str, optional
-        The argument, key, line or column at fault; named after the file.
+        The argument, key, line or column at fault, which the message names after the file.
     """
 
     def __init__(self, problem: str, *, file: str | Path | None = None, field: str | None = None):
@@ -48,20 +49,20 @@ def printable(text: str) -> str:
 
 
 class MissingExtraError(ImportError):
-    """An optional library is absent. The message names the extra that installs it."""
+    """An optional library is absent. The message names the extra that installs the library."""
 
 
 def optional_import(module: str, *, extra: str, purpose: str) -> ModuleType:
-    """Import an optional library on use; `MissingExtraError` where it is absent.
+    """Import an optional library, or raise `MissingExtraError` if the library is absent.
 
     Parameters
     ----------
     module : str
         Name as in an import statement, such as ``"cv2"``.
     extra : str
-        The extra of farpoint that installs it, such as ``"video"``.
+        The extra of farpoint that installs the library, such as ``"video"``.
     purpose : str
-        Its use, as the subject of a sentence, such as ``"reading video"``.
+        Use of the library, as the subject of a sentence, such as ``"reading video"``.
     """
     try:
         return importlib.import_module(module)
@@ -70,7 +71,7 @@ def optional_import(module: str, *, extra: str, purpose: str) -> ModuleType:
 
 
 def require(module: str, *, extra: str, purpose: str) -> None:
-    """Raise `MissingExtraError` where a library is absent, without loading it."""
+    """Raise `MissingExtraError` if a library is absent, without loading the library."""
     if importlib.util.find_spec(module) is None:
         raise _missing(module, extra, purpose)
 

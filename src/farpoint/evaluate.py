@@ -62,8 +62,8 @@ class EvaluationOptions:
     delta_frames : int
         Number of frames over which relative pose errors are computed.
     truth_quaternion : {"xyzw", "wxyz"} or None
-        Order of the quaternions in the file of true poses. Default: from the names of the columns,
-        if the file has any; otherwise w first in EuRoC files and last in TUM files.
+        Order of the quaternions in the file of true poses. By default the names of the columns give
+        the order, if the file has any. Otherwise w is first in EuRoC files and last in TUM files.
     association : AssociationOptions
         Interpolation of true poses at the times of the estimates.
     """
@@ -85,13 +85,14 @@ class FolderEvaluation:
     Attributes
     ----------
     evaluation : Evaluation
-        The figures; `farpoint.metrics.to_text` and `to_json` write them.
+        Figures of the run, which `farpoint.metrics.to_text` and `to_json` write.
     errors : PairErrors
-        Errors of each row of ``motions.csv``; NaN without truth.
+        Errors of the motion in each row of ``motions.csv``; NaN without truth.
     motions : Motions
         The rows of ``motions.csv``.
     notes : tuple of str
-        How the true poses were read, and warnings if other axes or orders fit better.
+        Notes on how the true poses were read, and warnings if other camera axes or another order of
+        the quaternions fit better.
     """
 
     evaluation: Evaluation
@@ -107,10 +108,10 @@ def evaluate_folder(
     *,
     body_from_cam: np.ndarray | None = None,
 ) -> FolderEvaluation:
-    """Test the covariances of a folder by its ``halves.csv``, and by true poses if there are any.
+    """Test the covariances of a run by ``halves.csv`` in its folder, and by true poses if given.
 
-    ``motions.csv``, ``trajectory.tum`` and ``positions.csv`` are compared with the truth; without
-    ``positions.csv`` there are no figures of the path covariance. Truth with time stamps (TUM,
+    ``motions.csv``, ``trajectory.tum`` and ``positions.csv`` are compared with the truth. Without
+    ``positions.csv`` the result has no figures of the path covariance. Truth with time stamps (TUM,
     EuRoC) is interpolated at the times of the run. Truth without time stamps (KITTI) has one pose
     per frame of the source.
 
@@ -119,12 +120,13 @@ def evaluate_folder(
     folder : str or Path
         Output folder of ``farpoint run``.
     truth : str or Path, optional
-        TUM, KITTI or EuRoC trajectory; without it, only the split-half test is evaluated.
+        TUM, KITTI or EuRoC trajectory of true poses. Without a trajectory, only the split-half test
+        is evaluated.
     options : EvaluationOptions, optional
         Options of the comparison.
     body_from_cam : ndarray, shape (4, 4), optional
-        Pose of the camera on the body of the truth (EuRoC: ``T_BS``); by default the body is the
-        camera.
+        Pose of the camera on the body whose poses the truth contains (EuRoC: ``T_BS``). By default
+        the body is the camera.
 
     Raises
     ------
@@ -166,7 +168,7 @@ def evaluate_folder(
 
 
 def write_pairs(path: str | Path, found: FolderEvaluation) -> None:
-    """Write the errors as CSV: ``timestamp0,timestamp1,frame0,frame1`` and `PAIR_COLUMNS`."""
+    """Write errors as CSV: columns ``timestamp0,timestamp1,frame0,frame1`` and `PAIR_COLUMNS`."""
     m = found.motions
     keys = zip(m.timestamp0, m.timestamp1, m.frame0, m.frame1, strict=True)
     with replacing(Path(path)) as part, part.open("w", encoding="utf-8", newline="\n") as file:
@@ -191,7 +193,7 @@ def _notes(
     body_from_cam: np.ndarray | None,
     options: EvaluationOptions,
 ) -> tuple[str, ...]:
-    """How the truth was read, and warnings if other axes or orders fit better."""
+    """Notes on how the truth was read, and warnings if other axes or orders fit better."""
     order = options.truth_quaternion or named_order(file)
     source = "as given" if options.truth_quaternion else "by the names of its columns"
     of = "the camera" if body_from_cam is None else "a body that carries the camera"
@@ -260,7 +262,7 @@ def _naming(file: Path) -> Iterator[Path]:
 
 
 def _evaluated_halves(path: Path) -> HalvesEvaluation | None:
-    """Figures of the split-half tests; None where the run made none."""
+    """Figures of the split-half tests; None if the run made no tests."""
     if not path.exists():
         return None
     with _naming(path):
@@ -295,7 +297,7 @@ def _motion_errors(
 def _evaluated_trajectory(
     file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
 ) -> tuple[TrajectoryEvaluation | None, str | None]:
-    """Figures of the trajectory, or the reason why there are none, such as a camera at rest."""
+    """Figures of the trajectory, or the reason for their absence, such as a camera at rest."""
     rows = list(iter_tum(file, whole_lines=True))
     if not rows:  # of a run that was killed early
         return None, f"{file.name} holds no pose"
@@ -317,7 +319,7 @@ def _evaluated_trajectory(
 def _path_samples(
     file: Path, motions: Motions, truth: Trajectory, options: EvaluationOptions
 ) -> PathSamples | None:
-    """The path with its covariances; None if the run wrote none, or was killed early."""
+    """The path with its covariances; None if the run wrote no poses to ``positions.csv``."""
     if not file.exists() or not len(positions := read_positions(file)):
         return None
     row_of = {int(frame): row for row, frame in enumerate(positions.frames)}
@@ -339,7 +341,7 @@ def _path_samples(
 
 
 def _frames_at(timestamps: np.ndarray, motions: Motions) -> np.ndarray:
-    """Frame numbers of time stamps, as in the pairs of the run; -1 for a frame in no pair."""
+    """Frame numbers of time stamps, from the pairs of the run; -1 for a time stamp in no pair."""
     frame_of = dict(zip(motions.timestamp0, motions.frame0, strict=True))
     frame_of |= dict(zip(motions.timestamp1, motions.frame1, strict=True))
     return np.array([frame_of.get(stamp, -1) for stamp in timestamps])

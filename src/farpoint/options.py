@@ -1,4 +1,4 @@
-"""Validation of options: a number of the declared kind, in its range."""
+"""Validation of options: each number must be of the declared kind and in the valid range."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ _LEAST = 1e-15  # smallest positive number
 def coerce_float(
     options: object, expected: str, is_valid: Callable[[float], bool], *names: str
 ) -> None:
-    """Coerce the named fields of a record of options to Python's ``float`` and validate them.
+    """Coerce the named fields of a record of options to Python's ``float``, and validate the
+    values.
 
     Integers and NumPy scalars are converted, because a compiled kernel has one argument type. The
     magnitude is at most 1e9.
@@ -26,18 +27,18 @@ def coerce_float(
     Parameters
     ----------
     options : object
-        A dataclass, frozen or not; called from its ``__post_init__``.
+        A dataclass, frozen or not, whose ``__post_init__`` calls this function.
     expected : str
         The valid range in words, for the message.
     is_valid : callable
-        Whether a number is valid.
+        Function that returns whether a number is valid.
     *names : str
         Names of the fields.
 
     Raises
     ------
     InputError
-        If a value is invalid; the message has the field and the expected range.
+        If a value is invalid. The message has the field and the expected range.
     """
     _coerce(options, names, float, Real, expected, is_valid)
 
@@ -72,7 +73,7 @@ def _coerce(
 
 
 def _number(value: object, kind: type, given_as: type) -> Any:
-    """The value as Python's ``float`` or ``int``; None if the value is not of that kind."""
+    """The value as Python's ``float`` or ``int``; None if the value is of another kind."""
     if isinstance(value, bool) or not isinstance(value, given_as):
         return None
     try:

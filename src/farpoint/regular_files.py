@@ -1,7 +1,7 @@
 """Reading of regular files up to a size limit. FIFOs, devices and folders are refused.
 
-A FIFO or a device never ends. The size in the metadata of a file is not trusted; instead the bytes
-read are counted.
+A FIFO or a device can deliver bytes without end. The size in the metadata of a file can be wrong,
+so the limit applies to the count of the bytes that are read.
 """
 
 from __future__ import annotations
@@ -37,17 +37,18 @@ def open_regular_file(
     Parameters
     ----------
     path : Path
-        Links are followed.
+        Path of the file. Symbolic links are followed.
     limit_bytes : int
-        Reading more bytes is an error, whatever the file's metadata.
+        Largest number of bytes. Reading more bytes raises an InputError, even if the metadata of
+        the file state a smaller size.
     what : str
         The expected content, such as ``"a calibration"``, for the message.
 
     Raises
     ------
     InputError
-        If the file is absent, a folder, a device, a FIFO, too large or unreadable; also raised
-        within the block, while the file is read.
+        If the file is absent, a folder, a device, a FIFO, too large or unreadable. The error can
+        also occur within the ``with`` block, while the file is read.
     """
     try:
         descriptor = os.open(path, _FLAGS)
@@ -76,7 +77,7 @@ def regular_lines(
 
     The text is UTF-8, or UTF-16 with a byte order mark. Parameters and errors are those of
     `open_regular_file`, and ``newline`` is that of `open`. Binary content, or a line of more than
-    65,536 characters, is an InputError, too.
+    65,536 characters, raises an InputError, too.
     """
     with open_regular_file(path, limit_bytes=limit_bytes, what=what) as file:
         encoding = "utf-16" if file.peek(2)[:2] in _UTF_16 else "utf-8-sig"
@@ -97,7 +98,7 @@ def regular_lines(
 
 
 class _UpTo(io.RawIOBase):
-    """Bytes of a file as a stream. Reading raises an InputError beyond the limit or if it fails."""
+    """Stream of a file's bytes that raises an InputError beyond the limit, or if reading fails."""
 
     def __init__(self, descriptor: int, path: Path, limit_bytes: int, what: str) -> None:
         self._descriptor, self._path, self._what = descriptor, path, what
@@ -107,7 +108,7 @@ class _UpTo(io.RawIOBase):
         return True
 
     def readinto(self, buffer: WriteableBuffer, /) -> int:
-        """Fill a buffer, and count the bytes. Beyond the limit the method raises an InputError."""
+        """Fill a buffer and count the bytes. The method raises an InputError beyond the limit."""
         # One byte beyond the limit shows whether the file ends there.
         view = memoryview(buffer)[: self._remaining + 1]
         try:

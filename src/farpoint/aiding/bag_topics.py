@@ -20,18 +20,18 @@ _NO_FIX, _UNKNOWN = -1, 0  # NavSatStatus.STATUS_NO_FIX, NavSatFix.COVARIANCE_TY
 
 
 def speeds_of_topic(bag: Bag, topic: str, sigma: float) -> KnownSpeed:
-    """The lengths of the linear velocities of a topic.
+    """Speeds from a topic: the lengths of its linear velocities.
 
     Parameters
     ----------
     bag : Bag
         The bag of the images.
     topic : str
-        With ``nav_msgs/Odometry``, ``geometry_msgs/TwistStamped`` or
+        Name of a topic with ``nav_msgs/Odometry``, ``geometry_msgs/TwistStamped`` or
         ``TwistWithCovarianceStamped``.
     sigma : float
-        Relative 1-sigma of the error common to all speeds. It is also the independent 1-sigma of
-        each second if a message has no covariance.
+        Relative 1-sigma of the error common to all speeds. If any message has no covariance,
+        ``sigma`` is also the relative 1-sigma of the independent error of each second.
 
     Raises
     ------
@@ -50,16 +50,16 @@ def speeds_of_topic(bag: Bag, topic: str, sigma: float) -> KnownSpeed:
 
 
 def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
-    """The positions of a topic with ``sensor_msgs/NavSatFix``; messages without a fix are left out.
+    """The positions of a topic with ``sensor_msgs/NavSatFix``, except messages without a fix.
 
     Parameters
     ----------
     bag : Bag
         The bag of the images.
     topic : str
-        Its name.
+        Name of the topic.
     sigma_m : float
-        1-sigma of a coordinate, m, for messages without a covariance.
+        1-sigma of a coordinate, m. This value is used if any message has no covariance.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def positions_of_topic(bag: Bag, topic: str, sigma_m: float) -> GnssPositions:
 
 
 def _speed(message: Any) -> tuple[float, float] | None:
-    """Speed, m/s, and its 1-sigma."""
+    """Speed and the 1-sigma of the speed, m/s; None if the speed is not finite."""
     velocity, covariance = _velocity(message)
     speed = float(np.linalg.norm(velocity))
     return (speed, _sigma_along(velocity, covariance)) if math.isfinite(speed) else None
@@ -94,7 +94,7 @@ def _fix(fix: Any) -> tuple[float, ...] | None:
 
 
 def _velocity(message: Any) -> tuple[np.ndarray, np.ndarray | None]:
-    """Linear velocity (3,), m/s, and its covariance (3, 3), if the message has one."""
+    """Linear velocity (3,), m/s, and its covariance (3, 3); None for a missing covariance."""
     twist, covariance = message.twist, getattr(message.twist, "covariance", None)
     linear = twist.linear if covariance is None else twist.twist.linear
     velocity = np.array([linear.x, linear.y, linear.z])
@@ -104,7 +104,7 @@ def _velocity(message: Any) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def _sigma_along(velocity: np.ndarray, covariance: np.ndarray | None) -> float:
-    """1-sigma of the speed, m/s; NaN if unknown (zero or -1 by REP 103)."""
+    """1-sigma of the speed, m/s; NaN if the covariance is unknown (zero or -1 by REP 103)."""
     speed = np.linalg.norm(velocity)
     along = velocity / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
     variance = math.nan if covariance is None else float(along @ covariance @ along)
@@ -130,5 +130,5 @@ def _table(rows: list[tuple[float, ...]], bag: Bag, topic: str) -> np.ndarray:
 
 
 def _unless_unknown(sigmas: np.ndarray) -> np.ndarray | None:
-    """The sigmas, if every message has one."""
+    """The sigmas; None if any of them is unknown (NaN)."""
     return None if np.isnan(sigmas).any() else sigmas

@@ -30,10 +30,10 @@ _HEIGHT_SIGMA = 0.05  # relative 1-sigma of a reading: the road is not a plane
 
 
 class Accumulator(Protocol):
-    """Accumulates results of a run into readings."""
+    """Accumulates the results of a run into readings of the scale."""
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """Readings that have become complete with this result."""
+        """Add a result, and return the readings that this result completes."""
         ...
 
 
@@ -52,7 +52,7 @@ def accumulator_for(measurement: AidingMeasurement) -> Accumulator:
 
 @dataclass
 class _Window:
-    """Sums over some seconds of one segment."""
+    """Sums over a time window within one segment."""
 
     segment: int = 0
     start_s: float = 0.0
@@ -64,14 +64,14 @@ class _Window:
 
 
 class _Speeds:
-    """Readings of the length by the speed, m, over the length of the path, one for each second."""
+    """One reading per second: distance by the speeds, m, over the length of the estimated path."""
 
     def __init__(self, measurement: KnownSpeed) -> None:
         self._measurement = measurement
         self._window = _Window()
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """Add a result; each second of one segment with a known speed gives a reading."""
+        """Add a result. Each second with known speeds, within one segment, gives a reading."""
         del camera
         middle_s = 0.5 * (result.timestamp0 + result.timestamp)
         speed = self._at(middle_s, self._measurement.speeds)
@@ -118,9 +118,7 @@ class _Speeds:
 
 
 class _Heights:
-    """Readings of the known height, m, over the estimated height above the ground, one for each
-    second.
-    """
+    """One reading per second: the known height, m, over the estimated height above the ground."""
 
     def __init__(self, measurement: CameraHeight) -> None:
         self._measurement = measurement
@@ -128,7 +126,7 @@ class _Heights:
         self._segment, self._start_s = 0, 0.0
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """Add a result; each second of one segment with the ground in view gives a reading."""
+        """Add a result. Each second of one segment with the ground in view gives a reading."""
         height = find_ground(camera, result)
         if height is None:
             return []
@@ -153,14 +151,16 @@ class _Heights:
 
 
 class _Distance:
-    """One known distance between two frames."""
+    """The reading from one known distance between two frames."""
 
     def __init__(self, measurement: KnownDistance) -> None:
         self._measurement = measurement
         self._begin: OdometryResult | None = None
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """Add a result; the reading at the second frame, unless the scale was lost in between."""
+        """Add a result. The second frame gives the reading, unless the scale was lost after the
+        first.
+        """
         del camera
         if result.frame1 == self._measurement.frame0:
             self._begin = result
@@ -188,7 +188,7 @@ class _Distance:
 
 
 class _Gnss:
-    """Distances between positions at least 10 sigma apart."""
+    """Readings from distances between positions that are at least 10 sigma apart."""
 
     def __init__(self, measurement: GnssPositions) -> None:
         self._measurement = measurement
@@ -198,7 +198,7 @@ class _Gnss:
         self._begin_m, self._begin_sigma_m = np.zeros(3), 0.0
 
     def add(self, camera: Camera, result: OdometryResult) -> list[Reading]:
-        """Add a result; a reading for each position that is far enough from the last one."""
+        """Add a result. Each position far enough from the last used position gives a reading."""
         del camera
         last, self._last = self._last, result
         times, readings = self._measurement.timestamps_s, []

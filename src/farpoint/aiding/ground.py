@@ -20,12 +20,12 @@ _HYPOTHESES = 150
 
 
 def find_ground(camera: Camera, result: OdometryResult) -> float | None:
-    """Height over the ground in the unit of the trajectory; None without enough points of the
+    """Height over the ground, in the unit of the trajectory; None with too few points on the
     ground.
 
-    The ground is the plane that contains most of the points below the horizon and is level to the
-    camera within 10 degrees. The points are the near points of the motion, with distances from
-    their parallax.
+    The ground is the plane that contains most of the points below the horizon and is level in the
+    axes of the camera within 10 degrees. The points are the near points of the motion, and their
+    distances follow from their parallax.
     """
     points = _points_below(camera, result)
     if len(points) < _LEAST_POINTS:
@@ -68,7 +68,7 @@ def _points_below(camera: Camera, result: OdometryResult) -> np.ndarray:
 
 
 def _px_rad(camera: Camera, rays: np.ndarray) -> np.ndarray:
-    """Angle of a pixel, rad, at each ray (N,)."""
+    """Angle, rad, that one pixel covers at each ray (N,)."""
     if not len(rays):
         return np.ones(1)
     return np.linalg.norm(camera.unproject_jacobian(rays), axis=(1, 2)) / np.sqrt(2.0)

@@ -19,15 +19,15 @@ class KnownSpeed:
     Attributes
     ----------
     timestamps_s : ndarray, shape (N,)
-        Ascending, on the clock of the frames.
+        Times, s, ascending, on the clock of the frames.
     speeds : ndarray, shape (N,)
-        m/s, without sign.
+        Speeds, m/s, without sign.
     sigma : float
         Relative 1-sigma of the independent error of each second, and also of the error common to
-        all speeds (a wheel of another size).
+        all speeds (such as the error of a wheel's diameter).
     sigmas_mps : ndarray, shape (N,), or None
-        1-sigma of the independent error of each speed, m/s; replaces the independent error of each
-        second.
+        1-sigma of the independent error of each speed, m/s. These errors replace the independent
+        error of each second.
     """
 
     timestamps_s: np.ndarray
@@ -46,14 +46,14 @@ class KnownSpeed:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraHeight:
-    """Height of the camera over flat ground in view; the camera must be approximately upright.
+    """Height of the camera over flat ground in view. The camera must be approximately upright.
 
     Attributes
     ----------
     height_m : float
-        Positive.
+        Height, m; positive.
     sigma : float
-        1-sigma, relative.
+        Relative 1-sigma of the height.
     """
 
     height_m: float
@@ -72,9 +72,9 @@ class KnownDistance:
     frame0, frame1 : int
         Indices in the source, ascending.
     distance_m : float
-        Length of the straight line between both positions.
+        Length of the straight line between the two positions.
     sigma : float
-        1-sigma, relative.
+        Relative 1-sigma of the distance.
     """
 
     frame0: int
@@ -93,19 +93,19 @@ class KnownDistance:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GnssPositions:
-    """Positions with time stamps, in any fixed axes; used for the scale only.
+    """Positions with time stamps, in any fixed axes, used only to find the scale.
 
     Attributes
     ----------
     timestamps_s : ndarray, shape (N,)
-        Ascending, on the clock of the frames.
+        Times, s, ascending, on the clock of the frames.
     positions_m : ndarray, shape (N, 3)
-        Positions of the antenna. If it is not near the camera, rotations cause an error.
+        Positions of the antenna. If the antenna is not near the camera, rotations cause an error.
     sigma_m : float
         1-sigma of a coordinate. Errors of positions that are 10 sigma apart are taken as
         independent.
     sigmas_m : ndarray, shape (N,), or None
-        1-sigma of each position; replaces ``sigma_m``.
+        1-sigma of the coordinates of each position, m, in place of ``sigma_m``.
     """
 
     timestamps_s: np.ndarray

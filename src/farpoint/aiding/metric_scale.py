@@ -20,7 +20,7 @@ _RECENT = 120  # readings of the current estimate
 
 @dataclass(frozen=True, kw_only=True)
 class MetricEstimate:
-    """Metric length of a unit of the trajectory.
+    """Length, in metres, of a unit of the trajectory.
 
     Attributes
     ----------
@@ -40,8 +40,8 @@ class MetricScale:
     Parameters
     ----------
     hints : iterable of Hint
-        `KnownSpeed`, `CameraHeight`, `KnownDistance` or `GnssPositions`; measurements of one kind
-        share an error.
+        `KnownSpeed`, `CameraHeight`, `KnownDistance` or `GnssPositions`. All measurements of one
+        kind share an error.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class MetricScale:
         self.readings: list[Reading] = []
 
     def add(self, camera: Camera, result: OdometryResult) -> MetricEstimate | None:
-        """Add the next result; returns the current scale, or None before the first reading."""
+        """Add the next result, and return the current scale, or None before the first reading."""
         new = [reading for gatherer in self._gatherers for reading in gatherer.add(camera, result)]
         if new:
             self.readings += new

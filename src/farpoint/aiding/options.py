@@ -23,12 +23,12 @@ __all__ = ["HeightOptions", "MetricOptions"]
 
 @dataclass(frozen=True, kw_only=True)
 class HeightOptions:
-    """Aiding measurement that is known before a drive; with it, the outputs are in metres.
+    """Camera height, which is known before a drive. If it is given, the outputs are in metres.
 
     Attributes
     ----------
     height : float or None
-        Height of the camera over flat ground, m; the camera must be approximately upright.
+        Height of the camera over flat ground, m. The camera must be approximately upright.
     height_sigma : float
         Relative 1-sigma of the height.
     """
@@ -41,12 +41,12 @@ class HeightOptions:
         coerce_positive(self, *sigmas)
 
     def measurements(self) -> list[AidingMeasurement]:
-        """The hints.
+        """The camera height as an aiding measurement; empty without a height.
 
         Raises
         ------
         InputError
-            If a number is invalid; the message has the number and the expected value.
+            If a number is invalid. The message has the number and the expected value.
         """
         if self.height is None:
             return []
@@ -55,7 +55,7 @@ class HeightOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class MetricOptions(HeightOptions):
-    """Aiding measurements of length; with any of them, the outputs are in metres.
+    """Aiding measurements of length. If any of them is given, the outputs are in metres.
 
     Attributes
     ----------
@@ -64,20 +64,20 @@ class MetricOptions(HeightOptions):
     speed_column : str
         Name of the column with the speed.
     speed_sigma : float
-        1-sigma of the speeds, relative.
+        Relative 1-sigma of the speeds.
     speed_topic : str or None
-        Topic of the bag of the images, with speeds: ``nav_msgs/Odometry``,
+        Topic with speeds in the bag of the images: ``nav_msgs/Odometry``,
         ``geometry_msgs/TwistStamped`` or ``TwistWithCovarianceStamped``.
     distance : tuple of int, int, float or None
         Indices of two frames, and the distance in m between the camera positions at these frames.
     distance_sigma : float
-        1-sigma of the distance, relative.
+        Relative 1-sigma of the distance.
     gnss : Path or None
         CSV file of positions: ``timestamp,latitude,longitude,altitude`` or ``timestamp,x,y,z``.
     gnss_sigma : float
         1-sigma of a coordinate, m.
     gnss_topic : str or None
-        Topic of the bag of the images, with ``sensor_msgs/NavSatFix``; covariances of the messages
+        Topic with ``sensor_msgs/NavSatFix`` in the bag of the images. Covariances of the messages
         replace ``gnss_sigma``.
     """
 
@@ -97,8 +97,8 @@ class MetricOptions(HeightOptions):
         Raises
         ------
         InputError
-            If a value is invalid; the message has the file and the line, or the number, and the
-            expected value.
+            If a value is invalid. The message has the expected value, and the file and the line or
+            the number at fault.
         """
         found = super().measurements()
         if self.speed is not None:

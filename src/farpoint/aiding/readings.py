@@ -26,7 +26,7 @@ class Reading:
     shared_sigma : float
         1-sigma of an error that all readings of the kind have in common.
     drift : float
-        Variance of the logarithm of the trajectory's scale since the beginning of the segment.
+        Variance of the change of the logarithm of the trajectory's scale since the segment began.
     """
 
     kind: str

@@ -23,18 +23,18 @@ _LEAST_DRIFT = 1e-8  # variance between readings: a scale that could not drift a
 
 @dataclass(frozen=True, kw_only=True)
 class Contradiction:
-    """Consecutive readings of one kind that do not fit the others.
+    """Consecutive readings of one kind that do not fit the other readings.
 
     Attributes
     ----------
     kind : str
         Kind of aiding measurement.
     start_s, end_s : float
-        Times, s.
+        Start of the first reading and end of the last reading, s.
     readings : int
         Number of readings.
     ratio : float
-        Median of reading over fit: 1.3 for lengths 30 % too large.
+        Median of the ratios of the readings to the fit: 1.3 for lengths that are 30 % too large.
     """
 
     kind: str
@@ -59,11 +59,11 @@ class MetricFit:
     times_s : ndarray, shape (N,)
         Times of the readings, ascending, s.
     segments : ndarray of int64, shape (N,)
-        Segment of the trajectory.
+        Segment of the trajectory, for each reading.
     log_metres : ndarray, shape (N,)
-        Logarithm of metres per unit.
+        Logarithm of metres per unit, at each reading.
     sigma : ndarray, shape (N,)
-        1-sigma of it.
+        1-sigma of ``log_metres``.
     contradictions : tuple of Contradiction
         Readings that were left out.
     """
@@ -75,9 +75,10 @@ class MetricFit:
     contradictions: tuple[Contradiction, ...]
 
     def at(self, time_s: float, segment: int) -> tuple[float, float]:
-        """Metres per unit at a time in a segment, and the 1-sigma of its logarithm.
+        """Metres per unit at a time in a segment, and the 1-sigma of the logarithm of this number.
 
-        A segment without readings has the last scale of the previous segment, which is a guess.
+        For a segment without readings, the result is the last scale of an earlier segment, which is
+        a guess.
         """
         inside = np.flatnonzero(self.segments == segment)
         if not len(inside):
@@ -92,11 +93,11 @@ class MetricFit:
 def fit_readings(readings: list[Reading]) -> MetricFit:
     """Maximum-likelihood scale over time.
 
-    The logarithm of metres per unit is a random walk from reading to reading, with the variance of
-    the scale drift of the trajectory. A reading has an independent error, Student's t with 3
-    degrees of freedom, and a normal error common to its kind. The iteration starts from the
-    weighted median. Readings beyond 3 sigma are then excluded, since outliers of one sign would
-    bias the scale.
+    The logarithm of metres per unit is modelled as a random walk from reading to reading, with the
+    variance of the scale drift of the trajectory. A reading has two errors: an independent error
+    with Student's t distribution of 3 degrees of freedom, and a normally distributed error that all
+    readings of the same kind share. The iteration starts from the weighted median of each segment.
+    Readings beyond 3 sigma are then excluded, since outliers of one sign would bias the scale.
 
     Parameters
     ----------
@@ -139,7 +140,7 @@ def _reweighted(
     x: np.ndarray,
     common: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Solution of `_solve` with weights that follow the deviations, until it is constant."""
+    """Solution of `_solve`, repeated with weights from the residuals until convergence."""
     fit_variance = np.zeros(len(z))
     for _ in range(_ROUNDS):
         residuals = z - x - common[kind]
@@ -151,7 +152,7 @@ def _reweighted(
 
 
 def _walk_precision(readings: list[Reading]) -> np.ndarray:
-    """Inverse variance of each step (N - 1,); 0 between segments."""
+    """Inverse variance (N - 1,) of the scale's change between readings; 0 between segments."""
     return np.array(
         [
             1.0 / max(after.drift - before.drift, _LEAST_DRIFT)
@@ -163,7 +164,7 @@ def _walk_precision(readings: list[Reading]) -> np.ndarray:
 
 
 def _medians(z: np.ndarray, variance: np.ndarray, readings: list[Reading]) -> np.ndarray:
-    """The weighted median of each segment, for each of its readings."""
+    """For each reading, the weighted median of the readings in the same segment."""
     segments = np.array([reading.segment for reading in readings])
     found = np.empty(len(z))
     for segment in np.unique(segments):
@@ -177,7 +178,10 @@ def _medians(z: np.ndarray, variance: np.ndarray, readings: list[Reading]) -> np
 def _solve(
     z: np.ndarray, weight: np.ndarray, kind: np.ndarray, shared: np.ndarray, walk: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Scale (N,), errors of the kinds (K,), and variance of the scale (N,) with these errors."""
+    """Scale (N,), errors of the kinds (K,), and variance of the scale (N,).
+
+    The variance includes the uncertainty of the errors of the kinds.
+    """
     banded = np.zeros((2, len(z)))
     banded[1] = weight
     banded[1, :-1] += walk

@@ -24,12 +24,12 @@ _EQUATOR_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS 84
 
 
 def read_speeds(path: str | Path, column: str = "speed") -> tuple[np.ndarray, np.ndarray]:
-    """Times (N,), s, and speeds (N,), m/s, of two columns of a CSV file: ``timestamp``, ``column``.
+    """Times (N,), s, and speeds (N,), m/s, from the columns ``timestamp`` and ``column`` of a file.
 
     Raises
     ------
     InputError
-        If the file is invalid; the message has the file, the line and the expected value.
+        If the file is invalid. The message has the file, the line and the expected value.
     """
     table = _read(Path(path), ("timestamp", column))
     return table[:, 0], np.abs(table[:, 1])
@@ -39,13 +39,13 @@ def read_gnss(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Times (N,), s, and positions (N, 3), m, of a CSV file.
 
     The columns are ``timestamp,x,y,z`` in metres of any fixed axes, or
-    ``timestamp,latitude,longitude,altitude`` in degrees and metres (WGS 84). The latter are
-    converted to earth-centred axes.
+    ``timestamp,latitude,longitude,altitude`` in degrees and metres (WGS 84). Latitudes, longitudes
+    and altitudes are converted to earth-centred axes.
 
     Raises
     ------
     InputError
-        If the file is invalid; the message has the file, the line and the expected value.
+        If the file is invalid. The message has the file, the line and the expected value.
     """
     path = Path(path)
     if "latitude" in _header(path):
@@ -79,7 +79,7 @@ def _header(path: Path) -> list[str]:
 
 
 def _cells(path: Path) -> Generator[tuple[int, list[str]]]:
-    """Number and cells of each line."""
+    """Line number and cells of each line."""
     text = regular_lines(path, limit_bytes=_LARGEST_BYTES, what="a table", newline="")
     lines = csv.reader(text)
     while True:

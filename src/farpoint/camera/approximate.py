@@ -24,17 +24,18 @@ CAUTION = (
 )
 
 FOCAL_SIGMA = 0.1
-"""1-sigma of the focal length, as a share of it: crops, stabilisation and rounding."""
+"""Relative 1-sigma of the focal length, because of crops, stabilisation and rounding."""
 
 DISTORTION_SIGMA = 0.05
-"""1-sigma of the unknown distortion at the image's corner, as a share of its distance."""
+"""1-sigma of the unknown distortion at a corner, relative to the corner's distance from the
+centre."""
 
 _WIDEST_DEG = 150.0  # beyond it even a rough pinhole is no pinhole
 _FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 
 
 class CameraGuess(Protocol):
-    """Data from which a camera follows once the size of the images is known."""
+    """Data that give a camera once the size of the images is known."""
 
     def camera(self, width: int, height: int) -> Camera:
         """Approximate camera for images of this size."""
@@ -43,7 +44,7 @@ class CameraGuess(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class HorizontalField:
-    """A field of view, as a person or a data sheet states it.
+    """A horizontal field of view that a person or a data sheet states.
 
     Attributes
     ----------
@@ -69,13 +70,12 @@ class HorizontalField:
 
 @dataclass(frozen=True, kw_only=True)
 class EquivalentFocalLength:
-    """Focal length in 35 mm equivalents: the one with the same diagonal field on a 36 x 24 mm
-    frame.
+    """Focal length in 35 mm equivalents, which gives the same diagonal field on a 36 x 24 mm frame.
 
     Attributes
     ----------
     millimetres : float
-        The focal length.
+        Equivalent focal length, mm.
     source : str
         Origin of the focal length.
     """
@@ -101,11 +101,11 @@ def camera_for(
     Parameters
     ----------
     camera : Camera or CameraGuess
-        A guess is made for pixels of this aspect, width over height; a calibration holds as it is.
+        A calibration is used unchanged. A guess becomes a camera with pixels of ``pixel_aspect``.
     width, height : int
         Size of the images, px.
     pixel_aspect : float
-        1 for square pixels.
+        Width of a pixel over the height of a pixel; 1 for square pixels.
 
     Raises
     ------

@@ -17,8 +17,8 @@ __all__ = ["Arctangent"]
 class Arctangent(FocalModel):
     """Lens whose image height is ``atan(2 tan(omega / 2) sqrt(X^2 + Y^2) / Z) / omega``.
 
-    COLMAP and Kalibr call this lens FOV; PTAM and DSO call it ATAN. Points with ``Z <= 0`` are not
-    visible.
+    COLMAP and Kalibr call this lens FOV. PTAM and DSO call this lens ATAN. Points with ``Z <= 0``
+    are not visible.
 
     The model is from Devernay and Faugeras, "Straight lines have to be straight", Machine Vision
     and Applications 13, 2001, doi:10.1007/PL00013269.
@@ -53,12 +53,12 @@ class Arctangent(FocalModel):
 
     @property
     def title(self) -> str:
-        """What people call this lens."""
+        """Common name of this lens."""
         return "FOV (arctangent)"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         return super().parameters | {"omega": self.omega}
 
     @cached_property

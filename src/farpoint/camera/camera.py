@@ -27,17 +27,19 @@ class Camera:
     model : CameraModel
         The lens.
     size : (width, height) or None
-        Size in pixels; None if the calibration has no size, until the first frame sets it.
+        Size in pixels. If the calibration has no size, the value is None until the first frame sets
+        the size.
     name : str
-        Name of the camera in its calibration file, or of the file.
+        Name of the camera in its calibration file, or name of the file.
     source : str or None
         Kind and path of the calibration file; None for a camera made in code.
     uncertainty : CameraUncertainty or None
-        Uncertainty of the parameters of the lens; None: they are exact.
+        Uncertainty of the parameters of the lens; None if the parameters are exact.
     readout_s : float or None
-        Read-out time of a frame, first row to last, s; 0 for a global shutter, None: unknown.
+        Read-out time of a frame, from the first to the last row, s; 0 for a global shutter, None if
+        unknown.
     readout_sigma_s : float or None
-        1 sigma of `readout_s`, s; None: `readout_s` is exact or unknown.
+        1 sigma of `readout_s`, s; None if `readout_s` is exact or unknown.
     """
 
     model: CameraModel
@@ -79,7 +81,7 @@ class Camera:
         return cls(model=model, size=_checked_size(width, height))
 
     def with_size(self, width: int, height: int) -> Camera:
-        """The same camera for images of this size; an InputError if the camera has another size."""
+        """Camera for images of this size, or an InputError if this camera has another size."""
         if self.size is not None and self.size != (width, height):
             raise InputError(
                 f"images are {width}x{height} but the calibration is for "
@@ -95,8 +97,7 @@ class Camera:
         center_px: float | None = None,
         distortion_px: float | None = None,
     ) -> Camera:
-        """The same camera with calibration errors of these 1-sigmas; without arguments the camera
-        is exact.
+        """The same camera with calibration errors of these 1-sigmas; an exact camera by default.
 
         Parameters
         ----------
@@ -110,7 +111,7 @@ class Camera:
         Raises
         ------
         InputError
-            For a number that is not positive, named by its argument.
+            For a number that is not positive. The message names the argument.
 
         Examples
         --------
@@ -128,8 +129,8 @@ class Camera:
         ----------
         covariance : ndarray, shape (P, P)
             Covariance in the order and units of ``model.parameters`` or
-            ``model.refinable().parameters``. Parameters beyond the matrix and parameters with
-            variance 0 are exact.
+            ``model.refinable().parameters``. Parameters without a row in the matrix, and parameters
+            with variance 0, are exact.
 
         Raises
         ------
@@ -182,11 +183,13 @@ class Camera:
 
     @cached_property
     def parameter_factor(self) -> np.ndarray:
-        """`covariance_factor` of `parameter_covariance`: errors (P, r) of one sigma each."""
+        """`covariance_factor` of `parameter_covariance`, shape (P, r); each column is a 1-sigma
+        error.
+        """
         return covariance_factor(self.parameter_covariance())
 
     def parameter_sigmas(self) -> dict[str, float]:
-        """1 sigma of each parameter of ``model.refinable()`` by name: the root of the diagonal."""
+        """1 sigma of each parameter of ``model.refinable()`` by name: the root of the variance."""
         sigmas = np.sqrt(np.diag(self.parameter_covariance())).tolist()
         return dict(zip(self.model.refinable().parameters, sigmas, strict=True))
 
@@ -198,7 +201,7 @@ class Camera:
         readout_s : float
             Time from the first row to the last, s; 0 for a global shutter.
         sigma_s : float, optional
-            1 sigma, s; exact by default.
+            1 sigma of the read-out time, s. By default the read-out time is exact.
         """
         if finite("readout_s", readout_s) < 0.0:
             raise InputError(f"expected no negative number, got {readout_s:g}", field="readout_s")
@@ -220,8 +223,8 @@ class Camera:
     def unproject_jacobian(self, rays: np.ndarray) -> np.ndarray:
         """Derivative of the unit ray by the pixel, shape (N, 3, 2), rad/px, at rays (N, 3).
 
-        The columns are perpendicular to the ray. Times the noise of a pixel they give the noise of
-        the ray. The derivative is NaN outside the field of the lens.
+        The columns are perpendicular to the ray. The product of the derivative and the noise of a
+        pixel is the noise of the ray. The derivative is NaN outside the field of the lens.
         """
         return self.model.unproject_jacobian(as_rows(rays, 3, "rays"))
 

@@ -24,7 +24,7 @@ class MonotonicCurve:
     function : callable
         Values and slopes of the curve, ``(N,) -> (N,), (N,)``.
     end : float
-        Argument at which the curve stops increasing, finite.
+        Finite argument at which the curve stops increasing.
     """
 
     function: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -32,13 +32,14 @@ class MonotonicCurve:
 
     @cached_property
     def table(self) -> tuple[np.ndarray, np.ndarray]:
-        """Arguments, evenly spaced, and values."""
+        """Evenly spaced arguments of the curve, and the values at these arguments."""
         arguments = np.linspace(0.0, self.end, NODES)
         return arguments, self.function(arguments)[0]
 
     def invert(self, values: np.ndarray) -> np.ndarray:
-        """Arguments of these values, by Newton's method to 1e-10 from a table; NaN for values
-        outside the curve.
+        """Arguments of these values; NaN for values outside the curve.
+
+        Newton's method refines the arguments from a table to 1e-10.
         """
         arguments, known = self.table
         x = np.interp(values, known, arguments, left=np.nan, right=np.nan)
@@ -53,7 +54,7 @@ class MonotonicCurve:
 
 
 def first_positive_root(coefficients: np.ndarray) -> float:
-    """Smallest positive real root of a polynomial ``1 + c1 s + ...``; infinite if it has none.
+    """Smallest positive real root of a polynomial ``1 + c1 s + ...``; infinite without such a root.
 
     The function finds the reciprocals of the roots, which stay finite if the last coefficients
     vanish.

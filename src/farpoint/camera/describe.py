@@ -12,8 +12,7 @@ __all__ = ["describe"]
 
 
 def describe(camera: Camera) -> str:
-    """Text with the source, the image size, the field of view, a line for each parameter, and the
-    radial curve.
+    """Text with source, image size, field of view, a line for each parameter, and radial curve.
 
     Parameters are printed with their 1 sigma if the camera has an uncertainty.
 
@@ -47,7 +46,7 @@ def describe(camera: Camera) -> str:
 
 
 def _uncertainty(camera: Camera) -> list[str]:
-    """The uncertainty in general terms, and the read-out time."""
+    """Lines with the uncertainty in general terms, and with the read-out time."""
     lines, given = [], camera.uncertainty
     if given is not None and given.covariance is None:
         terms = (
@@ -65,7 +64,7 @@ def _uncertainty(camera: Camera) -> list[str]:
 
 
 def _sigmas(camera: Camera) -> dict[str, float]:
-    """1 sigma of each parameter, as far as it is known without the size of the images."""
+    """1 sigma of each parameter; empty if the sigmas need the unknown size of the images."""
     given = camera.uncertainty
     if given is not None and given.distortion_px is not None and camera.size is None:
         return {}

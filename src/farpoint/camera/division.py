@@ -24,11 +24,12 @@ class Division(FocalModel):
     """Lens for which the ray of a plane point (a, b) has the direction ``(a, b, 1 + k (a^2 +
     b^2))``.
 
-    With ``k < 0`` (barrel distortion) all points are visible except the one exactly behind, as in a
-    parabolic mirror. With ``k > 0`` points with ``Z > 2 sqrt(k) sqrt(X^2 + Y^2)`` are visible.
+    With ``k < 0`` (barrel distortion) all points are visible except points exactly behind the lens,
+    as in a parabolic mirror. With ``k > 0`` points with ``Z > 2 sqrt(k) sqrt(X^2 + Y^2)`` are
+    visible.
 
     The model is from Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens
-    distortion", CVPR 2001, doi:10.1109/CVPR.2001.990465. COLMAP calls it DIVISION.
+    distortion", CVPR 2001, doi:10.1109/CVPR.2001.990465. COLMAP calls this model DIVISION.
 
     Attributes
     ----------
@@ -60,18 +61,18 @@ class Division(FocalModel):
 
     @property
     def title(self) -> str:
-        """What people call this lens."""
+        """Common name of this lens."""
         return "division"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         return super().parameters | {"k": self.k}
 
     def _divisor(
         self, x: np.ndarray, y: np.ndarray, z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """``s = sqrt(Z^2 - 4 k R^2)``, and the divisor ``(Z + s) / 2`` of X and Y."""
+        """``s = sqrt(Z^2 - 4 k R^2)`` with ``R^2 = X^2 + Y^2``, and the divisor ``(Z + s) / 2``."""
         square = x * x + y * y
         s = np.sqrt(z * z - 4.0 * self.k * square)
         # Behind, Z and s cancel.

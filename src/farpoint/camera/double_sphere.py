@@ -25,7 +25,7 @@ __all__ = ["DoubleSphere"]
 class DoubleSphere(FocalModel):
     """Lens with ``(a, b) = (X, Y) / (alpha d2 + (1 - alpha) h)``, ``h = xi d1 + Z``.
 
-    ``d1`` is the length of (X, Y, Z) and ``d2`` that of (X, Y, h).
+    ``d1`` is the length of (X, Y, Z), and ``d2`` is the length of (X, Y, h).
 
     The model is from Usenko, Demmel and Cremers, "The double sphere camera model", 3DV 2018,
     doi:10.1109/3DV.2018.00069.
@@ -39,7 +39,7 @@ class DoubleSphere(FocalModel):
     xi : float
         Distance of the spheres' centres, between -1 and 1.
     alpha : float
-        Coefficient from 0, the unified model, to 1.
+        Coefficient from 0 to 1; 0 gives the unified model.
 
     Raises
     ------
@@ -64,17 +64,17 @@ class DoubleSphere(FocalModel):
 
     @property
     def title(self) -> str:
-        """What people call this lens."""
+        """Common name of this lens."""
         return "double sphere"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         return super().parameters | {"xi": self.xi, "alpha": self.alpha}
 
     @cached_property
     def _lowest_cosine(self) -> float:
-        """Lower bound of ``h / d2``: at the plane at infinity, or where the map folds.
+        """Lower bound of ``h / d2``, where the image point is at infinity or the map folds.
 
         The paper gives a bound on ``Z / d1`` (equation 43), which is not exact: with alpha = 1 the
         fold is at ``Z = -xi d1``, not at ``-xi d1 / sqrt(1 + xi^2)``.

@@ -19,9 +19,10 @@ class Equirectangular(LensModel):
     columns.
 
     ``u = width (1/2 + atan2(X, Z) / 2 pi) - 1/2`` and ``v = height (1/2 + atan2(Y, sqrt(X^2 + Z^2))
-    / pi) - 1/2``: forward is the middle, and the zenith (-y) is the upper edge. The picture is
-    periodic along its rows: a pixel beyond the left or the right edge has the ray of the pixel one
-    width away. A pixel above or below the picture has no ray.
+    / pi) - 1/2``. The middle of the picture is the forward direction, and the upper edge is the
+    zenith (-y). The picture is periodic along its rows: a pixel beyond the left or the right edge
+    has the ray of the pixel that is one picture width away. A pixel above or below the picture has
+    no ray.
 
     Attributes
     ----------
@@ -50,17 +51,17 @@ class Equirectangular(LensModel):
 
     @property
     def title(self) -> str:
-        """What people call this projection."""
+        """Common name of this projection."""
         return "equirectangular (360 degrees)"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         return {"width": self.width, "height": self.height}
 
     @property
     def roles(self) -> ParameterRoles:
-        """None: the size of the picture is what it is."""
+        """Empty roles, because the size of the picture has no error."""
         return ParameterRoles(scale={}, affine=(), center=(), radial=())
 
     def _project(self, points: np.ndarray) -> np.ndarray:

@@ -25,8 +25,9 @@ class ExtendedUnified(FocalModel):
     """Lens with ``(a, b) = (X, Y) / (alpha d + (1 - alpha) Z)``, ``d^2 = beta (X^2 + Y^2) + Z^2``.
 
     The model is from Khomutenko, Garcia and Martinet, "An enhanced unified camera model", RA-L
-    1(1), 2016, doi:10.1109/LRA.2015.2502921. The region in which it is one-to-one is from Usenko,
-    Demmel and Cremers, "The double sphere camera model", 3DV 2018, doi:10.1109/3DV.2018.00069.
+    1(1), 2016, doi:10.1109/LRA.2015.2502921. The region in which the model is one-to-one is from
+    Usenko, Demmel and Cremers, "The double sphere camera model", 3DV 2018,
+    doi:10.1109/3DV.2018.00069.
 
     Attributes
     ----------
@@ -35,9 +36,9 @@ class ExtendedUnified(FocalModel):
     cx, cy : float
         Principal point, px; the centre of the top-left pixel is (0, 0).
     alpha : float
-        Coefficient from 0, a pinhole, to 1.
+        Coefficient from 0 to 1; 0 gives a pinhole.
     beta : float
-        Positive; 1 is the unified model of Geyer and Mei.
+        Positive coefficient; 1 gives the unified model of Geyer and Mei.
 
     Raises
     ------
@@ -62,17 +63,17 @@ class ExtendedUnified(FocalModel):
 
     @property
     def title(self) -> str:
-        """What people call this lens."""
+        """Common name of this lens."""
         return "extended unified camera model (EUCM)"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         return super().parameters | {"alpha": self.alpha, "beta": self.beta}
 
     @cached_property
     def _lowest_cosine(self) -> float:
-        """``Z / d`` must exceed this."""
+        """Bound that ``Z / d`` must exceed for a visible point."""
         return lowest_cosine(self.alpha)
 
     def _to_plane(
@@ -106,7 +107,7 @@ class ExtendedUnified(FocalModel):
 def lowest_cosine(alpha: float) -> float:
     """Cosine on the sphere down to which ``sin / (alpha + (1 - alpha) cos)`` increases.
 
-    At this cosine the divisor vanishes if alpha is at most 1/2; for larger alpha the slope
-    vanishes.
+    At this cosine the divisor vanishes if alpha is at most 1/2. For larger alpha the slope vanishes
+    at this cosine.
     """
     return -alpha / (1.0 - alpha) if alpha <= 0.5 else -(1.0 - alpha) / alpha

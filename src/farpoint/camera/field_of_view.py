@@ -17,16 +17,17 @@ SAMPLES = 513
 
 @dataclass(frozen=True, kw_only=True)
 class FieldOfView:
-    """Angles of the field of view, rad; they may exceed pi, and only pixels with a ray count.
+    """Angles of the field of view, rad, over the pixels that have a ray. An angle may exceed pi.
 
     Attributes
     ----------
     horizontal_rad, vertical_rad : float
-        Along the row and the column through the principal point, border to border.
+        Angles along the row and along the column through the principal point, from border to
+        border.
     diagonal_rad : float
-        From corner to corner, the wider of the two diagonals.
+        Angle from corner to corner, along the wider of the two diagonals.
     complete : bool
-        Whether every pixel on those lines has a ray.
+        Whether every pixel on the row, the column and the two diagonals has a ray.
     """
 
     horizontal_rad: float
@@ -38,8 +39,8 @@ class FieldOfView:
 def field_of_view(camera: Camera) -> FieldOfView:
     """Field of view of a camera whose image size is known.
 
-    Each angle is that by which the ray rotates along a line through the image, summed in small
-    steps. Lenses beyond 180 degrees are therefore measured correctly.
+    Each angle is the sum of the small rotations of the ray from step to step along a line through
+    the image. Fields of view above 180 degrees are therefore measured correctly.
 
     Raises
     ------

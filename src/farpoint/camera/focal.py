@@ -1,4 +1,4 @@
-"""The common part of lenses with a focal length: conversion between the lens's plane and pixels."""
+"""The common part of lenses with a focal length: conversion between plane and pixels."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ __all__ = [
 ]
 
 FOCAL_RANGE_PX = 1e-3, 1e9
-"""From an image of a pixel to a telescope's: beyond it, angles of pixels are lost in rounding."""
+"""Range of focal lengths, px. Outside this range, angles of pixels are lost in rounding."""
 
 PlaneJacobian = tuple[tuple[np.ndarray, ...], ...]
 """Rows of d(a, b) / d(x, y, z): two triples of arrays (N,)."""
 
 PlaneDerivatives = list[tuple[np.ndarray, np.ndarray]]
-"""d(a, b) by each of some parameters: pairs of arrays (N,)."""
+"""Derivatives of (a, b) by several parameters: a pair of arrays (N,) for each parameter."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FocalModel(LensModel):
-    """A lens that maps points to a plane (a, b), and the plane to pixels by four numbers.
+    """A lens that maps points to a plane (a, b), and maps this plane to pixels by four numbers.
 
     The pixels are ``u = fx * a + cx`` and ``v = fy * b + cy``. A subclass defines the map from
     points to the plane.
@@ -59,14 +59,14 @@ class FocalModel(LensModel):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         return {"fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy}
 
     @property
     def roles(self) -> ParameterRoles:
         """Effects of the parameters on the image, from which priors of their errors are built.
 
-        All parameters that this class does not define are taken as radial.
+        All parameters that only a subclass defines are taken as radial.
         """
         return ParameterRoles(
             scale={"fx": self.fx, "fy": self.fy},
@@ -79,7 +79,7 @@ class FocalModel(LensModel):
     def _to_plane(
         self, x: np.ndarray, y: np.ndarray, z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Plane coordinates of points; NaN where the lens sees none."""
+        """Plane coordinates of points; NaN for points that the lens does not see."""
 
     @abstractmethod
     def _to_plane_jacobian(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneJacobian:
@@ -87,9 +87,9 @@ class FocalModel(LensModel):
 
     @abstractmethod
     def _to_plane_parameters(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> PlaneDerivatives:
-        """Derivative of `_to_plane` by each parameter after the first four, in their order.
+        """Derivative of `_to_plane` by each parameter after the first four, in the usual order.
 
-        What it is where `_to_plane` is NaN does not matter.
+        The derivative is arbitrary where `_to_plane` is NaN.
         """
 
     @abstractmethod

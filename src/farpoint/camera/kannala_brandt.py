@@ -59,12 +59,12 @@ class KannalaBrandt(FocalModel):
 
     @property
     def title(self) -> str:
-        """What people call this lens."""
+        """Common name of this lens."""
         return "Kannala-Brandt fisheye (equidistant)"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         return super().parameters | {"k1": self.k1, "k2": self.k2, "k3": self.k3, "k4": self.k4}
 
     @cached_property

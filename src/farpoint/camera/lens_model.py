@@ -18,7 +18,7 @@ __all__ = ["LensModel"]
 
 
 class LensModel(ABC):
-    """Public half of `CameraModel`, implemented by row-by-row functions of a subclass."""
+    """Public methods of `CameraModel`, computed by row-by-row functions of a subclass."""
 
     @property
     @abstractmethod
@@ -49,7 +49,7 @@ class LensModel(ABC):
 
     @abstractmethod
     def _project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
-        """Derivative of `_project` by the P parameters, (N, 2, P); NaN rows where unseen."""
+        """Derivative of `_project` by the P parameters, (N, 2, P); NaN rows for unseen points."""
 
     @classmethod
     def _fields_of(cls, parameters: Mapping[str, float]) -> dict[str, Any]:
@@ -63,7 +63,7 @@ class LensModel(ABC):
         Raises
         ------
         InputError
-            For a missing or unknown parameter (named), or invalid values.
+            For a missing or unknown parameter, which the message names, or for invalid values.
         """
         make: Callable[..., Self] = cls
         known = {field.name: field.default is MISSING for field in fields(cast(Any, cls))}
@@ -93,7 +93,8 @@ class LensModel(ABC):
         Parameters
         ----------
         values : array_like, shape (P,), or mapping
-            Values in the order of `parameters`, or by name; other parameters keep their values.
+            All values in the order of `parameters`, or some values by name. Parameters that are not
+            named keep their values.
 
         Raises
         ------

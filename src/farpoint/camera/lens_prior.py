@@ -12,16 +12,17 @@ from farpoint.errors import InputError
 __all__ = ["prior_covariance"]
 
 ASPECT_SHARE = 0.1
-"""Error of the aspect ratio and the shear of pixels, over the error of the focal length
+"""Error of the aspect ratio and the shear of pixels, divided by the error of the focal length
 (convention: pixels are square by construction, the focal length depends on the lens)."""
 
 DECENTERING_SHARE = 0.25
-"""Displacement at the corner by tangential, prism and tilt errors, over that by all errors
-(convention)."""
+"""Displacement at the corner by tangential, prism and tilt errors, divided by the displacement by
+all errors (convention)."""
 
 ORDER_SHARE = 0.5
-"""Displacement at the corner by each radial coefficient, in that by the one before (convention:
-displacements grow smoothly towards the corner, and no coefficient is exact)."""
+"""Displacement at the corner by each radial coefficient, divided by the displacement by the
+coefficient before it (convention: displacements grow smoothly towards the corner, and no
+coefficient is exact)."""
 
 AXIS_STEP = 1e-4
 """Tangent of the angle off the axis at which the scale of the image's centre is taken."""
@@ -39,18 +40,18 @@ def prior_covariance(
     """Covariance (P, P) of the parameters of ``model.refinable()``, in their order and units.
 
     The covariance is the sum of independent errors, each along one direction of the parameters:
-    common scale, aspect ratio and shear, both coordinates of the centre, and each coefficient of
-    the distortion. The distortion errors are compensated so that the scale at the centre of the
-    image does not change.
+    common scale, aspect ratio, shear, each coordinate of the centre, and each coefficient of the
+    distortion. Each error of a coefficient includes a change of the scale, so that the scale at the
+    centre of the image does not change.
 
     Parameters
     ----------
     model : CameraModel
-        The lens; one with zeros for parameters that are not given.
+        The lens, with zeros for parameters that are not given.
     size : (width, height) or None
-        Pixels; needed for an error of the distortion.
+        Size of the images, px, which is needed for an error of the distortion.
     uncertainty : CameraUncertainty or None
-        None: the parameters are exact, the covariance is zero.
+        If None, the parameters are exact, and the covariance is zero.
 
     Raises
     ------
@@ -80,9 +81,7 @@ def prior_covariance(
 
 
 def _padded(covariance: np.ndarray, given: int, refinable: int) -> np.ndarray:
-    """Covariance of the refinable parameters, padded with zeros if it is given for the other
-    parameters only.
-    """
+    """Covariance of all refinable parameters, with zeros for parameters without given values."""
     if len(covariance) not in (given, refinable):
         expected = " or ".join(f"({count}, {count})" for count in sorted({given, refinable}))
         raise InputError(f"expected shape {expected}, got {covariance.shape}", field="covariance")
@@ -92,7 +91,7 @@ def _padded(covariance: np.ndarray, given: int, refinable: int) -> np.ndarray:
 
 
 def _focal_errors(roles: ParameterRoles, focal: float) -> list[Direction]:
-    """Errors of scale, aspect and shear that leave fx and fy off by `focal` each."""
+    """Errors of scale, aspect and shear, which give fx and fy an error of 1 sigma `focal` each."""
     deformation = ASPECT_SHARE * focal
     common = np.sqrt(focal**2 - 0.25 * deformation**2)
     return [
@@ -125,9 +124,9 @@ def _distortion_errors(
 
 
 def _kinds(roles: ParameterRoles) -> list[tuple[tuple[str, ...], np.ndarray, float]]:
-    """Kinds of distortion: parameters, the shares of each, and the share of the kind.
+    """Kinds of distortion: parameters, the share of each parameter, and the share of the kind.
 
-    Shares are of the displacement at the corner; the squared shares of the kinds sum to 1.
+    Shares are shares of the displacement at the corner. The squared shares of the kinds sum to 1.
     """
     decentering = DECENTERING_SHARE if roles.decentering else 0.0
     return [
@@ -141,9 +140,7 @@ def _scaled(direction: Direction, factor: float) -> Direction:
 
 
 def _at_constant_scale(model: CameraModel, name: str) -> Direction:
-    """A unit change of one parameter, with a change of scale that keeps the image near the axis
-    unchanged.
-    """
+    """A unit change of one parameter, and the change of scale that leaves the centre unchanged."""
     beside = np.array([[AXIS_STEP, 0.0, 1.0], [-AXIS_STEP, 0.0, 1.0]])
     width = np.subtract(*model.project(beside)[:, 0])
     column = list(model.parameters).index(name)

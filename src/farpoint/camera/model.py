@@ -13,20 +13,20 @@ __all__ = ["CameraModel"]
 
 
 class CameraModel(Protocol):
-    """Interface of a lens model; every model of this package is a frozen dataclass of floats.
+    """Interface of a lens model. Every model of this package is a frozen dataclass of floats.
 
-    Pixels are OpenCV's: the centre of the top-left pixel is (0, 0). Camera axes are x right,
-    y down, z forward.
+    Pixel coordinates are OpenCV's: the centre of the top-left pixel is (0, 0). Camera axes are x
+    right, y down, z forward.
     """
 
     @property
     def title(self) -> str:
-        """What people call this lens, such as ``"pinhole, radial-tangential distortion"``."""
+        """Common name of this lens, such as ``"pinhole, radial-tangential distortion"``."""
         ...
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         ...
 
     @property
@@ -58,7 +58,7 @@ class CameraModel(Protocol):
         ...
 
     def refinable(self) -> CameraModel:
-        """The same lens with every parameter that can be estimated among its `parameters`."""
+        """The same lens, whose `parameters` include every parameter that can be estimated."""
         ...
 
     def with_parameters(self, values: np.ndarray | Mapping[str, float]) -> Self:
@@ -68,7 +68,7 @@ class CameraModel(Protocol):
     def project_parameter_jacobian(self, points: np.ndarray) -> np.ndarray:
         """Derivative of `project` by the `parameters`, shape (N, 2, P), of points (N, 3).
 
-        Columns in the order of `parameters`; NaN where `project` is.
+        The columns are in the order of `parameters`. The derivative is NaN where `project` is NaN.
         """
         ...
 

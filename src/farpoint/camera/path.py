@@ -1,6 +1,4 @@
-"""Paths on the sphere in the image of a lens: curved lines, cut at the end of the field or at a
-seam.
-"""
+"""Images of paths on the sphere: curved lines, cut at the end of the field or at a seam."""
 
 from __future__ import annotations
 
@@ -22,23 +20,25 @@ _CROWDED_PX = 0.1
 def project_path(camera: Camera, rays: np.ndarray) -> np.ndarray:
     """Image of a path that joins rays by arcs of great circles.
 
-    Pixels are added until the chords between them are within 0.2 px of the arcs. The line ends in
-    three cases: at the end of the field of the lens (found to a fraction of a pixel), farther
-    outside the image than the image's own size, and at the seam of a 360-degree picture.
+    Pixels are added until the chords between neighbouring pixels are within 0.2 px of the arcs. A
+    line ends in three cases: at the end of the field of the lens (found to a fraction of a pixel),
+    at pixels that are farther outside the image than the image's own size, and at the seam of a
+    360-degree picture.
 
     Parameters
     ----------
     camera : Camera
-        Any lens. Without an image size the line goes on as far as the lens sees.
+        Camera with any lens. If the camera has no image size, the line ends only at the end of the
+        field of the lens, or at a seam.
     rays : ndarray, shape (K, 3)
-        Corners of the path in camera axes, any length; neighbours less than half a turn apart. A
-        row of NaN begins a new path, so that many can be drawn in one call.
+        Corners of the path, as rays of any length in camera axes. Neighbours must be less than 180
+        degrees apart. A row of NaN begins a new path, so that many paths can be drawn in one call.
 
     Returns
     -------
     ndarray, shape (M, 2)
-        Pixels in the order of the path, with a row of NaN between pieces; empty where nothing of
-        it is seen.
+        Pixels in the order of the path, with a row of NaN between pieces. Empty if no part of the
+        path is seen.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def project_path(camera: Camera, rays: np.ndarray) -> np.ndarray:
 def _to_bisect(
     camera: Camera, rays: np.ndarray, pixels: np.ndarray, suspect: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Arcs, among the suspect ones, that need their middle, with the rays and pixels of the
+    """Mask of the suspect arcs that need a point in the middle, with rays and pixels of the
     middles.
     """
     start = np.flatnonzero(suspect)
@@ -99,7 +99,7 @@ def _seen(camera: Camera, rays: np.ndarray) -> np.ndarray:
 
 
 def _pieces(rays: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """The pixels with one row of NaN at each break: at the end of the field, and at a seam."""
+    """The pixels, with one row of NaN at each end of the field and at each seam."""
     closest = np.linalg.norm(np.diff(rays, axis=0), axis=1) <= 2.0 * _FINEST_RAD
     jump = closest & (np.linalg.norm(np.diff(pixels, axis=0), axis=1) > _JUMP_PX)
     pixels = np.insert(pixels, np.flatnonzero(jump) + 1, np.nan, axis=0)
@@ -111,7 +111,7 @@ def _pieces(rays: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def _crowded(pixels: np.ndarray) -> np.ndarray:
-    """Pixels that are redundant beside their neighbours, as the search for an end adds many."""
+    """Mask of the pixels that are redundant, because both neighbours are close."""
     crowded = np.zeros(len(pixels), bool)
     close = np.linalg.norm(np.diff(pixels, axis=0), axis=1) < _CROWDED_PX
     crowded[1:-1] = close[:-1] & close[1:]

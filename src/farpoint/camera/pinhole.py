@@ -27,7 +27,7 @@ __all__ = ["Pinhole"]
 class Pinhole(FocalModel):
     """Pinhole camera with OpenCV's radial, tangential, thin-prism and tilt distortion.
 
-    ``x = X/Z`` and ``y = Y/Z`` are distorted to (a, b) by `RadialTangential`; the pixel is ``u = fx
+    ``x = X/Z`` and ``y = Y/Z`` are distorted to (a, b) by `RadialTangential`. The pixel is ``u = fx
     a + cx`` and ``v = fy b + cy``. Points with ``Z <= 0``, and points beyond the radius at which
     the distortion folds, are not visible.
 
@@ -44,7 +44,7 @@ class Pinhole(FocalModel):
     ------
     InputError
         For a focal length that is not positive, a number that is not finite, or another count of
-        coefficients than 0, 4, 5, 8, 12 or 14; it names the field.
+        coefficients than 0, 4, 5, 8, 12 or 14. The message names the field.
 
     Examples
     --------
@@ -62,14 +62,14 @@ class Pinhole(FocalModel):
 
     @property
     def title(self) -> str:
-        """What people call this lens."""
+        """Common name of this lens."""
         if not self.distortion:
             return "pinhole without distortion"
         return f"pinhole with radial-tangential distortion ({len(self.distortion)} coefficients)"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         return super().parameters | dict(zip(COEFFICIENT_NAMES, self.distortion, strict=False))
 
     @property
@@ -82,9 +82,7 @@ class Pinhole(FocalModel):
         return gather_coefficients(parameters)
 
     def refinable(self) -> Pinhole:
-        """The same lens with its own coefficients, or with the coefficients k1 k2 p1 p2 if it has
-        none.
-        """
+        """The same lens. A lens without distortion gets the coefficients k1 k2 p1 p2, all zero."""
         if self.distortion:
             return self
         return replace(self, distortion=(0.0,) * FEWEST_COEFFICIENTS)

@@ -10,7 +10,7 @@ __all__ = ["PlaneMap"]
 
 
 class PlaneMap(NamedTuple):
-    """Values (a, b) of a map of the plane at points (x, y), and its derivatives; arrays (N,)."""
+    """Values (a, b) and derivatives of a map of the plane at points (x, y); arrays (N,)."""
 
     a: np.ndarray
     b: np.ndarray
@@ -21,5 +21,5 @@ class PlaneMap(NamedTuple):
 
     @property
     def determinant(self) -> np.ndarray:
-        """Positive where the map keeps its orientation."""
+        """Determinant of the derivative; positive where the map keeps the plane's orientation."""
         return self.a_x * self.b_y - self.a_y * self.b_x

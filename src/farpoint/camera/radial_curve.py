@@ -22,7 +22,7 @@ class RadialCurve:
     Attributes
     ----------
     radius_px : ndarray, shape (N,)
-        Distance from the pixel of the axis, increasing from 0.
+        Distance from the pixel of the optical axis, increasing from 0.
     angle_rad : ndarray, shape (N,)
         Angle of the ray off the axis.
     """
@@ -34,8 +34,8 @@ class RadialCurve:
 def radial_curve(camera: Camera) -> RadialCurve:
     """The curve from the axis to the point of the image border that is farthest from the axis.
 
-    This point is a corner of most images, and the middle of a side of a 360-degree picture. The
-    curve ends where pixels have no ray.
+    For most images this point is a corner. For a 360-degree picture this point is the middle of a
+    side. The curve ends where pixels have no ray.
 
     Raises
     ------
@@ -59,10 +59,10 @@ def radial_curve(camera: Camera) -> RadialCurve:
 
 
 def draw_radial_curve(camera: Camera) -> str:
-    """The curve in characters: radius to the right, angle upwards.
+    """The curve as a plot of characters, with the radius to the right and the angle upwards.
 
-    Dots show the pinhole that has the same scale at the centre. Where the two curves coincide there
-    are no dots.
+    Dots show the pinhole that has the same scale at the centre. No dots are drawn where the two
+    curves coincide.
     """
     curve = radial_curve(camera)
     radius, angle = curve.radius_px, np.rad2deg(curve.angle_rad)

@@ -61,12 +61,13 @@ class RadialTangential:
     Attributes
     ----------
     coefficients : tuple of float
-        ``k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tauX tauY]]]]``; absent ones are zero.
+        ``k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tauX tauY]]]]``; absent coefficients are zero.
 
     Raises
     ------
     InputError
-        For another number of coefficients than 0, 4, 5, 8, 12 or 14, or one that is not finite.
+        For another number of coefficients than 0, 4, 5, 8, 12 or 14, or for a coefficient that is
+        not finite.
     """
 
     coefficients: tuple[float, ...]
@@ -76,7 +77,7 @@ class RadialTangential:
 
     @cached_property
     def is_identity(self) -> bool:
-        """Whether nothing is distorted."""
+        """Whether all coefficients are zero, so that the map distorts nothing."""
         return not any(self.coefficients)
 
     def distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -125,10 +126,10 @@ class RadialTangential:
         return [*radial[:2], *tangential, radial[2], *rational, *prism]
 
     def undistort(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Inverse of `distort`; NaN where nothing is imaged.
+        """Inverse of `distort`; NaN for points (a, b) that are not the image of any point.
 
-        The inverse is found by Newton's method to 1e-10, from the tabulated inverse of the radial
-        part.
+        Newton's method finds the inverse to 1e-10, and starts from a table of the inverse of the
+        radial part.
         """
         if self._tilt is not None:
             a, b = self._tilt.invert(a, b)
@@ -138,12 +139,12 @@ class RadialTangential:
 
     @cached_property
     def untilted(self) -> np.ndarray:
-        """The coefficients without the tilt (12,), absent ones zero."""
+        """The coefficients (12,) without the tilt; absent coefficients are zero."""
         return np.array(self._full[:12])
 
     @property
     def is_tilted(self) -> bool:
-        """Whether the sensor is turned against the lens."""
+        """Whether the sensor is tilted relative to the lens."""
         return self._tilt is not None
 
     @cached_property
@@ -167,7 +168,7 @@ class RadialTangential:
 
     @cached_property
     def _farthest_image(self) -> float:
-        """Largest radius of the distorted plane that is reached."""
+        """Largest radius in the distorted plane that the map reaches."""
         if np.isinf(self.fold):
             return np.inf
         azimuths = np.linspace(-np.pi, np.pi, AZIMUTH_NODES)
@@ -176,10 +177,11 @@ class RadialTangential:
 
     @cached_property
     def _radial_table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Radii r after the radial part alone and before it, and the second over the first.
+        """Radii r after the radial part alone, radii before this part, and quotients before /
+        after.
 
-        Both radii increase, evenly spaced in the angle before the radial part; their quotient is
-        evenly spaced in ``r / (1 + r)``.
+        Both arrays of radii increase and are evenly spaced in the angle before the radial part. The
+        quotients are evenly spaced in ``r / (1 + r)``.
         """
         before = np.tan(np.linspace(0.0, min(np.arctan(self.fold), FARTHEST_RAD), RADIAL_NODES))
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
@@ -194,9 +196,7 @@ class RadialTangential:
 
     @cached_property
     def fold(self) -> float:
-        """Radius of the undistorted plane up to which the map is used; infinite if there is no
-        fold.
-        """
+        """Radius of the undistorted plane up to which the map is used; infinite without a fold."""
         radial_fold = self._radial_fold
         if self._is_radial:
             return radial_fold
@@ -208,7 +208,9 @@ class RadialTangential:
 
     @cached_property
     def _radial_fold(self) -> float:
-        """Radius at which the radial part alone stops increasing; infinite if it never does."""
+        """Radius at which the radial part alone stops increasing; infinite if the part always
+        increases.
+        """
         k1, k2, _, _, k3, k4, k5, k6 = self._full[:8]
         gain, loss = Polynomial([1, k1, k2, k3]), Polynomial([1, k4, k5, k6])
         # Numerator of d(r gain / loss) / dr as a polynomial of r^2.
@@ -218,11 +220,10 @@ class RadialTangential:
         return float(end * (1.0 - 1e-9))
 
     def _surely_keeps_orientation(self, radius: np.ndarray) -> np.ndarray:
-        """Whether the radial part stretches more, at these radii, than the other terms can fold
-        back.
+        """Whether, at these radii, the other terms are too small to fold the radial part.
 
         A sum of matrices ``A + E`` is regular if the least singular value of A exceeds the norm of
-        E. The radial part has the singular values ``g`` and ``d(r g)/dr``; the norm of the other
+        E. The radial part has the singular values ``g`` and ``d(r g)/dr``. The norm of the other
         terms is at most the sum of all their derivatives.
         """
         k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = self._full[:12]
@@ -251,7 +252,7 @@ def _even_polynomial(
 
 
 def gather_coefficients(parameters: Mapping[str, float]) -> dict[str, Any]:
-    """Parameters by name, with the coefficients among them under ``distortion`` in their order."""
+    """Parameters by name, but with all coefficients, in order, under the name ``distortion``."""
     fields: dict[str, Any] = {
         name: value for name, value in parameters.items() if name not in COEFFICIENT_NAMES
     }
@@ -260,7 +261,7 @@ def gather_coefficients(parameters: Mapping[str, float]) -> dict[str, Any]:
 
 
 def coefficient_roles(count: int) -> dict[str, tuple[str, ...]]:
-    """Names of the radial and of the other coefficients, for this number of coefficients."""
+    """Names of the radial and of the decentering coefficients, for this number of coefficients."""
     names = COEFFICIENT_NAMES[:count]
     radial = tuple(name for name in names if name.startswith("k"))
     return {"radial": radial, "decentering": tuple(name for name in names if name not in radial)}

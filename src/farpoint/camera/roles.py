@@ -7,24 +7,24 @@ from dataclasses import dataclass
 __all__ = ["Direction", "ParameterRoles"]
 
 Direction = dict[str, float]
-"""Changes of parameters by name; those not named do not change."""
+"""Changes of parameters by name; parameters that are not named do not change."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterRoles:
-    """The parameters of a lens by their effect on its image; one without a role is exact.
+    """The parameters of a lens by their effect on the image. A parameter without a role is exact.
 
     Attributes
     ----------
     scale : Direction
-        Derivative of the parameters by the logarithm of the image's scale about its centre.
+        Derivative of the parameters by the logarithm of the scale of the image about the centre.
     affine : tuple of Direction
-        Derivatives by the other affine deformations of the sensor: ratio of the sides, shear.
+        Derivatives of the parameters by the other affine deformations of the sensor: ratio of the
+        sides, and shear.
     center : tuple of str
         Principal point or centre of distortion along x and y, px.
     radial : tuple of str
-        Parameters that move pixels towards the centre or away from it, those of the lowest order
-        first.
+        Parameters that move pixels towards the centre or away from the centre, lowest order first.
     decentering : tuple of str
         Parameters of other distortions: tangential, thin prism, tilted sensor.
     """

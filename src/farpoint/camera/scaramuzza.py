@@ -29,9 +29,9 @@ class Scaramuzza(LensModel):
     -f(rho))``.
 
     ``f(rho) = a0 + a1 rho + a2 rho^2 + ...`` with ``rho = sqrt(p^2 + q^2)`` px, and ``u = p + e q +
-    cx``, ``v = d p + c q + cy``. The toolbox's axes are x down, y right and z backward; the axes
-    here are x right, y down and z forward. Points are visible up to the radius at which the angle
-    off the axis stops increasing. Projection inverts f itself; the inverse polynomial of the
+    cx``, ``v = d p + c q + cy``. The toolbox's axes are x down, y right and z backward. farpoint's
+    axes are x right, y down and z forward. Points are visible up to the radius at which the angle
+    off the axis stops increasing. Projection inverts f itself. The inverse polynomial of the
     toolbox is only a fit and is not used.
 
     The model is from Scaramuzza, Martinelli and Siegwart, "A toolbox for easily calibrating
@@ -42,10 +42,10 @@ class Scaramuzza(LensModel):
     coefficients : tuple of float
         ``a0 a1 a2 ...``, ``a0`` negative, px.
     cx, cy : float
-        Centre of distortion, px, the toolbox's column and row; the centre of the top-left pixel
-        is (0, 0).
+        Centre of distortion, px, which is the column and the row in the toolbox. The centre of the
+        top-left pixel is (0, 0).
     c, d, e : float
-        Sensor's affine distortion, ``c > d e``.
+        Affine distortion of the sensor, with ``c > d e``.
 
     Raises
     ------
@@ -78,12 +78,12 @@ class Scaramuzza(LensModel):
 
     @property
     def title(self) -> str:
-        """What people call this lens."""
+        """Common name of this lens."""
         return f"Scaramuzza polynomial (OCamCalib) of {len(self.coefficients)} coefficients"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         named = {f"a{power}": value for power, value in enumerate(self.coefficients)}
         return named | {"cx": self.cx, "cy": self.cy, "c": self.c, "d": self.d, "e": self.e}
 
@@ -92,8 +92,8 @@ class Scaramuzza(LensModel):
         """Effects of the parameters on the image, from which priors of their errors are built.
 
         A rotation of the sensor, ``d = -e``, equals a rotation of the camera and is no error of the
-        lens. ``a1`` is exact: the toolbox fixes it at zero, because it is zero for every smooth
-        curve.
+        lens. ``a1`` is exact: the toolbox fixes ``a1`` at zero, because ``a1`` is zero for every
+        smooth curve.
         """
         coefficients = [(f"a{power}", a) for power, a in enumerate(self.coefficients)]
         return ParameterRoles(
@@ -116,9 +116,7 @@ class Scaramuzza(LensModel):
 
     @cached_property
     def _depth(self) -> Polynomial:
-        """``-f`` in focal lengths as a function of the radius in focal lengths; the constant term
-        is 1.
-        """
+        """``-f`` as a function of the radius, both in focal lengths. The constant term is 1."""
         powers = np.arange(len(self.coefficients))
         return Polynomial(-np.array(self.coefficients) * self._focal ** (powers - 1.0))
 

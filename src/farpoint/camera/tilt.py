@@ -27,7 +27,7 @@ class Tilt:
     Attributes
     ----------
     tau_x, tau_y : float
-        Turns of the sensor, rad.
+        Rotation angles of the sensor about x and y, rad.
     """
 
     tau_x: float
@@ -35,7 +35,7 @@ class Tilt:
 
     @cached_property
     def homography(self) -> np.ndarray:
-        """Tilted from straight plane coordinates, (3, 3)."""
+        """Homography (3, 3) from plane coordinates without the tilt to tilted plane coordinates."""
         turn = _about_y(self.tau_y) @ _about_x(self.tau_x)
         return _onto_sensor(turn, 1.0) @ turn
 
@@ -50,13 +50,11 @@ class Tilt:
         return by_x, by_y
 
     def apply(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tilted coordinates; NaN where a ray runs away from the sensor."""
+        """Tilted coordinates; NaN for rays that do not meet the sensor."""
         return _project(self.homography, x, y)
 
     def invert(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates without the tilt, of tilted coordinates; NaN beyond the horizon of the
-        sensor.
-        """
+        """Coordinates before the tilt, from tilted coordinates; NaN beyond the sensor's horizon."""
         return _project(np.linalg.inv(self.homography), a, b)
 
     def chain(self, inner: PlaneMap) -> PlaneMap:
@@ -72,7 +70,7 @@ class Tilt:
         )
 
     def derivatives(self, x: np.ndarray, y: np.ndarray) -> PlaneMap:
-        """Tilted coordinates and their derivatives by straight ones."""
+        """Tilted coordinates, and their derivatives by the coordinates without the tilt."""
         H = self.homography
         a, b = _project(H, x, y)
         depth = H[2, 0] * x + H[2, 1] * y + H[2, 2]

@@ -24,14 +24,14 @@ class CameraUncertainty:
     Attributes
     ----------
     focal : float or None
-        Relative error of the focal length, common to x and y; None: exact.
+        Relative error of the focal length, common to x and y; None if exact.
     center_px : float or None
-        Error of each coordinate of the principal point, px; None: exact.
+        Error of each coordinate of the principal point, px; None if exact.
     distortion_px : float or None
-        Error of the distortion as the displacement at the corner of the image, px; None: exact.
+        Error of the distortion as the displacement at the corner of the image, px; None if exact.
     covariance : tuple of tuple of float, or None
-        Covariance (P, P) of the parameters of the lens's ``refinable()``, in their units and order;
-        replaces all other terms. A parameter with variance 0 is exact.
+        Covariance (P, P) of the parameters of the lens's ``refinable()``, in their units and order.
+        The covariance replaces all other terms. A parameter with variance 0 is exact.
 
     Raises
     ------
@@ -66,8 +66,8 @@ class CameraUncertainty:
 def covariance_factor(covariance: np.ndarray) -> np.ndarray:
     """A matrix ``F`` (P, r) of full rank with ``F @ F.T`` equal to the covariance (P, P).
 
-    The parameters are ``given + F @ z`` with r independent z of variance 1: exact parameters have
-    rows of zeros, and a covariance of zeros has r = 0.
+    The parameters are ``given + F @ z`` with r independent numbers z of variance 1. The rows of
+    exact parameters are zero. For a covariance of zeros, r is 0.
     """
     sigma = np.sqrt(np.diag(covariance))
     known = np.where(sigma > 0.0, sigma, 1.0)
@@ -77,7 +77,7 @@ def covariance_factor(covariance: np.ndarray) -> np.ndarray:
 
 
 def _checked(covariance: Any) -> tuple[tuple[float, ...], ...]:
-    """The matrix, made symmetric; an InputError if it is no covariance."""
+    """The matrix, made symmetric. A matrix that is no covariance raises an InputError."""
     try:
         matrix = np.array(covariance, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""The unified model of Geyer, Barreto and Mei: a sphere, seen by a pinhole outside its centre."""
+"""The unified model of Geyer, Barreto and Mei: a sphere, projected from a point off its centre."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = ["Unified"]
 class Unified(FocalModel):
     """Lens or mirror with ``(x, y) = (X, Y) / (Z + xi |(X, Y, Z)|)``, followed by a distortion.
 
-    ``(a, b)`` is (x, y) distorted by `RadialTangential`; the pixel is ``u = fx a + skew b + cx``
+    ``(a, b)`` is (x, y) distorted by `RadialTangential`. The pixel is ``u = fx a + skew b + cx``
     and ``v = fy b + cy``. OpenCV calls this lens ``omnidir``, Kalibr ``omni`` and CamOdoCal MEI.
     ``xi = 1`` is a parabolic mirror, ``xi = 0`` a pinhole.
 
@@ -41,8 +41,8 @@ class Unified(FocalModel):
     Attributes
     ----------
     fx, fy : float
-        Focal lengths, px: the generalised ones of the paper, about ``1 + xi`` times those that a
-        pinhole would have.
+        Generalised focal lengths of the paper, px, which are about ``1 + xi`` times the focal
+        lengths that a pinhole would have.
     cx, cy : float
         Principal point, px; the centre of the top-left pixel is (0, 0).
     xi : float
@@ -78,14 +78,14 @@ class Unified(FocalModel):
 
     @property
     def title(self) -> str:
-        """What people call this lens."""
+        """Common name of this lens."""
         count = len(self.distortion)
         distorted = f"radial-tangential distortion ({count} coefficients)" if count else ""
         return f"unified (Mei) with{f' {distorted}' if count else 'out distortion'}"
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name, in the order people write them."""
+        """All parameters by name, in the usual order."""
         named = {"xi": self.xi} | dict(zip(COEFFICIENT_NAMES, self.distortion, strict=False))
         return super().parameters | named | {"skew": self.skew}
 
@@ -115,10 +115,10 @@ class Unified(FocalModel):
 
     @cached_property
     def _lowest_cosine(self) -> float:
-        """``Z / |X|`` must exceed this.
+        """Bound that ``Z / |(X, Y, Z)|`` must exceed for a visible point.
 
-        At this cosine the divisor vanishes if xi is at most 1; for larger xi ``sin / (xi + cos)``
-        stops increasing.
+        At this cosine the divisor vanishes if xi is at most 1. For larger xi, ``sin / (xi + cos)``
+        stops increasing at this cosine.
         """
         return -min(self.xi, 1.0 / self.xi) if self.xi > 0.0 else 0.0
 

@@ -17,11 +17,12 @@ __all__ = ["as_rows", "finite", "in_blocks", "parameter_values", "positive", "wi
 BLOCK_ROWS = 8192
 
 _LARGEST = 1e12
-"""No parameter of a lens comes near; powers and products of larger ones overflow."""
+"""Largest magnitude of a parameter. No lens needs more, and powers and products of larger numbers
+overflow."""
 
 
 def finite(name: str, value: Any) -> float:
-    """The parameter as a finite float, or an InputError naming it."""
+    """The parameter as a finite float, or an InputError that names the parameter."""
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError):
@@ -54,7 +55,7 @@ def parameter_values(
     values: np.ndarray | Mapping[str, float],
     field: str = "values",
 ) -> dict[str, float]:
-    """Values by parameter name, from an array of all values or a mapping of some."""
+    """Values by parameter name, from an array of all values or a mapping of some values."""
     if isinstance(values, Mapping):
         unknown = [str(name) for name in values if name not in current]
         if unknown:
@@ -88,7 +89,7 @@ def as_rows(values: Any, columns: int, name: str) -> np.ndarray:
 def in_blocks(
     function: Callable[[np.ndarray], np.ndarray], rows: np.ndarray, columns: int
 ) -> np.ndarray:
-    """Apply a row-by-row function, (N, k) -> (N, columns), to a cache-sized part at a time.
+    """Apply a row-by-row function, (N, k) -> (N, columns), to blocks that fit into the cache.
 
     Floating-point warnings are off, because a lens model uses invalid values to find the rows that
     become NaN.

@@ -1,4 +1,4 @@
-"""Error-state Kalman filter that fuses two-view motions, each with its covariance, with an IMU."""
+"""Error-state Kalman filter that fuses an IMU with two-view motions and their covariances."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ class StartSigmas:
     Attributes
     ----------
     tilt_rad, heading_rad : float
-        Attitude about the horizontal axes, and about the vertical axis. The heading is
-        unobservable; its origin is arbitrary.
+        Attitude about the horizontal axes (tilt), and about the vertical axis (heading). The
+        heading is unobservable, so the choice of heading 0 is arbitrary.
     velocity : float
-        m/s. Above about 0.33 of the speed, the first updates make the filter overconfident of the
-        speed.
+        Velocity, m/s. If this 1-sigma is above about 0.33 of the speed, the first updates make the
+        filter overconfident of the speed.
     gyro_bias : float
-        rad/s.
+        Bias of the gyroscope, rad/s.
     accel_bias : float
-        m/s^2.
+        Bias of the accelerometer, m/s^2.
     """
 
     tilt_rad: float = 0.02
@@ -59,8 +59,8 @@ class StartSigmas:
     accel_bias: float = 0.1
 
     def covariance(self) -> np.ndarray:
-        """Covariance (18, 18) of the initial error at an image, where last and current attitude are
-        equal.
+        """Covariance (18, 18) of the initial error at an image, where the attitude at the last
+        image and the current attitude are equal.
         """
         sigmas = np.zeros(ERROR_SIZE)
         sigmas[ATTITUDE] = (self.tilt_rad, self.tilt_rad, self.heading_rad)
@@ -77,11 +77,12 @@ class Innovation:
     Attributes
     ----------
     dof : int
-        5 for rotation and direction, 3 for rotation alone, 0 without a measurement.
+        Degrees of freedom: 5 for rotation and direction, 3 for rotation alone, 0 without a
+        measurement.
     nis : float
-        Normalised innovation squared; its mean is `dof` for a consistent filter.
+        Normalised innovation squared. For a consistent filter the mean is `dof`.
     used : bool
-        False where the gate rejected it, or without a measurement.
+        False if the gate rejected the motion, or if there was no measurement.
     """
 
     dof: int
@@ -93,7 +94,7 @@ class InertialFilter:
     """Attitude, velocity and biases of a body from its IMU and a camera on it.
 
     The camera measures the rotation between two images and the direction of travel, each with its
-    covariance. Rotations make the gyroscope's bias observable; changes of direction under measured
+    covariance. Rotations make the gyroscope's bias observable. Changes of direction under measured
     acceleration make the speed observable.
 
     Parameters
@@ -107,14 +108,14 @@ class InertialFilter:
     body_from_cam : ndarray, shape (4, 4)
         Pose of the camera on the IMU (Kalibr's and EuRoC's ``T_BS`` of the camera).
     gate : float
-        Probability of the chi-square gate on innovations; 1 rejects none.
+        Probability of the chi-square gate on innovations. With 1, no innovation is rejected.
 
     Attributes
     ----------
     state : InertialState
         Current estimate.
     covariance : ndarray, shape (18, 18)
-        Covariance of its error, in the order of `farpoint.fusion.state`.
+        Covariance of the error of ``state``, in the order of `farpoint.fusion.state`.
 
     Examples
     --------
@@ -141,7 +142,7 @@ class InertialFilter:
         self._noise, self._body_from_cam, self._gate = noise, np.asarray(body_from_cam), gate
 
     def predict(self, steps: ImuSteps) -> None:
-        """Propagate by IMU measurements."""
+        """Propagate the state and its covariance by IMU measurements."""
         for part in steps.parts(_STEPS_AT_ONCE):
             self._propagate(part)
 
@@ -167,7 +168,7 @@ class InertialFilter:
         self.state, self.covariance = state, covariance
 
     def update(self, pose: RelativePose) -> Innovation:
-        """Update the filter with the motion since the last image, and clone the attitude.
+        """Update the filter with the motion since the last image, and keep a copy of the attitude.
 
         The update uses the quantities that the pose contains: rotation and direction, rotation
         alone, or none.
@@ -185,7 +186,7 @@ class InertialFilter:
     def travel_direction(self) -> tuple[np.ndarray, np.ndarray]:
         """Direction of travel in the body's axes, a unit vector (3,), and its covariance (3, 3).
 
-        Undefined unless the speed is significantly above 0.
+        The direction is undefined unless the speed is significantly above 0.
         """
 
         def direction(step: np.ndarray) -> np.ndarray:
@@ -195,7 +196,7 @@ class InertialFilter:
         return direction(np.zeros(ERROR_SIZE)), jacobian @ self.covariance @ jacobian.T
 
     def nees(self, truth: InertialState) -> float:
-        """NEES of attitude, velocity and biases; 12 on average if consistent."""
+        """NEES of attitude, velocity and biases; 12 on average for a consistent filter."""
         error = difference(truth, self.state)[KNOWN]
         return float(error @ np.linalg.solve(self.covariance[KNOWN, KNOWN], error))
 
@@ -247,8 +248,8 @@ def _square_root(covariance: np.ndarray) -> np.ndarray:
 
 
 def _at_an_image(covariance: np.ndarray) -> np.ndarray:
-    """The covariance after an image: the displacement is 0, and last and current attitude are
-    equal.
+    """The covariance after an image, where the displacement is 0, and the attitude at the last
+    image equals the current attitude.
     """
     carry = np.eye(ERROR_SIZE)
     carry[DISPLACEMENT] = carry[LAST_ATTITUDE] = 0.0

@@ -1,4 +1,4 @@
-"""IMU measurements, angular rates and specific forces, and their noise."""
+"""IMU measurements (angular rates and specific forces) and the noise of an IMU."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class ImuNoise:
     gyro_density : float
         White noise of the angular rate, rad/s/sqrt(Hz).
     gyro_walk : float
-        Random walk of its bias, rad/s^2/sqrt(Hz).
+        Random walk of the gyroscope's bias, rad/s^2/sqrt(Hz).
     accel_density : float
         White noise of the specific force, m/s^2/sqrt(Hz).
     accel_walk : float
-        Random walk of its bias, m/s^3/sqrt(Hz).
+        Random walk of the accelerometer's bias, m/s^3/sqrt(Hz).
 
     Raises
     ------
@@ -59,11 +59,11 @@ class ImuSteps:
     Attributes
     ----------
     gyro : ndarray, shape (N, 3)
-        Mean angular rate, rad/s. Stacked, shape (..., N, 3).
+        Mean angular rate, rad/s. The shape is (..., N, 3) for a stack of measurements.
     accel : ndarray, shape (N, 3)
-        Mean specific force, m/s^2; stacked likewise.
+        Mean specific force, m/s^2. The shape is that of ``gyro``.
     dt : ndarray, shape (N,)
-        Lengths, s.
+        Lengths of the steps, s.
     """
 
     gyro: np.ndarray
@@ -74,7 +74,7 @@ class ImuSteps:
         return len(self.dt)
 
     def parts(self, size: int) -> Iterator[ImuSteps]:
-        """The same steps in parts of limited length."""
+        """The same steps in parts of at most ``size`` steps."""
         for k in range(0, len(self), size):
             part = slice(k, k + size)
             yield ImuSteps(gyro=self.gyro[part], accel=self.accel[part], dt=self.dt[part])
@@ -91,12 +91,13 @@ class ImuSamples:
     gyro : ndarray, shape (N, 3)
         Angular rate of the body against the world, rad/s.
     accel : ndarray, shape (N, 3)
-        Specific force, m/s^2; at rest it points up with the magnitude of gravity.
+        Specific force, m/s^2. At rest the specific force points up and has the magnitude of
+        gravity.
 
     Raises
     ------
     InputError
-        If shapes differ, times do not increase or a number is not finite.
+        If shapes differ, if times do not increase, or if a number is not finite.
     """
 
     timestamps: np.ndarray
@@ -120,7 +121,7 @@ class ImuSamples:
         Raises
         ------
         InputError
-            If the samples do not reach over the whole interval.
+            If the samples do not cover the whole interval.
         """
         t = self.timestamps
         if not t[0] <= start_s <= end_s <= t[-1]:
@@ -141,7 +142,7 @@ def read_euroc_imu(path: str | Path) -> ImuSamples:
     Raises
     ------
     InputError
-        If the file is invalid; the message has the file and the line.
+        If the file is invalid. The message has the file and the line.
     """
     path = Path(path)
     stamps, rows = array("d"), array("d")
@@ -173,12 +174,12 @@ def read_euroc_imu(path: str | Path) -> ImuSamples:
 
 
 def read_bag_imu(path: str | Path, topic: str) -> ImuSamples:
-    """Read the ``sensor_msgs/Imu`` of a topic of a bag; damaged messages are left out.
+    """Read the ``sensor_msgs/Imu`` messages of a topic of a bag, except damaged messages.
 
     Raises
     ------
     InputError
-        If the bag cannot be read, has no such topic, or too few samples.
+        If the bag cannot be read, has no such topic, or has too few samples.
     """
     rows = rows_of(
         open_bag(Path(path)), topic, frozenset({"Imu"}), _sample, "an IMU", field="topic"

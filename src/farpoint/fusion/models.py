@@ -1,7 +1,7 @@
 """Process and measurement model of the filter.
 
-Both models are plain functions of states, which may be stacked. Their derivatives are central
-differences.
+Both models are plain functions of states, which may be stacked. The derivatives of the models are
+central differences.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from farpoint.pose import RelativePose
 __all__ = ["GRAVITY", "central_differences", "motion_error", "predicted_motion", "propagated"]
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-"""Acceleration of free fall in the world, m/s^2; it varies by 0.25 % over the Earth."""
+"""Acceleration of free fall in the world, m/s^2. This value varies by 0.25 % over the Earth."""
 
 _STEP = 1e-5
 
@@ -31,7 +31,7 @@ def central_differences(function: Callable[[np.ndarray], np.ndarray], size: int)
 
 
 def propagated(state: InertialState, steps: ImuSteps) -> InertialState:
-    """State propagated by measurements without errors other than the state's biases."""
+    """State propagated by IMU measurements, whose only errors are the biases in the state."""
     # Midpoint attitude: the error is of order dt^3.
     half_rotations = so3.exp(0.5 * steps.dt[:, None] * (steps.gyro - state.gyro_bias[..., None, :]))
     forces = steps.accel - state.accel_bias[..., None, :]
@@ -53,7 +53,8 @@ def predicted_motion(
     Parameters
     ----------
     state : InertialState
-        Current state, at camera 1; displacement and last attitude give camera 0.
+        Current state, at camera 1. The displacement and the last attitude give the pose of camera
+        0.
     body_from_cam : ndarray, shape (4, 4)
         Pose of the camera on the body.
     """
@@ -65,12 +66,12 @@ def predicted_motion(
 
 
 def motion_error(state: InertialState, pose: RelativePose, body_from_cam: np.ndarray) -> np.ndarray:
-    """``[dtheta, dbeta]`` (..., 5), rad, from the measured motion to that of the state.
+    """``[dtheta, dbeta]`` (..., 5), rad, from the measured motion to the motion of the state.
 
     For the true state the result is the error that the pose's covariance describes, except that
-    ``dbeta`` is an angle and not its tangent. ``dbeta`` is therefore finite for a state that moves
-    in the opposite direction. If the pose has no direction, the result is ``dtheta`` alone (...,
-    3).
+    ``dbeta`` is an angle and not the tangent of this angle. ``dbeta`` is therefore finite for a
+    state that moves in the opposite direction. If the pose has no direction, the result is only
+    ``dtheta`` (..., 3).
     """
     R_measured, d, B = (
         pose.rotation_cam1_from_cam0,

@@ -1,10 +1,10 @@
 """State of the filter: attitude, velocity, biases, and displacement since the last image.
 
-Errors of attitude, velocity and displacement are those of the right-invariant filter (Barrau and
-Bonnabel, "The Invariant Extended Kalman Filter as a Stable Observer", IEEE TAC 62(4), 2017,
-doi:10.1109/TAC.2016.2594085): they rotate the whole world. The unobservable heading is then the
-same error direction at every state, and linearising at different states adds no spurious
-information on it.
+Errors of attitude, velocity and displacement are defined as in the right-invariant filter (Barrau
+and Bonnabel, "The Invariant Extended Kalman Filter as a Stable Observer", IEEE TAC 62(4), 2017,
+doi:10.1109/TAC.2016.2594085): an error of the attitude rotates the whole world, including velocity
+and displacement. An error of the unobservable heading is then the same error vector at every state,
+so linearising at different states adds no spurious information on the heading.
 """
 
 from __future__ import annotations
@@ -33,12 +33,14 @@ ATTITUDE, VELOCITY, GYRO_BIAS, ACCEL_BIAS = (slice(k, k + 3) for k in (0, 3, 6, 
 DISPLACEMENT, LAST_ATTITUDE = slice(12, 15), slice(15, 18)
 KNOWN = slice(0, 12)
 ERROR_SIZE = 18
-"""Order of the error: 12 components of the state, then 6 for the next update."""
+"""Number of components of the error: 12 of attitude, velocity and biases, then 6 of displacement
+and last attitude, which the next update needs."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InertialState:
-    """State of a body with an IMU; the world's z axis points up. Leading axes may stack states.
+    """State of a body with an IMU, in a world whose z axis points up. Leading axes may stack
+    states.
 
     Attributes
     ----------
@@ -83,7 +85,7 @@ class InertialState:
 
     @classmethod
     def at_rest(cls, accel: np.ndarray) -> InertialState:
-        """State of a body at rest with this specific force (3,), m/s^2: level, heading 0.
+        """State of a body at rest with this specific force (3,), m/s^2, and heading 0.
 
         A bias of the accelerometer tilts the attitude by 0.1 rad per m/s^2.
         """
@@ -102,11 +104,11 @@ class InertialState:
 
 
 def retract(state: InertialState, error: np.ndarray) -> InertialState:
-    """The true state of an estimate and its error (..., 18).
+    """The true state, from an estimate and the error (..., 18) of this estimate.
 
-    The new state has ``R_true = Exp(dtheta) @ R`` and ``v_true = Exp(dtheta) @ v + dv``; the
-    displacement changes like the velocity. The errors of the biases are added. The last attitude
-    has a ``dtheta`` of its own.
+    The new state has ``R_true = Exp(dtheta) @ R`` and ``v_true = Exp(dtheta) @ v + dv``. The
+    displacement changes like the velocity. The errors of the biases are added to the biases. The
+    attitude at the last image has a ``dtheta`` of its own.
     """
     rotation, last_rotation = so3.exp(error[..., ATTITUDE]), so3.exp(error[..., LAST_ATTITUDE])
     return InertialState(

@@ -1,6 +1,6 @@
 """Motions in degrees with their 1-sigma, for display.
 
-All functions work on stacks: leading axes are kept, and NaN input gives NaN output.
+All functions accept stacks and keep the leading axes. NaN input gives NaN output.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ def rotation_vector_deg(R: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarr
     R : ndarray, shape (..., 3, 3)
         Rotations cam1_from_cam0.
     covariance : ndarray, shape (..., 3, 3)
-        Covariance of the left perturbation ``dtheta``, rad^2. The vector moves by the inverse left
-        Jacobian of SO(3) times ``dtheta`` (Chirikjian, Stochastic Models 2, 2012, eq. 10.86).
+        Covariance of the left perturbation ``dtheta``, rad^2. The rotation vector changes by the
+        inverse left Jacobian of SO(3) times ``dtheta`` (Chirikjian, Stochastic Models 2, 2012, eq.
+        10.86).
     """
     known = np.isfinite(R).all((-2, -1))
     vector = np.full(R.shape[:-1], np.nan)
@@ -38,7 +39,8 @@ def heading_angles_deg(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Azimuth and elevation of a direction of travel with their 1-sigma, deg, both (..., 2).
 
-    Azimuth is 0 ahead, positive to the right, up to 180; elevation is positive upwards.
+    Azimuth is 0 straight ahead, positive to the right, and at most 180. Elevation is positive
+    upwards.
 
     Parameters
     ----------

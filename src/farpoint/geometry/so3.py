@@ -75,14 +75,14 @@ def quat_xyzw_from_matrix(R: np.ndarray) -> np.ndarray:
 
 
 def matrix_from_quat_xyzw(quat_xyzw: np.ndarray) -> np.ndarray:
-    """Rotation matrices (..., 3, 3) of quaternions (..., 4) ``qx qy qz qw``, normalised here."""
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4) ``qx qy qz qw`` of any length."""
     quat_xyzw = np.asarray(quat_xyzw)
     R = scipy.spatial.transform.Rotation.from_quat(quat_xyzw.reshape(-1, 4)).as_matrix()
     return R.reshape(*quat_xyzw.shape[:-1], 3, 3)
 
 
 def _rotation_of(x: float, y: float, z: float) -> np.ndarray:
-    """`exp` of one rotation vector, by its unit quaternion."""
+    """`exp` of one rotation vector, computed from the unit quaternion of the rotation."""
     angle = math.hypot(x, y, z)
     # sin(angle / 2) / angle, of which the limit is 1/2 up to rounding for tiny angles.
     scale = math.sin(0.5 * angle) / angle if angle > 1e-8 else 0.5

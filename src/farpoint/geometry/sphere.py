@@ -1,4 +1,4 @@
-"""Directions: unit vectors, their tangent planes and the steps within them."""
+"""Directions: unit vectors, their tangent planes, and steps in these planes."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ def confidence_ring(
     """Boundary of a confidence region of a direction: unit rays (points, 3).
 
     The last ray equals the first. The ring is mapped from the tangent plane to the sphere, so that
-    any lens can project it.
+    any lens can project the ring.
 
     Parameters
     ----------
     direction : ndarray, shape (3,)
         Unit vector.
     covariance : ndarray, shape (3, 3)
-        Covariance of the direction, rad^2; its component along the direction is ignored.
+        Covariance of the direction, rad^2. The component along the direction is ignored.
     confidence : float
-        Between 0 and 1.
+        Probability of the region, between 0 and 1.
     points : int
         Number of rays.
     """

@@ -1,4 +1,4 @@
-"""Batched arithmetic of small vectors and matrices, faster than NumPy's."""
+"""Batched arithmetic of small vectors and matrices, faster than NumPy's functions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def solutions(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Solutions x (N, 2) of ``M x = v`` with the matrices (N, 2, 2) and vectors (N, 2)."""
+    """Solutions x (N, 2) of ``M x = v`` for matrices M (N, 2, 2) and vectors v (N, 2)."""
     (a, b), (c, d) = matrices[:, 0].T, matrices[:, 1].T
     x, y = vectors.T
     return np.stack([d * x - b * y, a * y - c * x], axis=1) / (a * d - b * c)[:, None]

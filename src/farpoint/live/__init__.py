@@ -1,4 +1,4 @@
-"""Live sessions: from a source through the odometry into outputs."""
+"""Live sessions: odometry of the frames of a live source, written to outputs."""
 
 from farpoint.live.session import LiveSession, LiveState
 

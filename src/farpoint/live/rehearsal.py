@@ -11,7 +11,7 @@ __all__ = ["rehearse"]
 
 
 def rehearse(camera: Camera | CameraGuess) -> None:
-    """Run each stage once before the session, because loading and compiling would drop frames."""
+    """Run each stage once before the session, so that loading and compiling drop no frames."""
     known_size = camera.size if isinstance(camera, Camera) else None
     width, height = known_size or (320, 240)
     camera, _ = camera_for(camera, width, height)

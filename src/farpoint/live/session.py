@@ -1,4 +1,4 @@
-"""A live session: processes the newest frame of a source and counts all frames."""
+"""A live session, which processes the newest frame of a source and counts all frames."""
 
 from __future__ import annotations
 
@@ -46,17 +46,17 @@ def _discard(words: str) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class LiveState:
-    """How a session stands.
+    """State of a session.
 
     Attributes
     ----------
     account : LiveAccount
-        Numbers of frames that arrived, were used, were dropped.
+        Numbers of frames that arrived, of frames that were used, and of frames that were dropped.
     link : str
-        ``receiving``, ``silent`` or ``lost``.
+        State of the source: ``receiving``, ``silent`` or ``lost``.
     latency_s, longest_latency_s : float
-        Latency from the arrival of a frame to its result in the outputs: of the newest frame, and
-        the longest.
+        Time from the arrival of a frame until the result is in the outputs, s: for the newest
+        frame, and the longest time so far.
     not_drawn : int
         Number of results that the display left out, because drawing was too slow.
     """
@@ -69,30 +69,31 @@ class LiveState:
 
 
 class LiveSession:
-    """Odometry over a live source into a folder and a display.
+    """Odometry of a live source, with outputs to a folder and a display.
 
     A session is a context manager. Leaving its block, also by Ctrl-C, closes every file.
 
     Parameters
     ----------
     live : LiveSource
-        Source that the session opens, and opens again when it is lost.
+        Source that the session opens. If the connection is lost, the session opens the source
+        again.
     source : str
         Source as given by the user.
     camera : Camera or CameraGuess
-        Camera of the frames; a guess becomes a camera with the size of the first picture.
+        Camera of the frames. A guess becomes a camera with the size of the first picture.
     out : Path or None
-        Folder for the outputs; ``farpoint-out/<source name>`` where None.
+        Folder for the outputs; ``farpoint-out/<source name>`` if None.
     odometry, output, viewer : dataclasses, optional
-        Options. By default there is no display.
+        Options of the odometry, of the outputs and of the display. By default there is no display.
     hints : sequence of Hint
-        Aiding measurements of length: with any of them, the files are converted to metres at the
-        end.
+        Aiding measurements of length. If any of them is given, the files are converted to metres at
+        the end.
     mask_file : Path, optional
-        8-bit image of the size of the frames; black pixels are not tracked.
+        8-bit image of the size of the frames. Black pixels are not tracked.
     warn : callable, optional
-        Called with warnings about the results: a guessed camera, contradicting aiding measurements.
-        ``run.json`` has the warnings, too.
+        Called with each warning about the results, such as a guessed camera or contradicting aiding
+        measurements. ``run.json`` has the warnings, too.
 
     Raises
     ------
@@ -105,9 +106,9 @@ class LiveSession:
     Attributes
     ----------
     path : Path
-        The folder.
+        Folder of the outputs.
     counts : Counter of PoseStatus
-        Pairs of frames by status.
+        Number of frame pairs with each status.
     """
 
     def __init__(
@@ -194,7 +195,7 @@ class LiveSession:
         duration_s: float = math.inf,
         notice: Callable[[LiveState], None] | None = None,
     ) -> None:
-        """Take frames until the source or the time ends.
+        """Process frames until the source ends or ``duration_s`` is over.
 
         Parameters
         ----------
@@ -256,12 +257,12 @@ class LiveSession:
             self._display.set_status(self._latency_s, taken.dropped)
 
     def _numbered(self, found: OdometryResult, index: int) -> OdometryResult:
-        """The result with the frame numbers of the source; gaps are dropped frames."""
+        """The result with the frame numbers of the source, where dropped frames leave gaps."""
         self._indices[found.frame1], self._compared_with = index, found.frame0
         return replace(found, frame0=self._indices[found.frame0], frame1=index)
 
     def _write_final_poses(self, poses: list[FinalPose]) -> None:
-        """Write poses with the frame numbers of the source; drop those of earlier frames."""
+        """Write poses with the frame numbers of the source, and forget numbers no longer needed."""
         self._folder.write_final_poses(
             replace(pose, frame1=self._indices[pose.frame1]) for pose in poses
         )

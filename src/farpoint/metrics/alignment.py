@@ -46,7 +46,7 @@ def align_sim3(source: np.ndarray, target: np.ndarray) -> Similarity:
     Raises
     ------
     InputError
-        If shapes differ, or the points lie on one line, so that no single rotation is best.
+        If shapes differ, or if the points lie on one line, so that the best rotation is not unique.
     """
     rotation, singular, variance = _umeyama(source, target)
     return _completed(singular / variance, rotation, source, target)
@@ -73,7 +73,7 @@ def sim3_misfit(source: np.ndarray, target: np.ndarray) -> float:
 
 
 def _umeyama(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Rotation, signed sum of singular values ``tr(D S)`` and variance of the source."""
+    """Rotation, signed sum of singular values ``tr(D S)``, and variance of the source points."""
     if source.shape != target.shape or source.ndim != 2 or source.shape[1] != 3:
         raise InputError(
             f"expected two arrays of shape (N, 3), got {source.shape} and {target.shape}",

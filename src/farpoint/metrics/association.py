@@ -20,10 +20,10 @@ class AssociationOptions:
     Attributes
     ----------
     tolerance_s : float
-        Largest time difference at which a true pose is used without interpolation, s; covers
-        rounded time stamps.
+        Largest time difference, s, at which a true pose is used without interpolation. The
+        tolerance is for rounded time stamps.
     max_gap_s : float
-        Largest gap between two true poses that is interpolated, s.
+        Largest time between two true poses, s, for interpolation between these poses.
     """
 
     tolerance_s: float = 1e-3
@@ -39,20 +39,20 @@ def poses_at_times(
     timestamps: np.ndarray,
     options: AssociationOptions | None = None,
 ) -> np.ndarray:
-    """True poses (M, 4, 4) at ``timestamps`` (M,), s; NaN where the truth has none.
+    """True poses (M, 4, 4) at ``timestamps`` (M,), s; NaN at times without a true pose.
 
     Positions are interpolated linearly, orientations by spherical linear interpolation.
 
     Parameters
     ----------
     truth_timestamps : ndarray, shape (N,)
-        Never decreasing, s; of equal times the first is used.
+        Times of the true poses, s, never decreasing. Of poses at the same time the first is used.
     truth_poses : ndarray, shape (N, 4, 4)
         Rigid transforms.
     timestamps : ndarray, shape (M,)
         Times of the requested poses, s, in any order.
     options : AssociationOptions, optional
-        Tolerances.
+        Limits of the interpolation.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def poses_at_frames(truth_poses: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
 
 def _snapped(times: np.ndarray, wanted: np.ndarray, tolerance_s: float) -> np.ndarray:
-    """Each requested time, replaced by the nearest true time if it is within the tolerance."""
+    """Each requested time, or the nearest true time if the two differ by at most the tolerance."""
     after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(
@@ -103,7 +103,7 @@ def _snapped(times: np.ndarray, wanted: np.ndarray, tolerance_s: float) -> np.nd
 
 
 def _covered(times: np.ndarray, wanted: np.ndarray, max_gap_s: float) -> np.ndarray:
-    """Mask of the requested times that have a true pose, or lie in a short enough gap."""
+    """Mask of the times at a true pose, or between two poses at most ``max_gap_s`` apart."""
     after = np.searchsorted(times, wanted)
     inside = (after > 0) & (after < len(times))
     later = np.clip(after, 0, len(times) - 1)

@@ -45,21 +45,23 @@ class MotionEvaluation:
     Attributes
     ----------
     pairs, pairs_with_truth : int
-        All pairs, and those whose true motion is known.
+        Number of all pairs, and of the pairs whose true motion is known.
     statuses : dict of str to int
-        Number of all pairs of each status.
+        Number of pairs with each status, with or without truth.
     min_translation : float
-        Shortest true translation whose direction counts, in the unit of the truth.
+        Shortest true translation whose direction is compared, in the unit of the truth.
     directions_not_counted : int
-        Number of directions of pairs whose true translation is shorter.
+        Number of directions that were not compared, because the true translation is shorter than
+        ``min_translation``.
     directions_opposed : int
-        Directions 90 degrees or more off.
+        Number of directions with an error of 90 degrees or more.
     rotation_rad, direction_rad : Summary
         Sizes of the errors, rad.
     rotation_sigma_rad, direction_sigma_rad : Summary
-        Sharpness: ``sqrt(trace)`` of the covariances of all pairs, with or without truth, rad.
+        Sharpness, rad, which is ``sqrt(trace)`` of each covariance, for all pairs with or without
+        truth.
     rotation, direction, pose : Consistency
-        Errors against their covariances, of 3, 2 and 5 degrees of freedom, rad.
+        Comparison of the errors with their covariances, for 3, 2 and 5 degrees of freedom, rad.
     """
 
     pairs: int
@@ -79,7 +81,7 @@ class MotionEvaluation:
 
 @dataclass(frozen=True, kw_only=True)
 class SegmentFigures:
-    """KITTI's segment errors averaged over the segments of one length, or of all.
+    """KITTI's segment errors, averaged over the segments of one length or over all segments.
 
     Attributes
     ----------
@@ -110,19 +112,19 @@ class TrajectoryEvaluation:
     path_length : float
         Length of the true path through the compared poses.
     scale : float
-        Factor from the estimate's unit to that of the truth, from the Sim(3) alignment.
+        Factor from the unit of the estimate to the unit of the truth, from the Sim(3) alignment.
     scale_drift : float
-        Scale of the estimate over the last 20 % of the true path, relative to the first 20 %, minus
-        1.
+        Relative change of the scale of the estimate from the first 20 % of the true path to the
+        last 20 %.
     ate_sim3, ate_se3 : Summary
-        Distances of positions after alignment with and without scale; their ``rmse`` is the ATE.
+        Distances of positions after alignment with and without scale. The ``rmse`` is the ATE.
     delta_frames : int
         Number of frames over which relative errors are computed.
     rpe_translation, rpe_rotation_rad : Summary
         Relative pose errors after the Sim(3) alignment; rotations in rad.
     segments : tuple of SegmentFigures
-        KITTI's segments after the Sim(3) alignment, length by length and then together; empty
-        where the path is shorter than 100.
+        KITTI's segment errors after the Sim(3) alignment, first for each length, then for all
+        lengths together. Empty if the path is shorter than 100.
     """
 
     poses: int
@@ -144,15 +146,16 @@ class Evaluation:
     Attributes
     ----------
     motions : MotionEvaluation
-        Pair by pair.
+        Figures of the motions of all frame pairs.
     trajectory : TrajectoryEvaluation or None
-        Figures of the trajectory; None if it cannot be compared.
+        Figures of the trajectory; None if the trajectory cannot be compared.
     trajectory_fault : str or None
-        Why `trajectory` is None.
+        Reason why `trajectory` is None.
     path : PathConsistency or None
         Errors of the poses against their covariances; None without covariances.
     stretches : tuple of StretchFigure
-        Errors of length and rotation of stretches of the path; empty without truth or covariances.
+        Errors of the length and the rotation of stretches of the path. Empty without truth or
+        without covariances.
     halves : HalvesEvaluation or None
         Figures of the split-half test; None if the run made no test.
     """
@@ -188,13 +191,14 @@ def evaluate_motions(errors: PairErrors) -> MotionEvaluation:
 def evaluate_trajectory(
     estimate: np.ndarray, truth: np.ndarray, *, delta_frames: int = 1
 ) -> TrajectoryEvaluation:
-    """Figures of a trajectory: two stacks ``world_from_cam`` (N, 4, 4), in any two worlds and
-    scales.
+    """Figures of a trajectory against the truth, both given as ``world_from_cam`` (N, 4, 4).
+
+    The estimate and the truth may have different worlds and different scales.
 
     Raises
     ------
     InputError
-        If shapes differ, or the positions lie on one line, where no alignment is unique.
+        If shapes differ, or if the positions lie on one line, so that the alignment is not unique.
     """
     similarity = align_sim3(estimate[:, :3, 3], truth[:, :3, 3])
     scaled = similarity.apply_to_poses(estimate)

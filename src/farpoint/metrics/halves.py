@@ -1,12 +1,13 @@
 """The split-half test of covariances, without truth.
 
-The matches of a pair are split at random into two halves and the motion is estimated from each.
-If the noise of the halves is independent, the covariance of the difference is the sum of both
-covariances. Errors
-that both halves share (of the calibration, of a moving object tracked in both, of neighbouring
-tracks) cancel in the difference: the test can show that a covariance is too small, not that it is
-complete. If neighbours stay in the same half (`image_cells`, and patches in `Odometry.split_half`),
-their common errors do not cancel.
+The matches of a pair are split at random into two halves, and the motion is estimated from each
+half. If the noise of the two halves is independent, the covariance of the difference between the
+two motions is the sum of the covariances of the motions. Errors that both halves share cancel in
+the difference: errors of the calibration, errors from a moving object tracked in both halves, and
+errors common to neighbouring tracks. The test can therefore show that a covariance is too small,
+but it cannot show that a covariance includes all errors. If neighbouring tracks stay in the same
+half (`image_cells`, and patches in `Odometry.split_half`), the errors common to these tracks do not
+cancel.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ class SplitHalf:
     statuses : tuple of two PoseStatus
         Status of each half.
     difference : ndarray, shape (dof,)
-        ``[dtheta, dbeta]`` from the first estimate to the second, rad; ``dtheta`` alone if only the
-        rotations can be compared; empty if no quantity can be compared.
+        ``[dtheta, dbeta]`` from the first estimate to the second, rad. If only the rotations can be
+        compared, the array has only ``dtheta``. If no quantity can be compared, the array is empty.
     covariance : ndarray, shape (dof, dof)
         Covariance of the difference, rad^2, from the covariances of both estimates.
     """
@@ -69,20 +70,20 @@ class SplitHalf:
 
 @dataclass(frozen=True, kw_only=True)
 class ConsistencyRatio:
-    """Normalised squares summed over many differences, against their expectation.
+    """Sum of the normalised squares of many differences, compared with the expected sum.
 
     Attributes
     ----------
     count : int
         Number of differences that were compared.
     opposed : int
-        Number of further differences, which are infinite: the directions differ by 90 degrees or
-        more.
+        Number of differences that are infinite, because the directions of the two halves differ by
+        90 degrees or more. These differences are not in ``count``.
     dof : int
         Sum of the degrees of freedom of the compared differences.
     ratio : float
-        Sum of the normalised squares over `dof`: 1 for honest covariances, above 1 where they are
-        too small. NaN where nothing was compared.
+        Sum of the normalised squares, divided by `dof`: 1 for honest covariances, above 1 for
+        covariances that are too small. NaN if nothing was compared.
     low, high : float
         95 % interval of `ratio` for honest covariances, Gaussian errors and independent
         differences.
@@ -103,15 +104,15 @@ class HalvesEvaluation:
     Attributes
     ----------
     pairs : int
-        Pairs of frames that were tested.
+        Number of frame pairs that were tested.
     compared, compared_in_rotation : int
-        Number of pairs with a direction of both halves, and of pairs that were compared in rotation
-        only.
+        Number of pairs for which both halves have a direction, and of pairs that were compared in
+        rotation only.
     ratio : ConsistencyRatio
         Ratio over all compared pairs.
     rotation, direction, pose : Consistency
-        Differences of the halves against their covariances, with 3, 2 and 5 degrees of freedom,
-        rad. The differences replace the errors of an evaluation with truth.
+        Comparison of the differences with their covariances, for 3, 2 and 5 degrees of freedom,
+        rad. In these figures the differences take the place of the errors.
     """
 
     pairs: int
@@ -130,7 +131,7 @@ def split_half(
     seed: int,
     groups: np.ndarray | None = None,
 ) -> SplitHalf:
-    """Estimate one motion from two random disjoint halves of its matches and compare.
+    """Estimate a motion from two random disjoint halves of its matches, and compare the estimates.
 
     Parameters
     ----------
@@ -142,7 +143,7 @@ def split_half(
     seed : int
         Seed of the split; the same seed gives the same halves.
     groups : ndarray of int, shape (N,), optional
-        Rows with the same number go to the same half, such as those of one image cell
+        Rows with the same number go to the same half, such as rows from one image cell
         (`image_cells`). By default every row is a group of its own.
 
     Raises
@@ -194,9 +195,9 @@ def pose_difference(a: RelativePose, b: RelativePose) -> SplitHalf:
     """Compare two independent estimates of one motion, in the quantities that both contain.
 
     With ``R_true = Exp(dtheta_a) R_a = Exp(dtheta_b) R_b`` the difference of rotation ``log(R_b
-    R_a^T)`` is ``dtheta_a - dtheta_b`` to first order; the direction of b is projected to the
-    tangent plane of a. The covariance of the difference is the sum of both covariances, with that
-    of b mapped to the tangent plane of a.
+    R_a^T)`` is ``dtheta_a - dtheta_b`` to first order. The direction of b is projected to the
+    tangent plane of a, and the covariance of b is mapped to this plane. The covariance of the
+    difference is then the sum of the two covariances.
     """
     difference, covariance = np.empty(0), np.empty((0, 0))
     if a.covariance is not None and b.covariance is not None:
@@ -208,7 +209,7 @@ def pose_difference(a: RelativePose, b: RelativePose) -> SplitHalf:
 
 
 def consistency_ratio(halves: Sequence[SplitHalf]) -> ConsistencyRatio:
-    """`ConsistencyRatio` of many differences; those without degrees of freedom do not count."""
+    """`ConsistencyRatio` of many differences, except differences without degrees of freedom."""
     known = [half for half in halves if half.dof]
     compared = [half for half in known if np.isfinite(half.nees)]
     dof = sum(half.dof for half in compared)

@@ -1,4 +1,4 @@
-"""Whether true rotations are given in axes other than the camera's."""
+"""Test whether true rotations are given in axes other than the axes of the camera."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ __all__ = ["OtherFrame", "fits_better", "other_frame"]
 
 _LEAST_MOTIONS = 10
 _LEAST_TURN_RAD = np.deg2rad(5.0)
-"""Least rotation of the axes that counts as another frame; smaller ones are calibration errors
-(convention)."""
+"""Smallest rotation of the axes that counts as another frame; smaller rotations are taken as
+calibration errors (convention)."""
 
 _GAIN = 0.1
-"""Largest ratio of the squared misfits with and without the rotation; for noise the ratio is near
-1."""
+"""Largest ratio of the squared misfit with the rotation to the squared misfit without the rotation.
+For noise the ratio is near 1."""
 
 
 class OtherFrame(NamedTuple):
-    """A rotation ``true_from_camera`` (3, 3) of axes, with the misfits, rad rms, without and with
-    it.
+    """Rotation ``true_from_camera`` (3, 3) from the axes of the camera to the axes of the truth.
+
+    ``without_rad`` and ``with_rad`` are the misfits, rad rms, without and with this rotation.
     """
 
     true_from_camera: np.ndarray
@@ -31,13 +32,14 @@ class OtherFrame(NamedTuple):
 
 
 def other_frame(estimated: np.ndarray, true: np.ndarray) -> OtherFrame | None:
-    """Rotation of the axes after which relative rotations (N, 3, 3) agree; None if they agree
-    without it.
+    """Rotation of the axes after which estimated and true relative rotations (N, 3, 3) agree.
 
-    Relative rotations of one motion in two frames fixed to each other have rotation vectors that
-    differ by the constant rotation between the frames (the rotation part of hand-eye calibration).
-    The SVD of the products of these vectors gives this rotation (Kabsch, Acta Crystallographica
-    A32, 1976).
+    The result is None if no rotation, except a small one, reduces the misfit by a large factor.
+
+    If two frames are fixed to each other, the rotation vectors of a motion in one frame and in the
+    other frame differ by the constant rotation between the frames (the rotation part of hand-eye
+    calibration). The SVD of the products of these vectors gives this rotation (Kabsch, Acta
+    Crystallographica A32, 1976).
     """
     known = np.isfinite(estimated).all(axis=(1, 2)) & np.isfinite(true).all(axis=(1, 2))
     if np.count_nonzero(known) < _LEAST_MOTIONS:
@@ -53,9 +55,7 @@ def other_frame(estimated: np.ndarray, true: np.ndarray) -> OtherFrame | None:
 
 
 def fits_better(estimated: np.ndarray, true: np.ndarray, other: np.ndarray) -> bool:
-    """Whether relative rotations (N, 3, 3) agree far better with other rotations than with the true
-    ones.
-    """
+    """Whether estimated rotations (N, 3, 3) agree far better with ``other`` than with ``true``."""
     known = np.isfinite(estimated).all(axis=(1, 2))
     known &= np.isfinite(true).all(axis=(1, 2)) & np.isfinite(other).all(axis=(1, 2))
     if np.count_nonzero(known) < _LEAST_MOTIONS:

@@ -19,9 +19,9 @@ __all__ = ["PairErrors", "direction_error", "pair_errors", "relative_motions", "
 class PairErrors:
     """Errors of each pair; NaN for a quantity that is not given, has no truth, or is not counted.
 
-    Perturbations are on the left and in camera 1, as everywhere in farpoint. An error of direction
-    counts if the true translation is at least ``min_translation`` long, because the direction of a
-    shorter translation is mostly noise of the truth.
+    Perturbations are on the left and in the axes of camera 1, as everywhere in farpoint. An error
+    of direction counts if the true translation is at least ``min_translation`` long, because the
+    direction of a shorter translation is mostly noise of the truth.
 
     Attributes
     ----------
@@ -32,17 +32,17 @@ class PairErrors:
     true_translation : ndarray, shape (N,)
         Length of the true translation, in the unit of the truth; NaN without truth.
     min_translation : float
-        Shortest true translation whose direction counts.
+        Shortest true translation whose direction is compared.
     errors : ndarray, shape (N, 5)
         ``[dtheta (3), dbeta (2)]``, rad: ``R_true = Exp(dtheta) @ R_est``, ``direction_true =
-        normalize(direction_est + direction_basis @ dbeta)``. A direction 90 degrees or more off
-        has an infinite ``dbeta``.
+        normalize(direction_est + direction_basis @ dbeta)``. A direction with an error of 90
+        degrees or more has an infinite ``dbeta``.
     covariances : ndarray, shape (N, 5, 5)
         Estimated covariances of `errors`, rad^2.
     rotation_angle_rad, direction_angle_rad : ndarray, shape (N,)
         Sizes of the errors, rad.
     rotation_nees, direction_nees, pose_nees : ndarray, shape (N,)
-        Normalised squares of the errors, of 3, 2 and 5 degrees of freedom.
+        Normalised squares of the errors, with 3, 2 and 5 degrees of freedom.
     """
 
     statuses: tuple[PoseStatus, ...]
@@ -67,7 +67,7 @@ class PairErrors:
 
     @property
     def directions_not_counted(self) -> int:
-        """Directions left out because the true translation is too short."""
+        """Number of directions that are left out because the true translation is too short."""
         ok = np.array([status is PoseStatus.OK for status in self.statuses], dtype=bool)
         return int(np.count_nonzero(ok & (self.true_translation < self.min_translation)))
 
@@ -85,7 +85,7 @@ def relative_motions(
     Parameters
     ----------
     world_from_cam0, world_from_cam1 : ndarray, shape (N, 4, 4)
-        Poses of the cameras; NaN if unknown, and then the motion is NaN.
+        Poses of the cameras; NaN if unknown. The motion is NaN if one of the two poses is NaN.
     """
     R1_transposed = np.swapaxes(world_from_cam1[:, :3, :3], 1, 2)
     rotations = R1_transposed @ world_from_cam0[:, :3, :3]
@@ -108,9 +108,10 @@ def direction_error(
 ) -> np.ndarray:
     """``dbeta`` (N, 2), rad, of ``direction_true = normalize(direction_est + basis @ dbeta)``.
 
-    The definition solved for ``dbeta`` is the central projection on the tangent plane,
-    ``basis.T @ direction_true / (direction_est . direction_true)``. The projection is infinite at
-    90 degrees; a larger error is also infinite.
+    The solution of this definition for ``dbeta`` is the central projection of the true direction on
+    the tangent plane, ``basis.T @ direction_true / (direction_est . direction_true)``. The
+    projection is infinite for an error of 90 degrees. The result is infinite for larger errors,
+    too.
 
     Parameters
     ----------
@@ -149,21 +150,22 @@ def pair_errors(
     directions : ndarray, shape (N, 3)
         ``direction_cam1_from_cam0``, unit; NaN unless the status is OK.
     covariances : ndarray, shape (N, 5, 5)
-        Covariances of ``[dtheta, dbeta]``, rad^2; NaN where there is none. ROTATION_ONLY and STATIC
-        have the rotation block alone.
+        Covariances of ``[dtheta, dbeta]``, rad^2; NaN for pairs without a covariance. Pairs with
+        ROTATION_ONLY or STATIC have the rotation block alone.
     true_rotations : ndarray, shape (N, 3, 3)
-        NaN where the truth is unknown.
+        True rotations; NaN if unknown.
     true_translations : ndarray, shape (N, 3)
-        Lengths in any unit; NaN where unknown.
+        True translations, in any unit; NaN if unknown.
     min_translation : float
-        Directions of shorter true translations, or of none, are not counted.
+        Shortest true translation whose direction is compared. A translation of length 0 never
+        counts.
     direction_bases : ndarray, shape (N, 3, 2), optional
-        Tangent bases that the covariances refer to; by default those that `tangent_basis` gives.
+        Tangent bases to which the covariances refer; by default the bases from `tangent_basis`.
 
     Raises
     ------
     InputError
-        If a shape is wrong or a covariance not positive definite.
+        If a shape is wrong, or if a covariance is not positive definite.
     """
     n = len(statuses)
     rotations = _as_shape(rotations, (n, 3, 3), "rotations")
@@ -196,7 +198,7 @@ def pair_errors(
 
 
 def _directions_that_count(translations: np.ndarray, min_length: float) -> np.ndarray:
-    """Unit vectors (N, 3) of translations that are long enough; NaN for the others."""
+    """Unit vectors (N, 3) of translations that are long enough; NaN for shorter translations."""
     length = np.linalg.norm(translations, axis=1)
     directions = np.full_like(translations, np.nan)
     counted = (length >= min_length) & (length > 0.0)

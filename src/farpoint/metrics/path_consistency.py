@@ -1,7 +1,8 @@
 """Errors of a path against its covariances.
 
-Errors of a path add up from pose to pose, so all poses of a segment have hardly more information
-than one pose. Figures are means over segments, with one sample per segment.
+Errors of a path add up from pose to pose, so all poses of a segment together have hardly more
+information than one pose. All figures are therefore means over segments, and each segment counts as
+one sample.
 """
 
 from __future__ import annotations
@@ -24,26 +25,28 @@ _LEAST_RELATIVE_SIGMA = 1e-50
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathSamples:
-    """A path with its covariances and the truth, a row for each frame.
+    """A path with its covariances and the truth; each frame has one row.
 
     Attributes
     ----------
     segments : ndarray of int, shape (N,)
-        Parts of the path, each of one scale; never decreasing.
+        Number of the segment of each frame, never decreasing. A segment is a part of the path with
+        one scale.
     world_from_cam : ndarray, shape (N, 4, 4)
         Estimated poses.
     covariances : ndarray, shape (N, 7, 7)
-        Covariances of ``[dtheta, dposition, dlog_scale]`` since the beginning of the segment, world
-        axes; NaN where there is none.
+        Covariances of ``[dtheta, dposition, dlog_scale]`` since the beginning of the segment, in
+        world axes; NaN for a frame without a covariance.
     truth : ndarray, shape (N, 4, 4)
-        True poses in any world, NaN where unknown.
+        True poses in any world; NaN if unknown.
     lengths, length_sigmas : ndarray, shape (N,)
-        Lengths of the motions that end at the frames, and their 1-sigmas; NaN where there is none.
+        Lengths of the motions that end at the frames, and the 1-sigmas of these lengths; NaN for a
+        frame without a length.
     length_from : ndarray of int, shape (N,)
-        Rows at which those motions begin.
+        Rows at which the motions of ``lengths`` begin.
     own_covariances : ndarray, shape (N, 7, 7), or None
-        The part of each covariance that belongs to this pose only and not to later poses. None if
-        unknown.
+        The part of each covariance that belongs to one pose only and that later poses do not
+        inherit; None if unknown.
     """
 
     segments: np.ndarray
@@ -63,16 +66,16 @@ class PathFigure:
     Attributes
     ----------
     dof : int
-        Degrees of freedom of each error; the mean NEES of honest covariances.
+        Degrees of freedom of each error, and also the mean NEES of honest covariances.
     poses, segments : int
         Number of poses and of segments.
     mean_nees : float
-        Mean over the segments of the mean over their poses.
+        NEES averaged over the poses of each segment, and then over the segments.
     end_nees : float
-        Mean over the last poses of the segments.
+        NEES of the last pose of each segment, averaged over the segments.
     nees_low, nees_high : float
-        95 % interval of ``end_nees`` for honest covariances, by chi-square with ``dof`` degrees for
-        each segment; conservative for ``mean_nees``.
+        95 % interval of ``end_nees`` for honest covariances, from chi-square with ``dof`` degrees
+        of freedom for each segment. The interval is conservative for ``mean_nees``.
     """
 
     dof: int
@@ -85,7 +88,7 @@ class PathFigure:
 
     @property
     def kept(self) -> bool:
-        """Whether the mean lies within the bounds."""
+        """Whether ``mean_nees`` lies between ``nees_low`` and ``nees_high``."""
         return self.nees_low <= self.mean_nees <= self.nees_high
 
 
@@ -96,19 +99,21 @@ class PathConsistency:
     Attributes
     ----------
     unit_is_given : bool
-        Whether the covariances include an error of the unit (a path in metres). If not, the unit is
-        the first motion of each segment.
+        Whether the covariances include an error of the unit of length, as for a path in metres. If
+        the covariances include no such error, the unit is the length of the first motion of each
+        segment.
     orientation, position, pose : PathFigure
         Figures of 3, 3 and 6 degrees of freedom.
     position_any_scale : PathFigure
-        Figure of 2 degrees of freedom: with the best-fitting scale for each position, so that unit
-        and scale do not count.
+        Figure of 2 degrees of freedom: errors of the positions after each position is fitted with
+        its best scale. Errors of the unit and of the scale therefore have no effect.
     scale : PathFigure
-        Figure of 1 degree of freedom: errors of the logarithms of the lengths of motions, without
-        that of the unit, against their 1-sigmas. Lengths of a segment share the error of its scale.
+        Figure of 1 degree of freedom: the error of the logarithm of each motion's length, without
+        the error of the unit, against the 1-sigma of this logarithm. All lengths of a segment share
+        the error of the segment's scale.
     lengths : Consistency
-        The figures of ``scale`` with each length as an independent sample; the bounds are therefore
-        too narrow.
+        The errors of ``scale``, with each length as an independent sample. The lengths are not
+        independent, so the bounds are too narrow.
     """
 
     unit_is_given: bool
@@ -121,13 +126,14 @@ class PathConsistency:
 
 
 def evaluate_path(samples: PathSamples) -> PathConsistency | None:
-    """Compare every segment with the truth in its own gauge; None if nothing can be compared.
+    """Compare every segment with the truth; None if nothing can be compared.
 
-    The gauge is that of the covariances, without a fit. The first pose of a segment, position and
-    orientation, is taken as true. The length of the first motion is taken as true; if it has an
-    error of its own, the best-known length is taken instead. If the covariances include an error of
-    the unit, no length is taken as true. An error of the truth in that pose or length counts as an
-    error of the path.
+    The gauge of the comparison is the gauge of the covariances, and nothing is fitted to the truth.
+    The first pose of a segment, position and orientation, is taken as true. The length of the first
+    motion is also taken as true. If this length has an error of its own, the length with the
+    smallest relative error is taken as true instead. If the covariances include an error of the
+    unit, no length is taken as true. An error of the true first pose, or of the true length that is
+    used, counts as an error of the path.
     """
     found = list(_segments(samples))
     if not found:
@@ -151,11 +157,11 @@ def evaluate_path(samples: PathSamples) -> PathConsistency | None:
 
 
 class _Segment(NamedTuple):
-    """A segment in its gauge, with the quantities that can be compared: P poses and M lengths.
+    """The quantities of a segment that can be compared, in its gauge: P poses and M lengths.
 
-    ``errors`` (P, 6) and ``covariances`` (P, 6, 6) of ``[dtheta, dposition]``, positions since the
-    first pose as estimated and true, ``ways`` and ``true_ways`` (P, 3), and errors and variances
-    (M,) of the logarithms of lengths.
+    ``errors`` (P, 6) and ``covariances`` (P, 6, 6) are those of ``[dtheta, dposition]``. ``ways``
+    and ``true_ways`` (P, 3) are the estimated and the true displacements since the first pose.
+    ``length_errors`` and ``length_variances`` (M,) are those of the logarithms of the lengths.
     """
 
     unit_is_given: bool
@@ -222,7 +228,7 @@ def _segment(samples: PathSamples, begins: int, rows: np.ndarray) -> _Segment | 
 
 
 def _best_known(ways: np.ndarray, covariances: np.ndarray) -> int:
-    """Row of the displacement (N, 3) with the smallest relative error: the unit of the path."""
+    """Row of the displacement (N, 3) with the smallest relative error, which gives the unit."""
     square = np.sum(ways**2, axis=1)
     variance = np.einsum("ni,nij,nj->n", ways, covariances, ways)
     # Positions without a covariance, as before the camera moved, are noise.

@@ -33,13 +33,13 @@ PAIR_COLUMNS = (
     "direction_nees",
     "pose_nees",
 )
-"""Names of what `pair_rows` yields."""
+"""Names of the columns of `pair_rows`."""
 
 DEG = 180.0 / math.pi
 
 
 def pair_rows(errors: PairErrors) -> Iterator[list[str]]:
-    """Rows of a CSV file, one for each pair, with `PAIR_COLUMNS`; undefined fields are empty."""
+    """One CSV row for each pair, with the columns `PAIR_COLUMNS`; undefined fields are empty."""
     numbers = np.column_stack(
         [
             errors.true_rotation_angle_rad * DEG,
@@ -62,7 +62,7 @@ def to_json(evaluation: Evaluation) -> str:
 
 
 def to_text(evaluation: Evaluation) -> str:
-    """Aligned tables for a terminal; without truth only the figures that need no truth."""
+    """Aligned tables for a terminal. Without truth, only figures that need no truth are shown."""
     motions = evaluation.motions
     lines = _motion_lines(motions)
     if motions.pairs_with_truth:
@@ -106,7 +106,7 @@ def _motion_lines(motions: MotionEvaluation) -> list[str]:
 def _consistency_lines(
     found: MotionEvaluation | HalvesEvaluation, points: str, errors: str
 ) -> list[str]:
-    """Errors against covariances; ``points`` and ``errors`` name what was compared."""
+    """Lines of errors against covariances; ``points`` and ``errors`` name what was compared."""
     head = ("covariance", "dof", "pairs", "NEES mean", "95 % bounds", "median")
     head += ("in 68 %", "in 95 %", "sigma, deg", "sigma/error")
     kinds = (("rotation", found.rotation), ("direction", found.direction), ("pose", found.pose))
@@ -257,7 +257,7 @@ def _number(value: float) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table, with the first column aligned left and the others aligned right."""
+    """Lines of a table, with the first column aligned left and all other columns right."""
     cells = [head, *rows]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
     return [

@@ -56,7 +56,7 @@ class Summary:
 
 @dataclass(frozen=True, kw_only=True)
 class Coverage:
-    """Share of the regions that contain the truth.
+    """Share of the confidence regions that contain the truth.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Coverage:
     inside, count : int
         Number of regions that contain the truth, and of all regions.
     low, high : float
-        95 % Clopper-Pearson interval of the probability behind ``inside / count``.
+        95 % Clopper-Pearson interval of the probability that ``inside / count`` estimates.
     """
 
     level: float
@@ -76,7 +76,7 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """``inside / count``; NaN where there is no region."""
+        """``inside / count``; NaN without regions."""
         return self.inside / self.count if self.count else float("nan")
 
     @property
@@ -92,7 +92,8 @@ class Consistency:
     Attributes
     ----------
     dof : int
-        Degrees of freedom of each error; the mean NEES of honest Gaussian covariances.
+        Degrees of freedom of each error, and also the mean NEES of honest covariances for Gaussian
+        errors.
     count : int
         Number of errors.
     mean_nees, median_nees : float
@@ -103,10 +104,11 @@ class Consistency:
         Coverage of the 68 % and 95 % ellipsoids.
     median_sigma : float
         Sharpness: median of ``sqrt(trace(covariance))``, in the unit of the errors. Of two honest
-        estimators the sharper is the better.
+        estimators, the estimator with the smaller value is better.
     sigma_over_error : float
-        Square root of the expected over the measured median NEES: the factor by which the sigmas
-        are too large (above 1) or too small (below 1). A few large errors do not change it.
+        Square root of the expected median NEES divided by the measured median NEES. This is the
+        factor by which the sigmas are too large (above 1) or too small (below 1). A few large
+        errors do not change this factor.
     """
 
     dof: int
@@ -122,7 +124,7 @@ class Consistency:
 
 
 def summarize(errors: np.ndarray) -> Summary:
-    """`Summary` of the errors that are defined (NaN means undefined; infinite ones count)."""
+    """`Summary` of the errors that are not NaN; infinite errors count."""
     e = np.asarray(errors, dtype=np.float64)
     e = e[~np.isnan(e)]
     if not e.size:
@@ -139,16 +141,16 @@ def summarize(errors: np.ndarray) -> Summary:
 
 
 def chi2_quantile(probability: float, dof: int) -> float:
-    """Quantile of chi-square with ``dof`` degrees of freedom at this probability."""
+    """Quantile of the chi-square distribution with ``dof`` degrees of freedom."""
     return float(2.0 * gammaincinv(0.5 * dof, probability))
 
 
 def binomial_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Clopper-Pearson interval of a probability, seen ``successes`` times in ``trials``.
+    """Interval of a probability, from the number of ``successes`` in a number of ``trials``.
 
     The interval is that of Clopper and Pearson, Biometrika 26(4), 1934,
-    doi:10.1093/biomet/26.4.404. Its coverage is at least the confidence for every number of trials.
-    For 0 trials it is (0, 1).
+    doi:10.1093/biomet/26.4.404. The coverage of the interval is at least ``confidence`` for every
+    number of trials. For 0 trials the interval is (0, 1).
     """
     tail = 0.5 * (1.0 - confidence)
     k, n = successes, trials
@@ -163,14 +165,14 @@ def nees(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     errors : ndarray, shape (N, D)
-        Error vectors; NaN rows are undefined, infinite ones lie outside of every region.
+        Error vectors. NaN rows are undefined. Infinite rows lie outside every confidence region.
     covariances : ndarray, shape (N, D, D)
-        Covariances of the errors; NaN where there is none.
+        Covariances of the errors; NaN for an error without a covariance.
 
     Returns
     -------
     ndarray, shape (N,)
-        NaN where error or covariance is undefined, infinite where the error is.
+        NaN if the error or the covariance is NaN; infinite if the error is infinite.
 
     Raises
     ------
@@ -219,7 +221,7 @@ def consistency(errors: np.ndarray, covariances: np.ndarray) -> Consistency:
 
 
 def total_sigma(covariances: np.ndarray) -> np.ndarray:
-    """Sharpness (N,) of covariances (N, D, D): ``sqrt(trace)``, the expected RMS error."""
+    """Sharpness (N,) of covariances (N, D, D): ``sqrt(trace)``, which is the expected RMS error."""
     return np.sqrt(np.trace(covariances, axis1=1, axis2=2))
 
 

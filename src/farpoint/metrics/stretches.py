@@ -1,20 +1,24 @@
 """Errors of length and rotation of stretches of a path, against their covariances.
 
-Poses have a covariance since the beginning of the segment; the error of a stretch is the error
-added between its ends. Let ``x = [dtheta, rho, dlog_scale]`` with ``dp = dtheta x p + p dlog_scale
-+ rho`` be the error of a pose as a perturbation of the whole world. An error that later poses
-inherit has the same ``x`` at all of them, so its covariance ``W_t`` grows with each motion. A frame
-that is located independently has an additional error of covariance ``N_t``: ``C_t = W_t + N_t``. If
-``N`` is not given, it is estimated from the decrease of ``C``,
+Each pose has the covariance of its error since the beginning of the segment. The error of a stretch
+is the error that is added between the two ends of the stretch. Let ``x = [dtheta, rho,
+dlog_scale]`` with ``dp = dtheta x p + p dlog_scale + rho`` be the error of a pose as a perturbation
+of the whole world. An error that later poses inherit has the same ``x`` at all these poses, so the
+covariance ``W_t`` of the inherited error grows with each motion. A pose that is located
+independently has an additional error of its own, with the covariance ``N_t``. The covariance of a
+pose is then ``C_t = W_t + N_t``. If ``N`` is not given, ``N`` is estimated from the decrease of
+``C``,
 
     W_t = C_t - (C_t - W_{t+1})_+
 
-with the positive part of the eigenvalues. If poses without an error of their own are rare, ``N`` is
-too small, and so are the covariances of short stretches. Increments are taken as independent:
+where ``(...)_+`` keeps the positive eigenvalues only. If poses without an error of their own are
+rare, ``N`` and the covariances of short stretches are too small. The increments of ``W`` are taken
+as independent:
 
     cov(x_s, x_t) = W_min(s, t) + [s = t] N_t.
 
-If increments are correlated, for example by a wrong lens, the covariance of a stretch is too large.
+If the increments are correlated, for example by a wrong lens, the covariance of a stretch is too
+large.
 """
 
 from __future__ import annotations
@@ -41,19 +45,20 @@ _ROUNDING = 1e-9  # relative, of lengths
 
 @dataclass(frozen=True, kw_only=True)
 class StretchFigure:
-    """Stretches of one length against their covariances.
+    """Errors of all stretches of one length, compared with the covariances of these errors.
 
     Attributes
     ----------
     share : float
-        Length of the stretches, in that of the path.
+        Length of the stretches as a share of the length of the path.
     length : float
-        Length of the stretches in the unit of the truth; NaN if the true path has no length, and
-        stretches are a share of its poses.
+        Length of the stretches in the unit of the truth. If the true path has no length, the value
+        is NaN, and ``share`` is a share of the number of poses.
     lengths : Coverage
-        Distances between the ends of the stretches within 1.96 sigma, after scaling of the segment.
+        Coverage of the errors of the distances between the ends of the stretches by 1.96 sigma,
+        after each segment is scaled.
     rotations : Coverage
-        Rotations between the ends within their 95 % ellipsoids.
+        Coverage of the errors of the rotations between the ends by the 95 % ellipsoids.
     """
 
     share: float
@@ -65,13 +70,15 @@ class StretchFigure:
 def evaluate_stretches(
     samples: PathSamples, shares: tuple[float, ...] = STRETCH_SHARES
 ) -> tuple[StretchFigure, ...]:
-    """Compare stretches that begin at every pose and lie within a segment with the truth.
+    """Compare stretches of a path with the truth.
 
-    A stretch ends at the first pose that is at least its length farther along the true path. Each
-    segment is scaled so that all its stretches together have the true length; the variances are
-    those after this scaling. For honest covariances, the mean share of stretches within their 95 %
-    regions is 0.95. Stretches overlap, so the interval of `Coverage`, for independent samples, is
-    too narrow.
+    A stretch begins at every pose and lies within one segment.
+
+    For a given length, a stretch ends at the first pose that is at least this length farther along
+    the true path. Each segment is scaled so that the estimated and the true lengths of its
+    stretches have the same sum, and the variances take this scaling into account. For honest
+    covariances, 0.95 of the stretches lie within their 95 % regions on average. Stretches overlap,
+    but the interval of `Coverage` assumes independent samples, so the interval is too narrow.
 
     Returns
     -------
@@ -106,11 +113,13 @@ def evaluate_stretches(
 
 
 class _Part(NamedTuple):
-    """A segment of P poses, with positions along the true path (P,), estimated and true poses, and
-    covariances (P, 7, 7) of ``x``: the part ``carried`` to later poses, and that of each pose
-    alone.
+    """A segment of P poses: estimated poses, true poses, and covariances (P, 7, 7) of ``x``.
 
-    Positions are those since the middle of the segment, in units of ``reach``.
+    ``along`` (P,) is the length of the true path up to each pose. ``carried`` is the part of the
+    covariances that later poses inherit, and ``own`` is the part that belongs to one pose only.
+
+    Estimated positions ``p`` are relative to the mean position of the segment, in units of the RMS
+    distance from this mean.
     """
 
     along: np.ndarray
@@ -159,12 +168,12 @@ def _ends(along: np.ndarray, length: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _squares(part: _Part, first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared errors of lengths and of rotations, by their covariances."""
+    """Squared errors of lengths and of rotations, normalised by the covariances."""
     return _length_squares(part, first, last), _turn_squares(part, first, last)
 
 
 def _turn_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Of ``R0 Log((R*0^T R*1) (R0^T R1)^T)``, which is ``dtheta_1 - dtheta_0``."""
+    """Normalised squares of ``dtheta_1 - dtheta_0 = R0 Log((R*0^T R*1) (R0^T R1)^T)``."""
     between, true_between = (
         np.swapaxes(R[first], 1, 2) @ R[last] for R in (part.rotations, part.true_rotations)
     )
@@ -176,7 +185,10 @@ def _turn_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarra
 
 
 def _length_squares(part: _Part, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Squares of ``s |p*1 - p*0| - |p1 - p0|``, with the scale ``s`` that makes their sum zero."""
+    """Normalised squares of the errors ``s |p*1 - p*0| - |p1 - p0|``.
+
+    The scale ``s`` makes the sum of these errors zero.
+    """
     ways, true_ways = part.p[last] - part.p[first], part.true_p[last] - part.true_p[first]
     lengths, true_lengths = np.linalg.norm(ways, axis=1), np.linalg.norm(true_ways, axis=1)
     total, true_total = float(np.sum(lengths)), float(np.sum(true_lengths))

@@ -1,8 +1,9 @@
 """Errors of whole trajectories: absolute, relative, and over KITTI's segments.
 
-Poses are ``world_from_cam``, shape (N, 4, 4); estimate and truth have the same poses in the same
-order. `absolute_errors` compares positions in the world and needs aligned trajectories; for the
-other functions a monocular estimate needs the true scale only.
+Poses are ``world_from_cam``, shape (N, 4, 4). Row k of the estimate and row k of the truth are
+poses of the same frame. `absolute_errors` compares positions in the world, so the trajectories must
+be aligned. The other functions compare motions, so a monocular estimate needs the true scale, but
+no alignment.
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ class SegmentErrors:
 
 
 def absolute_errors(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Distances (N,) between positions of aligned trajectories; their RMSE is the ATE.
+    """Distances (N,) between positions of aligned trajectories. The RMSE of distances is the ATE.
 
     The error is defined by Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems",
     IROS 2012, doi:10.1109/IROS.2012.6385773. Align the trajectories first, by `align_sim3` or
@@ -87,10 +88,10 @@ def absolute_errors(estimate: np.ndarray, truth: np.ndarray) -> np.ndarray:
 def relative_errors(
     estimate: np.ndarray, truth: np.ndarray, *, delta_frames: int = 1, stride: int = 1
 ) -> RelativeErrors:
-    """Errors of the motions from pose i to pose ``i + delta_frames``, i in steps of ``stride``.
+    """Errors of the motions from pose i to pose ``i + delta_frames``, for i in steps of ``stride``.
 
     The error is ``E = (Q_i^-1 Q_j)^-1 (P_i^-1 P_j)`` for truth Q and estimate P (Sturm et al. 2012,
-    eq. 1). By default a motion starts at every pose; ``stride=delta_frames`` gives motions that do
+    eq. 1). By default a motion starts at every pose. With ``stride=delta_frames``, the motions do
     not overlap.
     """
     _check(estimate, truth)
@@ -116,8 +117,8 @@ def kitti_segment_errors(
     """Errors over all segments of the given lengths, as KITTI's development kit counts them.
 
     A segment of length L starts at every ``step_frames``-th pose and ends at the first pose more
-    than L further along the true path; segments beyond the end of the path are left out. Geiger,
-    Lenz and Urtasun, CVPR 2012, doi:10.1109/CVPR.2012.6248074.
+    than L further along the true path. Segments that would end beyond the path are left out. The
+    benchmark is described by Geiger, Lenz and Urtasun, CVPR 2012, doi:10.1109/CVPR.2012.6248074.
     """
     _check(estimate, truth)
     travelled = _travelled(truth)
@@ -142,13 +143,12 @@ def kitti_segment_errors(
 
 
 def path_length(world_from_cam: np.ndarray) -> float:
-    """Length of the polygon through the positions, in their unit."""
+    """Length of the polygon through the positions, in the unit of the positions."""
     return float(_travelled(world_from_cam)[-1])
 
 
 def scale_drift(estimate: np.ndarray, truth: np.ndarray) -> float:
-    """Scale of the estimate over the last 20 % of the true path, relative to the first 20 %, minus
-    1.
+    """Relative change of the estimate's scale from the first to the last 20 % of the true path.
 
     A scale that grew by 5 % gives 0.05. The result is NaN if one of the two parts has no length.
     """

@@ -1,7 +1,7 @@
 """Pictures for notebooks and papers: flow, epipole and trajectory on matplotlib axes.
 
-Every function draws on the given or on new axes and returns the axes. Matplotlib is loaded by the
-first call.
+Every function draws on the given axes, or on new axes, and returns the axes. The first call loads
+Matplotlib.
 """
 
 from farpoint.plot.epipole import epipole

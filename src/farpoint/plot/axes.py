@@ -1,4 +1,4 @@
-"""Axes to draw on, and the one place that loads matplotlib."""
+"""Axes to draw on; only this module loads matplotlib."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def new_axes(aspect: float = 1.0) -> Axes:
 
 
 def image_axes(axes: Axes | None, size: tuple[int, int], image: np.ndarray | None) -> Axes:
-    """Axes in pixels with y down, for an image of `size` (width, height), drawn if it is given."""
+    """Axes in pixels, y down, for an image of `size` (width, height); the image is optional."""
     width, height = size
     axes = new_axes(width / height) if axes is None else axes
     if image is not None:

@@ -27,10 +27,10 @@ def epipole(
     image: np.ndarray | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the epipole in image 0, a circle with a cross, inside its 95 % region.
+    """Draw the epipole in image 0 as a circle with a cross, with the 95 % region of the epipole.
 
-    If the opposite point, from which the camera comes, is in view, it is drawn with a slanting
-    cross. If neither point is in view, the visible parts of both regions are drawn.
+    If the opposite point, from which the camera comes, is in view, a slanting cross marks this
+    point. If neither point is in view, the visible parts of both regions are drawn.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def epipole(
     image : ndarray, shape (height, width) or (height, width, 3), optional
         Image 0, drawn in the background.
     ax : matplotlib.axes.Axes, optional
-        New ones by default, of the size of the image.
+        New axes by default, of the size of the image.
 
     Returns
     -------

@@ -45,13 +45,15 @@ def flow(
 ) -> Axes:
     """Draw the translational flow: every match with the rotation removed, and the epipole.
 
-    A line goes from each point of image 0 to its pixel in an image 1 without rotation. Far points
-    stay; near points move along lines through the epipole.
+    A line goes from each point of image 0 to the pixel that the same point would have in image 1 if
+    the camera had not rotated. Far points do not move. Near points move along lines through the
+    epipole.
 
     Parameters
     ----------
     pose : RelativePose
-        Motion between the two images; a FAILED one shows the whole flow.
+        Motion between the two images. For a FAILED pose, the flow is drawn without removal of a
+        rotation.
     points0, points1 : ndarray, shape (N, 2)
         The matches of the pose, px, such as ``result.tracks.points0``.
     camera : Camera
@@ -59,7 +61,7 @@ def flow(
     image : ndarray, shape (height, width) or (height, width, 3), optional
         Image 0, drawn in the background.
     ax : matplotlib.axes.Axes, optional
-        New ones by default.
+        New axes by default.
 
     Returns
     -------
@@ -69,7 +71,8 @@ def flow(
     Raises
     ------
     InputError
-        If the points are not those of the pose, or neither the camera nor the image has a size.
+        If the points are not the matches of the pose, or if neither the camera nor the image has a
+        size.
     MissingExtraError
         If matplotlib is not installed (extra ``plot``).
 

@@ -39,7 +39,7 @@ def trajectory(
     Raises
     ------
     InputError
-        If there is no pose in `path`, or it is neither results nor an array of that shape.
+        If `path` has no pose, or if `path` is neither results nor an array of shape (N, 4, 4).
     MissingExtraError
         If matplotlib is not installed (extra ``plot``).
 
@@ -60,7 +60,7 @@ def trajectory(
 
 
 def _poses(path: Iterable[OdometryResult] | np.ndarray) -> np.ndarray:
-    """``world_from_cam`` (N, 4, 4), at least one."""
+    """``world_from_cam`` (N, 4, 4), with at least one pose."""
     if isinstance(path, np.ndarray):
         poses = path
     else:

@@ -55,7 +55,7 @@ class Trajectory:
     Attributes
     ----------
     timestamps : ndarray, shape (N,), or None
-        Seconds, never decreasing; None where the format has none (KITTI).
+        Seconds, never decreasing; None if the format has no time stamps (KITTI).
     world_from_body : ndarray, shape (N, 4, 4)
         Rigid transforms.
     """
@@ -75,13 +75,13 @@ def read_trajectory(path: str | Path, quaternion: QuaternionOrder | None = None)
     path : str or Path
         The file.
     quaternion : {"xyzw", "wxyz"}, optional
-        Order of the quaternions in the file. Default: from the names of the columns, if the file
-        has any; otherwise w first in EuRoC files and last in TUM files.
+        Order of the quaternions in the file. By default the names of the columns give the order, if
+        the file has any. Otherwise w is first in EuRoC files and last in TUM files.
 
     Raises
     ------
     InputError
-        If the file is invalid; the message has the file, the line and the expected value.
+        If the file is invalid. The message has the file, the line and the expected value.
     """
     path = Path(path)
     for line, text in _rows(path):
@@ -104,14 +104,14 @@ def read_trajectory(path: str | Path, quaternion: QuaternionOrder | None = None)
 
 
 def read_tum(path: str | Path) -> Trajectory:
-    """Read rows of ``timestamp tx ty tz qx qy qz qw``, the time in seconds."""
+    """Read rows of ``timestamp tx ty tz qx qy qz qw``, with the time stamp in seconds."""
     return _stacked(iter_tum(path), path)
 
 
 def iter_tum(path: str | Path, *, whole_lines: bool = False) -> Iterator[tuple[float, np.ndarray]]:
     """Time and pose (4, 4) of each row of a TUM file, one at a time.
 
-    With ``whole_lines`` an incomplete last line, as in the file of a killed run, is left out.
+    With ``whole_lines`` an incomplete last line is left out, such as the last line of a killed run.
     """
     return _tum(Path(path), "xyzw", whole_lines)
 
@@ -150,7 +150,7 @@ def named_order(path: Path) -> QuaternionOrder | None:
 
 
 def _named_places(path: Path) -> Iterator[tuple[int, int, int]]:
-    """For each line with names of a quaternion: its number of columns, and those of qw and qx."""
+    """Number of columns and indices of qw and qx, for each line that names these columns."""
     for text in itertools.islice(_lines(path), _HEADER_LINES):
         names = [re.sub(r"[^a-z]", "", cell.lower()) for cell in _cells(text.lstrip("# "))]
         at = {
@@ -162,7 +162,11 @@ def _named_places(path: Path) -> Iterator[tuple[int, int, int]]:
 
 
 def _check_places(path: Path, columns: int) -> None:
-    """Raise an InputError if a header of ``columns`` names does not put qw, qx in 5, 6 or 8, 5."""
+    """Raise an InputError if a header of ``columns`` names has qw or qx in a wrong column.
+
+    Counted from 1, (qw, qx) are expected in columns (5, 6), as in EuRoC files, or (8, 5), as in TUM
+    files.
+    """
     for named, w, x in _named_places(path):
         if named == columns and (w, x) not in ((4, 5), (7, 4)):
             raise InputError(
@@ -177,7 +181,7 @@ def _xyzw(quaternion: list[float], order: QuaternionOrder) -> np.ndarray:
 
 
 def read_kitti(path: str | Path) -> Trajectory:
-    """Read rows of a 3x4 (or 4x4) matrix, one pose a line, row by row."""
+    """Read one pose per line: a 3x4 or 4x4 matrix, written row by row."""
     path = Path(path)
     return Trajectory(timestamps=None, world_from_body=_stack(_kitti(path), path))
 
@@ -200,7 +204,7 @@ def _kitti(path: Path) -> Iterator[np.ndarray]:
 
 
 def write_tum(path: str | Path, trajectory: Trajectory) -> None:
-    """Write rows of ``timestamp tx ty tz qx qy qz qw``; numbers survive the round trip."""
+    """Write rows of ``timestamp tx ty tz qx qy qz qw``, with all digits of each number."""
     if trajectory.timestamps is None:
         raise InputError("expected time stamps, which a TUM file needs", field="trajectory")
     rows = zip(trajectory.timestamps, trajectory.world_from_body, strict=True)
@@ -208,19 +212,19 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> None:
 
 
 def write_kitti(path: str | Path, trajectory: Trajectory) -> None:
-    """Write a 3x4 matrix a line, row by row, without time stamps."""
+    """Write one pose per line: a 3x4 matrix, row by row, without a time stamp."""
     Path(path).write_text("".join(map(kitti_line, trajectory.world_from_body)))
 
 
 def tum_line(timestamp: float, world_from_body: np.ndarray) -> str:
-    """One line of a TUM file, with its end, for a pose (4, 4)."""
+    """One line of a TUM file, including the line end, for a pose (4, 4)."""
     quat_xyzw = so3.quat_xyzw_from_matrix(world_from_body[:3, :3])
     values = (timestamp, *world_from_body[:3, 3], *quat_xyzw)
     return " ".join(repr(float(value)) for value in values) + "\n"
 
 
 def kitti_line(world_from_body: np.ndarray) -> str:
-    """One line of a KITTI file, with its end, for a pose (4, 4)."""
+    """One line of a KITTI file, including the line end, for a pose (4, 4)."""
     return " ".join(repr(float(value)) for value in world_from_body[:3].ravel()) + "\n"
 
 
@@ -289,7 +293,7 @@ def _cells(text: str) -> list[str]:
 
 
 def _is_header(text: str) -> bool:
-    """Whether a line names columns: no cell of it is a number."""
+    """Whether a line is a header, because none of the cells is a number."""
     return not any(map(_is_number, _cells(text)))
 
 
@@ -302,8 +306,9 @@ def _is_number(cell: str) -> bool:
 
 
 def _has_nanoseconds(text: str, cells: list[str]) -> bool:
-    """Whether a row is in EuRoC's format: it begins with a whole number that is long or followed by
-    a comma.
+    """Whether a row is in EuRoC's format, with a whole number of nanoseconds in its first cell.
+
+    This number must have many digits, or the cells must be separated by commas or semicolons.
     """
     if not cells[0].isdecimal():
         return False

@@ -26,12 +26,12 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name."""
+    """The name of the file, for its only camera."""
     return [file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera."""
+    """The camera of this file."""
     fields = file.fields
     refuse_others(fields, (MATRIX, DISTORTION, MODEL), only=LENS_WORDS)
     return Camera(model=_lens(fields), size=fields.size_pair("ImageSize"), name=name)

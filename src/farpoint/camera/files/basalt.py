@@ -50,12 +50,12 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """``cam0``, ``cam1`` and so on: the file has no names."""
+    """Names ``cam0``, ``cam1`` and so on, because the file has no names."""
     return [f"cam{index}" for index in range(len(_cameras(file)))]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """One camera."""
+    """The camera of this name."""
     index = int(name.removeprefix("cam"))
     camera = _cameras(file)[index]
     key = camera.first(*KINDS) or KINDS[0]

@@ -1,4 +1,4 @@
-"""BoofCV's YAML: a group ``pinhole`` and a ``model``, for one camera or both of a pair."""
+"""BoofCV's YAML: a group ``pinhole`` and a ``model``, for one camera or a stereo pair."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """``left`` and ``right``; the file's own name of a single one."""
+    """``left`` and ``right`` of a stereo pair, or the name of the file for a single camera."""
     return list(_cameras(file))
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera."""
+    """The camera of this file."""
     camera = _cameras(file)[name]
     kind = camera.text("model").lower()
     if kind not in MODELS:
@@ -80,8 +80,10 @@ def _lens(camera: Fields, pinhole: Fields, kind: str) -> CameraModel:
 
 
 def _distortion(camera: Fields) -> tuple[float, ...]:
-    """Coefficients in OpenCV's order: BoofCV's ``r += radial[i] r^(2 i + 3)``, t1 and t2 are those
-    of OpenCV, with any number of radial ones.
+    """Coefficients in OpenCV's order.
+
+    BoofCV's formula ``r += radial[i] r^(2 i + 3)``, with t1 and t2, is that of OpenCV, but with any
+    number of radial coefficients.
     """
     if camera.values.get("radial_tangential") is None:
         return ()

@@ -22,21 +22,22 @@ ERRORS_PER_SIGMA = 3.0
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether ``fc`` and ``cc`` are assigned, or are fields."""
+    """Whether a script assigns ``fc`` and ``cc``, or the file has fields with these names."""
     return bool(_sides(_fields(file)))
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name; ``left`` and ``right`` of a stereo pair's."""
+    """The name of the file for a single camera, or ``left`` and ``right`` of a stereo pair."""
     sides = _sides(_fields(file))
     return [file.path.stem] if sides == [""] else [side.removeprefix("_") for side in sides if side]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera; the toolbox counts pixels from 0 and has OpenCV's formula.
+    """The camera. The toolbox counts pixels from 0 and uses OpenCV's formula.
 
-    ``kc`` must have five numbers. Its fisheye version and its first versions wrote four, which may
-    belong to either lens; such a file is refused.
+    ``kc`` must have five numbers. The fisheye version and the first versions of the toolbox wrote
+    four numbers, which can belong to a fisheye or to a pinhole. A file with four numbers is
+    refused.
     """
     fields = _fields(file)
     side = f"_{name}" if f"fc_{name}" in fields else ""
@@ -57,7 +58,7 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _with_errors(camera: Camera, fields: Fields, keys: dict[str, str]) -> Camera:
-    """With the deviations of its parameters, if the file has them."""
+    """The camera with the standard deviations of its parameters, if the file has deviations."""
     counts = {f"{keys[key]}_error": count for key, count in (("fc", 2), ("cc", 2), ("kc", 5))}
     if not all(key in fields for key in counts):
         return camera
@@ -72,7 +73,7 @@ def _with_errors(camera: Camera, fields: Fields, keys: dict[str, str]) -> Camera
 
 
 def _fields(file: CalibrationFile) -> Fields:
-    """Of JSON or YAML, or what a script assigns."""
+    """Fields of a JSON or YAML file, or the values that a MATLAB script assigns."""
     if _sides(file.fields):
         return file.fields
     lines = (line.split("%", 1)[0] for line in file.text.splitlines())
@@ -84,6 +85,6 @@ def _fields(file: CalibrationFile) -> Fields:
 
 
 def _sides(fields: Fields) -> list[str]:
-    """Suffixes of the names of the cameras; a single camera has an empty suffix."""
+    """Suffixes of the field names of each camera; a single camera has an empty suffix."""
     hits = (FOCAL.fullmatch(str(key)) for key in fields.values)
     return [hit[1] for hit in hits if hit and f"cc{hit[1]}" in fields]

@@ -25,7 +25,7 @@ class CameraInfo:
     width, height : int
         Size of the full image, px.
     distortion_model : str
-        ``plumb_bob``, ``rational_polynomial``, ``equidistant``, or another name of one of these.
+        ``plumb_bob``, ``rational_polynomial``, ``equidistant``, or a synonym of these names.
     d : sequence of float
         Coefficients of the distortion, in OpenCV's order.
     k : sequence of float
@@ -46,16 +46,17 @@ class CameraInfo:
 
 
 def camera_of_info(info: CameraInfo, *, rectified: bool, file: Path, topic: str) -> Camera:
-    """The camera of raw images, or of rectified ones.
+    """The camera of the raw images or of the rectified images.
 
     Parameters
     ----------
     info : CameraInfo
         The message.
     rectified : bool
-        Whether the images are rectified: then P counts, and there is no distortion.
+        Whether the images are rectified. The camera of rectified images has the matrix P and no
+        distortion.
     file, topic : Path, str
-        Names for errors.
+        File and topic that error messages name.
 
     Raises
     ------
@@ -82,5 +83,5 @@ def camera_of_info(info: CameraInfo, *, rectified: bool, file: Path, topic: str)
 
 
 def _left_of(p: Sequence[float]) -> list[float]:
-    """The left 3x3 of a 3x4 matrix; nothing of another one."""
+    """The left 3x3 part of a 3x4 matrix; empty for a matrix of another size."""
     return [*p[0:3], *p[4:7], *p[8:11]] if len(p) == 12 else []

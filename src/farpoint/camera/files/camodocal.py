@@ -19,18 +19,18 @@ MEI, FISHEYE, PINHOLE = "MEI", "KANNALA_BRANDT", "PINHOLE"
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether the fields ``model_type`` and ``projection_parameters`` are there."""
+    """Whether the file has the fields ``model_type`` and ``projection_parameters``."""
     return all(key in file.fields for key in ("model_type", "projection_parameters"))
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's ``camera_name``, or its own."""
+    """The ``camera_name`` in the file, or else the name of the file."""
     fields = file.fields
     return [fields.text("camera_name") if "camera_name" in fields else file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera."""
+    """The camera of this file."""
     fields = file.fields
     size = fields.size("image_width", "image_height")
     kind = fields.text("model_type").upper()

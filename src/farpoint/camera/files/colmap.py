@@ -23,7 +23,7 @@ LARGEST_SIDE_PX = 1 << 20
 
 @dataclass(frozen=True)
 class _Record:
-    """One camera as it is written: its lens model, image size and parameters."""
+    """One camera of the file: its lens model, image size and parameters."""
 
     model: str
     size: list[object]
@@ -51,7 +51,7 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera of this name; its principal point is shifted by -0.5 px, as OpenCV counts."""
+    """The camera of this name, with the principal point shifted by -0.5 px, as OpenCV counts."""
     record = _records(file)[name]
     fields = Fields(
         {name: record.parameters, f"{name} size": record.size}, file.path, within="camera "

@@ -36,17 +36,17 @@ class _Place:
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether a matrix is stored by columns: its principal point is in the last row of three."""
+    """Whether a matrix is stored by columns, with the principal point in the last of three rows."""
     return bool(_places(file))
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The name of the file, or the numbers of the cameras of a trajectory if they differ."""
+    """The name of the file, or the numbers of a trajectory's cameras if the cameras differ."""
     return list(_places(file))
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera. ARKit counts from the corner of the first pixel, Open3D from its centre."""
+    """The camera. ARKit counts from the corner of the first pixel, and Open3D from the centre."""
     place = _places(file)[name]
     fields, key = place.fields, place.key
     refuse_others(fields, (key, *OTHER), only=LENS_WORDS)
@@ -76,7 +76,7 @@ def _places(file: CalibrationFile) -> dict[str, _Place]:
 
 
 def _trajectory(fields: Fields, stem: str) -> dict[str, _Place]:
-    """The cameras of Open3D's ``PinholeCameraTrajectory``, one if all are alike."""
+    """The cameras of Open3D's ``PinholeCameraTrajectory``, or one camera if all are equal."""
     items = fields.values.get("parameters")
     places = {}
     for index, item in enumerate(items if isinstance(items, list) else []):

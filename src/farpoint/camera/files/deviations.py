@@ -1,4 +1,4 @@
-"""Standard deviations that OpenCV's calibration estimates, where a file keeps them."""
+"""Standard deviations that OpenCV's calibration estimates and writes to a file."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ FEWEST = 4  # fx fy cx cy
 
 
 def with_deviations(camera: Camera, fields: Fields, matrix: str, distortion: str | None) -> Camera:
-    """The camera with the standard deviations of its parameters, if the file has them.
+    """The camera with the standard deviations of its parameters, if the file has deviations.
 
     OpenCV's interactive calibration appends ``_std_dev`` to the names of the matrix and of the
-    coefficients. Both kinds of deviations are in OpenCV's order, which is that of `Pinhole`, and
-    are zero for a parameter that was not estimated. With a fixed aspect ratio the deviation of fx
-    is zero, too, although fx follows fy.
+    coefficients. The deviations are in OpenCV's order, which is also the order of the parameters of
+    `Pinhole`. A parameter that was not estimated has a deviation of zero. With a fixed aspect ratio
+    the deviation of fx is zero, too, although fx follows fy.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def with_deviations(camera: Camera, fields: Fields, matrix: str, distortion: str
     fields : Fields
         The file.
     matrix, distortion : str
-        Keys of its camera matrix and coefficients.
+        Keys of the camera matrix and of the coefficients in the file.
     """
     if not isinstance(camera.model, Pinhole):
         return camera

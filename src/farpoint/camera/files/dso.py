@@ -56,14 +56,15 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name."""
+    """The name of the file, for its only camera."""
     return [file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
     """The camera of the recorded images. DSO's crop and rectification are not applied.
 
-    A principal point below 1 is relative to the size of the image, and DSO then subtracts 0.5 px.
+    If both coordinates of the principal point are below 1, focal lengths and principal point are
+    relative to the size of the image, and DSO subtracts 0.5 px from the principal point.
     """
     found = FIRST.fullmatch(file.lines[0])
     kind = (found["kind"] or "fov").lower() if found else ""

@@ -21,12 +21,12 @@ _CAM_FROM_BODY = ("T_cam_imu", "T_SB")
 def read_body_from_cam(path: str | Path) -> np.ndarray:
     """Pose ``body_from_cam`` (4, 4) of a camera on a body.
 
-    Of a file with several cameras that of the first.
+    For a file with several cameras, the result is the pose of the first camera.
 
     Raises
     ------
     InputError
-        If the file has none, or it is no rigid motion.
+        If the file has no such pose, or if the pose is no rigid motion.
     """
     file = CalibrationFile.open(Path(path))
     numbers = file.text.replace(",", " ").split()

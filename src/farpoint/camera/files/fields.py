@@ -1,4 +1,4 @@
-"""Typed access to the values of a file: every fault names the file and the field."""
+"""Typed access to the values of a file, with errors that name the file and the field."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from farpoint.errors import InputError
 __all__ = ["Fields", "blame"]
 
 LARGEST_SIDE_PX = 1_000_000
-"""Of any image."""
+"""Largest width or height of an image, px."""
 
 
 @dataclass(frozen=True)
@@ -26,13 +26,13 @@ class Fields:
     values : mapping
         Mapping from key to text, number, list or mapping.
     file : Path
-        Name of the file for every error.
+        File that the error messages name.
     within : str
-        Prefix of the keys in errors, such as ``"cam0."``.
+        Prefix of the keys in error messages, such as ``"cam0."``.
     read : set of str
-        Keys whose values were asked for, so that what was passed over can be found.
+        Keys whose values were read, so that fields that were not read can be found.
     groups : dict
-        The groups of fields that were asked for, by key.
+        The groups of fields that were read, by key.
     """
 
     values: Mapping[str, Any]
@@ -45,7 +45,7 @@ class Fields:
         return key in self.values
 
     def place(self, key: str) -> str:
-        """How a key is named in an error."""
+        """Name of a key in error messages."""
         return self.within + key
 
     def error(self, key: str, problem: str) -> InputError:
@@ -65,7 +65,7 @@ class Fields:
         return self.groups.setdefault(key, found)
 
     def text(self, key: str) -> str:
-        """The text under a key, stripped."""
+        """The text under a key, without leading and trailing spaces."""
         value = self._required(key)
         if isinstance(value, list | Mapping):
             raise self.error(key, f"expected a word, got {_short(value)}")
@@ -76,14 +76,14 @@ class Fields:
         return self._as_number(key, self._required(key))
 
     def numbers(self, key: str, counts: Collection[int] | None = None) -> list[float]:
-        """The finite numbers under a key, of a list, nested lists, a matrix or one text.
+        """The finite numbers under a key, which may be a list, nested lists, a matrix or a text.
 
         Parameters
         ----------
         key : str
             Key of the numbers.
         counts : collection of int, optional
-            How many there may be; any number by default.
+            Allowed counts of numbers; any count by default.
         """
         value = self._required(key)
         if _hides_groups(value):
@@ -144,7 +144,7 @@ def blame(fields: Fields, key: str, **keys: str) -> Iterator[None]:
     key : str
         The field that holds the parameters.
     **keys : str
-        Fields that hold the parameters of these names instead.
+        For single parameters, by name: the field that holds the parameter in place of ``key``.
     """
     try:
         yield

@@ -11,11 +11,11 @@ __all__ = ["CalibrationFormat"]
 
 
 class CalibrationFormat(Protocol):
-    """Implemented by each format's module."""
+    """Members that the module of each calibration format has."""
 
     @property
     def TITLE(self) -> str:
-        """What people call the format."""
+        """Common name of the format."""
         ...
 
     @property
@@ -24,7 +24,7 @@ class CalibrationFormat(Protocol):
         ...
 
     def matches(self, file: CalibrationFile) -> bool:
-        """Whether the contents are of this format, faulty ones included."""
+        """Whether the file is of this format; also true for a faulty file of the format."""
         ...
 
     def names(self, file: CalibrationFile) -> list[str]:
@@ -32,5 +32,5 @@ class CalibrationFormat(Protocol):
         ...
 
     def read(self, file: CalibrationFile, name: str) -> Camera:
-        """The camera of this name; an InputError names the file and the field at fault."""
+        """The camera of this name. An InputError names the file and the field at fault."""
         ...

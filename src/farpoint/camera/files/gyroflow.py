@@ -44,7 +44,7 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name."""
+    """The name of the file, for its only camera."""
     return [file.path.stem]
 
 
@@ -72,9 +72,9 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _readout_s(fields: Fields) -> float | None:
-    """Read-out time from the first row to the last; None if the profile has none.
+    """Read-out time, s, from the first row to the last; None if the profile has no such time.
 
-    Of sensors that are read in another direction nothing is taken.
+    The read-out time of a sensor that is read in another direction is not used.
     """
     if fields.values.get("global_shutter") is True:
         return 0.0

@@ -1,4 +1,4 @@
-"""Kalibr's ``camchain.yaml``, with a group of fields for each camera; also a file of TUM-VI."""
+"""Kalibr's ``camchain.yaml``, also used by TUM-VI: a group of fields for each camera."""
 
 from __future__ import annotations
 

@@ -47,17 +47,17 @@ COEFFICIENTS = {
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether the text has Kalibr's heading and a camera below it."""
+    """Whether the text has Kalibr's heading, and a camera below this heading."""
     return "Camera-system parameters:" in file.text and bool(names(file))
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """``cam0`` and so on."""
+    """Names ``cam0``, ``cam1`` and so on."""
     return list(_sections(file.text))
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """One camera of the chain; these files give no image size."""
+    """One camera of the chain, without an image size, because these files give none."""
     section = _sections(file.text)[name]
     projection, distortion = _lens(section, file, name)
     named = {"camera_model": projection, "distortion_model": distortion}
@@ -91,7 +91,7 @@ def _lens(section: str, file: CalibrationFile, name: str) -> tuple[str, str]:
 
 
 def _sections(text: str) -> dict[str, str]:
-    """What stands under the heading of each camera."""
+    """The text under the heading of each camera."""
     parts = CAMERA.split(text)[1:]
     return dict(zip(parts[::2], parts[1::2], strict=True))
 

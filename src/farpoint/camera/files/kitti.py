@@ -27,13 +27,13 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The rectified cameras, then the raw ones."""
+    """Names of the rectified cameras, then names of the raw cameras."""
     keys = _fields(file).values
     return [key for kind in (RECTIFIED, RAW) for key in keys if kind.fullmatch(key)]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """One camera; only ``calib_cam_to_cam.txt`` knows the size of its images."""
+    """One camera. Only ``calib_cam_to_cam.txt`` gives an image size."""
     fields = _fields(file)
     number = name[-2:]
     if RAW.fullmatch(name):

@@ -41,7 +41,7 @@ def lens_of_sensor(fields: Fields, *, coefficients: str) -> CameraModel:
 
 
 def unsupported_lens(fields: Fields, key: str, known: Collection[str]) -> InputError:
-    """The error about a lens model that farpoint does not have."""
+    """Error for a lens model that farpoint does not support."""
     problem = f"the lens model {fields.text(key)!r} is not supported; expected {' or '.join(known)}"
     return fields.error(key, problem)
 

@@ -68,8 +68,7 @@ _STEREO = (
 
 
 def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera:
-    """Read a camera calibration. The format is recognised by the contents of the file, not by its
-    name.
+    """Read a camera calibration, whose format is recognised by the contents of the file.
 
     Parameters
     ----------
@@ -77,10 +76,10 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
         farpoint's ``camera.yaml``, KITTI ``calib.txt`` or ``calib_cam_to_cam.txt``, EuRoC
         ``sensor.yaml``, Kalibr camera chain or ``results-cam.txt``, ORB-SLAM settings, COLMAP
         ``cameras.txt`` or ``cameras.bin``, Basalt, CamOdoCal, DSO, OCamCalib or nerfstudio files, a
-        camera matrix as OpenCV's FileStorage, ROS or NumPy (``.npz``) write it, or bare numbers
-        ``fx fy cx cy [k1 k2 p1 p2 [k3 ...]]``; and files of stella_vslam, SVO, rpg_vikit,
-        RealSense, ZED, DepthAI, Open3D, ARKit, Metashape, OpenSfM, Gyroflow, mrcal, MC-Calib,
-        Autoware, BoofCV and Bouguet's toolbox.
+        camera matrix in a file of OpenCV's FileStorage, ROS or NumPy (``.npz``), or bare numbers
+        ``fx fy cx cy [k1 k2 p1 p2 [k3 ...]]``. Files of the following programs are read, too:
+        stella_vslam, SVO, rpg_vikit, RealSense, ZED, DepthAI, Open3D, ARKit, Metashape, OpenSfM,
+        Gyroflow, mrcal, MC-Calib, Autoware, BoofCV and Bouguet's toolbox.
     name : str, optional
         Name of one of several cameras. The default is ``P0`` of a KITTI file and the left camera of
         a stereo pair. Other files with several cameras need a name.
@@ -94,8 +93,8 @@ def load_camera(path: str | os.PathLike[str], name: str | None = None) -> Camera
     Raises
     ------
     InputError
-        If the file cannot be read, is no calibration, or a field is missing or has no sense; the
-        message names the file and the field.
+        If the file cannot be read or is no calibration, or if a field is missing or has an
+        impossible value. The message names the file and the field.
     """
     file = CalibrationFile.open(Path(path))
     calibration = _recognise(file)
@@ -120,12 +119,12 @@ def _recognise(file: CalibrationFile) -> CalibrationFormat:
 
 
 def _seems_structured(text: str) -> bool:
-    """Whether a person meant this as YAML, JSON or XML."""
+    """Whether a text looks like YAML, JSON or XML, even if malformed."""
     return re.search(r"\A\s*([{<]|%YAML)|^\s*[\w.]+\s*:\s", text, re.MULTILINE) is not None
 
 
 def _left_of(names: list[str]) -> str | None:
-    """Name of the left camera of a stereo pair, also by OpenCV's numbers; otherwise None."""
+    """Name of the left camera if the names are those of a stereo pair; otherwise None."""
     if len(names) != 2:
         return None
     for left, right in _STEREO:

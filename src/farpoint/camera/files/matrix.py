@@ -38,8 +38,8 @@ def intrinsics_from_matrix(
     Raises
     ------
     InputError
-        If it is no camera matrix: wrong count, skew (unless it is `skewed`), or another last row
-        than 0 0 1.
+        If the numbers are no camera matrix: a wrong count, a skew (unless `skewed`), or a last row
+        other than 0 0 1.
     """
     matrix = np.reshape(fields.numbers(key, (3 * columns,)), (3, columns))[:, :3]
     skew = matrix[0, 1] if skewed else 0.0
@@ -73,5 +73,5 @@ def _refuse_shares(fields: Fields, key: str, found: Intrinsics) -> None:
 
 
 def skew_of_matrix(fields: Fields, key: str) -> float:
-    """The second number of a 3x3 camera matrix, px."""
+    """The skew, which is the second number of a 3x3 camera matrix, px."""
     return fields.numbers(key, (9,))[1]

@@ -38,7 +38,7 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """One camera."""
+    """The camera of this name."""
     camera = file.fields.group(name)
     refuse_others(camera, KNOWN)
     return Camera(model=_lens(camera), size=camera.size("img_width", "img_height"), name=name)

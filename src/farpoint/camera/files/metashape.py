@@ -1,6 +1,4 @@
-"""Metashape's camera calibration (XML), with the formulas of the appendix on camera models in the
-manual.
-"""
+"""Metashape's camera calibration (XML), with the formulas from the appendix of the manual."""
 
 from __future__ import annotations
 
@@ -35,7 +33,7 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name."""
+    """The name of the file, for its only camera."""
     return [file.path.stem]
 
 

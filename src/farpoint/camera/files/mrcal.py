@@ -38,17 +38,17 @@ COEFFICIENTS = {
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether a ``lensmodel`` is named as mrcal names its own."""
+    """Whether the file has a ``lensmodel`` with a name of the kind that mrcal uses."""
     return MODEL.search(file.text) is not None
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name."""
+    """The name of the file, for its only camera."""
     return [file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera; pixels have their centres at whole numbers."""
+    """The camera. The centres of pixels have whole-number coordinates."""
     fields = _fields(file)
     key = fields.first(*MODEL_KEYS) or MODEL_KEYS[0]
     kind = fields.text(key)

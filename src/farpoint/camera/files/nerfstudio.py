@@ -36,7 +36,7 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera. The numbers are those of COLMAP, so pixels have their centres at 0.5."""
+    """The camera. As in COLMAP's files, the centre of the first pixel is at (0.5, 0.5)."""
     whole = file.fields
     fields = _frames(file).get(name, whole)
     size = fields.size("w", "h")

@@ -21,8 +21,8 @@ PICKLED = "<pickled-objects>"
 def arrays_of_npz(data: bytes) -> dict[str, Any]:
     """Arrays of an archive as nested lists. Arrays too large for a calibration are left out.
 
-    An array of Python objects becomes `PICKLED`. Reading numbers from such an array fails with an
-    error that contains this word.
+    An array of Python objects becomes the word `PICKLED`. Reading numbers from this array fails
+    with an error that contains the word.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""OCamCalib's ``calib_results.txt``: Scaramuzza's polynomial, as its toolbox exports it."""
+"""OCamCalib's ``calib_results.txt``, in which the toolbox exports Scaramuzza's polynomial."""
 
 from __future__ import annotations
 
@@ -24,9 +24,7 @@ DIRECT, INVERSE, CENTRE, AFFINE, SIZE = (
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether the file has the comments of the toolbox, or lines that begin with a count of their
-    numbers.
-    """
+    """Whether the file has comments of the toolbox, or lines that begin with a count of numbers."""
     if COMMENT.search(file.text) is not None:
         return True
     rows = [line.split() for line in file.lines]
@@ -38,12 +36,12 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name."""
+    """The name of the file, for its only camera."""
     return [file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera; rows and columns count from 0, as here."""
+    """The camera. The toolbox counts rows and columns from 0, as farpoint does."""
     keys = (DIRECT, INVERSE, CENTRE, AFFINE, SIZE)
     fields = Fields(dict(zip(keys, file.lines, strict=False)), file.path)
     count, *coefficients = fields.numbers(DIRECT)

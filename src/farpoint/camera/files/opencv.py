@@ -1,7 +1,6 @@
 """OpenCV's FileStorage (YAML, XML or JSON) and ROS ``camera_info``: a camera matrix by name.
 
-Files with ``fx fy cx cy`` by name in place of the matrix, as people write them by hand, are read,
-too.
+Files that people write by hand, with fields ``fx fy cx cy`` in place of the matrix, are read, too.
 """
 
 from __future__ import annotations
@@ -92,8 +91,9 @@ LENS_NAME = re.compile(
 
 @dataclass(frozen=True)
 class _Keys:
-    """Keys of one camera: of its matrix (or the first of its numbers by name) and of its
-    distortion.
+    """Keys of the matrix and of the distortion of one camera.
+
+    Without a matrix, ``matrix`` is the first of the keys ``fx fy cx cy``.
     """
 
     matrix: str
@@ -108,9 +108,7 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The name of the file or its ``camera_name``; for several cameras the names of the matrices or
-    groups.
-    """
+    """Keys of the matrices or groups of several cameras; else the ``camera_name`` or file name."""
     fields = file.fields
     if cameras := _cameras(fields):
         found = [keys.matrix for keys in cameras]
@@ -122,7 +120,7 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """One camera."""
+    """The camera of this name."""
     fields = file.fields
     groups = {} if _cameras(fields) else _groups(fields)
     if not groups:
@@ -133,9 +131,9 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _groups(fields: Fields) -> dict[str, Fields]:
-    """Groups that describe a camera each, such as ``left`` and ``right``, or the items of a list.
+    """Groups that each describe a camera, such as ``left`` and ``right``, or the items of a list.
 
-    An item of a list has the name given in it, otherwise ``cam0`` and so on.
+    An item of a list has the name in the item, or else a name ``cam0``, ``cam1`` and so on.
     """
     found: dict[str, Fields] = {}
     for key, value in fields.values.items():
@@ -172,10 +170,10 @@ def read_fields(fields: Fields, name: str) -> Camera:
 
 
 def _as_read_out(camera: Camera, fields: Fields) -> Camera:
-    """The camera of the images, if ROS's ``camera_info`` gives the part of the sensor that they
-    show.
+    """The camera of the images, of which ROS's ``camera_info`` gives the part of the sensor.
 
-    An incomplete set of these fields is ignored here; the check for unread fields refuses it.
+    If the file has only some of the fields for this part, the camera is returned unchanged, and the
+    check for unread fields raises the error.
     """
     if not {"binning_x", "binning_y"} <= fields.values.keys():
         return camera
@@ -195,7 +193,7 @@ def _as_read_out(camera: Camera, fields: Fields) -> Camera:
 
 
 def _whole(fields: Fields, key: str) -> int:
-    """A whole number of pixels, 0 where there is none."""
+    """A whole number of pixels; 0 if the key is absent."""
     value = fields.number(key) if key in fields else 0.0
     if value != int(value):
         raise fields.error(key, f"expected a whole number of pixels, got {value:g}")
@@ -221,7 +219,7 @@ def _lens(fields: Fields, keys: _Keys) -> CameraModel:
 
 
 def _intrinsics(fields: Fields, key: str) -> Intrinsics:
-    """Focal lengths and principal point of a matrix, or of ``fx fy cx cy`` in its place."""
+    """Focal lengths and principal point from a matrix, or from the fields ``fx fy cx cy``."""
     value = fields.values[key]
     if not isinstance(value, list | Mapping):
         return intrinsics_by_name(fields)
@@ -236,7 +234,7 @@ def _has_focal_names(values: Mapping[str, object]) -> bool:
 
 
 def _distortion(fields: Fields, keys: _Keys) -> tuple[float, ...]:
-    """Coefficients of a list, of a group ``k1: ...``, or of fields ``k1`` beside the matrix."""
+    """Coefficients from a list, a group ``k1: ...``, or fields such as ``k1`` beside the matrix."""
     if keys.distortion is None:
         group = fields
         value = fields.values[keys.matrix]
@@ -263,7 +261,11 @@ def _is_none(value: object) -> bool:
 
 
 def _named_distortion(group: Fields, *, is_fisheye: bool) -> tuple[float, ...]:
-    """Coefficients by name, in the order of the lens; four may belong to either lens."""
+    """Coefficients from fields such as ``k1``, in the order of the lens: pinhole or fisheye.
+
+    Fields ``k1 k2 k3 k4`` alone may belong to either lens, and raise an InputError if no field
+    names the lens.
+    """
     if not _has_any(group):
         return ()
     if is_fisheye:
@@ -298,7 +300,7 @@ def _cameras(fields: Fields) -> list[_Keys]:
 
 
 def _which(hit: re.Match[str]) -> str:
-    """The side or number of a camera, before or behind the name of a field."""
+    """The side or number of a camera, from before or after the name of a field."""
     return f"{hit[1] or ''}{hit[2]}".lower()
 
 
@@ -308,7 +310,7 @@ def _is_a_word(value: object) -> bool:
 
 
 def _is_fisheye(fields: Fields, keys: _Keys) -> bool:
-    """Whether the coefficients are those of a fisheye; an InputError for an unknown lens."""
+    """Whether the coefficients belong to a fisheye. An unknown lens raises an InputError."""
     if keys.distortion is not None and FISHEYE_COEFFICIENTS.fullmatch(keys.distortion):
         return True
     flags = [_is_fisheye_flag(fields, key) for key in fields.values if "fisheye" in key.lower()]
@@ -326,7 +328,7 @@ def _names_opencv_fisheye(key: str, value: object) -> bool:
 
 
 def _is_fisheye_flag(fields: Fields, key: str) -> bool:
-    """Value of a flag."""
+    """Value of a flag that tells whether the lens is a fisheye."""
     word = fields.text(key).lower()
     if word in ("true", "yes", "on", "1", "1.0", "1."):
         return True
@@ -336,7 +338,7 @@ def _is_fisheye_flag(fields: Fields, key: str) -> bool:
 
 
 def _kind(fields: Fields, key: str) -> list[str]:
-    """The lens that a field names; None for the name of a sensor or a number without meaning."""
+    """The lens model that a field names, in a list; empty for a field that names no lens."""
     if is_nothing(fields.values[key]) or isinstance(fields.values[key], list | Mapping):
         return []
     word = re.sub(r"[^a-z0-9]", "", fields.text(key).lower())

@@ -1,6 +1,6 @@
 """OpenSfM's ``camera_models.json``, also OpenDroneMap's ``cameras.json``: relative to the picture.
 
-Lengths are relative to the larger side of the image; the origin is the middle of the picture.
+Lengths are relative to the larger side of the picture. The origin is the middle of the picture.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """One camera."""
+    """The camera of this name."""
     camera = file.fields.group(name)
     kind = camera.text(KIND).lower()
     if kind not in PARAMETERS:
@@ -98,7 +98,7 @@ def _lens(camera: Fields, kind: str, size: tuple[int, int]) -> CameraModel:
 
 
 def _either(camera: Fields) -> str:
-    """The lens as a pinhole or a fisheye, if a lens between both is one of the two."""
+    """The lens of a model between fisheye and pinhole, which must be exactly one of the two."""
     transition = camera.number("transition") if "transition" in camera else 0.5
     if transition not in (0.0, 1.0):
         raise camera.error(

@@ -42,7 +42,7 @@ def names(file: CalibrationFile) -> list[str]:
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """One camera."""
+    """The camera of this name."""
     fields = file.fields
     prefix = name if f"{name}.fx" in fields else "Camera"
     size = fields.size("Camera.width", "Camera.height")
@@ -66,8 +66,8 @@ def _lens(fields: Fields, prefix: str) -> CameraModel:
 
 
 def _distortion(fields: Fields, prefix: str) -> tuple[float, ...]:
-    """Coefficients in OpenCV's order. Missing coefficients are zero; without coefficients there is
-    no distortion.
+    """Coefficients in OpenCV's order. Missing coefficients are zero. The result is empty if the
+    file has no coefficients.
     """
     order = [f"{prefix}.{name}" for name in ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")]
     present = [index for index, key in enumerate(order) if key in fields]

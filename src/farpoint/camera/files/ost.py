@@ -1,4 +1,4 @@
-"""ROS's ``ost.txt`` and ``.ini``: the other file that ``camera_calibrator`` writes."""
+"""ROS's ``ost.txt`` and ``.ini``, which ``camera_calibrator`` writes beside its YAML file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def read(file: CalibrationFile, name: str) -> Camera:
     """The camera of the raw images.
 
     The file does not name the lens of its coefficients. Four coefficients can belong to a fisheye
-    or to a pinhole, so a file with four is refused.
+    or to a pinhole, so a file with four coefficients is refused.
     """
     sections = _sections(file)
     camera = Fields(sections[name], file.path, f"[{name}] ")
@@ -51,7 +51,7 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _sections(file: CalibrationFile) -> dict[str, dict[str, str]]:
-    """For each section the text below each of its headings."""
+    """For each section, the text below each heading."""
     sections: dict[str, dict[str, list[str]]] = {}
     section = below = None
     for line in file.lines:

@@ -41,22 +41,22 @@ TERMS = ("focal", "center_px", "distortion_px")
 
 
 def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
-    """Write a camera to a file from which `load_camera` reads it back to the last digit.
+    """Write a camera to a file, from which `load_camera` reads the same camera without rounding.
 
-    The lens, the image size, the name, the uncertainty and the read-out time are kept; `source`
-    is not.
+    The lens, the image size, the name, the uncertainty and the read-out time are kept. The
+    attribute `source` is not kept.
 
     Parameters
     ----------
     camera : Camera
         Camera to write.
     path : str or path
-        The file, overwritten if it exists.
+        The file, which is overwritten if it exists.
 
     Raises
     ------
     InputError
-        If the lens is none of farpoint's own (field ``camera``).
+        If the lens model is not one of farpoint's models (field ``camera``).
     OSError
         If the file cannot be written.
     """
@@ -64,18 +64,18 @@ def write_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether farpoint wrote it."""
+    """Whether farpoint wrote the file."""
     return "farpoint_camera" in file.fields
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The camera's own name, or the file's."""
+    """The name of the camera in the file, or else the name of the file."""
     name = file.fields.values.get("name")
     return [name if isinstance(name, str) else file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera."""
+    """The camera of this file."""
     fields = file.fields
     if fields.number("farpoint_camera") != VERSION:
         raise fields.error(
@@ -142,7 +142,7 @@ def _model(fields: Fields) -> LensModel:
 
 
 def _with_uncertainty(camera: Camera, fields: Fields) -> Camera:
-    """The camera with the covariance of the file, or else its sigmas, or else its general terms."""
+    """The camera with the file's covariance, or else sigmas, or else general terms."""
     if "covariance" in fields:
         group = fields.group("covariance")
         expected = list(camera.model.refinable().parameters)

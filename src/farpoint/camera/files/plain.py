@@ -18,17 +18,17 @@ COUNTS = (4, 8, 9, 12, 16, 18)
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether there is nothing but numbers."""
+    """Whether the file contains only numbers."""
     return bool(file.lines) and all(NUMBERS.sub("", line) == "" for line in file.lines)
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name."""
+    """The name of the file, for its only camera."""
     return [file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera; these files give no image size."""
+    """The camera, without an image size, because these files give none."""
     lines = [line.replace(",", " ").replace(";", " ").split() for line in file.lines]
     fields = Fields({"numbers": lines}, file.path)
     counts = [len(line) for line in lines]
@@ -49,8 +49,9 @@ def read(file: CalibrationFile, name: str) -> Camera:
 
 
 def _is_matrix(fields: Fields) -> bool:
-    """Whether nine numbers on one line are a matrix. As focal lengths and coefficients, they would
-    give an fy of zero.
+    """Whether nine numbers on one line are a matrix, which has zeros in second and fourth place.
+
+    Read as focal lengths, principal point and coefficients, such numbers would give an fy of zero.
     """
     numbers = fields.numbers("numbers")
     return len(numbers) == 9 and numbers[1] == numbers[3] == 0.0

@@ -13,12 +13,12 @@ __all__ = ["ReadOut"]
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOut:
-    """Fields of ``sensor_msgs/CameraInfo`` beside the lens of the full image.
+    """Binning and region of interest, as in ``sensor_msgs/CameraInfo``.
 
     Attributes
     ----------
     binning : tuple of int
-        Number of pixels of the full image per pixel, along x and y; 0 means 1.
+        Number of pixels of the full image per pixel of the images, along x and y; 0 means 1.
     roi : tuple of int
         Part of the full image that is read out: x, y, width and height, px; zeros mean the full
         image.
@@ -35,11 +35,11 @@ class ReadOut:
             raise InputError(f"{width} x {height} pixels at ({x}, {y}) are no part", field="roi")
 
     def is_whole(self, size: tuple[int, int] | None) -> bool:
-        """Whether the images are the full image, of this size, px."""
+        """Whether the images show the full image, which has this size, px."""
         return max(self.binning) <= 1 and self.roi in ((0, 0, 0, 0), (0, 0, *(size or ())))
 
     def of(self, camera: Camera) -> Camera:
-        """The camera of the images by that of the full image.
+        """The camera of the images, from the camera of the full image.
 
         A pixel (u, v) of the full image is ``((u - x) / bx, (v - y) / by)`` in a region of interest
         that begins at (x, y) and is binned by (bx, by), as in ``image_geometry``.

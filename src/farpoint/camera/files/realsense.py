@@ -1,4 +1,4 @@
-"""RealSense intrinsics: what ``rs-enumerate-devices -c`` and pyrealsense2 print, or their JSON.
+"""RealSense intrinsics, as ``rs-enumerate-devices -c`` and pyrealsense2 print them, or as JSON.
 
 The lenses are those of librealsense's ``rs2_project_point_to_pixel``.
 """
@@ -59,9 +59,9 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """Streams with their size, such as ``Color 640x480``; groups of JSON; or the name of the file.
+    """Streams with a size, such as ``Color 640x480``, groups of JSON, or the name of the file.
 
-    Several printed ones have numbers, from 1.
+    If pyrealsense2 printed several intrinsics, the names are numbers from 1.
     """
     return list(_cameras(file))
 
@@ -93,7 +93,7 @@ def _is_camera(values: Mapping[str, object]) -> bool:
 
 
 def _from_printed(file: CalibrationFile, printed: list[re.Match[str]]) -> dict[str, Fields]:
-    """The one by the file's own name, several by their numbers."""
+    """Single intrinsics by the name of the file; several intrinsics by numbers from 1."""
     cameras = {}
     for index, found in enumerate(printed, start=1):
         name = file.path.stem if len(printed) == 1 else str(index)

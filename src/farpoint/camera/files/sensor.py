@@ -15,7 +15,7 @@ FIRST_IS_DEFAULT = False
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether the fields of a sensor stand at the top level."""
+    """Whether the fields of a sensor are at the top level."""
     fields = file.fields
     is_list = "intrinsics" in fields and not isinstance(fields.values["intrinsics"], Mapping)
     if not is_list and "sensor_type" not in fields and opencv.matches(file):
@@ -26,12 +26,12 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name."""
+    """The name of the file, for its only camera."""
     return [file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera."""
+    """The camera of this file."""
     fields = file.fields
     if "sensor_type" in fields and fields.text("sensor_type") != "camera":
         raise fields.error("sensor_type", f"expected camera, got {fields.text('sensor_type')}")

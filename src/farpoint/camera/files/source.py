@@ -20,10 +20,12 @@ __all__ = ["CalibrationFile"]
 
 _MOST_DIGITS = 18
 LARGEST_BYTES = 1 << 24
-"""Calibrations are a few kilobytes; anything of this size is a video or an image (convention)."""
+"""Size limit of a calibration file. Calibrations have a few kilobytes; a larger file is a video or
+an image (convention)."""
 
 LARGEST_YAML_BYTES = 1 << 20
-"""Its parser takes a second for so much, and most of what is no text at all is YAML, too."""
+"""Size limit of a YAML file. The YAML parser takes a second for this size, and would accept most
+files that are no text."""
 # Numbers and words of a YAML file, its aliases written out.
 MOST_ITEMS = 100_000
 
@@ -35,7 +37,7 @@ class CalibrationFile:
     Attributes
     ----------
     path : Path
-        Path of the file; the stem of its name is the name of a camera without one.
+        Path of the file. A camera without a name is named by the file name without the suffix.
     data : bytes
         Bytes of the file.
     """
@@ -53,7 +55,7 @@ class CalibrationFile:
 
     @cached_property
     def text(self) -> str:
-        """The contents as UTF-8; empty if they are not text."""
+        """The contents as UTF-8 text; empty if the contents are not text."""
         try:
             return self.data.decode("utf-8-sig")
         except UnicodeDecodeError:
@@ -61,7 +63,7 @@ class CalibrationFile:
 
     @cached_property
     def lines(self) -> list[str]:
-        """Lines of the text without comments after ``#`` and without empty ones."""
+        """Lines of the text, without comments after ``#`` and without empty lines."""
         stripped = (line.split("#", 1)[0].strip() for line in self.text.splitlines())
         return [line for line in stripped if line]
 
@@ -73,12 +75,12 @@ class CalibrationFile:
 
     @property
     def fault(self) -> InputError | None:
-        """Reason why a YAML, JSON, XML or NumPy file could not be parsed; None for other files."""
+        """Reason why a YAML, JSON, XML or NumPy file could not be parsed, or else None."""
         return self._content if isinstance(self._content, InputError) else None
 
     @property
     def is_archive(self) -> bool:
-        """Whether it begins as NumPy's archives do."""
+        """Whether the file begins like a NumPy archive."""
         return self.data.startswith(MAGIC)
 
     def _arrays(self) -> Any:
@@ -111,12 +113,12 @@ class _MalformedError(Exception):
 
 
 def _whole(digits: str) -> int | float:
-    """A whole number of JSON; one that no float holds exactly is rounded, or infinite."""
+    """A whole number of JSON. A number with too many digits becomes a float, possibly infinite."""
     return int(digits) if len(digits) <= _MOST_DIGITS else float(digits)
 
 
 def _mapping(pairs: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
-    """A mapping; a key that occurs twice with different values is a fault."""
+    """A mapping. A key that occurs twice with different values raises an error."""
     found: dict[Any, Any] = {}
     for key, value in pairs:
         if found.setdefault(key, value) != value:
@@ -135,10 +137,10 @@ def _parse_json(text: str) -> Any:
 
 
 def _parse_yaml(text: str) -> Any:
-    """Parse YAML; every scalar stays a string and every tag is ignored: no code is executed.
+    """Parse YAML. Every scalar stays a string, and tags are ignored, so no code is executed.
 
-    OpenCV's dialect is accepted: the header ``%YAML:1.0``, ``key:value`` without the space,
-    tabs, the tag ``!!opencv-matrix``.
+    OpenCV's dialect is accepted: the header ``%YAML:1.0``, ``key:value`` without the space, tabs,
+    and the tag ``!!opencv-matrix``.
     """
     # Loaded on use: who has a camera at hand need not wait for it.
     import yaml
@@ -169,7 +171,7 @@ def _parse_yaml(text: str) -> Any:
 
 @cache
 def _yaml_loader() -> type[Any]:
-    """A loader of strings alone, by which no key stands twice."""
+    """A loader that reads scalars as strings and refuses a key with two different values."""
     import yaml
 
     class Loader(yaml.BaseLoader):
@@ -188,7 +190,7 @@ def _yaml_loader() -> type[Any]:
 
 
 def _is_bounded(content: Any) -> bool:
-    """Whether there are fewer than `MOST_ITEMS` with every alias written out."""
+    """Whether the content has at most `MOST_ITEMS` items after every alias is expanded."""
     waiting, count = [content], 0
     while waiting:
         item = waiting.pop()
@@ -205,7 +207,7 @@ def _is_bounded(content: Any) -> bool:
 def _parse_xml(text: str) -> Any:
     """XML as nested mappings of tag to text, in the form that OpenCV's FileStorage writes.
 
-    Without document types: no entity is defined, and none expanded.
+    A document type is refused, so no entity is defined or expanded.
     """
     if (doctype := text.find("<!DOCTYPE")) >= 0:
         raise _MalformedError(

@@ -45,13 +45,13 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The camera's ``name``, or the file's own."""
+    """The ``name`` of the camera, or else the name of the file."""
     camera = _camera(file)
     return [camera.text("name") if "name" in camera else file.path.stem]
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """The camera; an equirectangular picture has no parameter but its size."""
+    """The camera. An equirectangular picture has no parameters except its size."""
     camera = _camera(file)
     kind = camera.text("model").lower()
     if kind not in PARAMETERS:

@@ -40,12 +40,12 @@ def matches(file: CalibrationFile) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """Labels of the cameras, ``cam0`` and so on for those without."""
+    """Labels of the cameras. A camera without a label is named ``cam0``, ``cam1`` and so on."""
     return list(_cameras(file))
 
 
 def read(file: CalibrationFile, name: str) -> Camera:
-    """One camera."""
+    """The camera of this name."""
     camera = _cameras(file)[name]
     refuse_others(camera, KNOWN)
     kind = camera.text("type").lower()
@@ -103,9 +103,7 @@ def _pinhole(camera: Fields) -> CameraModel:
 
 
 def _omni(camera: Fields) -> CameraModel:
-    """OCamCalib's polynomial. The inverse polynomial of the file is an approximation and is not
-    used.
-    """
+    """OCamCalib's polynomial. The inverse polynomial in the file is approximate and not used."""
     _distortion(camera, ("none",))
     numbers = camera.numbers("intrinsics", OMNI_COUNTS)
     cx, cy, c, d, e = numbers[5:10]

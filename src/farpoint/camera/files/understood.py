@@ -1,4 +1,4 @@
-"""Check for unknown properties of a lens: an unknown field is an error with its name."""
+"""Check for unknown properties of a lens: an unknown field raises an error that names the field."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _LENS_MODEL_KEY = re.compile(
     r"|catadioptric|\bk1\W{1,3}k2\b",
     re.IGNORECASE,
 )
-"""Words of a text about a lens, under any key but a name's."""
+"""Words that identify a text about a lens, under any key except the key of a name."""
 
 _LONGEST = 200  # characters of a name or text that are looked at
 # So many fields at most are listed in an error.
@@ -68,9 +68,10 @@ def refuse_others(
     fields : Fields
         The group that describes a camera.
     known : collection of str
-        Keys that the format's reader understands, or knows to be no property of the lens.
+        Keys that the reader of the format uses, or that are known to be no property of the lens.
     only : pattern, optional
-        Look only at keys like this, such as `LENS_WORDS` where a file holds much else.
+        Check only keys that match this pattern, such as `LENS_WORDS` for a file with many fields
+        that are not about a lens. By default every key is checked.
     """
     for key, value in fields.values.items():
         if key in known or is_nothing(value) or (only is not None and not only.fullmatch(key)):
@@ -106,9 +107,9 @@ def refuse_contradiction(fields: Fields, model: str, coefficients: str) -> None:
     fields : Fields
         The group that describes a camera.
     model : str
-        Key of the word.
+        Key of the text that names the distortion model.
     coefficients : str
-        Key of the numbers; they may be absent or zero.
+        Key of the coefficients, which may be absent or zero.
     """
     if fields.values.get(coefficients) is not None and any(fields.numbers(coefficients)):
         word = fields.text(model)
@@ -130,7 +131,7 @@ def _is_of_a_lens(key: str, value: Any) -> bool:
 
 
 def names_lens_model(key: str, value: Any) -> bool:
-    """Whether a text, or one of a list of texts, describes a lens and is not a mere name."""
+    """Whether a text, or a text in a list, describes a lens and is not under the key of a name."""
     if _A_NAME.fullmatch(str(key)[:_LONGEST].lower()):
         return False
     texts = value if isinstance(value, list) else [value]
@@ -140,7 +141,7 @@ def names_lens_model(key: str, value: Any) -> bool:
 def named_distortion(fields: Fields) -> tuple[float, ...]:
     """OpenCV's coefficients under ``k1 k2 p1 p2 k3 k4 k5 k6``; a missing coefficient is zero.
 
-    Empty without any of them, else 4, 5 or 8 numbers.
+    The result has 4, 5 or 8 numbers, or is empty if the file has none of these keys.
     """
     present = [index for index, key in enumerate(ORDER) if key in fields]
     if not present:
@@ -150,7 +151,7 @@ def named_distortion(fields: Fields) -> tuple[float, ...]:
 
 
 def is_nothing(value: Any) -> bool:
-    """Whether a value is absent or zero, or a list or matrix with such values only."""
+    """Whether a value is absent or zero, or a list or matrix of absent or zero values."""
     if isinstance(value, list):
         return all(is_nothing(item) for item in value)
     if isinstance(value, Mapping):

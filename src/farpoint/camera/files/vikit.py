@@ -43,7 +43,7 @@ COEFFICIENTS = {
 
 @dataclass(frozen=True)
 class _Camera:
-    """A group of fields, and what its keys begin with."""
+    """A group of fields, and the prefix of the keys in this group."""
 
     fields: Fields
     prefix: str
@@ -56,12 +56,12 @@ class _Camera:
 
 
 def matches(file: CalibrationFile) -> bool:
-    """Whether ``cam_model`` stands beside ``cam_width`` or ``cam_fx``, or in a group."""
+    """Whether the file or a group has ``cam_model`` together with ``cam_width`` or ``cam_fx``."""
     return bool(_cameras(file))
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """The file's own name, or those of the groups."""
+    """The name of the file, or the names of the groups."""
     return list(_cameras(file))
 
 
@@ -89,7 +89,7 @@ def _cameras(file: CalibrationFile) -> dict[str, _Camera]:
 
 
 def _gather(fields: Fields, name: str, found: dict[str, _Camera], depth: int = 0) -> None:
-    """Add the cameras of a group and of the groups in it, each under the name of its group."""
+    """Add the cameras of a group and of its subgroups, each under the name of its group."""
     if f"{PREFIX}model" in fields and fields.first(f"{PREFIX}width", f"{PREFIX}fx"):
         found[name if name not in found else fields.within.rstrip(".")] = _Camera(fields, PREFIX)
     elif ROS in fields.within and all(key in fields for key in ("model", "width", "fx")):

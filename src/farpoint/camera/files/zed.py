@@ -45,7 +45,8 @@ def names(file: CalibrationFile) -> list[str]:
 def read(file: CalibrationFile, name: str) -> Camera:
     """One camera at one resolution, not rectified.
 
-    The coefficients are in the camera's own section or in the section ``DISTO`` of its side.
+    The coefficients are in the section of the camera, or in the section ``DISTO`` of the camera's
+    side.
     """
     sections = _sections(file)
     camera = Fields(sections[name], file.path, f"[{name}] ")
