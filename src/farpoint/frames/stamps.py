@@ -29,7 +29,7 @@ class Stamps:
     Attributes
     ----------
     seconds : tuple of float
-        One for each image.
+        Time stamp of each image, s.
     source : str
         Origin of the time stamps, as text.
     """
@@ -39,7 +39,9 @@ class Stamps:
 
 
 def find_stamps(images: Sequence[Path], fps: float | None) -> Stamps:
-    """Time stamps of sorted images, from the first of these sources that exists.
+    """Time stamps of sorted images, from the first of three sources that exists.
+
+    The sources are:
 
     1. ``times.txt`` or ``timestamps.txt`` in their folder or one above, if it has a row for each
        image, or if the names are frame numbers that count its rows from 0 (part of a sequence);
@@ -54,8 +56,9 @@ def find_stamps(images: Sequence[Path], fps: float | None) -> Stamps:
 
 
 def require_order(rows: Sequence[tuple[int, float]], file: Path) -> None:
-    """Raise InputError if the time of a row, given as (line, seconds), is before that of the
-    previous row.
+    """Raise InputError if the time of a row is before the time of the previous row.
+
+    Each row is given as (line, seconds).
     """
     for (_, earlier), (line, later) in pairwise(rows):
         if later < earlier:
