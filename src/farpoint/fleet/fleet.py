@@ -1,4 +1,4 @@
-"""A fleet: runs unfinished drives on workers and writes one table."""
+"""A fleet: unfinished drives are run on workers, and one table of all drives is written."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ class FleetOutcome:
     Attributes
     ----------
     done, failed : int
-        Drives with results, and drives that cannot be run.
+        Number of drives with results, and number of drives without results.
     before : int
-        Number of `done` drives that were finished before.
+        Number of drives in `done` that an earlier run of the fleet finished.
     """
 
     done: int
@@ -53,7 +53,7 @@ def run_fleet(
     reporting: Callable[[int], Any],
     parquet: bool = False,
 ) -> FleetOutcome:
-    """Run all unfinished drives and write the tables, also after Ctrl-C.
+    """Run all unfinished drives and write the tables, even after Ctrl-C.
 
     Parameters
     ----------
@@ -63,15 +63,16 @@ def run_fleet(
         Folder of the fleet; workers must see it under the same path.
     cluster : ClusterOptions
         Options of the workers.
-    telling : callable
-        Called with the number of drives to run; returns a context manager that yields a `Teller`.
+    reporting : callable
+        Called with the number of drives to run; returns a context manager that yields a `Reporter`.
     parquet : bool
-        Write ``fleet.parquet``, too.
+        Write ``fleet.parquet`` in addition to ``fleet.csv``.
 
     Raises
     ------
     InputError
-        If another run writes into ``out``, it cannot be written, or no scheduler answers.
+        If another run writes into ``out``, if ``out`` cannot be written, or if no scheduler
+        answers.
     """
     out = out.absolute()
     with FolderLock(out), lasting_interrupts() as look:

@@ -1,4 +1,4 @@
-"""The folder of a drive, which is complete or absent."""
+"""The folder of a drive, which either is complete or does not exist."""
 
 from __future__ import annotations
 

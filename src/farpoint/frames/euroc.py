@@ -15,7 +15,7 @@ _LISTS = ("mav0/cam0/data.csv", "cam0/data.csv", "data.csv", "cam0_data.csv")
 def open_euroc(folder: Path) -> ImageSequence | None:
     """Camera 0 of a sequence, or the camera whose folder is given; None for other folders.
 
-    Time stamps come from the list ``data.csv``, which has nanoseconds.
+    Time stamps come from the list of the images, which has nanoseconds.
     """
     for name in _LISTS:
         path = folder / name

@@ -32,7 +32,7 @@ def sequence_in(images_folder: Path, *, root: Path, fps: float | None) -> ImageS
 
 
 def open_folder(folder: Path, *, fps: float | None) -> ImageSequence:
-    """Images in `folder`, or in its only subfolder that has images.
+    """Images in `folder`, or in the only subfolder of `folder` that has images.
 
     Raises
     ------

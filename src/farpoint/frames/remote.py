@@ -87,7 +87,7 @@ def open_remote(
     fps : float or None
         Frames per second of a video without time stamps.
     follow_playlists : bool
-        Play the files that a playlist names.
+        Open the files that are named in a playlist.
 
     Raises
     ------

@@ -43,10 +43,12 @@ def find_stamps(images: Sequence[Path], fps: float | None) -> Stamps:
 
     The sources are:
 
-    1. ``times.txt`` or ``timestamps.txt`` in their folder or one above, if it has a row for each
-       image, or if the names are frame numbers that count its rows from 0 (part of a sequence);
-    2. the names, where they are Unix times (EuRoC: nanoseconds, TUM: seconds with decimals);
-    3. `fps` frames a second, `DEFAULT_FPS` where it is None.
+    1. ``times.txt`` or ``timestamps.txt`` in the folder of the images or in the parent folder. The
+       file must have a row for each image, or the names of the images must be frame numbers, which
+       are then the numbers of the rows, counted from 0 (part of a sequence).
+    2. The names of the images, if all are Unix times (EuRoC: nanoseconds, TUM: seconds with
+       decimals).
+    3. A frame rate of `fps`, or of `DEFAULT_FPS` if `fps` is None.
     """
     return (
         _from_times_file(images)

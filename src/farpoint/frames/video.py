@@ -99,7 +99,7 @@ def open_video(
         Frames per second of a file without time stamps (a raw H.264 stream). None takes the frame
         rate in the header.
     follow_playlists : bool
-        Open the files that a playlist names, in any folder.
+        Open the files that are named in a playlist, in any folder.
     opener : callable, optional
         Opens the file if the file is not on this machine; ``path`` is then the name of the file.
 

@@ -60,8 +60,7 @@ class VideoTopic(Generic[Label]):
             yield from self._fail(self._waiting[0][0], "no picture came of it")
 
     def pass_over(self, label: Label, fault: str) -> Iterator[Picture[Label]]:
-        """Skip a lost message; returns its ``fault``, after faults of messages without a picture.
-        """
+        """Skip a lost message; returns the ``fault``, after those of earlier messages."""
         number, self._count = self._count, self._count + 1
         yield from self._until(number)
         yield Picture(label, None, fault)

@@ -35,7 +35,7 @@ class LiveSource(Protocol):
 
 @dataclass(kw_only=True, eq=False)
 class Device:
-    """A camera index or a URL.
+    """A camera or a stream, given by a camera index or a URL.
 
     Parameters
     ----------
