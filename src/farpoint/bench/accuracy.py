@@ -91,8 +91,7 @@ class Errors:
 def errors_of(
     run: EstimatorRun, views: Sequence[TwoViews], *, min_translation: float = 0.0
 ) -> Errors:
-    """Errors against the truth; the direction of a translation below `min_translation` is not used.
-    """
+    """Errors against the truth; NaN for the direction of translations below `min_translation`."""
     R_true, directions_true = _truth(views, min_translation)
     dtheta = rotation_error(run.rotations, R_true)
     rotation_deg = np.degrees(np.linalg.norm(dtheta, axis=1))

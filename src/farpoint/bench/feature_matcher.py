@@ -41,8 +41,7 @@ class FeatureMatcher:
         self._matcher = cv2.BFMatcher(cv2.NORM_L2 if is_sift else cv2.NORM_HAMMING)
 
     def match(self, image0: np.ndarray, image1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Feature points (N, 2) of one image, and positions of the same points in the other image.
-        """
+        """Features (N, 2) of one image, and positions of the same points in the other image."""
         (points0, words0), (points1, words1) = (
             self._features.detectAndCompute(image, None) for image in (image0, image1)
         )

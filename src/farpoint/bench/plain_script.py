@@ -43,8 +43,7 @@ class PlainScript:
         self._last: np.ndarray | None = None
 
     def process(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """``R_cam1_from_cam0`` and direction of the motion since the last image; None if unknown.
-        """
+        """Rotation and direction, cam1_from_cam0, since the last image; None if unknown."""
         last, self._last = self._last, image
         if last is None:
             return None

@@ -17,7 +17,7 @@ _TUNED = {"min_num_trials": 50, "max_error": 1.0}
 
 
 def colmap_estimators() -> tuple[Estimator, ...]:
-    """pycolmap with defaults, and pycolmap tuned for tracks; empty if not installed."""
+    """COLMAP's estimator with defaults, and tuned for tracks; empty if not installed."""
     pycolmap = load_peer("pycolmap")
     if pycolmap is None:
         return ()

@@ -39,8 +39,7 @@ _WAYS: tuple[tuple[str, OutputOptions | None, bool], ...] = (
 
 
 def drawing_table(options: BenchOptions, progress: Progress) -> tuple[Table, ...]:
-    """A row for each choice of outputs. All choices process the same frames, one after the other.
-    """
+    """A row for each choice of outputs. The choices process the same frames in turn."""
     sequence = (find_sequences(options.data) or [rendered_sequence(options.seed)])[0]
     images = sequence.images((options.pairs or _FRAMES) + _WARM_UP)
     times_s: list[list[np.ndarray]] = [[] for _ in _WAYS]

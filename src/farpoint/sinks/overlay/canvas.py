@@ -52,8 +52,7 @@ class Canvas:
         self._lines(pieces[first::2], colour, thickness)
 
     def segments(self, ends_px: np.ndarray, colour: Colour, thickness: int = 0) -> None:
-        """Draw lines between camera pixels (N, 2, 2), except lines with an end NaN or far outside.
-        """
+        """Draw lines between camera pixels (N, 2, 2), unless an end is NaN or far outside."""
         ends = self.to_pane(ends_px)
         ends = ends[(np.abs(ends) < _REACH_PX).all(axis=(1, 2))]
         self._lines(list(_fixed(ends)), colour, thickness)

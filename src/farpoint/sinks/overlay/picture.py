@@ -108,8 +108,7 @@ def _fitted(image: np.ndarray, pane: tuple[int, int]) -> np.ndarray:
 
 
 def _hatch(pane: np.ndarray, mask: np.ndarray, line_px: float) -> None:
-    """Darken the picture where the mask is False, and draw stripes, because a bonnet may be dark.
-    """
+    """Darken the picture where the mask is False, and draw stripes, as a bonnet may be dark."""
     cv2 = optional_import("cv2", extra="video", purpose="drawing the overlay")
     height, width = pane.shape[:2]
     fitted = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
