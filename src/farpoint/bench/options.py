@@ -99,23 +99,22 @@ class BenchOptions:
     tables : tuple of str
         Names of the tables.
     pairs : int or None
-        Size of the tables; by default each table takes its own number, given here in parentheses.
-        The size is the number of pairs of views in each cell of ``paper`` (2000), ``accuracy``
-        (300), ``pairs`` (60) and ``movers`` (60). In each row it is the number of pairs of frames
-        of ``lenses`` (40), ``tracks`` (60), ``motions`` (168) and ``steps`` (40), and the number of
-        recordings of ``lens`` (7). For ``time`` it is the number of scenes of each time (30), for
-        ``pipeline`` and ``drawing`` the number of frames (60), and for ``live`` the duration in
-        seconds (60). For ``path`` it is the number of motions of each rendered drive (100) or of
-        each sequence (all).
+        Size of the tables. Each table has a default size, given here in parentheses. The size
+        counts pairs of views in each cell of ``paper`` (2000), ``accuracy`` (300), ``pairs`` (60)
+        and ``movers`` (60), and pairs of frames in each row of ``lenses`` (40), ``tracks`` (60),
+        and of ``motions`` (168) and ``steps`` (40). The size counts scenes of each time in
+        table ``time`` (30), frames in ``pipeline`` and ``drawing`` (60), seconds in ``live`` (60),
+        and recordings in each row of ``lens`` (7). In ``path`` the size counts motions of each
+        rendered drive (100) or of each sequence (by default all motions).
     seed : int
         Seed of scenes and estimators. The same seed gives the same figures, except for times.
     data : tuple of Path
-        Real data: files of matches (``.npz``), image sequences with calibrations, measured motions
-        (TUM's format), or folders of such data. ``pairs`` needs files of matches. ``halves`` needs
-        image sequences, and ``steps`` needs image sequences with true poses. ``pipeline``,
-        ``drawing`` and ``path`` use image sequences, and render drives if the data has none;
-        ``path`` leaves out sequences without true poses. ``motions`` also moves the rendered camera
-        along measured motions.
+        Real data: files of matches (``.npz``), image sequences with calibrations, measured
+        motions (TUM's format), or folders of such data. ``pairs`` needs files of matches. The
+        tables ``halves`` and ``steps`` need image sequences; for ``steps`` the sequences must have
+        true poses. The tables ``pipeline``, ``drawing`` and ``path`` use image sequences, and
+        render drives if the data has none. ``path`` leaves out sequences without true poses. The
+        table ``motions`` also moves the rendered camera along measured motions.
     full : bool
         Use every pair of the files of matches, the whole grid of the table of coverage, and a
         session of 10 minutes for ``live``. These tables take hours.

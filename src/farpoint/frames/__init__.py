@@ -1,4 +1,4 @@
-"""Readers of frames: one for each kind of source. All readers yield `Frame` records."""
+"""Readers of frames: a reader for each kind of source. All readers yield `Frame` records."""
 
 from farpoint.frames.focal_length import find_focal_length
 from farpoint.frames.frame import Frame, FrameSource

@@ -106,7 +106,7 @@ def decode_samples(data: bytes, max_megapixels: float = MAX_MEGAPIXELS) -> np.nd
 
 
 def check_megapixels(width: int, height: int, limit: float) -> None:
-    """Raise UnreadableImageError for an image of more pixels than the limit, in millions."""
+    """Raise UnreadableImageError if an image has more than ``limit`` million pixels."""
     if width * height > limit * 1e6:
         raise UnreadableImageError(
             f"has {width * height / 1e6:.0f} megapixels; expected {limit:g} at most "

@@ -1,7 +1,8 @@
 """Deinterlacing: interlaced pictures are recognised by combs, and one field is used.
 
 The even and the odd lines of an interlaced picture are half a frame time apart. At moving edges
-each line resembles the next line but one more than the next line: this pattern is called a comb.
+each line is less similar to the next line than to the line after the next line. This pattern is
+called a comb.
 """
 
 from __future__ import annotations

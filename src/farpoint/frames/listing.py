@@ -35,8 +35,8 @@ def is_image_list(path: Path) -> bool:
 def sequence_from_list(path: Path, *, root: Path, folders: tuple[Path, ...]) -> ImageSequence:
     """The images and times in a list.
 
-    Rows before the first and after the last existing image are left out, so that a part of a
-    sequence can be read. Missing images in between are frames with a fault.
+    Rows before the first existing image and after the last existing image are left out, so that a
+    part of a sequence can be read. Missing images between these two images are frames with a fault.
 
     Parameters
     ----------

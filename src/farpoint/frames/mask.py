@@ -62,7 +62,7 @@ def _other_size(path: Path, got: str, size: tuple[int, int]) -> InputError:
 
 
 def _grey(path: Path, size: tuple[int, int]) -> np.ndarray:
-    """Grey values of an 8-bit image, in the orientation in which it is stored.
+    """Grey values of an 8-bit image, in the orientation of the file.
 
     If the header states a far larger image, an error is raised before decoding, because decoding
     would take gigabytes.

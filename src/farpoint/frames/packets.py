@@ -48,8 +48,8 @@ def decode(container: Any, stream: Any, deep: GreyTable | None = None) -> Iterat
     Samples of 16 bits are mapped to grey values by the table ``deep``, or by a table made from the
     first picture if ``deep`` is None.
 
-    Pictures leave the decoder later than their packets enter it. The fault of a packet is therefore
-    returned after the pictures before it.
+    A picture leaves the decoder later than the packet of the picture enters the decoder. The fault
+    of a packet is therefore returned after the pictures of earlier packets.
     """
     waiting: list[tuple[float, int, Moment]] = []
     for number, moment in enumerate(_decode_in_storage_order(container, stream, deep)):

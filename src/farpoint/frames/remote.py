@@ -42,7 +42,7 @@ def remote_place(url: str) -> tuple[Any, str]:
     InputError
         If the scheme is unknown to fsspec.
     MissingExtraError
-        If fsspec is not installed, or the library that fsspec needs for this scheme.
+        If fsspec, or a library that fsspec needs for this scheme, is not installed.
     """
     fsspec = optional_import("fsspec", extra="remote", purpose="reading from other file systems")
     try:

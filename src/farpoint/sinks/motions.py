@@ -88,7 +88,7 @@ class Motions:
     Attributes
     ----------
     timestamp0, timestamp1 : ndarray, shape (M,)
-        Seconds.
+        Times of the older and the newer frame, s.
     frame0, frame1 : ndarray of int64, shape (M,)
         Indices of the frames in their source.
     status : ndarray of PoseStatus, shape (M,)

@@ -14,7 +14,7 @@ __all__ = ["plain"]
 
 
 def plain(value: object) -> Any:
-    """Plain values for JSON: dataclasses and mappings as dicts, enums by value, arrays as lists,
+    """Plain values for JSON: dataclasses and mappings as dicts, enums as values, arrays as lists,
     other objects as text.
 
     JSON has no infinity and no NaN; these numbers become the words ``"inf"``, ``"-inf"`` and

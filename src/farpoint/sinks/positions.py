@@ -89,7 +89,7 @@ class Positions:
     Attributes
     ----------
     timestamps : ndarray, shape (N,)
-        Seconds.
+        Times of the frames, s.
     frames, segments : ndarray of int64, shape (N,)
         Indices of the frames in their source, and of the segment of the path.
     positions : ndarray, shape (N, 3)

@@ -1,4 +1,4 @@
-"""A sink that works in another process, so that it does not slow down the estimation."""
+"""A sink that works in another process, so that the estimation is not slowed down."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class SinkProcess:
         self.call("write", result, image)
 
     def call(self, method: str, *arguments: object) -> None:
-        """Call any method of the sink; its return value is not passed back."""
+        """Call any method of the sink; the return value of the method is not passed back."""
         self._wait_until_open()
         self._send((method, arguments))
         self._receive()

@@ -25,7 +25,7 @@ __all__ = ["main"]
 
 
 def main() -> NoReturn:
-    """Answer messages until they end, and end the process."""
+    """Answer all messages, and then end the process."""
     _end_with_messages_only()
     messages, answers = _pipes()
     for module in sys.argv[1:]:

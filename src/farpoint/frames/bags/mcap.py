@@ -174,7 +174,7 @@ class McapFile(RecordFile):
         return None
 
     def _begins(self, file: BinaryIO, at: int) -> bool:
-        """Whether a record begins at this byte; after its end another record must begin."""
+        """Whether a record begins at this byte, and another record begins after its end."""
         try:
             record = self._record(file, at)
             if record is None:

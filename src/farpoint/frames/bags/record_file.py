@@ -104,7 +104,7 @@ class RecordFile(ABC):
         self._channels: dict[int, Topic] = {}
 
     def topics(self) -> list[Topic]:
-        """Topics from the summary at the end of the file, or from the whole file if it has none."""
+        """Topics from the summary of the file, or from the whole file if there is no summary."""
         with self.path.open("rb") as file:
             if file.read(len(self.MAGIC)) != self.MAGIC:
                 raise InputError(f"expected {self.NAME}", file=self.path)
@@ -118,7 +118,7 @@ class RecordFile(ABC):
         return [replace(topic, count=counts[name]) for name, topic in topics.items()]
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        """Messages of some topics. Those of a damaged chunk are located by the index."""
+        """Messages of some topics; the index locates messages in a damaged chunk."""
         with self.path.open("rb") as file:
             yield from self._messages(file, names)
 
@@ -205,7 +205,7 @@ class RecordFile(ABC):
             yield _whole(topic, parsed)
 
     def _chunk(self, file: BinaryIO, record: Record, wanted: Wanted) -> Iterator[Message]:
-        """Messages of a chunk in order of time; those of a damaged chunk come from the index."""
+        """Messages of a chunk in order of time; the index locates messages in a damaged chunk."""
         where, is_cut_off = f"the chunk at byte {record.data_at}", record.end > self._size
         try:
             raw = self._unpack(record, memoryview(_data(file, record)))

@@ -124,7 +124,7 @@ class BagImages:
         yield from video.close()
 
     def _messages(self) -> Iterator[tuple[int, Any, str | None]]:
-        """Time of each message, ns, and the message or the reason why it is unreadable."""
+        """Time of each message, ns, and the message or the reason why the message is unreadable."""
         decode, clock = decoder_of(self.topic), replace(self.clock)
         for message in self.bag.messages((self.topic.name,)):
             found, fault = None, message.fault

@@ -14,7 +14,7 @@ _PANEL_LINES = 6.8
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Sizes in the picture, px. All sizes are even, because H.264 in 4:2:0 requires it.
+    """Sizes in the picture, px. All sizes are even, because H.264 in 4:2:0 requires even sizes.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ class Palette:
     Attributes
     ----------
     far, near, outlier : Colour
-        Colours of matches, by their label.
+        Colours of matches with the labels far, near and outlier.
     heading : Colour
         Colour of the 95 % region of the epipole.
     good, partial, still, bad : Colour

@@ -34,8 +34,9 @@ def draw_overlay(
     The left pane is the newer image with its tracks (far red, near green, outliers grey). The right
     pane is the translational flow in pixels of the older image; flow lines are great circles if the
     lens bends lines. The epipole is a circle with a cross inside its 95 % ellipse, and the opposite
-    end of the line of travel is a circle with a slanting cross. If both ends are outside the image,
-    an arrow at the border points to the epipole. The panel below has the motion with its 1-sigma.
+    end of the line of travel is a circle with a slanting cross. If the epipole and the opposite end
+    are outside the image, an arrow at the border points to the epipole. The panel below has the
+    motion with its 1-sigma.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def draw_overlay(
     Raises
     ------
     InputError
-        If neither the camera nor the image has a size, or there is no such palette.
+        If neither the camera nor the image has a size, or if there is no such palette.
     """
     if palette not in PALETTES:
         raise InputError(f"expected one of {', '.join(PALETTES)}, got {palette!r}", field="palette")

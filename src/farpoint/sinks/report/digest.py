@@ -139,7 +139,7 @@ def _quantities(motions: Motions) -> dict[str, np.ndarray]:
 
 
 def _headings(motions: Motions, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Headings in camera 0 (M, 3) with covariances (M, 3, 3), as `RelativePose` defines them."""
+    """Headings in camera 0 (M, 3) with covariances (M, 3, 3), defined as in `RelativePose`."""
     direction = motions.direction_cam1_from_cam0
     skew = np.swapaxes(np.cross(direction[:, None, :], np.eye(3)), 1, 2)
     R_T = np.swapaxes(R, 1, 2)
