@@ -122,7 +122,7 @@ def real_cells(runs: Sequence[EstimatorRun], views: Sequence[TwoViews]) -> list[
 
 
 def ratio_cells(errors: Errors, reference: Errors) -> tuple[float, float, float]:
-    """Ratio of the mean rotation error to that of a ``reference``, and its 95 % interval.
+    """Mean rotation error over the mean error of a ``reference``, and 95 % interval of the ratio.
 
     A few pairs with large errors dominate a mean, so that two means over the same pairs may differ
     by 50 % by chance. The interval has the percentiles of a bootstrap, in which pairs are drawn
@@ -176,7 +176,7 @@ def _ratio(errors: np.ndarray, bounds: np.ndarray) -> float:
 
 
 def _truth(views: Sequence[TwoViews], min_translation: float) -> tuple[np.ndarray, np.ndarray]:
-    """True rotations (V, 3, 3) and directions (V, 3); NaN for a translation that is too short."""
+    """True rotations (V, 3, 3) and directions (V, 3), NaN if the translation is too short."""
     translations = np.array([v.translation_cam1_from_cam0 for v in views])
     length = np.linalg.norm(translations, axis=1)
     directions = np.full_like(translations, np.nan)

@@ -1,4 +1,4 @@
-"""Runs of all estimators in turn on the same matches, so that other load affects each equally."""
+"""Runs of all estimators in turn on the same matches, so that other load affects all equally."""
 
 from __future__ import annotations
 

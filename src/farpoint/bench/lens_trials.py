@@ -117,8 +117,7 @@ def try_lens(
 class _Motions:
     """Two-view motions, estimated with the lens and the shutter that are in use.
 
-    The given lens and shutter are in use until the estimated lens and shutter differ clearly from
-    the given ones.
+    The given lens and shutter are in use until the estimates differ clearly from the given values.
     """
 
     def __init__(self, given: Camera, options: LensRefinementOptions) -> None:

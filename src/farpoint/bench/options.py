@@ -99,13 +99,12 @@ class BenchOptions:
     tables : tuple of str
         Names of the tables.
     pairs : int or None
-        Size of the tables. Each table has a default size, given here in parentheses. The size
-        counts pairs of views in each cell of ``paper`` (2000), ``accuracy`` (300), ``pairs`` (60)
-        and ``movers`` (60), and pairs of frames in each row of ``lenses`` (40), ``tracks`` (60),
-        and of ``motions`` (168) and ``steps`` (40). The size counts scenes of each time in
-        table ``time`` (30), frames in ``pipeline`` and ``drawing`` (60), seconds in ``live`` (60),
-        and recordings in each row of ``lens`` (7). In ``path`` the size counts motions of each
-        rendered drive (100) or of each sequence (by default all motions).
+        Size of each table. The default sizes are given here in parentheses. The size is a number
+        of pairs of views per cell (``paper`` 2000, ``accuracy`` 300, ``pairs`` 60, ``movers`` 60),
+        pairs of frames per row (``lenses`` 40, ``tracks`` 60, ``motions`` 168, ``steps`` 40),
+        scenes per time (``time`` 30), frames (``pipeline`` 60, ``drawing`` 60), seconds of
+        a session (``live`` 60), motions (``path``, by default 100 of each rendered drive or all of
+        each sequence), or recordings per row (``lens`` 7).
     seed : int
         Seed of scenes and estimators. The same seed gives the same figures, except for times.
     data : tuple of Path

@@ -106,13 +106,14 @@ def run_bench(
     """Make the tables and write them to a folder.
 
     ``bench.txt`` has all tables. Each table also has a ``<table>.csv`` and a ``<table>.json``, and
-    a ``<table>.svg`` if it has a chart. Each table is written as soon as it is finished. A table
-    that takes hours is written after every row, so that an interruption loses no finished row.
+    a ``<table>.svg`` if the table has a chart. Each table is written as soon as the table is
+    finished. A table that takes hours is written after every row, so that an interruption loses no
+    finished row.
 
     Parameters
     ----------
     options : BenchOptions
-        Options of the tables, such as their names and sizes.
+        Options of the tables, such as names and sizes.
     out : Path
         Folder for the files; a missing folder is created.
     progress : callable

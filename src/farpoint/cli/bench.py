@@ -23,7 +23,7 @@ class Bench:
     out : Path
         Folder for the tables.
     options : BenchOptions
-        Options of the tables, such as their names and sizes.
+        Options of the tables, such as names and sizes.
     """
 
     out: Path = Path("farpoint-out/bench")

@@ -26,7 +26,7 @@ class ImageOptions:
     lens : LensOptions
         Options of the camera.
     max_megapixels : float
-        Size limit of an image. A larger image is not decoded, and its frame is recorded as faulty.
+        Size limit of an image. A larger image is not decoded and is a frame with a fault.
     follow_playlists : bool
         Open the files that are named in a playlist (M3U8, ffconcat, MPD, SDP).
     mask : Path or None

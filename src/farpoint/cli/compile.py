@@ -11,7 +11,7 @@ __all__ = ["Compile"]
 
 @dataclass(frozen=True, kw_only=True)
 class Compile:
-    """Compile the kernels into numba's cache, for example in a container image.
+    """Compile the kernels into numba's cache, for container images and machines of a fleet.
 
     The cache is beside the package, or in the folder that ``NUMBA_CACHE_DIR`` names.
     """

@@ -99,7 +99,7 @@ class Cluster:
     def look_after(self) -> None:
         """Replace workers that have ended. The caller should call this method regularly.
 
-        Dask restarts a worker that is killed, but not a worker that is killed while it starts.
+        Dask restarts a worker that is killed, but not a worker that is killed during its start.
 
         Raises
         ------

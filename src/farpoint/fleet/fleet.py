@@ -31,7 +31,7 @@ class Reporter(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class FleetOutcome:
-    """How a fleet ended.
+    """Result of a fleet.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ def run_fleet(
     drives : sequence of Drive
         Drives with different names.
     out : Path
-        Folder of the fleet; workers must see it under the same path.
+        Folder of the fleet, which workers must see under the same path.
     cluster : ClusterOptions
         Options of the workers.
     reporting : callable

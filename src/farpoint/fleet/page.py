@@ -1,4 +1,4 @@
-"""``fleet.html``: one page of all drives, unusual drives first, which sorts without a network."""
+"""``fleet.html``: one page of all drives, unusual drives first, sortable offline."""
 
 from __future__ import annotations
 

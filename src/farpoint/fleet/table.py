@@ -55,7 +55,7 @@ class Row:
         Metres per unit of the trajectory, from the aiding measurements, and the relative 1-sigma of
         this scale.
     worst : str
-        Worst moments, each with its time in s and its problem.
+        Worst moments, each with a time in s and a problem.
     error : str
         Reason of the failure, in one line.
     """

@@ -1,4 +1,4 @@
-"""Task of a worker: it runs one drive into its folder, unless the drive is finished."""
+"""Task of a worker: run one drive into a folder, unless the drive is finished."""
 
 from __future__ import annotations
 

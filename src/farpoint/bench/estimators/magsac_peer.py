@@ -27,7 +27,7 @@ _Search = Callable[[np.ndarray, np.ndarray, float, float], tuple[np.ndarray | No
 
 
 def magsac_estimators() -> tuple[Estimator, ...]:
-    """The installed ones of MAGSAC++ and GC-RANSAC, which draw other samples in every call."""
+    """MAGSAC++ and GC-RANSAC, if installed. Each draws other samples in every call."""
     cv2, found = load_peer("cv2"), []
     if cv2 is None:
         return ()

@@ -38,7 +38,7 @@ _COLUMNS = (
 def accuracy_table(options: BenchOptions, progress: Progress) -> Iterator[Table]:
     """The table for the paper's protocol, yielded after each cell.
 
-    Each scene has 110 matches, of which 20 are outliers, and a noise of 0.22 px.
+    Each scene has 110 matches, of which 20 are outliers. The noise is 0.22 px.
     """
     rng = np.random.default_rng(options.seed)
     rows: list[tuple[Cell, ...]] = []
